@@ -1,0 +1,119 @@
+//! What can go wrong, named so that the user can mend it.
+
+use std::path::PathBuf;
+
+/// Every failure of the library. No variant is a bug of the caller's program logic: each names
+/// the quantity, the value it had and what would have been accepted.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A value outside its range.
+    #[error("{key} = {value} is not accepted: {accepted}")]
+    Invalid {
+        /// The key of the scene, or the name of the argument.
+        key: String,
+        /// The value as given.
+        value: String,
+        /// What would have been accepted.
+        accepted: String,
+    },
+    /// A key of the scene format that this version does not compute yet.
+    #[error("{key} is not available yet in version {version}: {instead}")]
+    NotAvailable {
+        /// The key of the scene.
+        key: String,
+        /// The version of this program.
+        version: &'static str,
+        /// What can be asked for in its place.
+        instead: String,
+    },
+    /// A question about the stationary law of an oscillator that has none.
+    #[error("{what} needs a stationary law, and the contact law \"{contact}\" has none: {why}")]
+    NoStationaryLaw {
+        /// What was asked for.
+        what: String,
+        /// The contact law.
+        contact: String,
+        /// Why there is none.
+        why: String,
+    },
+    /// A mesh that cannot hold the scene.
+    #[error("the mesh cannot hold the scene: {what}; {help}")]
+    Mesh {
+        /// What does not fit.
+        what: String,
+        /// What would help.
+        help: String,
+    },
+    /// A matrix that cannot be factored or a solution that is not one.
+    #[error("{stage}: {what}")]
+    Linear {
+        /// Where it happened.
+        stage: &'static str,
+        /// What was found.
+        what: String,
+    },
+    /// A limit of the scene was reached before the answer.
+    #[error("{key} = {limit} was reached: {what}")]
+    Limit {
+        /// The key that holds the limit.
+        key: &'static str,
+        /// The limit.
+        limit: String,
+        /// What would have been needed.
+        what: String,
+    },
+    /// A file or folder that cannot be read or written.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system answered.
+        source: std::io::Error,
+    },
+}
+
+/// Result with this crate's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// [`Error::Invalid`] from anything that prints.
+    pub fn invalid(
+        key: impl Into<String>,
+        value: impl std::fmt::Display,
+        accepted: impl Into<String>,
+    ) -> Self {
+        Self::Invalid {
+            key: key.into(),
+            value: value.to_string(),
+            accepted: accepted.into(),
+        }
+    }
+
+    /// [`Error::NotAvailable`] for a key of the scene format.
+    pub fn not_available(key: impl Into<String>, instead: impl Into<String>) -> Self {
+        Self::NotAvailable {
+            key: key.into(),
+            version: env!("CARGO_PKG_VERSION"),
+            instead: instead.into(),
+        }
+    }
+}
+
+/// `value` if it is finite and positive, else an error that names `key`.
+pub(crate) fn positive(key: &str, value: f64) -> Result<f64> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::invalid(key, value, "a finite number > 0"))
+    }
+}
+
+/// `value` if it is finite, else an error that names `key`.
+pub(crate) fn finite(key: &str, value: f64) -> Result<f64> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(Error::invalid(key, value, "a finite number"))
+    }
+}

@@ -1,0 +1,105 @@
+//! A number that never travels alone: value, error and where the error comes from.
+
+use std::fmt;
+
+/// What limits the accuracy of an [`Estimate`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Origin {
+    /// Closed form evaluated in floating point.
+    #[default]
+    ClosedForm,
+    /// Adaptive quadrature of a closed form.
+    Quadrature,
+    /// The mesh: truncation error in space.
+    Space,
+    /// The step: truncation error in time.
+    Time,
+    /// Probability outside the box.
+    Domain,
+    /// Statistical: one standard error.
+    Sampling,
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::ClosedForm => "closed form",
+            Self::Quadrature => "quadrature",
+            Self::Space => "mesh",
+            Self::Time => "step",
+            Self::Domain => "box",
+            Self::Sampling => "standard error",
+        })
+    }
+}
+
+/// `value ± error`. For deterministic origins the error is a bound that the true error is meant to
+/// stay below; for [`Origin::Sampling`] it is one standard error.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Its error, in the unit of the value, never negative.
+    pub error: f64,
+    /// What the error comes from.
+    pub origin: Origin,
+}
+
+impl Estimate {
+    /// `value ± error` with its origin.
+    pub fn new(value: f64, error: f64, origin: Origin) -> Self {
+        Self {
+            value,
+            error,
+            origin,
+        }
+    }
+
+    /// A closed form: its error is a few roundings of the value.
+    pub fn closed_form(value: f64) -> Self {
+        Self::new(value, 4.0 * f64::EPSILON * value.abs(), Origin::ClosedForm)
+    }
+
+    /// Value and error multiplied by an exact factor.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self {
+            value: self.value * factor,
+            error: self.error * factor.abs(),
+            origin: self.origin,
+        }
+    }
+
+    /// `f(value)` where `slope` bounds `|f'|` within the error.
+    #[must_use]
+    pub fn mapped(self, value: f64, slope: f64) -> Self {
+        let rounding = 4.0 * f64::EPSILON * value.abs();
+        Self {
+            value,
+            error: self.error * slope.abs() + rounding,
+            origin: self.origin,
+        }
+    }
+}
+
+/// Prints the error with two significant digits and the value to the digit where the error starts.
+impl fmt::Display for Estimate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { value, error, .. } = *self;
+        if !value.is_finite() {
+            return write!(f, "{value}");
+        }
+        let small = value != 0.0 && value.abs() < 1e-4;
+        if small || value.abs() >= 1e7 {
+            return write!(f, "{value:.6e} ± {error:.1e}");
+        }
+        let digits = if error > 0.0 {
+            (-error.log10().floor()) as i32 + 1
+        } else {
+            9
+        };
+        let digits = digits.clamp(0, 9) as usize;
+        write!(f, "{value:.digits$} ± {error:.1e}")
+    }
+}

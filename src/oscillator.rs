@@ -1,0 +1,350 @@
+//! The oscillator: contact law, damping and noise, and its Gibbs law exp(-H/T).
+
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result, positive};
+use crate::estimate::{Estimate, Origin};
+use crate::quadrature;
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution, StandardNormal};
+
+/// q'' + 2 zeta q' + G(q) = f(t), white noise f of two-sided spectral density h, E f(t)f(0) =
+/// 2 pi h delta(t). (9)-(11), (16). All quantities are dimensionless, (6)-(8).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Oscillator {
+    contact: ContactLaw,
+    zeta: f64,
+    h: f64,
+}
+
+impl Oscillator {
+    /// An oscillator with damping ratio `zeta` > 0 and noise level `h` > 0.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a damping ratio or level that is not finite and positive.
+    pub fn new(contact: ContactLaw, zeta: f64, h: f64) -> Result<Self> {
+        positive("oscillator.zeta", zeta)?;
+        positive("oscillator.h", h)?;
+        let it = Self { contact, zeta, h };
+        let t = it.temperature();
+        if !(t.is_finite() && t > f64::MIN_POSITIVE) {
+            let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
+            return Err(Error::invalid(
+                "oscillator.h",
+                value,
+                "T = pi h/(2 zeta) within a double",
+            ));
+        }
+        Ok(it)
+    }
+
+    /// The contact law.
+    pub fn contact(&self) -> &ContactLaw {
+        &self.contact
+    }
+
+    /// Damping ratio.
+    pub fn zeta(&self) -> f64 {
+        self.zeta
+    }
+
+    /// Two-sided spectral density of the excitation, (10).
+    pub fn h(&self) -> f64 {
+        self.h
+    }
+
+    /// T = pi h/(2 zeta): the variance of the velocity and the only parameter of the stationary law.
+    pub fn temperature(&self) -> f64 {
+        self.noise() / (2.0 * self.zeta)
+    }
+
+    /// pi h: the diffusion coefficient of the velocity in (17).
+    pub fn noise(&self) -> f64 {
+        std::f64::consts::PI * self.h
+    }
+
+    /// H = v^2/2 + U(q).
+    pub fn energy(&self, q: f64, v: f64) -> f64 {
+        0.5 * v * v + self.contact.potential(q)
+    }
+
+    /// The stationary law of q, p_q = exp(-U/T)/Z, (22).
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] for a contact that does not confine.
+    pub fn displacement_law(&self) -> Result<DisplacementLaw> {
+        DisplacementLaw::new(self.contact.clone(), self.temperature())
+    }
+}
+
+/// The law p_q(q) = exp(-(U(q) - U_min)/T)/Z of (22), normalised by adaptive quadrature.
+#[derive(Debug, Clone)]
+pub struct DisplacementLaw {
+    contact: ContactLaw,
+    temperature: f64,
+    lowest: f64,
+    /// Ends of the panels: the kink, the equilibrium, and levels of U up to 80 T (e^-80 = 2e-35).
+    breaks: Vec<f64>,
+    normaliser: Estimate,
+}
+
+impl DisplacementLaw {
+    /// Target of every quadrature, relative to the integral of the absolute value.
+    const RELATIVE: f64 = 1e-14;
+
+    fn new(contact: ContactLaw, temperature: f64) -> Result<Self> {
+        let (Some(q0), Some(lowest)) = (contact.equilibrium(), contact.lowest_potential()) else {
+            return Err(Error::NoStationaryLaw {
+                what: "the stationary density".into(),
+                contact: contact.name().into(),
+                why: "exp(-U/T) cannot be normalised".into(),
+            });
+        };
+        let mut breaks = vec![q0];
+        for level in [0.1, 1.0, 4.0, 10.0, 20.0, 40.0, 80.0] {
+            let (left, right) = contact
+                .turning_points(level * temperature)
+                .unwrap_or((q0, q0));
+            breaks.extend([left, right]);
+        }
+        breaks.sort_by(f64::total_cmp);
+        if let Some(loss) = contact.loss_point()
+            && breaks[0] < loss
+        {
+            breaks.push(loss);
+            breaks.sort_by(f64::total_cmp);
+        }
+        breaks.dedup();
+        let mut law = Self {
+            contact,
+            temperature,
+            lowest,
+            breaks,
+            normaliser: Estimate::default(),
+        };
+        law.normaliser = law.unnormalised(|_| 1.0);
+        if !(law.normaliser.value.is_finite() && law.normaliser.value > 0.0) {
+            return Err(Error::invalid(
+                "temperature",
+                temperature,
+                "a T within reach of a double",
+            ));
+        }
+        Ok(law)
+    }
+
+    fn unnormalised(&self, f: impl Fn(f64) -> f64) -> Estimate {
+        quadrature::integrate(
+            |q| f(q) * (-self.level(q)).exp(),
+            &self.breaks,
+            Self::RELATIVE,
+        )
+    }
+
+    /// (U(q) - U_min)/T.
+    fn level(&self, q: f64) -> f64 {
+        (self.contact.potential(q) - self.lowest) / self.temperature
+    }
+
+    /// ln p_q(q); finite wherever U is, also where the density underflows.
+    pub fn ln_density(&self, q: f64) -> f64 {
+        -self.level(q) - self.normaliser.value.ln()
+    }
+
+    /// p_q(q).
+    pub fn density(&self, q: f64) -> f64 {
+        self.ln_density(q).exp()
+    }
+
+    /// Largest value of p_q.
+    pub fn peak(&self) -> f64 {
+        1.0 / self.normaliser.value
+    }
+
+    /// Relative error of the normaliser, and so of every density.
+    pub fn relative_error(&self) -> f64 {
+        self.normaliser.error / self.normaliser.value
+    }
+
+    /// E\[f(q)\], error included. `f` must be smooth away from the kink of the contact law.
+    pub fn expect(&self, f: impl Fn(f64) -> f64) -> Estimate {
+        let integral = self.unnormalised(f);
+        let z = self.normaliser.value;
+        let value = integral.value / z;
+        let error = integral.error / z + value.abs() * self.relative_error();
+        Estimate::new(value, error, Origin::Quadrature)
+    }
+
+    /// P(a < q < b), accurate relative to itself also where it is tiny; split at the kink.
+    pub fn probability(&self, a: f64, b: f64) -> f64 {
+        let mut breaks = vec![a, b];
+        if let Some(loss) = self
+            .contact
+            .loss_point()
+            .filter(|loss| *loss > a && *loss < b)
+        {
+            breaks.insert(1, loss);
+        }
+        let mass = quadrature::integrate(|q| (-self.level(q)).exp(), &breaks, Self::RELATIVE);
+        mass.value / self.normaliser.value
+    }
+
+    /// ln P(q < a): the tail below `a`, also where it underflows. In flight the force is constant,
+    /// so the tail below the loss point is T p_q/|G|; elsewhere it is integrated.
+    pub fn ln_tail_below(&self, a: f64) -> Estimate {
+        let flight = self.contact.loss_point().is_some_and(|loss| a <= loss);
+        if flight {
+            let value = self.ln_density(a) + (self.temperature / -self.contact.force(a)).ln();
+            let rounding = 4.0 * f64::EPSILON * (value.abs() + self.level(a));
+            return Estimate::new(value, rounding + self.relative_error(), Origin::Quadrature);
+        }
+        // Left of the equilibrium the tail is scaled by the density at a, which may underflow; beyond
+        // 80 T more a log-concave law has e^-80 of it left.
+        let base = if self.contact.force(a) < 0.0 {
+            self.level(a)
+        } else {
+            0.0
+        };
+        let reach = (base + 80.0) * self.temperature;
+        let far = self
+            .contact
+            .turning_points(reach)
+            .map_or(a, |(left, _)| left)
+            .min(a);
+        let mut breaks = vec![far, a];
+        breaks.extend(self.breaks.iter().copied().filter(|q| *q > far && *q < a));
+        breaks.sort_by(f64::total_cmp);
+        let scaled = |q: f64| (base - self.level(q)).exp();
+        let scaled = quadrature::integrate(scaled, &breaks, Self::RELATIVE);
+        let value = scaled.value.ln() - base - self.normaliser.value.ln();
+        let error = scaled.error / scaled.value + self.relative_error();
+        Estimate::new(value, error + 4.0 * f64::EPSILON * base, Origin::Quadrature)
+    }
+
+    /// An exact sampler of q.
+    pub fn sampler(&self) -> DisplacementSampler {
+        let (left, right) = self
+            .contact
+            .turning_points(self.temperature)
+            .unwrap_or((0.0, 0.0));
+        let slope_left = -self.contact.force(left) / self.temperature;
+        let slope_right = self.contact.force(right) / self.temperature;
+        DisplacementSampler {
+            law: self.clone(),
+            low: left + 1.0 / slope_left,
+            high: right - 1.0 / slope_right,
+            slope_left,
+            slope_right,
+        }
+    }
+}
+
+/// Exact sampling of the log-concave p_q by rejection from a flat top and two exponential tails,
+/// tangent to U/T where it is one above its minimum (Devroye, Non-Uniform Random Variate Generation,
+/// 1986, section VII.2).
+#[derive(Debug, Clone)]
+pub struct DisplacementSampler {
+    law: DisplacementLaw,
+    low: f64,
+    high: f64,
+    slope_left: f64,
+    slope_right: f64,
+}
+
+impl DisplacementSampler {
+    /// One displacement from the stationary law.
+    pub fn sample(&self, rng: &mut impl Rng) -> f64 {
+        let (left, right) = (1.0 / self.slope_left, 1.0 / self.slope_right);
+        let flat = self.high - self.low;
+        loop {
+            let place = rng.random::<f64>() * (left + flat + right);
+            // 1 - u is never 0, so the logarithm is finite.
+            let tail = -(1.0 - rng.random::<f64>()).ln();
+            let (q, envelope) = if place < left {
+                (self.low - tail * left, tail)
+            } else if place < left + flat {
+                (self.low + (place - left), 0.0)
+            } else {
+                (self.high + tail * right, tail)
+            };
+            if rng.random::<f64>() <= (envelope - self.law.level(q)).exp() {
+                return q;
+            }
+        }
+    }
+
+    /// One state (q, v) from the stationary law (21).
+    pub fn sample_state(&self, rng: &mut impl Rng) -> (f64, f64) {
+        let normal: f64 = StandardNormal.sample(rng);
+        (self.sample(rng), normal * self.law.temperature.sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    #[test]
+    fn the_paper_s_level_has_the_paper_s_temperature() {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        assert!((it.temperature() - 0.628_318_530_717_958_6).abs() < 1e-15);
+        assert!((it.energy(-1.5, 1.0) - 1.4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_damping_ratio_or_level_that_is_not_positive_is_refused_by_name() {
+        for (zeta, h, key) in [
+            (0.0, 1e-3, "oscillator.zeta"),
+            (-0.1, 1e-3, "oscillator.zeta"),
+            (f64::NAN, 1e-3, "oscillator.zeta"),
+            (0.005, -1.0, "oscillator.h"),
+            (0.005, f64::NAN, "oscillator.h"),
+            (0.005, f64::INFINITY, "oscillator.h"),
+            (1e-300, 1e300, "oscillator.h"),
+        ] {
+            let message = Oscillator::new(ContactLaw::Hertz, zeta, h)
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains(key), "{message}");
+        }
+    }
+
+    #[test]
+    fn the_sampler_follows_the_displacement_law() {
+        for (h, contact) in [
+            (2e-3, ContactLaw::Hertz),
+            (0.3, ContactLaw::Hertz),
+            (2e-3, ContactLaw::Bilinear),
+        ] {
+            let law = Oscillator::new(contact, 0.005, h)
+                .unwrap()
+                .displacement_law()
+                .unwrap();
+            let (sampler, n) = (law.sampler(), 200_000);
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
+            let draws: Vec<f64> = (0..n).map(|_| sampler.sample(&mut rng)).collect();
+            // Kolmogorov-Smirnov distance on a grid of quantile points; 1 % point 1.63/sqrt(n).
+            for k in 1..40 {
+                let q = law.breaks[1]
+                    + (law.breaks[law.breaks.len() - 2] - law.breaks[1]) * f64::from(k) / 40.0;
+                let exact = law.ln_tail_below(q).value.exp();
+                let got = draws.iter().filter(|x| **x < q).count() as f64 / f64::from(n);
+                assert!(
+                    (got - exact).abs() < 1.63 / f64::from(n).sqrt(),
+                    "{q}: {got} {exact}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_tail_is_the_integral_of_the_density() {
+        let law = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        let law = law.displacement_law().unwrap();
+        let below = law.ln_tail_below(0.4).value.exp();
+        let sum = law.ln_tail_below(-1.5).value.exp() + law.probability(-1.5, 0.4);
+        assert!((below - sum).abs() < 1e-13, "{below} {sum}");
+        assert!((law.expect(|_| 1.0).value - 1.0).abs() < 1e-15);
+    }
+}
