@@ -10,6 +10,7 @@ pub mod moments;
 pub mod oscillator;
 pub mod quadrature;
 pub mod rig;
+pub mod scales;
 pub mod sparse;
 pub mod stationary;
 

@@ -10,7 +10,8 @@ use faer::sparse::linalg::lu::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::traits::ComplexField;
-use faer::{Conj, MatMut, Par};
+use faer::{Conj, Mat, MatMut, Par};
+use ndarray::Array2;
 use num_complex::Complex;
 use sprs::CsMat;
 use std::ops::{AddAssign, Mul, SubAssign};
@@ -199,6 +200,32 @@ impl<T: Scalar> Lu<T> {
     }
 }
 
+/// All eigenvalues and right eigenvectors (unit columns) of a small dense matrix.
+///
+/// # Errors
+/// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
+pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<(Vec<Complex<f64>>, Array2<Complex<f64>>)> {
+    let fail = |what: String| Error::Linear {
+        stage: "dense eigenvalues",
+        what,
+    };
+    let (m, n) = matrix.dim();
+    if m != n || !matrix.iter().all(|x| x.is_finite()) {
+        return Err(fail(format!(
+            "a {m} x {n} matrix, expected square and finite"
+        )));
+    }
+    let dense = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
+    let evd = dense.eigen().map_err(|e| fail(format!("{e:?}")))?;
+    let values = (0..n).map(|k| evd.S()[k]).collect();
+    let mut vectors = Array2::from_shape_fn((n, n), |(i, j)| evd.U()[(i, j)]);
+    for mut column in vectors.columns_mut() {
+        let norm = column.iter().map(Complex::norm_sqr).sum::<f64>().sqrt();
+        column.mapv_inplace(|x| x / norm);
+    }
+    Ok((values, vectors))
+}
+
 /// Largest column sum of |A|; an error if any entry is not finite.
 fn norm<T: Scalar>(matrix: &CsMat<T>) -> Result<f64> {
     let mut largest: f64 = 0.0;
@@ -290,6 +317,20 @@ mod tests {
             (x[1] - one).norm() < 1e-15 && (x[0] - one).norm() < 1e-15,
             "{x:?}"
         );
+    }
+
+    #[test]
+    fn eigenvalues_of_a_rotation_are_a_conjugate_pair() {
+        let (c, s) = (Complex::new(0.6, 0.0), Complex::new(0.8, 0.0));
+        let matrix = Array2::from_shape_vec((2, 2), vec![c, -s, s, c]).unwrap();
+        let (values, vectors) = eigen(&matrix).unwrap();
+        for (k, value) in values.iter().enumerate() {
+            assert!((value.re - 0.6).abs() < 1e-14 && (value.im.abs() - 0.8).abs() < 1e-14);
+            let image = matrix.dot(&vectors.column(k));
+            let left = &image - &vectors.column(k).mapv(|x| x * value);
+            assert!(left.iter().all(|x| x.norm() < 1e-14));
+        }
+        assert!(eigen(&Array2::from_elem((2, 2), Complex::new(f64::NAN, 0.0))).is_err());
     }
 
     #[test]

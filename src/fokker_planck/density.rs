@@ -5,6 +5,7 @@ use super::generator::Generator;
 use super::mesh::{Axis, Mesh};
 use crate::error::{Error, Result};
 use crate::initial::Initial;
+use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
 use std::f64::consts::TAU;
 
@@ -67,6 +68,16 @@ impl Density {
         Self::on(generator, |i, j| {
             p(q.centres()[i], v.centres()[j]) * q.slopes()[i] * v.slopes()[j]
         })
+    }
+
+    /// All probability in the cell that holds the equilibrium: the narrowest start of a mesh, for schemes
+    /// that stay positive.
+    pub fn at_equilibrium(generator: &Generator, oscillator: &Oscillator) -> Self {
+        let mesh = generator.mesh();
+        let q0 = oscillator.contact().equilibrium().unwrap_or(0.0);
+        let place = |axis: &Axis, x: f64| (axis.locate(x).max(0.0) as usize).min(axis.len() - 1);
+        let (i, j) = (place(&mesh.q, q0), place(&mesh.v, 0.0));
+        Self::on(generator, |a, b| f64::from(u8::from((a, b) == (i, j))))
     }
 
     fn on(generator: &Generator, cell: impl Fn(usize, usize) -> f64) -> Self {

@@ -5,11 +5,17 @@
 //! diffusion L is an M-matrix with zero column sums. Central, with D the antisymmetric difference
 //! matrix of the order:
 //!
-//!     w dg/dt = -1/2 [D_q(a g) + a D_q g + D_v(b g) + b D_v g] - S^T (pi h p_s) S g
+//! ```text
+//! w dg/dt = -1/2 [D_q(a g) + a D_q g + D_v(b g) + b D_v g] - S^T (pi h p_s) S g
+//! ```
 //!
 //! The bracket is antisymmetric in g and the last term symmetric and dissipative, so mass, g = 1 and
 //! the decay of sum w g^2 hold exactly at every order (summation by parts; Morinishi et al., J. Comput.
 //! Phys. 143, 90, 1998).
+//!
+//! The rim, the few cells beyond the last streamline that a wide stencil still touches, sees no transport
+//! of its own and would carry slow modes of the box. There g is relaxed to its neighbours: symmetric and
+//! dissipative too, and without weight in any answer (the rim holds less than the neglected probability).
 
 use super::difference::{central, staggered};
 use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
@@ -19,6 +25,10 @@ use crate::oscillator::Oscillator;
 use crate::quadrature;
 use sprs::{CsMat, TriMat};
 use std::ops::Range;
+
+/// Rate of the exchange between neighbours in the rim: a few times the oscillator's own frequency, so
+/// that a rim up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.
+const RIM_RATE: f64 = 4.0;
 
 /// The generator on a mesh.
 #[derive(Debug, Clone)]
@@ -35,6 +45,8 @@ pub struct Generator {
     conductance: Vec<f64>,
     /// w/(w of the Maxwell measure) per v cell: friction and diffusion act on P over the latter.
     tilt: Vec<f64>,
+    /// Pairs of neighbours in the rim with their exchange coefficient.
+    relaxed: Vec<(usize, usize, f64)>,
     /// Cells at an open edge with the rate of g that balances their missing neighbours.
     open: Vec<(usize, f64)>,
 }
@@ -100,10 +112,13 @@ impl Generator {
             inverse,
             conductance,
             tilt,
+            relaxed: Vec::new(),
             open: Vec::new(),
         };
-        if matches!(measure, Measure::Liouville) {
-            it.open_edges();
+        match measure {
+            Measure::Liouville => it.open_edges(),
+            Measure::Gibbs(_) if drift != Drift::Upwind => it.relax_rim(),
+            Measure::Gibbs(_) => {}
         }
         Ok(it)
     }
@@ -150,6 +165,11 @@ impl Generator {
             MassFlux::Faces { q, v } => self.upwind(q, v, g, rate),
             MassFlux::Centres { q, v } => {
                 self.central(q, v, g, rate);
+                for &(n, m, k) in &self.relaxed {
+                    let flux = k * (g[m] - g[n]);
+                    rate[n] += flux;
+                    rate[m] -= flux;
+                }
                 for &(cell, rate_of_g) in &self.open {
                     rate[cell] += rate_of_g * g[cell];
                 }
@@ -302,6 +322,50 @@ impl Generator {
         }
     }
 
+    /// Whether each unknown lies in the rim, where the cut stream function is zero: p_s there is below
+    /// its largest value within half a stencil of the edge of the box.
+    pub fn rim(&self) -> Vec<bool> {
+        let [nq, nv] = self.mesh.cells();
+        let half = if self.drift == Drift::Upwind {
+            0
+        } else {
+            self.drift.half_width()
+        };
+        let area = |i: usize, j: usize| self.mesh.q.slopes()[i] * self.mesh.v.slopes()[j];
+        let density = |i: usize, j: usize| self.weights.at(i, j) / area(i, j);
+        let mut cut: f64 = 0.0;
+        for i in 0..nq {
+            for j in 0..nv {
+                if i < half || i + half >= nq || j < half || j + half >= nv {
+                    cut = cut.max(density(i, j));
+                }
+            }
+        }
+        (0..nq)
+            .flat_map(|i| self.active(i).map(move |j| density(i, j) <= cut))
+            .collect()
+    }
+
+    /// Couples each rim cell to its neighbours at the rate [`RIM_RATE`].
+    fn relax_rim(&mut self) {
+        let [nq, nv] = self.mesh.cells();
+        let (rim, number) = (self.rim(), self.numbering());
+        for i in 0..nq {
+            for j in self.active(i) {
+                let here = i * nv + j;
+                let right = (i + 1 < nq).then_some(here + nv);
+                let above = (j + 1 < nv).then_some(here + 1);
+                for there in [right, above].into_iter().flatten() {
+                    let other = number[there];
+                    if other != usize::MAX && (rim[number[here]] || rim[other]) {
+                        let smaller = 1.0 / self.inverse[here].max(self.inverse[there]);
+                        self.relaxed.push((here, there, RIM_RATE * smaller));
+                    }
+                }
+            }
+        }
+    }
+
     /// A bound on the spectral radius of the transport and of the friction and diffusion, each the
     /// largest row sum of the symmetrised matrix |w^-1/2 K w^-1/2|: (transport, diffusion), 1/time.
     pub fn rates(&self) -> (f64, f64) {
@@ -317,11 +381,22 @@ impl Generator {
     /// L of dP/dt = L P on the unknowns, by columns. Column sums are zero to rounding (up to what
     /// leaves through open edges).
     pub fn matrix(&self) -> CsMat<f64> {
+        self.assemble(|_, column| self.inverse[column])
+    }
+
+    /// The symmetrised generator w^{-1/2} L w^{1/2} on the unknowns, by columns: same eigenvalues, the
+    /// transport antisymmetric for the central schemes, friction and diffusion symmetric. Its transpose
+    /// is itself with v reversed.
+    pub fn symmetrised(&self) -> CsMat<f64> {
+        self.assemble(|row, column| (self.inverse[row] * self.inverse[column]).sqrt())
+    }
+
+    fn assemble(&self, scale: impl Fn(usize, usize) -> f64) -> CsMat<f64> {
         let n = self.unknowns();
         let number = self.numbering();
         let mut triplets = TriMat::with_capacity((n, n), n * (4 * self.drift.half_width() + 5));
         self.entries(|_, row, column, value| {
-            triplets.add_triplet(number[row], number[column], value * self.inverse[column]);
+            triplets.add_triplet(number[row], number[column], value * scale(row, column));
         });
         triplets.to_csc()
     }
@@ -403,6 +478,11 @@ impl Generator {
                             pair(i + l < nq, a, here + l * nv);
                             pair(j + l < nv, b, here + l);
                         }
+                    }
+                }
+                for &(n, m, k) in &self.relaxed {
+                    for (row, column, value) in [(n, m, k), (n, n, -k), (m, n, k), (m, m, -k)] {
+                        add(Part::Diffusion, row, column, value);
                     }
                 }
                 for &(cell, rate) in &self.open {
