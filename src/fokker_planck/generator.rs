@@ -322,28 +322,10 @@ impl Generator {
         }
     }
 
-    /// Whether each unknown lies in the rim, where the cut stream function is zero: p_s there is below
-    /// its largest value within half a stencil of the edge of the box.
+    /// Whether each unknown lies in the rim, beyond the last streamline.
     pub fn rim(&self) -> Vec<bool> {
-        let [nq, nv] = self.mesh.cells();
-        let half = if self.drift == Drift::Upwind {
-            0
-        } else {
-            self.drift.half_width()
-        };
-        let area = |i: usize, j: usize| self.mesh.q.slopes()[i] * self.mesh.v.slopes()[j];
-        let density = |i: usize, j: usize| self.weights.at(i, j) / area(i, j);
-        let mut cut: f64 = 0.0;
-        for i in 0..nq {
-            for j in 0..nv {
-                if i < half || i + half >= nq || j < half || j + half >= nv {
-                    cut = cut.max(density(i, j));
-                }
-            }
-        }
-        (0..nq)
-            .flat_map(|i| self.active(i).map(move |j| density(i, j) <= cut))
-            .collect()
+        let column = |i: usize| self.active(i).map(move |j| self.weights.in_rim(i, j));
+        (0..self.mesh.q.len()).flat_map(column).collect()
     }
 
     /// Couples each rim cell to its neighbours at the rate [`RIM_RATE`].
