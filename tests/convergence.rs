@@ -7,6 +7,7 @@ use vibroimpact::fokker_planck::flux::Drift;
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::march::RungeKutta4;
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
+use vibroimpact::fokker_planck::modes::slowest;
 use vibroimpact::fokker_planck::observables::Observables;
 use vibroimpact::fokker_planck::{Settings, decay_rates};
 use vibroimpact::gaussian::Gaussian;
@@ -126,7 +127,7 @@ fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_fli
             let meshes = if contact == ContactLaw::Linear {
                 [80, 104]
             } else {
-                [112, 144]
+                [136, 176]
             };
             for drift in CENTRAL {
                 let errors = meshes.map(|n| {
@@ -234,15 +235,14 @@ fn manufactured(it: &Oscillator, drift: Drift, n: [usize; 2]) -> f64 {
 
 #[test]
 fn a_manufactured_solution_on_a_mapped_mesh_shows_the_orders_until_the_kink() {
+    // T = 20: the flight is long, the mesh is graded, and the loss of contact lies in the middle of the
+    // law. There the force goes as x^{3/2}, so no central difference keeps an order above 5/2 + 1/2.
     let it = oscillator(ContactLaw::Hertz, 0.05, 20.0);
-    for drift in CENTRAL {
-        let errors = [[96, 80], [120, 100], [150, 125]].map(|n| manufactured(&it, drift, n));
-        println!(
-            "{drift:?}: {:?} orders {:.2} {:.2}",
-            errors.map(|e| format!("{e:.1e}")),
-            order(errors[0], errors[1], 1.25),
-            order(errors[1], errors[2], 1.25)
-        );
+    for (drift, expected) in CENTRAL.into_iter().zip([2.0, 3.0, 3.0, 3.0]) {
+        let errors = [[96, 80], [144, 120]].map(|n| manufactured(&it, drift, n));
+        let observed = order(errors[0], errors[1], 1.5);
+        println!("{drift:?}: error {:.1e}, order {observed:.2}", errors[1]);
+        assert!(observed > expected - 0.3 && errors[1] < 3e-3, "{errors:?}");
     }
 }
 
@@ -251,23 +251,266 @@ fn hertz_with_loss_of_contact_converges_to_itself() {
     let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
     let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
     let domain = Domain::closed(&it, &start, 1e-7).unwrap();
-    for drift in CENTRAL {
-        let m = [[96, 60], [136, 85], [192, 120], [272, 170]].map(|n| {
+    // Smooth numbers show the order; at order 8 the kink leaves about third order below 1e-6.
+    for (drift, expected, level) in [
+        (Drift::Order2, 2.0, 1e-2),
+        (Drift::Order4, 4.0, 1e-4),
+        (Drift::Order6, 5.5, 2e-6),
+    ] {
+        let energies = [[96, 60], [136, 85], [192, 120]].map(|n| {
             let mut case = Case::new(&it, &start, &domain, drift, n);
             case.run(5.0);
-            case.moments()
+            [
+                case.moments().mean_energy.value,
+                case.moments().mean_force.value,
+            ]
         });
-        println!("{drift:?}");
-        for i in 0..10 {
-            let x = m.map(|m| m.named()[i].1.unwrap().value);
-            let d = [x[0] - x[1], x[1] - x[2], x[2] - x[3]].map(f64::abs);
-            println!(
-                "   {:16} {:?} {:.2} {:.2}",
-                m[0].named()[i].0,
-                d.map(|e| format!("{e:.1e}")),
-                (d[0] / d[1]).log2() * 2.0,
-                (d[1] / d[2]).log2() * 2.0
-            );
+        let change = |a: usize, b: usize| (energies[a][0] - energies[b][0]).abs();
+        let observed = order(change(0, 1), change(1, 2), 1.41);
+        println!(
+            "{drift:?}: E[H] changes by {:.1e}, order {observed:.2}",
+            change(1, 2)
+        );
+        assert!(
+            observed > expected - 0.3 && change(1, 2) < level,
+            "{energies:?}"
+        );
+    }
+}
+
+/// Scene A: Hertz, h = 2e-3, zeta = 0.005, start at (1, 0) with deviation 0.4.
+/// t, E[q], E[N], std N, skew N, E[H], E[v^2] of an independent prototype. Its E[N] and std N at t = 10 are
+/// midpoint sums across the loss of contact and off by 2e-5: dE[v]/dt + 2 zeta E[v] = -E[N] says so below.
+const SCENE_A: [[f64; 7]; 3] = [
+    [
+        5.0, -0.223621, -0.125884, 0.479410, -0.02399, 0.733349, 1.093982,
+    ],
+    [
+        10.0, -1.08770, -0.752841, 0.28726, 1.4824, 0.726840, 0.279520,
+    ],
+    [
+        20.0, 0.493075, 0.634542, 0.67746, -0.3926, 0.722197, 0.636632,
+    ],
+];
+
+#[test]
+fn scene_a_is_reached_on_a_small_mesh() {
+    let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
+    let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let scales = [0.9, 0.747927, 0.747927, 1.0, 0.628319, 0.628319];
+    for (cells, outside, tolerance) in [([160, 100], 1e-7, 1e-4_f64), ([240, 150], 1e-8, 2e-5)] {
+        let domain = Domain::closed(&it, &start, outside).unwrap();
+        let mut case = Case::new(&it, &start, &domain, Drift::Order8, cells);
+        let mut now = 0.0;
+        for reference in SCENE_A {
+            case.run(reference[0] - now);
+            now = reference[0];
+            let (m, raw) = (case.moments(), case.raw());
+            let ours = [
+                m.mean_q.value,
+                m.mean_force.value,
+                m.std_force.value,
+                m.skewness_force.value,
+                m.mean_energy.value,
+                raw.vv / raw.mass,
+            ];
+            for (k, our) in ours.iter().enumerate() {
+                let error = (our - reference[k + 1]).abs() / scales[k];
+                // The printed digits of the reference, and its sums across the kink.
+                let digits = match now {
+                    10.0 => [1e-5, 3.2e-5, 4e-5, 2.2e-4, 1e-5, 1e-5][k],
+                    20.0 => [1e-5, 1e-5, 1e-5, 5e-5, 1e-5, 1e-5][k],
+                    _ => 2e-5,
+                };
+                let limit = tolerance.max(digits);
+                assert!(
+                    error < limit,
+                    "{cells:?} t = {now} number {k}: {our} {error:.1e}"
+                );
+            }
+            if now == 20.0 {
+                let loss = m.contact_loss_probability.unwrap().value;
+                println!(
+                    "{cells:?}: P(loss) = {loss:.6}, lowest p {:.1e}",
+                    case.density.lowest()
+                );
+                assert!((loss - 0.03026).abs() < 1e-5);
+            }
         }
+    }
+}
+
+#[test]
+fn the_mean_force_is_what_slows_the_mean_velocity() {
+    // dE[v]/dt = -2 zeta E[v] - E[N], at t = 10 of scene A where a third of the law is near the kink.
+    let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
+    let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let domain = Domain::closed(&it, &start, 1e-7).unwrap();
+    let mut case = Case::new(&it, &start, &domain, Drift::Order8, [160, 100]);
+    let step = 0.02;
+    case.run(10.0 - 2.0 * step);
+    let mut velocities = vec![case.moments().mean_v.value];
+    let mut force = 0.0;
+    for k in 1..=4 {
+        case.run(step);
+        velocities.push(case.moments().mean_v.value);
+        if k == 2 {
+            force = case.moments().mean_force.value;
+        }
+    }
+    let [a, b, c, d, e] = velocities[..] else {
+        panic!()
+    };
+    let slope = (a - 8.0 * b + 8.0 * d - e) / (12.0 * step);
+    let implied = -slope - 2.0 * it.zeta() * c;
+    println!("E[N](10) = {force:.7}, from dE[v]/dt {implied:.7}");
+    assert!((force - implied).abs() < 1e-6 && (force + 0.752863).abs() < 1e-6);
+}
+
+#[test]
+fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
+    // dE[H]/dt = pi h - 2 zeta E[v^2].
+    let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
+    let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let domain = Domain::closed(&it, &start, 1e-9).unwrap();
+    for drift in Drift::ALL {
+        let mut case = Case::new(&it, &start, &domain, drift, [220, 140]);
+        let step = 0.05;
+        case.run(3.0);
+        let before = case.raw();
+        case.run(step);
+        let middle = case.raw();
+        case.run(step);
+        let after = case.raw();
+        let energy = |r: &RawMoments| 0.5 * r.vv + r.potential;
+        let rate = |r: &RawMoments| it.noise() - 2.0 * it.zeta() * r.vv;
+        // Simpson's rule over the two steps.
+        let implied = step / 3.0 * (rate(&before) + 4.0 * rate(&middle) + rate(&after));
+        let violation =
+            (energy(&after) - energy(&before) - implied).abs() / (2.0 * step * it.noise());
+        println!("{drift:?}: energy law violated by {violation:.1e} pi h");
+        match drift {
+            Drift::Order6 | Drift::Order8 => assert!(violation < 1e-6, "{violation:e}"),
+            Drift::Upwind => assert!(violation > 0.5, "{violation:e}"),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
+    for (h, cells) in [(0.3, [360, 150]), (1e-6, [100, 100])] {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();
+        let t = it.temperature();
+        let steady = Settings {
+            drift: Some(Drift::Order4),
+            cells: Some([90, 60]),
+            ..Settings::default()
+        };
+        let steady = vibroimpact::fokker_planck::steady(&it, &steady).unwrap();
+        println!("h = {h}: steady L1 {}", steady.l1_error);
+        assert!(steady.l1_error.value < 1e-9);
+        let start = Initial::gaussian([0.0, 0.0], [0.6 * t.sqrt(), 0.6 * t.sqrt()]).unwrap();
+        let energies = [1.0, 0.8].map(|finer: f64| {
+            let n = cells.map(|n| (f64::from(n) * finer) as usize / 2 * 2);
+            let domain = Domain::closed(&it, &start, 1e-7).unwrap();
+            let mut case = Case::new(&it, &start, &domain, Drift::Order8, n);
+            // The energy law integrated over the whole run, by Simpson's rule on short intervals.
+            let (intervals, mut heat) = (240, 0.0);
+            let begin = case.raw();
+            let mut squares = vec![begin.vv];
+            for _ in 0..intervals {
+                case.run(60.0 / f64::from(intervals));
+                squares.push(case.raw().vv);
+            }
+            for w in squares.windows(3).step_by(2) {
+                heat += 60.0 / f64::from(intervals) / 3.0 * (w[0] + 4.0 * w[1] + w[2]);
+            }
+            let end = case.raw();
+            let gain = 0.5 * end.vv + end.potential - 0.5 * begin.vv - begin.potential;
+            let law = gain - (60.0 * it.noise() - 2.0 * it.zeta() * heat);
+            println!("h = {h} on {n:?}: energy law off by {:.1e} T", law / t);
+            assert!(law.abs() < 1e-4 * t, "{law:e}");
+            let m = case.moments();
+            [
+                m.mean_energy.value / t,
+                m.var_v.value / t,
+                m.std_force.value,
+            ]
+        });
+        for (a, b) in energies[0].iter().zip(energies[1]) {
+            assert!((a - b).abs() < 1e-4 * a.abs().max(1.0), "{energies:?}");
+        }
+    }
+}
+
+#[test]
+fn decay_rates_agree_with_theory_and_between_meshes_and_boxes() {
+    let rates = |contact, h: f64, settings: &Settings| {
+        decay_rates(&Oscillator::new(contact, 0.005, h).unwrap(), 6, settings).unwrap()
+    };
+    let auto = Settings::default();
+    let hertz = rates(ContactLaw::Hertz, 2e-3, &auto);
+    for rate in &hertz {
+        println!(
+            "h = 2e-3: {:.6} {:+.6}i ± {:.0e}",
+            rate.re, rate.im, rate.error
+        );
+    }
+    assert!((hertz[0].re + 0.008834).abs() < 5e-7 && hertz[0].im == 0.0);
+    assert!((hertz[1].re + 0.017142).abs() < 2e-6 && hertz[1].im == 0.0);
+    let finer = Settings {
+        cells: Some([150, 110]),
+        drift: Some(Drift::Order6),
+        ..auto.clone()
+    };
+    let again = rates(ContactLaw::Hertz, 2e-3, &finer);
+    for (a, b) in hertz.iter().zip(&again).take(2) {
+        assert!((a.re - b.re).abs() < 1e-4 * a.re.abs(), "{a:?} {b:?}");
+    }
+    // Upwind's own slowest real mode: its numerical diffusion, ten times too fast.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+    let domain = Domain::closed(&it, &Initial::Stationary, 1e-8).unwrap();
+    let case = Case::new(&it, &Initial::Stationary, &domain, Drift::Upwind, [120, 72]);
+    let shift = num_complex::Complex::new(1e-3, 0.0);
+    let upwind = slowest(&case.generator, &[shift], 20).unwrap();
+    let upwind = upwind.iter().find(|rate| rate.im == 0.0).unwrap();
+    println!(
+        "upwind on 120 x 72: {:.4} instead of {:.6}",
+        upwind.re, hertz[0].re
+    );
+    assert!(upwind.re < 8.0 * hertz[0].re);
+    // The complex slowest modes of the weakly nonlinear levels.
+    for (h, re, im) in [
+        (3e-6, -0.00500, 1.000),
+        (8e-5, -0.0052, 0.998),
+        (5e-4, -0.0089, 0.991),
+    ] {
+        let slowest = rates(ContactLaw::Hertz, h, &auto)[0];
+        println!(
+            "h = {h}: {:.6} {:+.6}i ± {:.0e}",
+            slowest.re, slowest.im, slowest.error
+        );
+        assert!(
+            (slowest.re - re).abs() < 6e-5 && (slowest.im.abs() - im).abs() < 6e-4,
+            "{slowest:?}"
+        );
+    }
+    // G = q: -zeta (m + n) ± i sqrt(1 - zeta^2) (m - n).
+    let w = (1.0f64 - 0.005 * 0.005).sqrt();
+    let exact = [
+        (-0.005, w),
+        (-0.005, -w),
+        (-0.01, 2.0 * w),
+        (-0.01, -2.0 * w),
+        (-0.01, 0.0),
+    ];
+    let linear = rates(ContactLaw::Linear, 2e-3, &auto);
+    for (re, im) in exact {
+        let nearest = linear
+            .iter()
+            .map(|r| (r.re - re).hypot(r.im - im))
+            .fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-6, "{re} {im}: {nearest:e}");
     }
 }
