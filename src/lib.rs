@@ -11,6 +11,7 @@ pub mod monte_carlo;
 pub mod oscillator;
 pub mod plan;
 pub mod quadrature;
+pub mod report;
 pub mod results;
 pub mod rig;
 pub mod scene;

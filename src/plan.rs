@@ -7,7 +7,6 @@ use crate::monte_carlo::{self, EnsembleSettings};
 use crate::results::{Agreement, Results, StationaryNumbers, peak_memory};
 use crate::scene::{Scene, num};
 use crate::stationary::Stationary;
-use std::fmt::Write;
 use std::time::Instant;
 
 /// The stages of a scene: optional parts, each there only because an output needs it.
@@ -403,92 +402,6 @@ impl Plan {
     pub fn run_quietly(&self) -> Result<Results> {
         self.run(&Nobody)
     }
-
-    /// The plan as a table of at most 80 columns.
-    pub fn table(&self) -> String {
-        let mut text = String::new();
-        let mut line = |part: std::fmt::Arguments<'_>| {
-            // Writing to a String does not fail.
-            let _ = text.write_fmt(part);
-            text.push('\n');
-        };
-        let oscillator = &self.scene.oscillator;
-        line(format_args!(
-            "{}: {} contact, zeta = {}, h = {}, T = {:.6}",
-            self.scene.title,
-            oscillator.contact().name(),
-            num(oscillator.zeta()),
-            num(oscillator.h()),
-            oscillator.temperature()
-        ));
-        line(format_args!(""));
-        line(format_args!(
-            "{:<12} {:>11} {:>9} {:>9} {:>9}  needed by",
-            "stage", "cells", "steps", "memory", "time"
-        ));
-        for stage in &self.stages {
-            let cost = &stage.cost;
-            let cells = cost
-                .cells
-                .map_or("no mesh".into(), |[q, v]| format!("{q} x {v}"));
-            line(format_args!(
-                "{:<12} {:>11} {:>9} {:>9} {:>9}  {}",
-                stage.part.name(),
-                cells,
-                cost.steps,
-                bytes(cost.memory_bytes),
-                seconds(cost.seconds),
-                stage.needed_by.join(", ").replace("outputs.", "")
-            ));
-        }
-        line(format_args!(""));
-        for stage in &self.stages {
-            line(format_args!(
-                "{:<12} {}",
-                stage.part.name(),
-                stage.cost.method
-            ));
-        }
-        let memory = self
-            .stages
-            .iter()
-            .map(|it| it.cost.memory_bytes)
-            .max()
-            .unwrap_or(0);
-        let time: f64 = self.stages.iter().map(|it| it.cost.seconds).sum();
-        line(format_args!(""));
-        line(format_args!(
-            "in all: about {} and {} ({} threads); allowed: {} and {}",
-            seconds(time),
-            bytes(memory),
-            rayon::current_num_threads(),
-            seconds(self.scene.accuracy.max_seconds),
-            bytes(self.scene.accuracy.max_memory)
-        ));
-        let left_out: Vec<&str> = [
-            (Part::Stationary, "closed form"),
-            (Part::Transient, "transient"),
-            (Part::Steady, "steady state"),
-            (Part::DecayRates, "decay rates"),
-            (Part::MonteCarlo, "paths"),
-        ]
-        .into_iter()
-        .filter(|(part, _)| !self.has(*part))
-        .map(|(_, what)| what)
-        .collect();
-        if !left_out.is_empty() {
-            line(format_args!(
-                "not asked for, not computed: {}",
-                left_out.join(", ")
-            ));
-        }
-        if time > self.scene.accuracy.max_seconds {
-            line(format_args!(
-                "warning: this is expected to stop at accuracy.max_seconds (exit status 3)"
-            ));
-        }
-        text
-    }
 }
 
 /// A size in the unit a person would use.
@@ -562,15 +475,6 @@ mod tests {
             ["outputs.moments_at", "outputs.density_at"]
         );
         assert!(plan.has(Part::MonteCarlo) && !plan.has(Part::Stationary));
-        let table = plan.table();
-        assert!(
-            table.lines().all(|line| line.chars().count() <= 80),
-            "{table}"
-        );
-        assert!(
-            table.contains("not asked for, not computed: closed form"),
-            "{table}"
-        );
     }
 
     #[test]

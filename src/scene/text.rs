@@ -12,6 +12,7 @@ use crate::rig::Rig;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
+use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
 /// The built-in scenes: name, and text as `vibroimpact scenes NAME` prints it. The first is the one
@@ -400,9 +401,13 @@ impl Document {
         ])?;
         let rig = self.rig(&root)?;
         let mut scene = Scene::new(self.oscillator(&root, rig.as_ref())?);
-        if let Some(title) = root.text("title")? {
-            title.clone_into(&mut scene.title);
-        }
+        // Without a title the file's name stands in.
+        let stem = Path::new(&self.sources[0].0).file_stem();
+        let stem = stem.map(|it| it.to_string_lossy().replace(char::is_control, ""));
+        scene.title = match root.text("title")? {
+            Some(title) => title.to_owned(),
+            None => stem.unwrap_or_default().chars().take(100).collect(),
+        };
         scene.rig = rig;
         scene.initial = Self::initial(&root)?;
         if let Some(outputs) = Self::outputs(&root)? {
