@@ -22,6 +22,8 @@ const VERMILION: RGBColor = RGBColor(213, 94, 0);
 const GREEN: RGBColor = RGBColor(0, 158, 115);
 const INK: RGBColor = RGBColor(25, 25, 25);
 const GREY: RGBColor = RGBColor(120, 120, 120);
+/// Under a curve, for what it should coincide with.
+const HALO: RGBColor = RGBColor(190, 190, 190);
 const FAINT: RGBColor = RGBColor(228, 228, 228);
 
 /// Levels of a density as fractions of its peak, and their colours, light to dark (ColorBrewer YlGnBu,
@@ -214,7 +216,7 @@ impl Panel {
 
     /// Grid, frame, numbers and labels. An empty label leaves that axis without numbers.
     fn axes(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
-        let count = (self.width / 70.0).clamp(2.0, 8.0) as usize;
+        let count = (self.width / 60.0).clamp(2.0, 8.0) as usize;
         for (x, text) in ticks(self.x, count) {
             let (px, _) = self.at(x, self.y.0);
             line(area, &[(px, self.top), (px, self.bottom())], FAINT, 0.75)?;
@@ -229,7 +231,7 @@ impl Panel {
                     area,
                     &text,
                     (px, self.bottom() + 13.0),
-                    12.0,
+                    13.0,
                     Hang::Middle,
                     INK,
                 )?;
@@ -240,7 +242,7 @@ impl Panel {
             line(area, &[(self.left, py), (self.right(), py)], FAINT, 0.75)?;
             if !y_label.is_empty() {
                 line(area, &[(self.left - 4.0, py), (self.left, py)], INK, 1.0)?;
-                write(area, &text, (self.left - 7.0, py), 12.0, Hang::Right, INK)?;
+                write(area, &text, (self.left - 7.0, py), 13.0, Hang::Right, INK)?;
             }
         }
         let middle = self.left + 0.5 * self.width;
@@ -248,7 +250,7 @@ impl Panel {
             area,
             x_label,
             (middle, self.bottom() + 32.0),
-            14.0,
+            15.5,
             Hang::Middle,
             INK,
         )?;
@@ -257,7 +259,7 @@ impl Panel {
             area,
             y_label,
             at,
-            (14.0, Hang::Middle, INK, FontTransform::Rotate270),
+            (15.5, Hang::Middle, INK, FontTransform::Rotate270),
         )
     }
 
@@ -371,7 +373,7 @@ impl Panel {
     fn point(&self, area: &Area<'_>, x: f64, y: Estimate, colour: RGBColor) -> Drawn {
         let bar = [(x, y.value - y.error), (x, y.value + y.error)];
         self.curve(area, &bar, colour, 1.25)?;
-        self.dot(area, (x, y.value), colour, 2.5)
+        self.dot(area, (x, y.value), colour, 1.75)
     }
 
     /// A dashed line at one height.
@@ -396,7 +398,7 @@ fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {
     let step = [1.0, 2.0, 5.0, 10.0]
         .into_iter()
         .map(|m| m * power)
-        .find(|step| *step >= raw * 0.999)
+        .find(|step| *step >= raw * 0.75)
         .unwrap_or(raw);
     let size = low.abs().max(high.abs());
     let first = (low / step).ceil();
@@ -446,18 +448,20 @@ fn legend(area: &Area<'_>, at: (f64, f64), colour: RGBColor, mark: Mark, words: 
     let (x, y) = at;
     match mark {
         Mark::Line => line(area, &[(x, y), (x + 22.0, y)], colour, 2.0)?,
+        Mark::Halo => line(area, &[(x, y), (x + 22.0, y)], colour, 5.0)?,
         Mark::Dashes => dashed(area, (x, y), (x + 23.0, y), colour, 1.25)?,
         Mark::Dot => {
             let centre = (((x + 11.0) * FINE) as i32, (y * FINE) as i32);
             area.draw(&Circle::new(centre, (3.0 * FINE) as i32, colour.filled()))?;
         }
     }
-    write(area, words, (x + 29.0, y), 12.0, Hang::Left, INK)
+    write(area, words, (x + 29.0, y), 13.0, Hang::Left, INK)
 }
 
 #[derive(Clone, Copy)]
 enum Mark {
     Line,
+    Halo,
     Dashes,
     Dot,
 }
@@ -549,7 +553,8 @@ impl<'a> Sheet<'a> {
     /// Filled levels as runs of equal level, row by row. Each level is laid over the one below and each
     /// run reaches into the row beneath it, so that no seams show at any magnification.
     fn fill(&self, area: &Area<'_>, panel: &Panel) -> Drawn {
-        const ROW: f64 = 2.0;
+        /// Pixels.
+        const ROW: f64 = 1.0;
         let rows = (panel.height / ROW).ceil() as usize;
         let columns = panel.width.ceil() as usize;
         let place = |low: f64, high: f64, part: f64| low + (high - low) * part;
@@ -618,7 +623,7 @@ fn locate(centres: &[f64], x: f64) -> Option<(usize, f64)> {
 
 /// The key to the levels.
 fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
-    write(area, "p / peak", (x, y), 12.0, Hang::Left, INK)?;
+    write(area, "p / peak", (x, y), 12.5, Hang::Left, INK)?;
     for (k, (level, colour)) in LEVELS.iter().rev().enumerate() {
         let top = y + 10.0 + 11.0 * k as f64;
         let corner = |x: f64, y: f64| ((x * FINE) as i32, (y * FINE) as i32);
@@ -629,7 +634,7 @@ fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
             area,
             &format!("{level}"),
             (x + 27.0, top + 5.5),
-            10.5,
+            11.5,
             Hang::Left,
             INK,
         )?;
@@ -699,14 +704,14 @@ fn density_picture(
     };
     let file = picture(name, (700, 546), |area| {
         write(area, title, (main.left, 22.0), 15.0, Hang::Left, INK)?;
-        above.axes(area, "", "p_q")?;
-        above.curve(area, &by_q, BLUE, 2.0)?;
-        above.curve(area, &exact_q, INK, 1.0)?;
+        above.axes(area, "", "p(q)")?;
+        above.curve(area, &exact_q, HALO, 5.0)?;
+        above.curve(area, &by_q, BLUE, 1.5)?;
         above.frame(area)?;
-        beside.axes(area, "p_v", "")?;
+        beside.axes(area, "p(q\u{307})", "")?;
         let turned = |points: &Points| points.iter().map(|(v, p)| (*p, *v)).collect::<Points>();
-        beside.curve(area, &turned(&by_v), BLUE, 2.0)?;
-        beside.curve(area, &turned(&exact_v), INK, 1.0)?;
+        beside.curve(area, &turned(&exact_v), HALO, 5.0)?;
+        beside.curve(area, &turned(&by_v), BLUE, 1.5)?;
         beside.frame(area)?;
         main.axes(area, "q", "q\u{307}")?;
         sheet.fill(area, &main)?;
@@ -714,15 +719,9 @@ fn density_picture(
         loss_line(area, &above, results, false)?;
         main.frame(area)?;
         key(area, (636.0, 168.0))?;
-        legend(area, (520.0, 64.0), BLUE, Mark::Line, "on the mesh")?;
+        legend(area, (524.0, 62.0), BLUE, Mark::Line, "on the mesh")?;
         if law.is_some() {
-            legend(
-                area,
-                (520.0, 84.0),
-                INK,
-                Mark::Line,
-                "closed form, stationary",
-            )?;
+            legend(area, (524.0, 84.0), HALO, Mark::Halo, "stationary law")?;
         }
         Ok(())
     })?;
@@ -748,7 +747,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
                 area,
                 "contact lost",
                 (x - 5.0, panel.top + 11.0),
-                10.5,
+                11.5,
                 Hang::Right,
                 GREY,
             )?;
@@ -837,7 +836,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
                 area,
                 &title,
                 (middle, panel.top - 10.0),
-                12.0,
+                13.0,
                 Hang::Middle,
                 INK,
             )?;
@@ -936,10 +935,10 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         ..linear.clone()
     };
     picture("force.svg", (966, 420), |area| {
-        let title = "Force: stationary density p_N";
+        let title = "Force: stationary density p(N)";
         write(area, title, (linear.left, 22.0), 15.0, Hang::Left, INK)?;
         for panel in [&linear, &logarithmic] {
-            panel.axes(area, "N", "p_N")?;
+            panel.axes(area, "N", "p(N)")?;
             let scaled = |points: &Points| -> Points {
                 let height = |p: f64| if panel.log { p.max(1e-300).log10() } else { p };
                 points.iter().map(|(n, p)| (*n, height(*p))).collect()
@@ -970,17 +969,17 @@ pub fn force(results: &Results) -> Result<Option<File>> {
                     area,
                     &words,
                     (x + 11.0, tip + 4.0),
-                    12.0,
+                    13.0,
                     Hang::Left,
                     VERMILION,
                 )?;
             }
             panel.frame(area)?;
         }
-        let right = linear.right() - 218.0;
-        legend(area, (right, 78.0), INK, Mark::Line, "closed form")?;
+        let right = linear.right() - 226.0;
+        legend(area, (right, 82.0), INK, Mark::Line, "closed form")?;
         if let Some((_, words)) = &sheet {
-            legend(area, (right, 97.0), BLUE, Mark::Dot, words)?;
+            legend(area, (right, 101.0), BLUE, Mark::Dot, words)?;
         }
         Ok(())
     })
@@ -1012,7 +1011,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
     let names = [
         ("mean_q", "E[q]"),
         ("var_v", "Var q\u{307}"),
-        ("std_force", "\u{3c3}_N"),
+        ("std_force", "\u{3c3}(N)"),
         if loses {
             ("contact_loss_probability", "P(contact lost)")
         } else {
@@ -1102,9 +1101,9 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
     .map(Some)
 }
 
-/// At most forty points, the last among them, at strides that no period of the motion shares.
+/// At most 120 points, the last among them.
 fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> + '_ {
-    let each = points.len().div_ceil(40).max(1);
+    let each = points.len().div_ceil(120).max(1);
     points.iter().rev().step_by(each).copied()
 }
 
@@ -1171,7 +1170,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
             panel.axes(area, "\u{3c4}", "distance to (21)")?;
             panel.curve(area, &distance, BLUE, 2.0)?;
             panel.curve(area, &entropy, VERMILION, 2.0)?;
-            let (x, y) = (panel.right() - 190.0, panel.top + 16.0);
+            let (x, y) = (panel.right() - 246.0, panel.top + 16.0);
             let mut legends = vec![(BLUE, Mark::Line, "L\u{b9} distance".to_owned())];
             if !entropy.is_empty() {
                 legends.push((VERMILION, Mark::Line, "relative entropy".into()));

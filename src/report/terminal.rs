@@ -279,7 +279,7 @@ fn course(table: &mut Table, results: &Results) {
         ["", ""]
     };
     table.heading(format!(
-        "{:<33}{:>17} {:>19}{:>7}",
+        "{:<35}{:>17} {:>17}{:>7}",
         "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
     ));
     for name in COURSE {
@@ -297,10 +297,10 @@ fn course(table: &mut Table, results: &Results) {
             let z = here.zip(there).and_then(|(a, b)| distance(a, b));
             let (symbol, words) = if n == 0 { (*symbol, *words) } else { ("", "") };
             let time = format!("t = {t}");
-            let mut line = format!("{symbol:<8} {words:<14}{time:>10}{:>17}", cell(here));
+            let mut line = format!("{symbol:<8} {words:<17}{time:>9}{:>17}", cell(here));
             if sampled.is_some() {
                 let z = z.map_or(String::new(), |z| format!("{z:.1}"));
-                let _ = write!(line, " {:>19}{z:>7}", cell(there));
+                let _ = write!(line, " {:>17}{z:>7}", cell(there));
             }
             table.line(line);
         }
