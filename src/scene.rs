@@ -137,7 +137,7 @@ impl Times {
             Self::Every { every, until } => {
                 let count = (until / every * (1.0 + 1e-12)).floor().max(0.0);
                 (1..=count.min(Self::MOST as f64) as u32)
-                    .map(|k| f64::from(k) * every)
+                    .map(|k| round(f64::from(k) * every))
                     .collect()
             }
         }
@@ -409,22 +409,20 @@ impl Scene {
                 }
             }
             Initial::Stationary if !self.oscillator.contact().is_confining() => {
-                return Err(self.no_law("initial.kind", "initial.kind = \"stationary\""));
+                return Err(self.no_law("initial.kind", "\"stationary\""));
             }
             _ => {}
         }
         Ok(())
     }
 
-    fn no_law(&self, key: &str, what: &str) -> Error {
-        Error::invalid(
-            key,
-            format!(
-                "asked for with the contact law \"{}\"",
-                self.oscillator.contact().name()
-            ),
-            format!("{what} needs a stationary law, and this contact never confines the motion"),
-        )
+    fn no_law(&self, key: &str, value: &str) -> Error {
+        let contact = self.oscillator.contact().name();
+        let accepted = format!(
+            "nothing that needs a stationary law: the contact law \"{contact}\" never confines the \
+             motion and has none"
+        );
+        Error::invalid(key, value, accepted)
     }
 
     fn check_outputs(&self) -> Result<()> {
@@ -438,11 +436,14 @@ impl Scene {
             for (key, asked) in [
                 ("outputs.stationary", outputs.stationary),
                 ("outputs.steady", outputs.steady),
-                ("outputs.decay_rates", outputs.decay_rates > 0),
             ] {
                 if asked {
-                    return Err(self.no_law(key, key));
+                    return Err(self.no_law(key, "true"));
                 }
+            }
+            if outputs.decay_rates > 0 {
+                let count = outputs.decay_rates.to_string();
+                return Err(self.no_law("outputs.decay_rates", &count));
             }
         }
         outputs.moments_at.check("outputs.moments_at")?;
@@ -656,6 +657,11 @@ impl Scene {
 /// A number as a person would type it: no 300 digits for 1e300.
 pub(crate) fn num(x: f64) -> String {
     format!("{x:?}")
+}
+
+/// To 13 significant digits: 3 times 0.1 is 0.3.
+fn round(x: f64) -> f64 {
+    format!("{x:.12e}").parse().unwrap_or(x)
 }
 
 fn toml_value(value: &Json) -> String {

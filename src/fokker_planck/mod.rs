@@ -6,7 +6,6 @@ use crate::estimate::{Estimate, Origin};
 use crate::initial::Initial;
 use crate::moments::{Moments, RawMoments};
 use crate::oscillator::Oscillator;
-use crate::stationary::Stationary;
 use ndarray::{Array1, Array2};
 
 /// Interpolation of g on the faces.
@@ -225,7 +224,8 @@ fn mesh(oscillator: &Oscillator, settings: &Settings) -> (Array1<f64>, Array1<f6
 
 fn density(oscillator: &Oscillator, initial: &Initial, t: f64, settings: &Settings) -> Snapshot {
     let (q, v) = mesh(oscillator, settings);
-    let law = Stationary::of(oscillator).ok();
+    let law = oscillator.displacement_law().ok();
+    let temperature = oscillator.temperature();
     let (mean, deviation) = match *initial {
         Initial::Gaussian { mean, deviation } => (mean, deviation),
         _ => ([0.0; 2], [0.3; 2]),
@@ -238,12 +238,18 @@ fn density(oscillator: &Oscillator, initial: &Initial, t: f64, settings: &Settin
     };
     let mut p = Array2::from_shape_fn((q.len(), v.len()), |(i, j)| {
         let start = bump(q[i], centre[0], deviation[0]) * bump(v[j], centre[1], deviation[1]);
-        stay * start + (1.0 - stay) * law.as_ref().map_or(0.0, |law| law.density(q[i], v[j]))
+        stay * start
+            + (1.0 - stay)
+                * law.as_ref().map_or(0.0, |law| {
+                    law.density(q[i]) * bump(v[j], 0.0, temperature.sqrt())
+                })
     });
     if t.is_infinite()
         && let Some(law) = &law
     {
-        p = Array2::from_shape_fn((q.len(), v.len()), |(i, j)| law.density(q[i], v[j]));
+        p = Array2::from_shape_fn((q.len(), v.len()), |(i, j)| {
+            law.density(q[i]) * bump(v[j], 0.0, temperature.sqrt())
+        });
     }
     Snapshot { t, q, v, p }
 }

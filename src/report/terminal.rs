@@ -10,16 +10,16 @@ const WIDTH: usize = 80;
 
 /// Name in results.json, symbol, and what it is.
 const ROWS: &[(&str, &str, &str)] = &[
-    ("mean_q", "E[q]", "mean displacement"),
+    ("mean_q", "E[q]", "displacement"),
     ("var_q", "Var q", "its variance"),
-    ("mean_v", "E[v]", "mean velocity"),
+    ("mean_v", "E[v]", "velocity"),
     ("var_v", "Var v", "its variance"),
     ("cov_qv", "Cov qv", "their covariance"),
-    ("mean_force", "E[N]", "mean force"),
+    ("mean_force", "E[N]", "force"),
     ("std_force", "std N", "its deviation"),
     ("skewness_force", "skew N", "its skewness"),
     ("kurtosis_force", "kurt N", "3 if Gaussian"),
-    ("mean_energy", "E[H]", "mean energy"),
+    ("mean_energy", "E[H]", "energy"),
     ("contact_loss_probability", "P(loss)", "out of contact"),
     ("log10_contact_loss_probability", "log10 P", "its logarithm"),
     ("loss_rate", "nu", "losses per time"),
@@ -146,14 +146,31 @@ fn head(table: &mut Table, results: &Results) {
     } else {
         table.line(name);
     }
-    table.line(format!(
-        "{} contact, damping ratio zeta = {:?}, input level h = {:?}, T = {:.6}",
+    let text = format!(
+        "{} contact, damping ratio zeta = {}, input level h = {}, T = {:.6}",
         oscillator.contact().name(),
-        oscillator.zeta(),
-        oscillator.h(),
+        brief(oscillator.zeta()),
+        brief(oscillator.h()),
         oscillator.temperature()
-    ));
+    );
+    table.paragraph("", &text);
     table.line("All numbers dimensionless; each is printed with its error (\"value ± error\").");
+}
+
+/// A number of the scene as it was typed, or to a few digits if that is long.
+fn brief(x: f64) -> String {
+    let exact = format!("{x:?}");
+    if exact.len() <= 8 {
+        exact.strip_suffix(".0").unwrap_or(&exact).to_owned()
+    } else if (1e-3..1e4).contains(&x.abs()) {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
+fn many(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The last moments with their time.
@@ -189,10 +206,14 @@ fn stationary(table: &mut Table, results: &Results) {
     if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
         columns.push(("Fokker-Planck".into(), "", Some(moments)));
         let last = columns.len() - 1;
-        columns[last].0 = format!("mesh, t = {t}");
+        columns[last].0 = format!("mesh, t = {}", brief(t));
     }
     if let Some((t, moments)) = sampled {
-        columns.push((format!("paths, t = {t}"), "Monte Carlo", Some(moments)));
+        columns.push((
+            format!("paths, t = {}", brief(t)),
+            "Monte Carlo",
+            Some(moments),
+        ));
     }
     if columns.is_empty() {
         return;
@@ -279,7 +300,7 @@ fn course(table: &mut Table, results: &Results) {
         ["", ""]
     };
     table.heading(format!(
-        "{:<35}{:>17} {:>17}{:>7}",
+        "{:<36}{:>17} {:>17}{:>7}",
         "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
     ));
     for name in COURSE {
@@ -296,8 +317,8 @@ fn course(table: &mut Table, results: &Results) {
             let there = there.and_then(|k| named(paths.1.get(k), name));
             let z = here.zip(there).and_then(|(a, b)| distance(a, b));
             let (symbol, words) = if n == 0 { (*symbol, *words) } else { ("", "") };
-            let time = format!("t = {t}");
-            let mut line = format!("{symbol:<8} {words:<17}{time:>9}{:>17}", cell(here));
+            let time = format!("t = {}", brief(t));
+            let mut line = format!("{symbol:<8} {words:<15}{time:>12}{:>17}", cell(here));
             if sampled.is_some() {
                 let z = z.map_or(String::new(), |z| format!("{z:.1}"));
                 let _ = write!(line, " {:>17}{z:>7}", cell(there));
@@ -308,16 +329,21 @@ fn course(table: &mut Table, results: &Results) {
     if let Some(it) = deterministic {
         let [nq, nv] = it.method.cells;
         let text = format!(
-            "{}, {nq} x {nv} cells, {} steps of {:.3}",
-            it.method.name, it.method.steps, it.method.step
+            "{}, {nq} x {nv} cells, {} of {}",
+            it.method.name,
+            many(it.method.steps, "step"),
+            brief(it.method.step)
         );
         table.line("");
         table.paragraph("Fokker-Planck: ", &text);
     }
     if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
         let text = format!(
-            "{}, {} paths, {} steps of {:.3}; errors are one standard error",
-            it.scheme, scene.paths, it.steps, it.step
+            "{}, {} paths, {} of {}; errors are one standard error",
+            it.scheme,
+            scene.paths,
+            many(it.steps, "step"),
+            brief(it.step)
         );
         table.paragraph("Monte Carlo:   ", &text);
     }
@@ -325,7 +351,11 @@ fn course(table: &mut Table, results: &Results) {
         let text = format!(
             "z = |difference| / error is at most {:.1} ({} at t = {}) over {} pairs of numbers; \
              chance alone would give about {:.1}",
-            it.worst, it.worst_of, it.t, it.compared, it.expected_worst
+            it.worst,
+            it.worst_of,
+            brief(it.t),
+            it.compared,
+            it.expected_worst
         );
         table.paragraph("agreement:     ", &text);
     }
@@ -398,11 +428,11 @@ pub fn plan(plan: &Plan) -> String {
     table.paragraph(
         "",
         &format!(
-            "{}: {} contact, zeta = {:?}, h = {:?}, T = {:.6}",
+            "{}: {} contact, zeta = {}, h = {}, T = {:.6}",
             scene.title,
             oscillator.contact().name(),
-            oscillator.zeta(),
-            oscillator.h(),
+            brief(oscillator.zeta()),
+            brief(oscillator.h()),
             oscillator.temperature()
         ),
     );

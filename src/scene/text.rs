@@ -417,6 +417,14 @@ impl Document {
         if scene.monte_carlo.is_some() && !root.has("outputs") {
             scene.outputs = Outputs::nothing();
         }
+        let confines = scene.oscillator.contact().is_confining();
+        if !root.has("outputs") && scene.outputs.stationary && !confines {
+            let at = self.find("oscillator.contact").map(|node| &node.at);
+            let message =
+                "a scene without [outputs] asks for the stationary law, and this has none";
+            let help = "accepted: [outputs] with moments_at or density_at";
+            return Err(self.wrong(message, "never confines the motion", Some(help), at));
+        }
         scene.accuracy = Self::accuracy(&root)?;
         scene.method = Self::method(&root)?;
         Ok(scene)
@@ -429,12 +437,20 @@ impl Document {
             return Ok(None);
         }
         let it = Rig::new(
-            rig.required(rig.number("static_load")?, "static_load", "newtons")?,
-            rig.required(rig.number("frequency")?, "frequency", "hertz")?,
+            rig.required(
+                rig.number("static_load")?,
+                "static_load",
+                "a load > 0 in newtons, as 110",
+            )?,
+            rig.required(
+                rig.number("frequency")?,
+                "frequency",
+                "a frequency > 0 in hertz, as 232",
+            )?,
             rig.required(
                 rig.number("static_compression")?,
                 "static_compression",
-                "metres",
+                "a compression > 0 in metres, as 7e-6",
             )?,
         );
         it.map(Some).map_err(|error| self.explain(&error))
