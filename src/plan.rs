@@ -371,7 +371,7 @@ impl Plan {
             watch.begins(part);
             let begin = Instant::now();
             self.compute(part, &mut results, &|fraction| {
-                watch.progress(part, fraction)
+                watch.progress(part, fraction);
             })?;
             results
                 .run

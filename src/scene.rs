@@ -26,6 +26,7 @@ use crate::json::Json;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
+use std::fmt::Write;
 
 /// What is to be computed. Every field has the meaning of the scene file's key of the same name.
 #[derive(Debug, Clone, PartialEq)]
@@ -621,12 +622,12 @@ impl Scene {
         let mut text = String::new();
         for (key, value) in sections {
             if let Json::Object(pairs) = value {
-                text += &format!("\n[{key}]\n");
+                let _ = writeln!(text, "\n[{key}]");
                 for (key, value) in pairs {
-                    text += &format!("{key} = {}\n", toml_value(&value));
+                    let _ = writeln!(text, "{key} = {}", toml_value(&value));
                 }
             } else {
-                text += &format!("{key} = {}\n", toml_value(&value));
+                let _ = writeln!(text, "{key} = {}", toml_value(&value));
             }
         }
         text

@@ -55,7 +55,7 @@ fn is_ours(name: &OsStr) -> bool {
     ];
     let density = name.starts_with("density_")
         && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));
-    let half = name.starts_with('.') && name.ends_with(".part");
+    let half = name.starts_with('.') && Path::new(name).extension() == Some(OsStr::new("part"));
     listed.contains(&name) || density || half
 }
 

@@ -161,7 +161,7 @@ fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64, f64
             (low, high) = (low.min(x), high.max(x));
         }
     }
-    if !(low <= high) {
+    if low > high {
         return None;
     }
     // Numbers that differ by rounding alone make a flat curve, not a noisy one.
@@ -787,14 +787,12 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
     if sheets.len() < 2 {
         return Ok(None);
     }
-    let windows: Vec<_> = sheets.iter().map(Sheet::window).collect();
-    let join = |pick: fn(&((f64, f64), (f64, f64))) -> (f64, f64)| {
-        let ends = windows
-            .iter()
-            .flat_map(|window| [pick(window).0, pick(window).1]);
-        range(ends, 0.0)
-    };
-    let (Some(x), Some(y)) = (join(|window| window.0), join(|window| window.1)) else {
+    let (mut ends_q, mut ends_v) = (Vec::new(), Vec::new());
+    for (q, v) in sheets.iter().map(Sheet::window) {
+        ends_q.extend([q.0, q.1]);
+        ends_v.extend([v.0, v.1]);
+    }
+    let (Some(x), Some(y)) = (range(ends_q, 0.0), range(ends_v, 0.0)) else {
         return Ok(None);
     };
     let columns = if sheets.len() == 4 {
@@ -861,61 +859,115 @@ pub fn steady(results: &Results) -> Result<Option<File>> {
     density_picture("steady.svg".into(), &title, &it.density, results)
 }
 
+/// What force.svg shows.
+struct ForceCurves {
+    /// (N, p_N) of the closed form, and of the mesh.
+    exact: Points,
+    meshed: Points,
+    /// What the mesh's points are.
+    words: String,
+    /// The Dirac mass and the force of flight it stands at, if that is within the picture.
+    dirac: Option<(Estimate, f64)>,
+    /// Largest density away from the singularity just above the force of flight.
+    most: f64,
+}
+
+impl ForceCurves {
+    fn of(results: &Results) -> Option<Self> {
+        let law = Stationary::of(&results.scene.oscillator).ok()?;
+        let contact = results.contact();
+        let t = results.scene.oscillator.temperature();
+        let (low, high) = contact.turning_points(14.0 * t)?;
+        let loss = contact.loss_point();
+        let from = loss.map_or(low, |loss| loss.max(low));
+        // Squares crowd the points where the density is steep, near the loss of contact.
+        let exact: Points = (1..=600)
+            .map(|k| from + (high - from) * (f64::from(k) / 600.0).powi(2))
+            .map(|q| (contact.force(q), law.density_force(contact.force(q))))
+            .filter(|(_, p)| p.is_finite())
+            .collect();
+        let (snapshot, words) = match (&results.steady, &results.transient) {
+            (Some(it), _) => (Some(&it.density), "steady state on the mesh".to_owned()),
+            (None, Some(it)) => {
+                let last = it.densities.last();
+                let t = last.map_or(String::new(), |it| time_name(it.t));
+                (last, format!("on the mesh, \u{3c4} = {t}"))
+            }
+            _ => (None, String::new()),
+        };
+        let sheet = snapshot.and_then(Sheet::of);
+        let meshed = sheet
+            .iter()
+            .flat_map(|sheet| sheet.q.iter().zip(&sheet.p_q))
+            .filter(|(q, _)| loss.is_none_or(|loss| **q > loss))
+            .map(|(q, p)| (contact.force(*q), p / contact.stiffness(*q)))
+            .collect();
+        let flight = loss
+            .filter(|loss| *loss >= low)
+            .map(|loss| contact.force(loss));
+        let usual = exact
+            .iter()
+            .filter(|(n, _)| flight.is_none_or(|flight| *n > flight + 0.04));
+        let most = usual.map(|(_, p)| *p).fold(0.0, f64::max);
+        Some(Self {
+            dirac: law.contact_loss_probability().zip(flight),
+            exact,
+            meshed,
+            words,
+            most,
+        })
+    }
+
+    fn draw(&self, area: &Area<'_>, panel: &Panel) -> Drawn {
+        panel.axes(area, "N", "p(N)")?;
+        let scaled = |points: &Points| -> Points {
+            let height = |p: f64| if panel.log { p.max(1e-300).log10() } else { p };
+            points.iter().map(|(n, p)| (*n, height(*p))).collect()
+        };
+        // Dots at least four pixels apart.
+        let mut last = f64::NEG_INFINITY;
+        for (n, p) in scaled(&self.meshed) {
+            let (px, _) = panel.at(n, p);
+            if px - last >= 4.0 {
+                panel.dot(area, (n, p), BLUE, 2.5)?;
+                last = px;
+            }
+        }
+        panel.curve(area, &scaled(&self.exact), INK, 1.5)?;
+        if let Some((mass, flight)) = self.dirac {
+            let (x, _) = panel.at(flight, panel.y.0);
+            let tip = panel.top + 12.0;
+            line(area, &[(x, panel.bottom()), (x, tip)], VERMILION, 2.5)?;
+            let head = [(x - 4.5, tip + 9.0), (x, tip), (x + 4.5, tip + 9.0)];
+            line(area, &head, VERMILION, 2.5)?;
+            let words = format!("Dirac mass P(N = {flight}) = {}", probability(mass));
+            let words = words.replace('-', "\u{2212}");
+            write(
+                area,
+                &words,
+                (x + 11.0, tip + 4.0),
+                13.0,
+                Hang::Left,
+                VERMILION,
+            )?;
+        }
+        panel.frame(area)
+    }
+}
+
 /// force.svg: p_N on a linear and a logarithmic scale, the Dirac mass drawn and stated.
 ///
 /// # Errors
 /// [`Error::Io`] for a picture that cannot be drawn.
 pub fn force(results: &Results) -> Result<Option<File>> {
-    let Ok(law) = Stationary::of(&results.scene.oscillator) else {
+    let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
         return Ok(None);
     };
-    let contact = results.contact();
-    let t = results.scene.oscillator.temperature();
-    let Some((low, high)) = contact.turning_points(14.0 * t) else {
-        return Ok(None);
-    };
-    let loss = contact.loss_point();
-    let from = loss.map_or(low, |loss| loss.max(low));
-    // Equal steps in q crowd the points where the density is steep, near the loss of contact.
-    let exact: Points = (1..=600)
-        .map(|k| from + (high - from) * (f64::from(k) / 600.0).powi(2))
-        .map(|q| (contact.force(q), law.density_force(contact.force(q))))
-        .filter(|(_, p)| p.is_finite())
-        .collect();
-    let snapshot = results
-        .steady
-        .as_ref()
-        .map(|it| (&it.density, "steady state on the mesh".to_owned()));
-    let snapshot = snapshot.or_else(|| {
-        let last = results.transient.as_ref()?.densities.last()?;
-        Some((
-            last,
-            format!("on the mesh, \u{3c4} = {}", time_name(last.t)),
-        ))
-    });
-    let sheet = snapshot.and_then(|(it, words)| Some((Sheet::of(it)?, words)));
-    let meshed: Points = sheet
-        .iter()
-        .flat_map(|(sheet, _)| sheet.q.iter().zip(&sheet.p_q))
-        .filter(|(q, _)| loss.is_none_or(|loss| **q > loss))
-        .map(|(q, p)| (contact.force(*q), p / contact.stiffness(*q)))
-        .collect();
-    let flight = loss
-        .map(|loss| contact.force(loss))
-        .filter(|_| from == loss.unwrap_or(low));
-    let dirac = law.contact_loss_probability().zip(flight);
-    // Just above the loss of contact the density is infinite: the scale is set by the rest of it.
-    let above = |flight: f64| flight + 0.04;
-    let usual = exact
-        .iter()
-        .filter(|(n, _)| flight.is_none_or(|flight| *n > above(flight)));
-    let most = usual.map(|(_, p)| *p).fold(0.0, f64::max);
-    let ends = exact
-        .iter()
-        .filter(|(_, p)| *p > 1e-5 * most)
+    let seen = curves.exact.iter().filter(|(_, p)| *p > 1e-5 * curves.most);
+    let ends = seen
         .map(|(n, _)| *n)
-        .chain(flight);
-    let (Some(x), true) = (range(ends, 0.05), most > 0.0) else {
+        .chain(curves.dirac.map(|(_, flight)| flight));
+    let Some(x) = range(ends, 0.05) else {
         return Ok(None);
     };
     let linear = Panel {
@@ -924,62 +976,35 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         width: 390.0,
         height: 320.0,
         x,
-        y: (0.0, 1.3 * most),
+        y: (0.0, 1.3 * curves.most),
         log: false,
     };
-    let top = most.log10();
+    let top = curves.most.log10();
     let logarithmic = Panel {
         left: 556.0,
         y: (top - 5.0, top + 0.8),
         log: true,
         ..linear.clone()
     };
+    let far = results
+        .stationary
+        .as_ref()
+        .and_then(|it| it.get("log10_contact_loss_probability"));
     picture("force.svg", (966, 420), |area| {
         let title = "Force: stationary density p(N)";
         write(area, title, (linear.left, 22.0), 15.0, Hang::Left, INK)?;
-        for panel in [&linear, &logarithmic] {
-            panel.axes(area, "N", "p(N)")?;
-            let scaled = |points: &Points| -> Points {
-                let height = |p: f64| if panel.log { p.max(1e-300).log10() } else { p };
-                points.iter().map(|(n, p)| (*n, height(*p))).collect()
-            };
-            // Dots at least four pixels apart.
-            let mut last = f64::NEG_INFINITY;
-            for (n, p) in scaled(&meshed) {
-                let (px, _) = panel.at(n, p);
-                if px - last >= 4.0 {
-                    panel.dot(area, (n, p), BLUE, 2.5)?;
-                    last = px;
-                }
-            }
-            panel.curve(area, &scaled(&exact), INK, 1.5)?;
-            if let Some((mass, flight)) = dirac {
-                let (x, _) = panel.at(flight, panel.y.0);
-                let tip = panel.top + 12.0;
-                line(area, &[(x, panel.bottom()), (x, tip)], VERMILION, 2.5)?;
-                line(
-                    area,
-                    &[(x - 4.5, tip + 9.0), (x, tip), (x + 4.5, tip + 9.0)],
-                    VERMILION,
-                    2.5,
-                )?;
-                let words = format!("Dirac mass P(N = {flight}) = {}", probability(mass));
-                let words = words.replace('-', "\u{2212}");
-                write(
-                    area,
-                    &words,
-                    (x + 11.0, tip + 4.0),
-                    13.0,
-                    Hang::Left,
-                    VERMILION,
-                )?;
-            }
-            panel.frame(area)?;
+        curves.draw(area, &linear)?;
+        curves.draw(area, &logarithmic)?;
+        if let Some(far) = far.filter(|_| curves.dirac.is_none()) {
+            let words = format!("Dirac mass, left of this picture: 10^{:.1}", far.value);
+            let words = words.replace('-', "\u{2212}");
+            let at = (logarithmic.left, 24.0);
+            write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
         }
         let right = linear.right() - 226.0;
         legend(area, (right, 82.0), INK, Mark::Line, "closed form")?;
-        if let Some((_, words)) = &sheet {
-            legend(area, (right, 101.0), BLUE, Mark::Dot, words)?;
+        if !curves.meshed.is_empty() {
+            legend(area, (right, 101.0), BLUE, Mark::Dot, &curves.words)?;
         }
         Ok(())
     })

@@ -61,7 +61,15 @@ pub fn cell(it: Option<Estimate>) -> String {
     } else {
         format!("{error:.0e}")
     };
-    format!("{value:.digits$} ± {error}")
+    let number = format!("{value:.digits$}");
+    // Nothing is left of a value far below its error: no sign either.
+    let nothing = number.bytes().all(|c| matches!(c, b'-' | b'0' | b'.'));
+    let number = if nothing {
+        number.trim_start_matches('-')
+    } else {
+        &number
+    };
+    format!("{number} ± {error}")
 }
 
 /// Text broken at blanks into lines of at most `width` columns.
@@ -256,6 +264,20 @@ fn stationary(table: &mut Table, results: &Results) {
 }
 
 fn deterministic(table: &mut Table, results: &Results) {
+    let transient = results.transient.as_ref();
+    let end = transient.and_then(|it| it.times.last().copied().zip(it.distance.last().copied()?));
+    if let Some((t, distance)) = end
+        && distance.value > 0.02
+    {
+        let text = format!(
+            "at t = {} the motion is not stationary yet: {:.2} of its probability is still to be \
+             moved",
+            brief(t),
+            0.5 * distance.value
+        );
+        table.line("");
+        table.paragraph("note: ", &text);
+    }
     if let Some(it) = &results.steady {
         let [nq, nv] = it.method.cells;
         let text = format!(

@@ -10,7 +10,7 @@ use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
 use std::collections::BTreeMap;
-use std::fmt;
+use std::fmt::{self, Write};
 use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
@@ -502,11 +502,7 @@ impl Document {
         let (mean, deviation) = (section.pair("mean")?, section.pair("deviation")?);
         let kind = section.choice("kind", kinds)?;
         // A mean or deviation without a kind can only mean a Gaussian.
-        let implied = if mean.is_some() || deviation.is_some() {
-            0
-        } else {
-            1
-        };
+        let implied = i32::from(mean.is_none() && deviation.is_none());
         match kind.unwrap_or(implied) {
             0 => Ok(Initial::Gaussian {
                 mean: mean.unwrap_or([0.0; 2]),
@@ -885,7 +881,7 @@ impl<'a> Section<'a> {
             && let Some(near) = nearest(text, &names)
         {
             let last = accepted.len() - 1;
-            accepted[last] += &format!("; did you mean \"{near}\"?");
+            let _ = write!(accepted[last], "; did you mean \"{near}\"?");
         }
         Err(self.type_error(key, &accepted.join(", ")))
     }
