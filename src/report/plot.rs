@@ -756,7 +756,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
     Ok(())
 }
 
-/// density_<t>.svg for every density asked for, and snapshots.svg with up to nine of them on one sheet.
+/// `density_<t>.svg` for every density asked for, and snapshots.svg with up to nine of them on one sheet.
 ///
 /// # Errors
 /// [`Error::Io`] for a picture that cannot be drawn.
