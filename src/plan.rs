@@ -104,7 +104,6 @@ impl Plan {
         let mut plan = Self {
             scene: scene.clone(),
             settings: Settings {
-                method: scene.method.transient,
                 drift: scene.method.drift,
                 time: scene.method.time,
                 cells: scene.method.cells,
@@ -264,10 +263,21 @@ impl Plan {
                 results.stationary = Some(StationaryNumbers::of(&law));
             }
             Part::Transient => {
-                let (times, densities) = (outputs.moments_at.list(), outputs.density_at.list());
-                let it = fokker_planck::transient(
-                    oscillator, initial, &times, &densities, &settings, progress,
+                let (moments_at, density_at) =
+                    (outputs.moments_at.list(), outputs.density_at.list());
+                // One run passes through the times of both.
+                let mut times = [moments_at.as_slice(), &density_at].concat();
+                times.sort_by(f64::total_cmp);
+                times.dedup();
+                let mut it = fokker_planck::transient(
+                    oscillator,
+                    initial,
+                    &times,
+                    &density_at,
+                    &settings,
+                    progress,
                 )?;
+                keep_times(&mut it, &moments_at);
                 results.run.warnings.extend(it.warnings.iter().cloned());
                 results.transient = Some(it);
             }
@@ -402,6 +412,21 @@ impl Plan {
     pub fn run_quietly(&self) -> Result<Results> {
         self.run(&Nobody)
     }
+}
+
+/// Leave the numbers of these times only.
+fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
+    fn keep<T>(items: &mut Vec<T>, kept: &[bool]) {
+        let mut kept = kept.iter();
+        items.retain(|_| kept.next().copied().unwrap_or(true));
+    }
+    let kept: Vec<bool> = it.times.iter().map(|t| times.contains(t)).collect();
+    keep(&mut it.times, &kept);
+    keep(&mut it.moments, &kept);
+    keep(&mut it.mass, &kept);
+    keep(&mut it.lowest_density, &kept);
+    keep(&mut it.relative_entropy, &kept);
+    keep(&mut it.distance, &kept);
 }
 
 /// A size in the unit a person would use.

@@ -1,10 +1,10 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
 use crate::contact::ContactLaw;
-use crate::estimate::Estimate;
-use crate::fokker_planck::{DecayRate, Method, Steady, Transient};
+use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::{DecayRate, Method, Snapshot, Steady, Transient};
 use crate::json::Json;
-use crate::moments::Moments;
+use crate::moments::{Moments, RawMoments};
 use crate::monte_carlo::EnsembleResult;
 use crate::quadrature;
 use crate::rig::Rig;
@@ -321,6 +321,29 @@ impl Results {
         )
     }
 
+    /// Moments of the steady state on the mesh. Their error is that of the sum over cells, seen on the
+    /// closed form with the same cells, and their difference to it.
+    pub fn steady_moments(&self) -> Option<Moments> {
+        let snapshot = &self.steady.as_ref()?.density;
+        let law = Stationary::of(&self.scene.oscillator).ok()?;
+        let exact = StationaryNumbers::of(&law);
+        let p_s = |q: f64, v: f64| law.density(q, v);
+        let meshed = snapshot_moments(snapshot, self.contact(), |i, j| snapshot.p[[i, j]])?;
+        let summed = snapshot_moments(snapshot, self.contact(), |i, j| {
+            p_s(snapshot.q[i], snapshot.v[j])
+        })?;
+        let mut moments = meshed;
+        let summed = summed.named();
+        for ((name, number), (_, summed)) in each_mut(&mut moments).into_iter().zip(summed) {
+            if let (Some(number), Some(summed)) = (number, summed) {
+                let exact = exact.get(name).map_or(0.0, |it| it.value);
+                let error = (number.value - summed.value).abs() + (summed.value - exact).abs();
+                *number = Estimate::new(number.value, error, Origin::Space);
+            }
+        }
+        Some(moments)
+    }
+
     /// The contact law of the scene.
     pub fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
@@ -355,6 +378,78 @@ pub fn peak_memory() -> Option<u64> {
         .find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kilobytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
     Some(kilobytes * 1024)
+}
+
+/// Widths of cells from their centres, exact for equal cells and of second order for graded ones.
+pub fn widths(centres: &[f64]) -> Vec<f64> {
+    let n = centres.len();
+    (0..n)
+        .map(|k| match (k, n) {
+            (_, 0 | 1) => 1.0,
+            (0, _) => centres[1] - centres[0],
+            (k, n) if k + 1 == n => centres[k] - centres[k - 1],
+            (k, _) => 0.5 * (centres[k + 1] - centres[k - 1]),
+        })
+        .collect()
+}
+
+/// Moments of a density given in the cells of a snapshot, by the midpoint rule.
+fn snapshot_moments(
+    cells: &Snapshot,
+    contact: &ContactLaw,
+    density: impl Fn(usize, usize) -> f64,
+) -> Option<Moments> {
+    let (q, v) = (cells.q.as_slice()?, cells.v.as_slice()?);
+    if q.is_empty() || v.is_empty() {
+        return None;
+    }
+    let (dq, dv) = (widths(q), widths(v));
+    let mut raw = RawMoments::default();
+    for (i, q) in q.iter().enumerate() {
+        // Sums along v first: 1, v, v^2.
+        let mut sum = [0.0; 3];
+        for (j, v) in v.iter().enumerate() {
+            let mass = density(i, j) * dq[i] * dv[j];
+            sum[0] += mass;
+            sum[1] += mass * v;
+            sum[2] += mass * v * v;
+        }
+        let force = contact.force(*q);
+        raw.mass += sum[0];
+        raw.q += q * sum[0];
+        raw.qq += q * q * sum[0];
+        raw.v += sum[1];
+        raw.vv += sum[2];
+        raw.qv += q * sum[1];
+        for (n, raw) in raw.force.iter_mut().enumerate() {
+            *raw += force.powi(n as i32 + 1) * sum[0];
+        }
+        raw.potential += contact.potential(*q) * sum[0];
+        if contact.loss_point().is_some_and(|loss| *q < loss) {
+            raw.lost += sum[0];
+        }
+    }
+    Some(raw.moments(contact))
+}
+
+/// Name and number of every moment, to be changed in place.
+fn each_mut(it: &mut Moments) -> [(&'static str, Option<&mut Estimate>); 11] {
+    [
+        ("mean_q", Some(&mut it.mean_q)),
+        ("var_q", Some(&mut it.var_q)),
+        ("mean_v", Some(&mut it.mean_v)),
+        ("var_v", Some(&mut it.var_v)),
+        ("cov_qv", Some(&mut it.cov_qv)),
+        ("mean_force", Some(&mut it.mean_force)),
+        ("std_force", Some(&mut it.std_force)),
+        ("skewness_force", Some(&mut it.skewness_force)),
+        ("kurtosis_force", Some(&mut it.kurtosis_force)),
+        ("mean_energy", Some(&mut it.mean_energy)),
+        (
+            "contact_loss_probability",
+            it.contact_loss_probability.as_mut(),
+        ),
+    ]
 }
 
 /// `{"value": [...], "error": [...]}`.
@@ -410,7 +505,6 @@ fn method_json(it: &Method) -> Json {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::Origin;
 
     #[test]
     fn the_expected_largest_of_many_normals_is_the_known_one() {

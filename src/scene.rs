@@ -20,7 +20,7 @@ pub mod text;
 
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
-use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
+use crate::fokker_planck::{Drift, TimeScheme};
 use crate::initial::Initial;
 use crate::json::Json;
 use crate::monte_carlo::Scheme;
@@ -301,6 +301,15 @@ pub struct MethodChoice {
     pub step: Option<f64>,
 }
 
+/// How a transient is computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransientMethod {
+    /// Well-balanced finite volumes.
+    FiniteVolume,
+    /// Transport along the exact flow.
+    FlowMap,
+}
+
 /// A key of the scene format whose computation does not exist yet.
 struct NotYet {
     key: &'static str,
@@ -348,12 +357,9 @@ const NOT_YET: &[NotYet] = &[
         instead: "statistics of long records are to come; outputs.moments_at gives an ensemble",
     },
     NotYet {
-        key: "monte_carlo.scheme",
-        asked: |scene| {
-            matches!(&scene.monte_carlo, Some(it)
-                if !matches!(it.scheme, Scheme::Auto | Scheme::Baoab))
-        },
-        instead: "\"auto\" or \"baoab\"",
+        key: "method.transient",
+        asked: |scene| scene.method.transient == Some(TransientMethod::FlowMap),
+        instead: "\"finite_volume\" or \"auto\"",
     },
 ];
 
@@ -702,13 +708,20 @@ fn resolved_monte_carlo(it: &MonteCarlo) -> Json {
 }
 
 /// Names of [`Scheme`] in scenes.
-const SCHEMES: &[(&str, Scheme)] = &[
-    ("auto", Scheme::Auto),
-    ("central_difference", Scheme::CentralDifference),
-    ("baoab", Scheme::Baoab),
-    ("splitting_4_2", Scheme::Splitting42),
-    ("splitting_6_2", Scheme::Splitting62),
-    ("euler_maruyama", Scheme::EulerMaruyama),
+const SCHEMES: &[(&str, Scheme)] = &[("auto", Scheme::Auto), ("baoab", Scheme::Baoab)];
+
+/// Names of the scene format whose computation does not exist yet, by key.
+const NAMES_NOT_YET: &[(&str, &[&str])] = &[
+    (
+        "monte_carlo.scheme",
+        &[
+            "central_difference",
+            "splitting_4_2",
+            "splitting_6_2",
+            "euler_maruyama",
+        ],
+    ),
+    ("method.time", &["implicit", "imex"]),
 ];
 
 /// Names of [`TransientMethod`] in scenes.
@@ -720,8 +733,6 @@ const TRANSIENT: &[(&str, TransientMethod)] = &[
 /// Names of [`TimeScheme`] in scenes.
 const TIME: &[(&str, TimeScheme)] = &[
     ("backward_euler", TimeScheme::BackwardEuler),
-    ("implicit", TimeScheme::Implicit),
-    ("imex", TimeScheme::Imex),
     ("explicit", TimeScheme::Explicit),
 ];
 

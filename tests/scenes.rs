@@ -737,6 +737,12 @@ const BAD: &[(&str, &str)] = &[
         "cosines",
         "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nnoise = { cosines = 400, band = 8.0 }",
     ),
+    ("flow map", "@[method]\ntransient = \"flow_map\""),
+    ("implicit time", "@[method]\ntime = \"implicit\""),
+    (
+        "euler",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nscheme = \"euler_maruyama\"",
+    ),
     ("long records", "@[monte_carlo]\npaths = 10"),
 ];
 

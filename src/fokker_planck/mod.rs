@@ -23,24 +23,11 @@ pub enum Drift {
     Order8,
 }
 
-/// How the transient is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TransientMethod {
-    /// Finite volumes.
-    FiniteVolume,
-    /// Transport along the exact flow.
-    FlowMap,
-}
-
 /// How time is stepped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TimeScheme {
     /// First order, positive.
     BackwardEuler,
-    /// High-order implicit.
-    Implicit,
-    /// Transport explicit, friction and diffusion implicit.
-    Imex,
     /// Explicit Runge-Kutta.
     Explicit,
 }
@@ -48,8 +35,6 @@ pub enum TimeScheme {
 /// What the caller fixes; None is an automatic choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Method.
-    pub method: Option<TransientMethod>,
     /// Drift.
     pub drift: Option<Drift>,
     /// Time scheme.
@@ -128,8 +113,6 @@ pub struct Steady {
     pub l1_error: Estimate,
     /// Residual.
     pub residual: f64,
-    /// Its moments.
-    pub moments: Moments,
     /// Its density.
     pub density: Snapshot,
     /// Marching: (t, L1).
@@ -375,7 +358,6 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
     Ok(Steady {
         l1_error: Estimate::new(1e-12, 1e-12, Origin::Space),
         residual: 1e-13,
-        moments: measured(&density, oscillator),
         approach: (0..60)
             .map(|k| {
                 let t = 50.0 * f64::from(k);

@@ -16,16 +16,8 @@ pub enum Scheme {
     /// Chosen for the scene.
     #[default]
     Auto,
-    /// The paper's.
-    CentralDifference,
     /// Weak order 2.
     Baoab,
-    /// Splitting.
-    Splitting42,
-    /// Splitting.
-    Splitting62,
-    /// Weak order 1.
-    EulerMaruyama,
 }
 
 /// What the caller fixes.

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
 use crate::moments::Moments;
-use crate::results::Results;
+use crate::results::{Results, widths};
 use crate::stationary::Stationary;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -254,7 +254,7 @@ impl Panel {
             Hang::Middle,
             INK,
         )?;
-        let at = (self.left - 52.0, self.top + 0.5 * self.height);
+        let at = (self.left - 64.0, self.top + 0.5 * self.height);
         styled(
             area,
             y_label,
@@ -466,19 +466,6 @@ enum Mark {
     Dot,
 }
 
-/// Widths of cells from their centres.
-fn widths(centres: &[f64]) -> Vec<f64> {
-    let n = centres.len();
-    (0..n)
-        .map(|k| match (k, n) {
-            (_, 0 | 1) => 1.0,
-            (0, _) => centres[1] - centres[0],
-            (k, n) if k + 1 == n => centres[k] - centres[k - 1],
-            (k, _) => 0.5 * (centres[k + 1] - centres[k - 1]),
-        })
-        .collect()
-}
-
 /// A snapshot with its marginals, ready to be drawn.
 struct Sheet<'a> {
     snapshot: &'a Snapshot,
@@ -655,7 +642,7 @@ fn density_picture(
     let law = Stationary::of(&results.scene.oscillator).ok();
     let (x, y) = sheet.window();
     let main = Panel {
-        left: 76.0,
+        left: 92.0,
         top: 156.0,
         width: 430.0,
         height: 330.0,
@@ -697,12 +684,12 @@ fn density_picture(
         ..main.clone()
     };
     let beside = Panel {
-        left: 514.0,
+        left: 530.0,
         width: 104.0,
         x: top(&by_v, &exact_v),
         ..main.clone()
     };
-    let file = picture(name, (700, 546), |area| {
+    let file = picture(name, (716, 546), |area| {
         write(area, title, (main.left, 22.0), 15.0, Hang::Left, INK)?;
         above.axes(area, "", "p(q)")?;
         above.curve(area, &exact_q, HALO, 5.0)?;
@@ -718,10 +705,10 @@ fn density_picture(
         loss_line(area, &main, results, true)?;
         loss_line(area, &above, results, false)?;
         main.frame(area)?;
-        key(area, (636.0, 168.0))?;
-        legend(area, (524.0, 62.0), BLUE, Mark::Line, "on the mesh")?;
+        key(area, (652.0, 168.0))?;
+        legend(area, (540.0, 62.0), BLUE, Mark::Line, "on the mesh")?;
         if law.is_some() {
-            legend(area, (524.0, 84.0), HALO, Mark::Halo, "stationary law")?;
+            legend(area, (540.0, 84.0), HALO, Mark::Halo, "stationary law")?;
         }
         Ok(())
     })?;
@@ -803,15 +790,15 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
     let rows = sheets.len().div_ceil(columns);
     let (width, height) = (236.0, 190.0);
     let size = (
-        (70.0 + columns as f64 * (width + 18.0) + 74.0) as u32,
+        (86.0 + columns as f64 * (width + 18.0) + 74.0) as u32,
         (36.0 + rows as f64 * (height + 26.0) + 40.0) as u32,
     );
     picture("snapshots.svg", size, |area| {
-        write(area, "p(q, q\u{307})", (70.0, 18.0), 15.0, Hang::Left, INK)?;
+        write(area, "p(q, q\u{307})", (86.0, 18.0), 15.0, Hang::Left, INK)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let (row, column) = (k / columns, k % columns);
             let panel = Panel {
-                left: 70.0 + column as f64 * (width + 18.0),
+                left: 86.0 + column as f64 * (width + 18.0),
                 top: 52.0 + row as f64 * (height + 26.0),
                 width,
                 height,
@@ -839,7 +826,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
                 INK,
             )?;
         }
-        key(area, (70.0 + columns as f64 * (width + 18.0), 62.0))
+        key(area, (86.0 + columns as f64 * (width + 18.0), 62.0))
     })
     .map(Some)
 }
@@ -971,7 +958,7 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         return Ok(None);
     };
     let linear = Panel {
-        left: 76.0,
+        left: 92.0,
         top: 44.0,
         width: 390.0,
         height: 320.0,
@@ -981,7 +968,7 @@ pub fn force(results: &Results) -> Result<Option<File>> {
     };
     let top = curves.most.log10();
     let logarithmic = Panel {
-        left: 556.0,
+        left: 578.0,
         y: (top - 5.0, top + 0.8),
         log: true,
         ..linear.clone()
@@ -990,13 +977,16 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         .stationary
         .as_ref()
         .and_then(|it| it.get("log10_contact_loss_probability"));
-    picture("force.svg", (966, 420), |area| {
+    picture("force.svg", (990, 420), |area| {
         let title = "Force: stationary density p(N)";
         write(area, title, (linear.left, 22.0), 15.0, Hang::Left, INK)?;
         curves.draw(area, &linear)?;
         curves.draw(area, &logarithmic)?;
         if let Some(far) = far.filter(|_| curves.dirac.is_none()) {
-            let words = format!("Dirac mass, left of this picture: 10^{:.1}", far.value);
+            let words = format!(
+                "Dirac mass, left of this picture: log\u{2081}\u{2080} P = {:.1}",
+                far.value
+            );
             let words = words.replace('-', "\u{2212}");
             let at = (logarithmic.left, 24.0);
             write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
@@ -1052,7 +1042,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
         return Ok(None);
     };
-    picture("moments.svg", (940, 640), |area| {
+    picture("moments.svg", (958, 640), |area| {
         for (k, (name, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
@@ -1068,16 +1058,11 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
                 .as_ref()
                 .and_then(|it| it.get(name))
                 .map(|it| it.value);
-            let heights = mesh
-                .iter()
-                .chain(&paths)
-                .flat_map(|(_, y)| [y.value - y.error, y.value + y.error])
-                .chain(level);
-            let Some(y) = range(heights, 0.08) else {
+            let Some(y) = heights(&[&mesh, &paths], level) else {
                 continue;
             };
             let panel = Panel {
-                left: 84.0 + 470.0 * (k % 2) as f64,
+                left: 92.0 + 478.0 * (k % 2) as f64,
                 top: 44.0 + 298.0 * (k / 2) as f64,
                 width: 374.0,
                 height: 236.0,
@@ -1103,7 +1088,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
         }
         legend(
             area,
-            (84.0, 20.0),
+            (92.0, 20.0),
             BLUE,
             Mark::Line,
             "Fokker-Planck, band: its error",
@@ -1124,6 +1109,17 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
         Ok(())
     })
     .map(Some)
+}
+
+/// The range of values, widened by their errors, but by no more than as much again: a band that is
+/// wider than the motion is cut.
+fn heights(curves: &[&[(f64, Estimate)]], level: Option<f64>) -> Option<(f64, f64)> {
+    let all = || curves.iter().copied().flatten().map(|(_, y)| y);
+    let (low, high) = range(all().map(|y| y.value).chain(level), 0.0)?;
+    let room = high - low;
+    let ends = all().flat_map(|y| [y.value - y.error, y.value + y.error]);
+    let ends = ends.map(|y| y.clamp(low - room, high + room));
+    range(ends.chain(level), 0.08)
 }
 
 /// At most 120 points, the last among them.
@@ -1174,8 +1170,8 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
             log: true,
         })
     };
-    let first = panel(84.0, [&distance, &entropy]);
-    let left = if first.is_some() { 554.0 } else { 84.0 };
+    let first = panel(92.0, [&distance, &entropy]);
+    let left = if first.is_some() { 570.0 } else { 92.0 };
     let second = panel(left, [&marched, &Points::new()]);
     let Some(last) = second.as_ref().or(first.as_ref()) else {
         return Ok(None);

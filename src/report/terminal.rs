@@ -202,13 +202,13 @@ fn stationary(table: &mut Table, results: &Results) {
         .monte_carlo
         .as_ref()
         .and_then(|it| last(&it.times, &it.moments));
-    let steady = results.steady.as_ref().map(|it| &it.moments);
+    let steady = results.steady_moments();
     let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
     let closed = results.stationary.as_ref();
     if closed.is_some() {
         columns.push(("closed form".into(), "(21)-(30)", None));
     }
-    if let Some(moments) = steady {
+    if let Some(moments) = &steady {
         columns.push(("steady state".into(), "on the mesh", Some(moments)));
     }
     if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
