@@ -47,7 +47,13 @@ pub fn cell(it: Option<Estimate>) -> String {
         return "0 exactly".into();
     }
     if !plain || size >= 1e5 {
-        return format!("{value:.2e} ± {error:.0e}");
+        let text = |digits: usize| format!("{value:.digits$e} ± {error:.0e}");
+        // Exponents of three digits leave room for fewer digits before them.
+        return [2, 1]
+            .map(text)
+            .into_iter()
+            .find(|it| it.chars().count() <= 17)
+            .unwrap_or(text(0));
     }
     let digits = if error > 0.0 {
         (1.0 - error.log10().floor()).clamp(0.0, 6.0) as usize
@@ -61,6 +67,9 @@ pub fn cell(it: Option<Estimate>) -> String {
     } else {
         format!("{error:.0e}")
     };
+    let room = 14usize.saturating_sub(error.len());
+    let fits = |digits: &usize| format!("{value:.digits$}").len() <= room;
+    let digits = (0..=digits).rev().find(fits).unwrap_or(0);
     let number = format!("{value:.digits$}");
     // Nothing is left of a value far below its error: no sign either.
     let nothing = number.bytes().all(|c| matches!(c, b'-' | b'0' | b'.'));
@@ -556,7 +565,7 @@ mod tests {
         for value in [0.0, 1.0, -3.25, 99_999.9, -1e300, 1e-300, -94.247_779] {
             for error in [0.0, 1e-300, 1e-14, 3e-3, 20.0, 1e9] {
                 let text = cell(value, error);
-                assert!(text.chars().count() <= 18, "{text}");
+                assert!(text.chars().count() <= 17, "{text}");
             }
         }
     }
