@@ -39,6 +39,7 @@ pub mod contact;
 pub mod error;
 pub mod estimate;
 pub mod fokker_planck;
+pub mod gaussian;
 pub mod initial;
 pub mod json;
 pub mod moments;
@@ -49,7 +50,9 @@ pub mod quadrature;
 pub mod report;
 pub mod results;
 pub mod rig;
+pub mod scales;
 pub mod scene;
+pub mod sparse;
 pub mod stationary;
 
 pub use error::{Error, Result};

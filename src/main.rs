@@ -7,6 +7,7 @@ use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use vibroimpact::plan::{Part, Plan, Watch};
 use vibroimpact::report::folder::{Existing, Folder};
 use vibroimpact::report::{self, terminal};
@@ -278,15 +279,24 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<(), St
     folder.write(&report::at_the_start(&Results::empty(text.scene())))?;
     let desk = Desk {
         folder: &folder,
+        ended: AtomicBool::new(false),
         bar: Mutex::new(ProgressBar::hidden()),
         quiet: options.quiet,
     };
     let results = plan.run(&desk);
     desk.clear();
-    let results = results.map_err(|error| match error {
-        Error::Io { .. } => error.into(),
-        error => explain(error),
-    })?;
+    let results = match results {
+        Ok(results) => results,
+        Err(error @ Error::Io { .. }) => return Err(error.into()),
+        Err(error) => {
+            let stop = explain(error);
+            // A scene that is refused before its first result leaves nothing behind.
+            if stop.status == 2 && !desk.ended.into_inner() {
+                folder.discard();
+            }
+            return Err(stop);
+        }
+    };
     folder.write(&report::at_the_end(&results)?)?;
     if options.quiet {
         return Ok(());
@@ -313,6 +323,8 @@ fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {
 /// Watches a run: a progress bar, and each stage's files as soon as it has ended.
 struct Desk<'a> {
     folder: &'a Folder,
+    /// Whether any stage has ended.
+    ended: AtomicBool,
     bar: Mutex<ProgressBar>,
     quiet: bool,
 }
@@ -354,6 +366,7 @@ impl Watch for Desk<'_> {
 
     fn ends(&self, part: Part, results: &Results) -> Result<()> {
         self.clear();
+        self.ended.store(true, Ordering::Relaxed);
         self.folder.write(&report::after(part, results)?)
     }
 }

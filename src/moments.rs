@@ -49,6 +49,25 @@ impl Moments {
     }
 }
 
+impl Moments {
+    /// Every moment that exists, to be changed in place, in the order of [`Moments::named`].
+    pub fn each_mut(&mut self) -> [Option<&mut Estimate>; 11] {
+        [
+            Some(&mut self.mean_q),
+            Some(&mut self.var_q),
+            Some(&mut self.mean_v),
+            Some(&mut self.var_v),
+            Some(&mut self.cov_qv),
+            Some(&mut self.mean_force),
+            Some(&mut self.std_force),
+            Some(&mut self.skewness_force),
+            Some(&mut self.kurtosis_force),
+            Some(&mut self.mean_energy),
+            self.contact_loss_probability.as_mut(),
+        ]
+    }
+}
+
 /// The raw expectations from which [`Moments`] are made: each is linear in the density, so mesh sums,
 /// sample means and their errors share this one list.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

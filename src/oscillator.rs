@@ -121,7 +121,8 @@ impl DisplacementLaw {
             breaks,
             normaliser: Estimate::default(),
         };
-        law.normaliser = law.unnormalised(|_| 1.0);
+        let weight = |q: f64| (-law.level(q)).exp();
+        law.normaliser = quadrature::integrate(weight, &law.breaks, Self::RELATIVE);
         if !(law.normaliser.value.is_finite() && law.normaliser.value > 0.0) {
             return Err(Error::invalid(
                 "temperature",
@@ -130,14 +131,6 @@ impl DisplacementLaw {
             ));
         }
         Ok(law)
-    }
-
-    fn unnormalised(&self, f: impl Fn(f64) -> f64) -> Estimate {
-        quadrature::integrate(
-            |q| f(q) * (-self.level(q)).exp(),
-            &self.breaks,
-            Self::RELATIVE,
-        )
     }
 
     /// (U(q) - U_min)/T.
@@ -167,7 +160,13 @@ impl DisplacementLaw {
 
     /// E\[f(q)\], error included. `f` must be smooth away from the kink of the contact law.
     pub fn expect(&self, f: impl Fn(f64) -> f64) -> Estimate {
-        let integral = self.unnormalised(f);
+        self.expect_to(Self::RELATIVE, f)
+    }
+
+    /// As [`DisplacementLaw::expect`], to an error `relative` to E\[|f|\]: for an `f` that is not smooth.
+    pub fn expect_to(&self, relative: f64, f: impl Fn(f64) -> f64) -> Estimate {
+        let weighted = |q: f64| f(q) * (-self.level(q)).exp();
+        let integral = quadrature::integrate(weighted, &self.breaks, relative);
         let z = self.normaliser.value;
         let value = integral.value / z;
         let error = integral.error / z + value.abs() * self.relative_error();

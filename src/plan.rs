@@ -200,21 +200,19 @@ impl Plan {
                 until: self.until(),
             },
             Part::Steady => Task::Steady,
-            Part::DecayRates => Task::DecayRates {
-                count: self.scene.outputs.decay_rates,
-            },
+            Part::DecayRates => Task::DecayRates,
         };
         let Scene {
             oscillator,
             initial,
             ..
         } = &self.scene;
-        let it = fokker_planck::cost(oscillator, initial, task, &self.settings)?;
+        let (it, method) = fokker_planck::cost(oscillator, initial, task, &self.settings)?;
         Ok(Cost {
-            method: format!("{}: {}", it.method, it.reason),
+            method,
             cells: Some(it.cells),
             steps: it.steps,
-            memory_bytes: it.memory_bytes,
+            memory_bytes: it.memory,
             seconds: it.seconds,
         })
     }

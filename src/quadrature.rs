@@ -59,6 +59,26 @@ pub fn panel(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
     rule(&f, a, b).0
 }
 
+/// The 15 nodes and weights of the Kronrod rule on [-1, 1], for rules built by hand.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct KronrodNodes {
+    next: usize,
+}
+
+impl Iterator for KronrodNodes {
+    type Item = (f64, f64);
+
+    fn next(&mut self) -> Option<(f64, f64)> {
+        let k = self.next;
+        self.next += 1;
+        match k {
+            0..=7 => Some((-NODES[k], KRONROD[k])),
+            8..=14 => Some((NODES[14 - k], KRONROD[14 - k])),
+            _ => None,
+        }
+    }
+}
+
 /// Integral of `f` over the intervals between neighbouring `breaks` (ascending), bisected where the
 /// Gauss and Kronrod rules differ most, until their difference is below `relative` times the
 /// integral of `|f|`. Put kinks of `f` among the breaks: the rule has degree 23 only between them.

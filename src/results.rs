@@ -334,7 +334,7 @@ impl Results {
         })?;
         let mut moments = meshed;
         let summed = summed.named();
-        for ((name, number), (_, summed)) in each_mut(&mut moments).into_iter().zip(summed) {
+        for (number, (name, summed)) in moments.each_mut().into_iter().zip(summed) {
             if let (Some(number), Some(summed)) = (number, summed) {
                 let exact = exact.get(name).map_or(0.0, |it| it.value);
                 let error = (number.value - summed.value).abs() + (summed.value - exact).abs();
@@ -430,26 +430,6 @@ fn snapshot_moments(
         }
     }
     Some(raw.moments(contact))
-}
-
-/// Name and number of every moment, to be changed in place.
-fn each_mut(it: &mut Moments) -> [(&'static str, Option<&mut Estimate>); 11] {
-    [
-        ("mean_q", Some(&mut it.mean_q)),
-        ("var_q", Some(&mut it.var_q)),
-        ("mean_v", Some(&mut it.mean_v)),
-        ("var_v", Some(&mut it.var_v)),
-        ("cov_qv", Some(&mut it.cov_qv)),
-        ("mean_force", Some(&mut it.mean_force)),
-        ("std_force", Some(&mut it.std_force)),
-        ("skewness_force", Some(&mut it.skewness_force)),
-        ("kurtosis_force", Some(&mut it.kurtosis_force)),
-        ("mean_energy", Some(&mut it.mean_energy)),
-        (
-            "contact_loss_probability",
-            it.contact_loss_probability.as_mut(),
-        ),
-    ]
 }
 
 /// `{"value": [...], "error": [...]}`.

@@ -42,7 +42,7 @@ fn module(file: &str) -> &str {
 fn floor(module: &str) -> usize {
     match module {
         "estimate" | "quadrature" | "sparse" | "error" | "json" => 0,
-        "contact" | "oscillator" | "rig" | "initial" | "moments" => 1,
+        "contact" | "oscillator" | "rig" | "initial" | "moments" | "gaussian" | "scales" => 1,
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,
         "report" => 4,

@@ -14,6 +14,8 @@ pub struct Folder {
     path: PathBuf,
     /// Held until the run ends, so that a second run does not write into the same folder.
     lock: fs::File,
+    /// Outermost folder that had to be made.
+    made: Option<PathBuf>,
 }
 
 /// What to do with a folder that exists.
@@ -101,6 +103,10 @@ impl Folder {
             path: path.to_owned(),
             source,
         };
+        let missing = path
+            .ancestors()
+            .take_while(|it| !it.as_os_str().is_empty() && !it.exists());
+        let made = missing.last().map(Path::to_owned);
         fs::create_dir_all(path).map_err(io)?;
         let lock = fs::File::create(path.join(LOCK)).map_err(io)?;
         if let Err(fs::TryLockError::WouldBlock) = lock.try_lock() {
@@ -115,7 +121,22 @@ impl Folder {
         Ok(Self {
             path: path.to_owned(),
             lock,
+            made,
         })
+    }
+
+    /// Take back everything: for a run that was refused before its first result.
+    pub fn discard(self) {
+        let Some(made) = self.made.clone() else {
+            for entry in fs::read_dir(&self.path).into_iter().flatten().flatten() {
+                if is_ours(&entry.file_name()) {
+                    let _ = fs::remove_file(entry.path());
+                }
+            }
+            return;
+        };
+        drop(self);
+        let _ = fs::remove_dir_all(made);
     }
 
     /// Where it is.

@@ -1,0 +1,212 @@
+//! A probability density on a mesh, kept as probability per cell.
+
+use super::flux::{Drift, Weights, gaussian_mass};
+use super::generator::Generator;
+use super::mesh::{Axis, Mesh};
+use crate::error::{Error, Result};
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use ndarray::{Array1, Array2};
+use std::f64::consts::TAU;
+
+/// Probability per cell, row-major (q, v). For the central schemes the density at the cell centre
+/// times dq/dxi dv/deta; for upwind the exact cell mass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Density {
+    mesh: Mesh,
+    cells: Vec<f64>,
+}
+
+/// A density at one time, as arrays.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// The time.
+    pub t: f64,
+    /// Cell centres in q.
+    pub q: Array1<f64>,
+    /// Cell centres in v.
+    pub v: Array1<f64>,
+    /// p\[q, v\] as a density.
+    pub p: Array2<f64>,
+}
+
+impl Density {
+    /// Narrowest Gaussian a central scheme can hold, in cells: sampled at 1.5 cells per deviation the
+    /// sum of a Gaussian is exact to exp(-2 pi^2 1.5^2) = 5e-20, and its derivative of order 8 to 1e-3.
+    pub const NARROWEST: f64 = 1.5;
+
+    /// The start, on the unknowns of `generator`: what lies outside of them is left out.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] if a Gaussian is narrower than [`Density::NARROWEST`] cells of a central scheme;
+    /// [`Error::NotAvailable`] for a start at rest, which no mesh can hold.
+    pub fn start(generator: &Generator, initial: &Initial) -> Result<Self> {
+        let mesh = generator.mesh();
+        let [nq, nv] = mesh.cells();
+        match *initial {
+            Initial::Rest => Err(Error::not_available(
+                "initial.kind = \"rest\" for the Fokker-Planck solver",
+                "a \"gaussian\" start with a small deviation",
+            )),
+            Initial::Stationary => {
+                let w = generator.weights();
+                Ok(Self::on(generator, |i, j| w.at(i, j)))
+            }
+            Initial::Gaussian { mean, deviation } => {
+                let upwind = generator.drift() == Drift::Upwind;
+                let q = gaussian(&mesh.q, mean[0], deviation[0], upwind, "q")?;
+                let v = gaussian(&mesh.v, mean[1], deviation[1], upwind, "v")?;
+                debug_assert!(q.len() == nq && v.len() == nv);
+                Ok(Self::on(generator, |i, j| q[i] * v[j]))
+            }
+        }
+    }
+
+    /// A start given in code as a density p(q, v), sampled at the cell centres.
+    pub fn from_fn(generator: &Generator, p: impl Fn(f64, f64) -> f64) -> Self {
+        let Mesh { q, v } = generator.mesh();
+        Self::on(generator, |i, j| {
+            p(q.centres()[i], v.centres()[j]) * q.slopes()[i] * v.slopes()[j]
+        })
+    }
+
+    /// All probability in the cell that holds the equilibrium: the narrowest start of a mesh, for schemes
+    /// that stay positive.
+    pub fn at_equilibrium(generator: &Generator, oscillator: &Oscillator) -> Self {
+        let mesh = generator.mesh();
+        let q0 = oscillator.contact().equilibrium().unwrap_or(0.0);
+        let place = |axis: &Axis, x: f64| (axis.locate(x).max(0.0) as usize).min(axis.len() - 1);
+        let (i, j) = (place(&mesh.q, q0), place(&mesh.v, 0.0));
+        Self::on(generator, |a, b| f64::from(u8::from((a, b) == (i, j))))
+    }
+
+    fn on(generator: &Generator, cell: impl Fn(usize, usize) -> f64) -> Self {
+        let mesh = generator.mesh().clone();
+        let [nq, nv] = mesh.cells();
+        let mut cells = vec![0.0; nq * nv];
+        for i in 0..nq {
+            for j in generator.active(i) {
+                cells[i * nv + j] = cell(i, j);
+            }
+        }
+        Self { mesh, cells }
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Probability per cell.
+    pub fn cells(&self) -> &[f64] {
+        &self.cells
+    }
+
+    /// Probability per cell, to be changed by an integrator.
+    pub fn cells_mut(&mut self) -> &mut [f64] {
+        &mut self.cells
+    }
+
+    /// Total probability.
+    pub fn mass(&self) -> f64 {
+        self.cells.iter().sum()
+    }
+
+    /// Sum of the negative cells, as a positive number.
+    pub fn negative_mass(&self) -> f64 {
+        self.cells.iter().map(|p| (-p).max(0.0)).sum()
+    }
+
+    /// p at the cell centres.
+    pub fn snapshot(&self, t: f64) -> Snapshot {
+        let Mesh { q, v } = &self.mesh;
+        let p = Array2::from_shape_fn((q.len(), v.len()), |(i, j)| {
+            self.cells[i * v.len() + j] / (q.slopes()[i] * v.slopes()[j])
+        });
+        let array = |axis: &Axis| Array1::from_vec(axis.centres().to_vec());
+        Snapshot {
+            t,
+            q: array(q),
+            v: array(v),
+            p,
+        }
+    }
+
+    /// Smallest value of p on the mesh: negative where the scheme undershoots.
+    pub fn lowest(&self) -> f64 {
+        let Mesh { q, v } = &self.mesh;
+        let area = |k: usize| q.slopes()[k / v.len()] * v.slopes()[k % v.len()];
+        self.cells
+            .iter()
+            .enumerate()
+            .map(|(k, p)| p / area(k))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
+    pub fn distance(&self, weights: &Weights, generator: &Generator) -> f64 {
+        self.sum_active(generator, |i, j, p| (p - weights.at(i, j)).abs())
+    }
+
+    /// Relative entropy, the sum of P ln(P/w) over the positive cells: falls to 0 at the stationary law.
+    pub fn relative_entropy(&self, weights: &Weights, generator: &Generator) -> f64 {
+        self.sum_active(generator, |i, j, p| {
+            if p > 0.0 {
+                p * (p / weights.at(i, j)).ln()
+            } else {
+                0.0
+            }
+        })
+    }
+
+    /// Sum of w g^2, g = P/w: never grows under the exact equation, nor under the central schemes.
+    pub fn quadratic_entropy(&self, weights: &Weights, generator: &Generator) -> f64 {
+        self.sum_active(generator, |i, j, p| p * (p / weights.at(i, j)))
+    }
+
+    fn sum_active(&self, generator: &Generator, f: impl Fn(usize, usize, f64) -> f64) -> f64 {
+        let [nq, nv] = self.mesh.cells();
+        (0..nq)
+            .map(|i| {
+                generator
+                    .active(i)
+                    .map(|j| f(i, j, self.cells[i * nv + j]))
+                    .sum::<f64>()
+            })
+            .sum()
+    }
+}
+
+/// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times
+/// widths for the central schemes.
+fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> Result<Vec<f64>> {
+    if exact {
+        return Ok(axis
+            .edges()
+            .windows(2)
+            .map(|w| gaussian_mass(mean, deviation, w[0], w[1]))
+            .collect());
+    }
+    let points = || axis.centres().iter().zip(axis.slopes());
+    let near = points().filter(|(x, _)| (**x - mean).abs() < 3.0 * deviation + axis.at(0.0).1);
+    let widest = near.map(|(_, slope)| *slope).fold(0.0, f64::max);
+    if deviation < Density::NARROWEST * widest {
+        let cells = axis.len() as f64 * Density::NARROWEST * widest / deviation;
+        return Err(Error::Mesh {
+            what: format!(
+                "initial.deviation = {deviation} in {name} is {:.2} cells, and {} are needed",
+                deviation / widest,
+                Density::NARROWEST
+            ),
+            help: format!(
+                "about {:.0} cells along {name}, or a wider start",
+                cells.ceil()
+            ),
+        });
+    }
+    let density = |x: f64| {
+        let z = (x - mean) / deviation;
+        (-0.5 * z * z).exp() / (deviation * TAU.sqrt())
+    };
+    Ok(points().map(|(x, slope)| density(*x) * slope).collect())
+}

@@ -1,0 +1,122 @@
+//! The box: as wide as the tolerance needs, and bounded by one energy level.
+
+use crate::error::{Error, Result};
+use crate::gaussian::Gaussian;
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use crate::quadrature;
+use std::f64::consts::SQRT_2;
+
+/// The part of the (q, v) plane that a solve looks at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Domain {
+    /// Range of q.
+    pub q: [f64; 2],
+    /// Range of v.
+    pub v: [f64; 2],
+    /// Probability left outside by the stationary law or by the start, whichever is larger.
+    pub neglected: f64,
+}
+
+impl Domain {
+    /// The region H - U_min < level, with the level just high enough that the stationary law and the
+    /// start both leave at most `neglected` outside. Streamlines of the undamped motion close inside.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] for a contact that does not confine.
+    pub fn closed(oscillator: &Oscillator, initial: &Initial, neglected: f64) -> Result<Self> {
+        let t = oscillator.temperature();
+        let law = oscillator.displacement_law()?;
+        let contact = oscillator.contact();
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        let outside = |level: f64| {
+            // P(v^2/2 > level - U) of a Gaussian velocity of variance T.
+            let stationary = law.expect_to(1e-6, |q| {
+                let left = level - (contact.potential(q) - lowest);
+                libm::erfc((left.max(0.0) / t).sqrt())
+            });
+            stationary
+                .value
+                .max(start_outside(oscillator, initial, lowest + level))
+        };
+        let mut high = 2.0 * t;
+        while outside(high) > neglected {
+            high *= 1.5;
+            if !high.is_finite() {
+                let what = "no energy level holds the start".to_string();
+                return Err(Error::Mesh {
+                    what,
+                    help: "a start nearer to equilibrium".into(),
+                });
+            }
+        }
+        let mut low = high / 1.5;
+        while high / low > 1.002 {
+            let middle = 0.5 * (low + high);
+            if outside(middle) > neglected {
+                low = middle
+            } else {
+                high = middle
+            }
+        }
+        let (left, right) = contact.turning_points(high).unwrap_or((0.0, 0.0));
+        let reach = (2.0 * high).sqrt();
+        Ok(Self {
+            q: [left, right],
+            v: [-reach, reach],
+            neglected: outside(high),
+        })
+    }
+
+    /// For a contact without a stationary law: the box that the Gaussian start sweeps until `until`,
+    /// with `neglected` outside at any time.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] if the start is the stationary law.
+    pub fn swept(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        until: f64,
+        neglected: f64,
+    ) -> Result<Self> {
+        let start = Gaussian::of(oscillator, initial)?;
+        // Two-sided tail in each of two directions.
+        let mut width = 1.0;
+        while 2.0 * libm::erfc(width / SQRT_2) > neglected && width < 38.0 {
+            width += 0.05;
+        }
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for k in 0..=200 {
+            let now = start.after(oscillator, until * f64::from(k) / 200.0)?;
+            for d in 0..2 {
+                let reach = width * now.covariance[d][d].sqrt();
+                low[d] = low[d].min(now.mean[d] - reach);
+                high[d] = high[d].max(now.mean[d] + reach);
+            }
+        }
+        Ok(Self {
+            q: [low[0], high[0]],
+            v: [low[1], high[1]],
+            neglected,
+        })
+    }
+}
+
+/// P(H > energy) of the start.
+fn start_outside(oscillator: &Oscillator, initial: &Initial, energy: f64) -> f64 {
+    let Initial::Gaussian { mean, deviation } = *initial else {
+        return 0.0;
+    };
+    let outside = |q: f64| {
+        let left = 2.0 * (energy - oscillator.contact().potential(q));
+        if left <= 0.0 {
+            return 1.0;
+        }
+        let (reach, scale) = (left.sqrt(), deviation[1] * SQRT_2);
+        0.5 * (libm::erfc((reach - mean[1]) / scale) + libm::erfc((reach + mean[1]) / scale))
+    };
+    let density = |x: f64| (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
+    let breaks: Vec<f64> = (-9..=9).map(f64::from).collect();
+    let f = |x: f64| outside(mean[0] + deviation[0] * x) * density(x);
+    quadrature::integrate(f, &breaks, 1e-6).value
+}

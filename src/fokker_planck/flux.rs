@@ -1,0 +1,288 @@
+//! What crosses a face in the stationary state, and the weights that g = p/p_s is taken against.
+//!
+//! The stationary mass flux is a curl, p_s (v, -G) = (d psi/dv, -d psi/dq) with psi = -T p_s. Face fluxes
+//! taken from psi sum to zero round every cell for any psi, so a flux that carries g with them keeps
+//! g = 1 exactly: the discrete stationary law is (21) on any mesh.
+
+use super::difference::central;
+use super::mesh::Mesh;
+use crate::error::{Error, Result};
+use crate::oscillator::{DisplacementLaw, Oscillator};
+use std::f64::consts::{SQRT_2, TAU};
+
+/// How g is carried across a face.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drift {
+    /// From the upwind cell. First order, positive; on a weakly damped oscillator its own diffusion
+    /// dwarfs the physical one. The baseline, never the answer.
+    Upwind,
+    /// Skew-symmetric central differences, order 2.
+    Order2,
+    /// Skew-symmetric central differences, order 4.
+    Order4,
+    /// Skew-symmetric central differences, order 6.
+    Order6,
+    /// Skew-symmetric central differences, order 8.
+    Order8,
+}
+
+impl Drift {
+    /// Every choice, lowest order first.
+    pub const ALL: [Self; 5] = [
+        Self::Upwind,
+        Self::Order2,
+        Self::Order4,
+        Self::Order6,
+        Self::Order8,
+    ];
+
+    /// Order of accuracy in space.
+    pub fn order(self) -> usize {
+        match self {
+            Self::Upwind => 1,
+            central => 2 * central.half_width(),
+        }
+    }
+
+    /// Neighbours used on either side.
+    pub fn half_width(self) -> usize {
+        match self {
+            Self::Upwind | Self::Order2 => 1,
+            Self::Order4 => 2,
+            Self::Order6 => 3,
+            Self::Order8 => 4,
+        }
+    }
+
+    /// Cells that a mesh must have beyond the streamlines it carries.
+    pub fn margin(self) -> usize {
+        self.half_width() + 1
+    }
+}
+
+/// The measure that g is the density against.
+#[derive(Debug, Clone)]
+pub enum Measure {
+    /// p_s itself, exp(-H/T)/Z: for every contact that confines.
+    Gibbs(DisplacementLaw),
+    /// Area dq dv, which the undamped motion keeps (Liouville): for contacts without a stationary law.
+    Liouville,
+}
+
+impl Measure {
+    /// The measure that fits an oscillator.
+    ///
+    /// # Errors
+    /// None for the built-in laws; those of [`Oscillator::displacement_law`] for a custom one.
+    pub fn of(oscillator: &Oscillator) -> Result<Self> {
+        if oscillator.contact().is_confining() {
+            Ok(Self::Gibbs(oscillator.displacement_law()?))
+        } else {
+            Ok(Self::Liouville)
+        }
+    }
+
+    /// Its factor in q at a point.
+    pub fn density_q(&self, q: f64) -> f64 {
+        match self {
+            Self::Gibbs(law) => law.density(q),
+            Self::Liouville => 1.0,
+        }
+    }
+
+    /// Its factor in v at a point.
+    pub fn density_v(&self, v: f64, temperature: f64) -> f64 {
+        match self {
+            Self::Gibbs(_) => maxwell(v, temperature),
+            Self::Liouville => 1.0,
+        }
+    }
+}
+
+/// Gaussian density of variance T.
+pub fn maxwell(v: f64, temperature: f64) -> f64 {
+    (-0.5 * v * v / temperature).exp() / (TAU * temperature).sqrt()
+}
+
+/// P(a < v < b) of a Gaussian with this mean and deviation, accurate relative to itself in both tails.
+pub fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
+    let (x, y) = (
+        (a - mean) / (deviation * SQRT_2),
+        (b - mean) / (deviation * SQRT_2),
+    );
+    if x > 0.0 {
+        0.5 * (libm::erfc(x) - libm::erfc(y))
+    } else if y < 0.0 {
+        0.5 * (libm::erfc(-y) - libm::erfc(-x))
+    } else {
+        0.5 * (libm::erf(y) - libm::erf(x))
+    }
+}
+
+/// The measure of the cells: w_ij = q_i v_j. Upwind takes the exact cell masses, the central schemes
+/// the density at the centre times dq/dxi dv/deta, whose sums are of the scheme's order or better.
+#[derive(Debug, Clone)]
+pub struct Weights {
+    /// Factor of each q cell.
+    pub q: Vec<f64>,
+    /// Factor of each v cell.
+    pub v: Vec<f64>,
+    /// The same for the Maxwell density, against which friction and diffusion act; equal to `v` for the
+    /// Gibbs measure.
+    pub maxwell: Vec<f64>,
+}
+
+impl Weights {
+    /// The weights of a scheme on a mesh.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] if a weight under- or overflows: a box far wider than the law.
+    pub fn new(measure: &Measure, mesh: &Mesh, temperature: f64, drift: Drift) -> Result<Self> {
+        let pairs =
+            |edges: &[f64]| -> Vec<[f64; 2]> { edges.windows(2).map(|w| [w[0], w[1]]).collect() };
+        let centred = |axis: &super::mesh::Axis, f: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            axis.centres()
+                .iter()
+                .zip(axis.slopes())
+                .map(|(x, slope)| f(*x) * slope)
+                .collect()
+        };
+        let gauss = |x: f64| maxwell(x, temperature);
+        let (q, maxwell) = if drift == Drift::Upwind {
+            let q = match measure {
+                Measure::Gibbs(law) => pairs(mesh.q.edges())
+                    .iter()
+                    .map(|[a, b]| law.probability(*a, *b))
+                    .collect(),
+                Measure::Liouville => pairs(mesh.q.edges()).iter().map(|[a, b]| b - a).collect(),
+            };
+            let deviation = temperature.sqrt();
+            let mass = |[a, b]: &[f64; 2]| gaussian_mass(0.0, deviation, *a, *b);
+            (q, pairs(mesh.v.edges()).iter().map(mass).collect())
+        } else {
+            (
+                centred(&mesh.q, &|q| measure.density_q(q)),
+                centred(&mesh.v, &gauss),
+            )
+        };
+        let v = match measure {
+            Measure::Gibbs(_) => maxwell.clone(),
+            Measure::Liouville => centred(&mesh.v, &|_| 1.0),
+        };
+        let it = Self { q, v, maxwell };
+        let smallest = |x: &[f64]| x.iter().copied().fold(f64::INFINITY, f64::min);
+        let lowest = smallest(&it.q)
+            .min(smallest(&it.v))
+            .min(smallest(&it.maxwell));
+        if !(lowest.is_finite() && lowest > 1e-290) {
+            let what = format!("the stationary law falls to {lowest:.0e} inside the box");
+            let help = "a start nearer to the stationary law, or a higher tolerance".to_string();
+            return Err(Error::Mesh { what, help });
+        }
+        Ok(it)
+    }
+
+    /// w of cell (i, j).
+    pub fn at(&self, i: usize, j: usize) -> f64 {
+        self.q[i] * self.v[j]
+    }
+}
+
+/// The mass flux of the stationary state.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MassFlux {
+    /// Integrated over faces, in probability per time. For upwind.
+    Faces {
+        /// Through the q-faces, (nq + 1) x nv; positive to higher q.
+        q: Vec<f64>,
+        /// Through the v-faces, nq x (nv + 1); positive to higher v.
+        v: Vec<f64>,
+    },
+    /// At cell centres, per unit of xi and eta: a = D_eta psi along q, b = -D_xi psi along v, with the
+    /// scheme's own differences. For the central schemes.
+    Centres {
+        /// a, nq x nv.
+        q: Vec<f64>,
+        /// b, nq x nv.
+        v: Vec<f64>,
+    },
+}
+
+impl MassFlux {
+    /// The mass flux of `measure` on a mesh. For the Gibbs measure the stream function is cut,
+    /// psi = -T max(p_s - p_cut, 0) with p_cut the largest p_s within half a stencil of the edge of the
+    /// box, so that streamlines close inside. For the Liouville measure psi = H uncut, and the edges
+    /// are open.
+    pub fn new(measure: &Measure, oscillator: &Oscillator, mesh: &Mesh, drift: Drift) -> Self {
+        let t = oscillator.temperature();
+        let psi = |q: &[f64], v: &[f64], rim: usize| -> Vec<f64> {
+            let (m, n) = (q.len(), v.len());
+            if matches!(measure, Measure::Liouville) {
+                let energies = q
+                    .iter()
+                    .flat_map(|q| v.iter().map(|v| oscillator.energy(*q, *v)));
+                return energies.collect();
+            }
+            let along_q: Vec<f64> = q.iter().map(|q| measure.density_q(*q)).collect();
+            let along_v: Vec<f64> = v.iter().map(|v| measure.density_v(*v, t)).collect();
+            let mut cut: f64 = 0.0;
+            for (i, a) in along_q.iter().enumerate() {
+                for (j, b) in along_v.iter().enumerate() {
+                    if i < rim || i + rim >= m || j < rim || j + rim >= n {
+                        cut = cut.max(a * b);
+                    }
+                }
+            }
+            let value = |a: &f64, b: &f64| -t * (a * b - cut).max(0.0);
+            along_q
+                .iter()
+                .flat_map(|a| along_v.iter().map(move |b| value(a, b)))
+                .collect()
+        };
+        let [nq, nv] = mesh.cells();
+        if drift == Drift::Upwind {
+            let psi = psi(mesh.q.edges(), mesh.v.edges(), 1);
+            let at = |i: usize, j: usize| psi[i * (nv + 1) + j];
+            let (mut q, mut v) = (
+                Vec::with_capacity((nq + 1) * nv),
+                Vec::with_capacity(nq * (nv + 1)),
+            );
+            for i in 0..=nq {
+                q.extend((0..nv).map(|j| at(i, j + 1) - at(i, j)));
+            }
+            for i in 0..nq {
+                v.extend((0..=nv).map(|j| at(i, j) - at(i + 1, j)));
+            }
+            return Self::Faces { q, v };
+        }
+        // Beyond the edge psi goes on as at the last cell for Liouville, and is 0 for Gibbs.
+        let half = drift.half_width();
+        let pad_axis = |axis: &super::mesh::Axis| -> Vec<f64> {
+            let n = axis.len() as i64;
+            let reach = half as i64;
+            (-reach..n + reach)
+                .map(|k| axis.at(k as f64 + 0.5).0)
+                .collect()
+        };
+        let psi = psi(&pad_axis(&mesh.q), &pad_axis(&mesh.v), 2 * half);
+        let stride = nv + 2 * half;
+        let at = |i: usize, j: usize| psi[i * stride + j];
+        let c = central(half);
+        let (mut q, mut v) = (Vec::with_capacity(nq * nv), Vec::with_capacity(nq * nv));
+        for i in half..nq + half {
+            for j in half..nv + half {
+                let along_v = c
+                    .iter()
+                    .zip(1..)
+                    .map(|(c, l)| c * (at(i, j + l) - at(i, j - l)));
+                q.push(along_v.sum());
+                let along_q = c
+                    .iter()
+                    .zip(1..)
+                    .map(|(c, l)| c * (at(i - l, j) - at(i + l, j)));
+                v.push(along_q.sum());
+            }
+        }
+        Self::Centres { q, v }
+    }
+}

@@ -1,0 +1,313 @@
+//! Mapped tensor meshes: cell i of an axis spans xi in [i, i+1] of a smooth map x(xi).
+
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result};
+
+/// A smooth monotone map from the mesh coordinate s to x; slope 1 where the mesh is finest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Grading {
+    /// x = s.
+    Uniform,
+    /// x = s - beta w ln(1 + e^{(knee - s)/w}): slope 1 right of the knee, 1 + beta left of it.
+    Left { beta: f64, knee: f64, width: f64 },
+}
+
+impl Grading {
+    fn at(self, s: f64) -> (f64, f64) {
+        match self {
+            Self::Uniform => (s, 1.0),
+            Self::Left { beta, knee, width } => {
+                let z = (knee - s) / width;
+                // ln(1 + e^z) without overflow.
+                let softplus = z.max(0.0) + (-z.abs()).exp().ln_1p();
+                let logistic = 1.0 / (1.0 + (-z).exp());
+                (s - beta * width * softplus, 1.0 + beta * logistic)
+            }
+        }
+    }
+
+    /// s with x(s) = x, by Newton's method on a convex-concave monotone function, bracketed.
+    fn inverse(self, x: f64) -> f64 {
+        let Self::Left { beta, knee, .. } = self else {
+            return x;
+        };
+        // The slope lies in [1, 1 + beta] and x(s) <= s.
+        let (mut low, mut high) = (x.min(knee), x);
+        high = high.max(x + beta * (knee - x).max(0.0) + 1.0);
+        while self.at(high).0 < x {
+            high += (high - low).max(1.0);
+        }
+        let mut s = if x > knee {
+            x
+        } else {
+            knee + (x - knee) / (1.0 + beta)
+        };
+        for _ in 0..100 {
+            let (value, slope) = self.at(s);
+            if value < x {
+                low = s
+            } else {
+                high = s
+            }
+            let next = s - (value - x) / slope;
+            let next = if next > low && next < high {
+                next
+            } else {
+                0.5 * (low + high)
+            };
+            if (next - s).abs() <= 4.0 * f64::EPSILON * s.abs().max(1e-3) {
+                return next;
+            }
+            s = next;
+        }
+        s
+    }
+}
+
+/// One axis of a mesh: x(xi) with cell i between xi = i and xi = i + 1, its centre at i + 1/2.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    grading: Grading,
+    start: f64,
+    width: f64,
+    edges: Vec<f64>,
+    centres: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+impl Axis {
+    /// `n` equal cells on [low, high].
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for no cells or an empty interval.
+    pub fn uniform(low: f64, high: f64, n: usize) -> Result<Self> {
+        if n == 0 {
+            return Err(Error::invalid(
+                "method.cells",
+                n,
+                "at least one cell in each direction",
+            ));
+        }
+        if !(low < high && low.is_finite() && high.is_finite()) {
+            let value = format!("[{low}, {high}]");
+            return Err(Error::invalid(
+                "the interval of an axis",
+                value,
+                "low < high, finite",
+            ));
+        }
+        Ok(Self::new(Grading::Uniform, low, (high - low) / n as f64, n))
+    }
+
+    fn new(grading: Grading, start: f64, width: f64, n: usize) -> Self {
+        let at = |xi: f64| grading.at(start + width * xi);
+        Self {
+            grading,
+            start,
+            width,
+            edges: (0..=n).map(|i| at(i as f64).0).collect(),
+            centres: (0..n).map(|i| at(i as f64 + 0.5).0).collect(),
+            slopes: (0..n).map(|i| at(i as f64 + 0.5).1 * width).collect(),
+        }
+    }
+
+    /// The displacement axis of a contact law at temperature T: covers [low, high] with `margin` more
+    /// cells at either end, fine in the contact and coarser in flight where the flight is long
+    /// (T above the width of the contact), with a cell edge exactly on the loss point.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] for fewer cells than the margins need.
+    pub fn displacement(
+        contact: &ContactLaw,
+        temperature: f64,
+        [low, high]: [f64; 2],
+        n: usize,
+        margin: usize,
+    ) -> Result<Self> {
+        check_count(n, margin, "q")?;
+        let grading = grading(contact, temperature, low);
+        let (s_low, s_high) = (grading.inverse(low), grading.inverse(high));
+        let inner = (n - 2 * margin) as f64;
+        let mut width = (s_high - s_low) / inner;
+        let mut start = s_low - margin as f64 * width;
+        if let Some(loss) = contact.loss_point().filter(|x| *x > low && *x < high) {
+            // Widen the cells as little as puts an edge on the loss point and keeps the margins.
+            let s_loss = grading.inverse(loss);
+            let best = (margin + 1..n - margin)
+                .map(|k| {
+                    let left = (s_loss - s_low) / (k - margin) as f64;
+                    let right = (s_high - s_loss) / (n - margin - k) as f64;
+                    (left.max(right), k)
+                })
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((wider, k)) = best {
+                width = wider;
+                start = s_loss - k as f64 * width;
+                let mut axis = Self::new(grading, start, width, n);
+                axis.edges[k] = loss;
+                return Ok(axis);
+            }
+        }
+        Ok(Self::new(grading, start, width, n))
+    }
+
+    /// The velocity axis: symmetric, covers [-reach, reach] with `margin` more cells at either end.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] for fewer cells than the margins need.
+    pub fn velocity(reach: f64, n: usize, margin: usize) -> Result<Self> {
+        check_count(n, margin, "v")?;
+        let half = reach * n as f64 / (n - 2 * margin) as f64;
+        Self::uniform(-half, half, n)
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.centres.len()
+    }
+
+    /// Whether there are no cells; never true of an axis that was built.
+    pub fn is_empty(&self) -> bool {
+        self.centres.is_empty()
+    }
+
+    /// The n + 1 cell edges.
+    pub fn edges(&self) -> &[f64] {
+        &self.edges
+    }
+
+    /// The n cell centres, x(i + 1/2).
+    pub fn centres(&self) -> &[f64] {
+        &self.centres
+    }
+
+    /// dx/dxi at the n centres: the local cell width.
+    pub fn slopes(&self) -> &[f64] {
+        &self.slopes
+    }
+
+    /// (x, dx/dxi) at any xi.
+    pub fn at(&self, xi: f64) -> (f64, f64) {
+        let (x, slope) = self.grading.at(self.start + self.width * xi);
+        (x, slope * self.width)
+    }
+
+    /// xi of any x.
+    pub fn locate(&self, x: f64) -> f64 {
+        (self.grading.inverse(x) - self.start) / self.width
+    }
+
+    /// Whether all cells are equal.
+    pub fn is_uniform(&self) -> bool {
+        self.grading == Grading::Uniform
+    }
+}
+
+fn check_count(n: usize, margin: usize, axis: &str) -> Result<()> {
+    if n < 2 * margin + 2 {
+        return Err(Error::Mesh {
+            what: format!(
+                "{n} cells along {axis}, and the stencil needs {}",
+                2 * margin + 2
+            ),
+            help: "more cells, or a lower order".into(),
+        });
+    }
+    Ok(())
+}
+
+/// Flight falls off over T, contact over the reach of a thermal oscillation: cells in the ratio of
+/// the two where flight is the longer, equal cells otherwise.
+fn grading(contact: &ContactLaw, temperature: f64, low: f64) -> Grading {
+    let (Some(loss), Some((_, right))) =
+        (contact.loss_point(), contact.turning_points(temperature))
+    else {
+        return Grading::Uniform;
+    };
+    let reach = right - loss;
+    let ratio = temperature / (-contact.force(loss) * reach);
+    // Below a third more, grading buys nothing.
+    if ratio < 1.3 || low > loss {
+        return Grading::Uniform;
+    }
+    Grading::Left {
+        beta: ratio - 1.0,
+        knee: loss - reach,
+        width: 0.5 * reach,
+    }
+}
+
+/// A tensor mesh of (q, v). Arrays on it are row-major: cell (i, j) at i * nv + j, v contiguous.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    /// Displacement.
+    pub q: Axis,
+    /// Velocity.
+    pub v: Axis,
+}
+
+impl Mesh {
+    /// Cells in q and in v.
+    pub fn cells(&self) -> [usize; 2] {
+        [self.q.len(), self.v.len()]
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.q.len() * self.v.len()
+    }
+
+    /// Whether there are no cells; never true of a mesh that was built.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// q_lo, q_hi, v_lo, v_hi.
+    pub fn domain(&self) -> [f64; 4] {
+        let (q, v) = (self.q.edges(), self.v.edges());
+        [q[0], q[q.len() - 1], v[0], v[v.len() - 1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_edge_lies_on_the_loss_point_and_the_box_is_covered() {
+        for (t, low, high) in [(0.63, -12.0, 4.5), (94.0, -1690.0, 36.0), (0.01, -0.4, 0.5)] {
+            let axis = Axis::displacement(&ContactLaw::Hertz, t, [low, high], 160, 5).unwrap();
+            let edges = axis.edges();
+            assert!(edges.windows(2).all(|w| w[0] < w[1]));
+            assert!(edges[5] <= low + 1e-9 && edges[155] >= high - 1e-9);
+            if low < -1.5 {
+                assert!(edges.contains(&-1.5), "T = {t}");
+            }
+            println!(
+                "T = {t}: cell widths {:.3} to {:.3}",
+                axis.slopes()[159],
+                axis.slopes()[0]
+            );
+        }
+    }
+
+    #[test]
+    fn the_map_is_smooth_and_its_inverse_is_its_inverse() {
+        let axis = Axis::displacement(&ContactLaw::Hertz, 94.0, [-1700.0, 37.0], 200, 5).unwrap();
+        assert!(!axis.is_uniform());
+        for k in -20..=2100 {
+            let xi = 0.1 * f64::from(k);
+            let (x, slope) = axis.at(xi);
+            assert!((axis.locate(x) - xi).abs() < 1e-9, "{xi}");
+            let difference = (axis.at(xi + 1e-4).0 - axis.at(xi - 1e-4).0) / 2e-4;
+            assert!((difference / slope - 1.0).abs() < 1e-6, "{xi}");
+        }
+    }
+
+    #[test]
+    fn a_mesh_smaller_than_its_stencil_is_refused() {
+        assert!(Axis::velocity(3.0, 7, 5).is_err());
+        assert!(Axis::uniform(0.0, 1.0, 0).is_err());
+        assert!(Axis::uniform(1.0, 0.0, 3).is_err());
+    }
+}

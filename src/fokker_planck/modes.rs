@@ -1,0 +1,271 @@
+//! The slowest modes: eigenvalues of the generator nearest to the imaginary axis.
+
+use super::choice::{self, Settings};
+use super::flux::Drift;
+use super::generator::Generator;
+use crate::error::Result;
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use crate::sparse::{Lu, eigen};
+use ndarray::Array2;
+use num_complex::Complex;
+use rayon::prelude::*;
+use sprs::CsMat;
+
+type C = Complex<f64>;
+
+/// An eigenvalue of the generator: a mode decays as e^{re t} and turns at the circular frequency im.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DecayRate {
+    /// Real part, negative.
+    pub re: f64,
+    /// Imaginary part; complex modes come in conjugate pairs, both listed.
+    pub im: f64,
+    /// Error of |re + i im|: |residual| / |left . right| plus, where two meshes were compared, their
+    /// difference.
+    pub error: f64,
+}
+
+/// Krylov vectors per shift: the nearest dozen eigenvalues converge to rounding.
+const KRYLOV: usize = 60;
+
+/// Modes with a larger part of their norm in the rim are of the box, not of the oscillator.
+const RIM: f64 = 0.01;
+
+/// Neglected probability on the two meshes of [`decay_rates`]: slow modes weigh the tail, so their box
+/// is wider than that of a moment.
+const OUTSIDE: [f64; 2] = [1e-10, 1e-8];
+
+/// The `count` slowest decay rates of an oscillator with a stationary law, from two meshes in two boxes:
+/// only modes found in both are given, with their difference in the error.
+///
+/// # Errors
+/// [`crate::Error::NoStationaryLaw`] for a contact without one; those of [`slowest`].
+pub fn decay_rates(
+    oscillator: &Oscillator,
+    count: usize,
+    settings: &Settings,
+) -> Result<Vec<DecayRate>> {
+    oscillator.displacement_law()?;
+    let drift = settings.drift.unwrap_or(Drift::Order8);
+    // Zero itself is an eigenvalue; the others lie at zeta and beyond, near multiples of i.
+    let slow = 1e-2 * oscillator.zeta().min(1.0 / oscillator.zeta());
+    let shifts = [C::new(slow, 0.0), C::new(0.0, 1.0), C::new(0.0, 2.0)];
+    let jobs: Vec<(f64, f64, C)> = [(1.0, OUTSIDE[0]), (0.8, OUTSIDE[1])]
+        .into_iter()
+        .flat_map(|(finer, outside)| shifts.map(|shift| (finer, outside, shift)))
+        .collect();
+    let solve = |(finer, outside, shift): &(f64, f64, C)| {
+        let settings = Settings {
+            tolerance: outside * 1e3,
+            ..settings.clone()
+        };
+        let box_only = Settings {
+            cells: settings.cells.or(Some(cells(oscillator, drift)?)),
+            ..settings
+        };
+        let start = Initial::Stationary;
+        let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &box_only, *finer)?;
+        let generator = Generator::new(oscillator, &mesh, drift)?;
+        slowest(&generator, &[*shift], usize::MAX)
+    };
+    let found: Vec<Result<Vec<DecayRate>>> = jobs.par_iter().map(solve).collect();
+    let mut meshes = [Vec::new(), Vec::new()];
+    for (job, modes) in jobs.iter().zip(found) {
+        merge(&mut meshes[usize::from(job.0 < 1.0)], modes?);
+    }
+    let [fine, coarse] = meshes;
+    let distance = |a: &DecayRate, b: &DecayRate| (a.re - b.re).hypot(a.im - b.im);
+    let mut both: Vec<DecayRate> = fine
+        .iter()
+        .filter_map(|mode| {
+            let nearest = coarse
+                .iter()
+                .map(|other| distance(mode, other))
+                .fold(f64::INFINITY, f64::min);
+            // Believed only if the other mesh knows it, to half a percent: modes of the box move.
+            (nearest < 5e-3 * mode.re.hypot(mode.im)).then(|| DecayRate {
+                error: mode.error + nearest,
+                ..*mode
+            })
+        })
+        .collect();
+    both.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
+    both.truncate(count);
+    Ok(both)
+}
+
+/// Cells for the modes: 5 per thermal deviation in the wider box.
+fn cells(oscillator: &Oscillator, drift: Drift) -> Result<[usize; 2]> {
+    let settings = Settings {
+        tolerance: 1e-3,
+        ..Settings::default()
+    };
+    let start = Initial::Stationary;
+    let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &settings, 1.3)?;
+    let [q, v] = mesh.cells();
+    Ok([q, v + v % 2])
+}
+
+/// Adds modes that are not in the list yet.
+fn merge(list: &mut Vec<DecayRate>, more: Vec<DecayRate>) {
+    for mode in more {
+        let same = |other: &DecayRate| {
+            let size = mode.re.hypot(mode.im);
+            (mode.re - other.re).hypot(mode.im - other.im) < 1e-6 * size + mode.error + other.error
+        };
+        if !list.iter().any(same) {
+            list.push(mode);
+        }
+    }
+}
+
+/// The eigenvalues near the given shifts (points of the upper half plane), rim modes and the zero left
+/// out, the slowest first, conjugates included, at most `count`.
+///
+/// Shift-invert Arnoldi with one complex LU per shift on the symmetrised generator, whose left
+/// eigenvectors are the right ones with v reversed.
+///
+/// # Errors
+/// [`crate::Error::Linear`] if a shift hits an eigenvalue or the projected problem fails.
+pub fn slowest(generator: &Generator, shifts: &[C], count: usize) -> Result<Vec<DecayRate>> {
+    let matrix = generator.symmetrised();
+    let mirror = mirror(generator);
+    let rim = generator.rim();
+    let mut found: Vec<DecayRate> = Vec::new();
+    for shift in shifts {
+        for (value, vector) in near(&matrix, *shift)? {
+            let norm: f64 = vector.iter().map(C::norm_sqr).sum();
+            let outside: f64 = vector
+                .iter()
+                .zip(&rim)
+                .filter(|(_, r)| **r)
+                .map(|(x, _)| x.norm_sqr())
+                .sum();
+            if outside > RIM * norm || value.norm() < 1e-9 || value.re > 1e-9 {
+                continue;
+            }
+            let overlap: C = vector
+                .iter()
+                .zip(&mirror)
+                .map(|(x, k)| x * vector[*k])
+                .sum();
+            let residual = residual(&matrix, value, &vector);
+            let error = residual * norm.sqrt() / overlap.norm();
+            let near = |other: &DecayRate| {
+                (C::new(other.re, other.im.abs()) - C::new(value.re, value.im.abs())).norm()
+            };
+            // The same mode from two shifts, or an unconverged Ritz value.
+            if error < 1e-3 * value.norm()
+                && !found
+                    .iter()
+                    .any(|f| near(f) < 1e-6 * value.norm() + f.error)
+            {
+                found.push(DecayRate {
+                    re: value.re,
+                    im: value.im.abs(),
+                    error,
+                });
+            }
+        }
+    }
+    found.sort_by(|a, b| b.re.total_cmp(&a.re));
+    let conjugates = found.into_iter().flat_map(|mode| {
+        let DecayRate { re, im, error } = mode;
+        // A real eigenvalue of a real matrix has no imaginary part beyond its error.
+        if im <= error.max(1e-9) {
+            vec![DecayRate { re, im: 0.0, error }]
+        } else {
+            vec![mode, DecayRate { re, im: -im, error }]
+        }
+    });
+    Ok(conjugates.take(count).collect())
+}
+
+/// |A x - lambda x|/|x|.
+fn residual(matrix: &CsMat<f64>, value: C, vector: &[C]) -> f64 {
+    let mut image: Vec<C> = vector.iter().map(|x| -value * x).collect();
+    for (column, entries) in matrix.outer_iterator().enumerate() {
+        for (row, a) in entries.iter() {
+            image[row] += vector[column] * *a;
+        }
+    }
+    let size = |x: &[C]| x.iter().map(C::norm_sqr).sum::<f64>().sqrt();
+    size(&image) / size(vector)
+}
+
+/// Eigenpairs of the matrix nearest to a shift, by Arnoldi on (A - shift)^{-1}.
+fn near(matrix: &CsMat<f64>, shift: C) -> Result<Vec<(C, Vec<C>)>> {
+    let mut shifted = matrix.map(|a| C::new(*a, 0.0));
+    for (column, mut entries) in shifted.outer_iterator_mut().enumerate() {
+        if let Some(diagonal) = entries.get_mut(column) {
+            *diagonal -= shift;
+        }
+    }
+    let mut lu = Lu::factor(shifted)?;
+    let n = matrix.cols();
+    let steps = KRYLOV.min(n - 1);
+    let mut basis: Vec<Vec<C>> = Vec::with_capacity(steps + 1);
+    let mut hessenberg = Array2::<C>::zeros((steps + 1, steps));
+    // A fixed, structureless start: the golden-ratio sequence overlaps with every mode.
+    let start = (0..n).map(|k| C::new((k as f64 * 0.618_033_988_749_894_9).fract() - 0.5, 0.0));
+    let mut first: Vec<C> = start.collect();
+    normalise(&mut first);
+    basis.push(first);
+    let mut size = steps;
+    for k in 0..steps {
+        let mut next = basis[k].clone();
+        lu.solve(&mut next)?;
+        // Gram-Schmidt twice is enough (Parlett).
+        for _ in 0..2 {
+            for (j, vector) in basis.iter().enumerate() {
+                let overlap: C = vector.iter().zip(&next).map(|(b, x)| b.conj() * x).sum();
+                hessenberg[[j, k]] += overlap;
+                next.iter_mut()
+                    .zip(vector)
+                    .for_each(|(x, b)| *x -= overlap * b);
+            }
+        }
+        let norm = normalise(&mut next);
+        hessenberg[[k + 1, k]] = C::new(norm, 0.0);
+        if norm < 1e-13 {
+            size = k + 1;
+            break;
+        }
+        basis.push(next);
+    }
+    let square = Array2::from_shape_fn((size, size), |place| hessenberg[place]);
+    let (values, vectors) = eigen(&square)?;
+    let pairs = values.iter().enumerate().map(|(k, theta)| {
+        let mut vector = vec![C::default(); n];
+        for (b, s) in basis.iter().zip(vectors.column(k)) {
+            vector.iter_mut().zip(b).for_each(|(x, b)| *x += b * s);
+        }
+        (shift + theta.inv(), vector)
+    });
+    Ok(pairs.collect())
+}
+
+fn normalise(x: &mut [C]) -> f64 {
+    let norm = x.iter().map(C::norm_sqr).sum::<f64>().sqrt();
+    if norm > 0.0 {
+        x.iter_mut().for_each(|x| *x /= norm);
+    }
+    norm
+}
+
+/// The unknown at (q, -v) of each unknown.
+fn mirror(generator: &Generator) -> Vec<usize> {
+    let number = generator.numbering();
+    let [nq, nv] = generator.mesh().cells();
+    let mut mirror = vec![0; generator.unknowns()];
+    for i in 0..nq {
+        for j in generator.active(i) {
+            let other = number[i * nv + nv - 1 - j];
+            // Active columns are symmetric in v for a symmetric axis; fall back on the cell itself.
+            let here = number[i * nv + j];
+            mirror[here] = if other == usize::MAX { here } else { other };
+        }
+    }
+    mirror
+}

@@ -1,0 +1,220 @@
+//! The steady state: the null vector of the generator, by sparse LU and by marching.
+
+use super::choice::{self, Method, Settings};
+use super::density::{Density, Snapshot};
+use super::flux::Drift;
+use super::generator::Generator;
+use super::march::BackwardEuler;
+use crate::error::{Error, Result};
+use crate::estimate::{Estimate, Origin};
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use crate::sparse::Lu;
+use sprs::CsMat;
+
+/// The steady state on a mesh, found twice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Steady {
+    /// L1 distance of the null vector of the generator to the cell masses of (21) on the same cells; its
+    /// error is the probability that the box leaves out.
+    pub l1_error: Estimate,
+    /// |L P|_1/|L|_1 of the null vector.
+    pub residual: f64,
+    /// The null vector as a density.
+    pub density: Snapshot,
+    /// Time and L1 distance to (21) of a march by backward Euler from one cell at equilibrium.
+    pub approach: Vec<(f64, f64)>,
+    /// What it was computed with.
+    pub method: Method,
+    /// What the reader should know.
+    pub warnings: Vec<String>,
+}
+
+/// Solves L P = 0 on a mesh by sparse LU and by marching, and compares both with (21).
+///
+/// # Errors
+/// [`Error::NoStationaryLaw`] for a contact without one; otherwise those of [`null_vector`].
+pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
+    // The law of q refuses a contact that has none, in its own words.
+    oscillator.displacement_law()?;
+    let drift = settings.drift.unwrap_or(Drift::Upwind);
+    let (mesh, domain) = choice::mesh(oscillator, &Initial::Stationary, 0.0, drift, settings, 1.0)?;
+    let generator = Generator::new(oscillator, &mesh, drift)?;
+    let (null, residual) = null_vector(&generator)?;
+    let exact = Density::start(&generator, &Initial::Stationary)?;
+    let mass = exact.mass();
+    let distance = |density: &Density| -> f64 {
+        density
+            .cells()
+            .iter()
+            .zip(exact.cells())
+            .map(|(p, w)| (p - w / mass).abs())
+            .sum()
+    };
+    let l1 = distance(&null);
+    let outside = domain.neglected.max((1.0 - mass).abs());
+    let mut march_density = Density::at_equilibrium(&generator, oscillator);
+    let relaxation = 0.5 / oscillator.zeta();
+    let approach = march(&generator, &mut march_density, relaxation, 1e-11, &distance)?;
+    let mut warnings = Vec::new();
+    let marched = approach.last().map_or(0.0, |last| last.1);
+    if l1 > 1e-9 || marched > 1e-9 {
+        warnings.push(format!(
+            "the steady state on the mesh differs from the closed form by {l1:.1e} (null vector) and \
+             {marched:.1e} (march): rounding, on a mesh with very different rates"
+        ));
+    }
+    Ok(Steady {
+        l1_error: Estimate::new(l1, outside, Origin::Domain),
+        residual,
+        density: null.snapshot(f64::INFINITY),
+        method: Method {
+            name: format!("finite volumes, {drift:?}, null vector by sparse LU"),
+            reason: "one factorisation gives the steady state".into(),
+            cells: mesh.cells(),
+            unknowns: generator.unknowns(),
+            domain: mesh.domain(),
+            step: 0.0,
+            steps: approach.len() as u64 - 1,
+            neglected: outside,
+        },
+        approach,
+        warnings,
+    })
+}
+
+/// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1.
+///
+/// Inverse iteration with the shift 1e-10 |L|_1: one LU, a convergence factor below 1e-3 even for
+/// decay rates of 1e-7 |L|_1, and a backward error of a few roundings.
+///
+/// # Errors
+/// [`Error::Mesh`] if some cells never exchange probability with the others, so that the null vector
+/// would not be unique; [`Error::Linear`] if the iteration does not settle.
+pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
+    let matrix = generator.matrix();
+    check_connected(&matrix)?;
+    let n = matrix.cols();
+    let norm = matrix
+        .outer_iterator()
+        .map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>())
+        .fold(0.0, f64::max);
+    let shift = 1e-10 * norm;
+    let mut shifted = matrix.map(|a| -a);
+    for (column, mut entries) in shifted.outer_iterator_mut().enumerate() {
+        if let Some(diagonal) = entries.get_mut(column) {
+            *diagonal += shift;
+        }
+    }
+    let mut lu = Lu::factor(shifted)?;
+    let mut x = vec![1.0 / n as f64; n];
+    let mut change = f64::INFINITY;
+    // The start is the uniform density: nothing of (21) goes in.
+    for _ in 0..40 {
+        let before = x.clone();
+        lu.solve(&mut x)?;
+        let mass: f64 = x.iter().sum();
+        x.iter_mut().for_each(|p| *p /= mass);
+        let now = x.iter().zip(&before).map(|(a, b)| (a - b).abs()).sum();
+        // Settled when rounding no longer lets the change fall.
+        if now < 1e-13 || (now < 1e-9 && now > 0.5 * change) {
+            change = now;
+            break;
+        }
+        change = now;
+    }
+    if change > 1e-9 || change.is_nan() {
+        let what = format!("inverse iteration still changes by {change:.1e} after 40 solves");
+        return Err(Error::Linear {
+            stage: "steady state",
+            what,
+        });
+    }
+    let mut image = vec![0.0; n];
+    for (column, entries) in matrix.outer_iterator().enumerate() {
+        for (row, a) in entries.iter() {
+            image[row] += a * x[column];
+        }
+    }
+    let residual = image.iter().map(|r| r.abs()).sum::<f64>() / norm;
+    let mut density = Density::from_fn(generator, |_, _| 0.0);
+    let number = generator.numbering();
+    for (p, unknown) in density.cells_mut().iter_mut().zip(&number) {
+        if *unknown != usize::MAX {
+            *p = x[*unknown];
+        }
+    }
+    Ok((density, residual))
+}
+
+/// Marches `density` by backward Euler to the steady state until its `distance` to it is below
+/// `tolerance` or stops falling, and returns time and distance after every step.
+///
+/// The step starts at a thousandth of the relaxation time 1/(2 zeta) and doubles every five steps up
+/// to 1000 of them, so that both the approach and its end are seen.
+///
+/// # Errors
+/// Those of [`BackwardEuler::step`].
+pub fn march(
+    generator: &Generator,
+    density: &mut Density,
+    relaxation: f64,
+    tolerance: f64,
+    distance: &dyn Fn(&Density) -> f64,
+) -> Result<Vec<(f64, f64)>> {
+    let mut euler = BackwardEuler::new(generator);
+    let mut approach = vec![(0.0, distance(density))];
+    let (mut t, mut dt) = (0.0, 1e-3 * relaxation);
+    for k in 1..=200 {
+        euler.step(density, dt)?;
+        t += dt;
+        let now = distance(density);
+        let before = approach.last().map_or(f64::INFINITY, |last| last.1);
+        approach.push((t, now));
+        let longest = dt >= 1e3 * relaxation;
+        if now < tolerance || (longest && now > 0.5 * before) {
+            break;
+        }
+        if k % 5 == 0 && !longest {
+            dt *= 2.0;
+        }
+    }
+    Ok(approach)
+}
+
+/// Whether every unknown can be reached from every other, by the entries of the generator.
+fn check_connected(matrix: &CsMat<f64>) -> Result<()> {
+    let reached = |matrix: &CsMat<f64>| {
+        let mut seen = vec![false; matrix.cols()];
+        let mut queue = vec![0];
+        seen[0] = true;
+        let mut count = 1;
+        while let Some(column) = queue.pop() {
+            let Some(entries) = matrix.outer_view(column) else {
+                continue;
+            };
+            for (row, a) in entries.iter() {
+                if *a != 0.0 && !seen[row] {
+                    seen[row] = true;
+                    count += 1;
+                    queue.push(row);
+                }
+            }
+        }
+        count
+    };
+    let n = matrix.cols();
+    let forward = reached(matrix);
+    // The transpose of a matrix by columns is one by rows: turn it back into columns.
+    let backward = reached(&matrix.transpose_view().to_csc());
+    if forward == n && backward == n {
+        return Ok(());
+    }
+    Err(Error::Mesh {
+        what: format!(
+            "only {} of {n} cells exchange probability",
+            forward.min(backward)
+        ),
+        help: "more cells: the streamlines of this mesh fall into separate parts".into(),
+    })
+}

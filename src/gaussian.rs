@@ -1,0 +1,181 @@
+//! Laws that stay Gaussian: under G = q and under G = -1 the mean and covariance obey linear
+//! equations, so the transient is known in closed form at any time.
+
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result};
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use std::f64::consts::TAU;
+
+/// A Gaussian law of (q, v).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaussian {
+    /// Mean of (q, v).
+    pub mean: [f64; 2],
+    /// Covariance of (q, v).
+    pub covariance: [[f64; 2]; 2],
+}
+
+type Matrix = [[f64; 6]; 6];
+
+impl Gaussian {
+    /// The law of a start: a point for [`Initial::Rest`].
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] for a stationary start, unless the law is linear.
+    pub fn of(oscillator: &Oscillator, initial: &Initial) -> Result<Self> {
+        match *initial {
+            Initial::Gaussian {
+                mean,
+                deviation: [sq, sv],
+            } => Ok(Self {
+                mean,
+                covariance: [[sq * sq, 0.0], [0.0, sv * sv]],
+            }),
+            Initial::Rest => Ok(Self {
+                mean: [0.0; 2],
+                covariance: [[0.0; 2]; 2],
+            }),
+            Initial::Stationary if *oscillator.contact() == ContactLaw::Linear => {
+                let t = oscillator.temperature();
+                Ok(Self {
+                    mean: [0.0; 2],
+                    covariance: [[t, 0.0], [0.0, t]],
+                })
+            }
+            Initial::Stationary => Err(Error::NoStationaryLaw {
+                what: "a Gaussian stationary start".into(),
+                contact: oscillator.contact().name().into(),
+                why: "its stationary law, if there is one, is not Gaussian".into(),
+            }),
+        }
+    }
+
+    /// The law a time `t` later under G = q or G = -1, exact to rounding: with x = (q, v),
+    /// m' = A m + b and C' = A C + C A^T + diag(0, 2 pi h), solved by one matrix exponential.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a contact law under which a Gaussian does not stay one.
+    pub fn after(&self, oscillator: &Oscillator, t: f64) -> Result<Self> {
+        let (stiffness, drive) = match oscillator.contact() {
+            ContactLaw::Linear => (1.0, 0.0),
+            ContactLaw::Free => (0.0, 1.0),
+            other => {
+                let accepted = "\"linear\" or \"free\", under which a Gaussian stays Gaussian";
+                return Err(Error::invalid("oscillator.contact", other.name(), accepted));
+            }
+        };
+        let friction = 2.0 * oscillator.zeta();
+        // Unknowns: mean q, mean v, C_qq, C_qv, C_vv, 1.
+        let mut a: Matrix = [[0.0; 6]; 6];
+        a[0][1] = 1.0;
+        a[1][0] = -stiffness;
+        a[1][1] = -friction;
+        a[1][5] = drive;
+        a[2][3] = 2.0;
+        a[3][4] = 1.0;
+        a[3][3] = -friction;
+        a[3][2] = -stiffness;
+        a[4][3] = -2.0 * stiffness;
+        a[4][4] = -2.0 * friction;
+        a[4][5] = 2.0 * oscillator.noise();
+        let e = exponential(&a, t);
+        let [[cqq, cqv], [_, cvv]] = self.covariance;
+        let x = [self.mean[0], self.mean[1], cqq, cqv, cvv, 1.0];
+        let y: [f64; 6] = std::array::from_fn(|i| (0..6).map(|k| e[i][k] * x[k]).sum());
+        Ok(Self {
+            mean: [y[0], y[1]],
+            covariance: [[y[2], y[3]], [y[3], y[4]]],
+        })
+    }
+
+    /// The density at (q, v).
+    pub fn density(&self, q: f64, v: f64) -> f64 {
+        let [[a, b], [_, c]] = self.covariance;
+        let determinant = a * c - b * b;
+        let (x, y) = (q - self.mean[0], v - self.mean[1]);
+        let form = (c * x * x - 2.0 * b * x * y + a * y * y) / determinant;
+        (-0.5 * form).exp() / (TAU * determinant.sqrt())
+    }
+}
+
+/// e^{a t} by scaling and squaring of a Taylor series.
+fn exponential(a: &Matrix, t: f64) -> Matrix {
+    let norm: f64 = a
+        .iter()
+        .map(|row| row.iter().map(|x| x.abs()).sum::<f64>())
+        .fold(0.0, f64::max);
+    let halvings = (norm * t.abs() / 0.125).log2().ceil().max(0.0);
+    let step = t / halvings.exp2();
+    let identity: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
+    let (mut sum, mut term) = (identity, identity);
+    // 0.125^14/14! = 3e-24.
+    for k in 1..=14 {
+        term = product(&term, a);
+        for (row, sums) in term.iter_mut().zip(&mut sum) {
+            for (x, s) in row.iter_mut().zip(sums) {
+                *x *= step / f64::from(k);
+                *s += *x;
+            }
+        }
+    }
+    for _ in 0..halvings as u32 {
+        sum = product(&sum, &sum);
+    }
+    sum
+}
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..6).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_linear_oscillator_from_rest_has_the_textbook_variance() {
+        let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
+        let start = Gaussian::of(&it, &Initial::Rest).unwrap();
+        let (z, t, temperature): (f64, f64, f64) = (0.05, 7.3, it.temperature());
+        let now = start.after(&it, t).unwrap();
+        // Caughey and Stumpf 1961: var v and cov of the oscillator switched on at rest.
+        let w = (1.0 - z * z).sqrt();
+        let (s, c) = ((w * t).sin(), (w * t).cos());
+        let decay = (-2.0 * z * t).exp();
+        let var_q = temperature
+            * (1.0 - decay * (1.0 + 2.0 * z * z / (w * w) * s * s + 2.0 * z / w * s * c));
+        assert!(
+            (now.covariance[0][0] - var_q).abs() < 1e-14,
+            "{now:?} {var_q}"
+        );
+        let half = 0.5
+            * (start.after(&it, t + 1e-4).unwrap().covariance[0][0]
+                - start.after(&it, t - 1e-4).unwrap().covariance[0][0])
+            / 2e-4;
+        assert!((now.covariance[0][1] - half).abs() < 1e-8);
+        let late = start.after(&it, 4e3).unwrap();
+        assert!((late.covariance[1][1] - temperature).abs() < 1e-12);
+    }
+
+    #[test]
+    fn free_flight_falls_and_spreads() {
+        let it = Oscillator::new(ContactLaw::Free, 0.05, 0.01).unwrap();
+        let start = Initial::Gaussian {
+            mean: [1.0, 0.5],
+            deviation: [0.1, 0.2],
+        };
+        let t = 3.0;
+        let now = Gaussian::of(&it, &start).unwrap().after(&it, t).unwrap();
+        let f = 0.1;
+        let (e, terminal) = ((-f * t).exp(), 1.0 / f);
+        assert!((now.mean[1] - (terminal + (0.5 - terminal) * e)).abs() < 1e-13);
+        let var_v = 0.04 * e * e + it.temperature() * (1.0 - e * e);
+        assert!((now.covariance[1][1] - var_v).abs() < 1e-13);
+        let mean_q = 1.0 + terminal * t + (0.5 - terminal) * (1.0 - e) / f;
+        assert!((now.mean[0] - mean_q).abs() < 1e-12);
+        assert!(Gaussian::of(&it, &Initial::Stationary).is_err());
+        let hertz = Oscillator::new(ContactLaw::Hertz, 0.05, 0.01).unwrap();
+        assert!(now.after(&hertz, 1.0).is_err());
+    }
+}

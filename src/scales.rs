@@ -1,0 +1,64 @@
+//! The natural scale of every number: what a relative tolerance is relative to.
+
+use crate::moments::Moments;
+use crate::oscillator::Oscillator;
+
+/// Natural scales: the stationary deviation for q and N, sqrt(T) for v, variances for variances, T for
+/// the energy, 1 for shapes and probabilities. Without a stationary law, the value itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scales {
+    known: Option<[f64; 11]>,
+}
+
+impl Scales {
+    /// The scales of an oscillator.
+    pub fn of(oscillator: &Oscillator) -> Self {
+        let known = oscillator.displacement_law().ok().map(|law| {
+            let t = oscillator.temperature();
+            let mean = law.expect(|q| q).value;
+            let var_q = law.expect(|q| (q - mean).powi(2)).value;
+            let force = law
+                .expect(|q| oscillator.contact().force(q).powi(2))
+                .value
+                .sqrt();
+            let (q, v) = (var_q.sqrt(), t.sqrt());
+            [q, var_q, v, t, q * v, force, force, 1.0, 1.0, t, 1.0]
+        });
+        Self { known }
+    }
+
+    /// The scale of each number of [`Moments::named`], in its order.
+    pub fn each(&self, moments: &Moments) -> [f64; 11] {
+        self.known.unwrap_or_else(|| {
+            moments.named().map(|(name, number)| match name {
+                "skewness_force" | "kurtosis_force" | "contact_loss_probability" => 1.0,
+                _ => number.map_or(1.0, |n| n.value.abs()),
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+
+    #[test]
+    fn the_scales_of_the_linear_oscillator_are_powers_of_its_temperature() {
+        let it = Oscillator::new(ContactLaw::Linear, 0.1, 0.02).unwrap();
+        let t = it.temperature();
+        let s = t.sqrt();
+        let expected = [s, t, s, t, t, s, s, 1.0, 1.0, t, 1.0];
+        for (got, expected) in Scales::of(&it)
+            .each(&Moments::default())
+            .iter()
+            .zip(expected)
+        {
+            assert!((got / expected - 1.0).abs() < 1e-12);
+        }
+        let free = Oscillator::new(ContactLaw::Free, 0.1, 0.02).unwrap();
+        let mut moments = Moments::default();
+        moments.mean_q.value = -7.0;
+        assert_eq!(Scales::of(&free).each(&moments)[0], 7.0);
+    }
+}

@@ -1,0 +1,362 @@
+//! Sparse LU: the one door to faer. Matrices are sprs matrices in compressed-column form.
+//!
+//! faer answers a numerically singular, NaN or infinite matrix with `Ok` and numbers that are not a
+//! solution; this door checks the values before, and the residual after, so that none gets through.
+
+use crate::error::{Error, Result};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::linalg::lu::{
+    LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::traits::ComplexField;
+use faer::{Conj, Mat, MatMut, Par};
+use ndarray::Array2;
+use num_complex::Complex;
+use sprs::CsMat;
+use std::ops::{AddAssign, Mul, SubAssign};
+
+/// f64 or Complex<f64>: what a factored matrix can hold.
+pub trait Scalar:
+    ComplexField + Copy + Default + AddAssign + SubAssign + Mul<Output = Self>
+{
+    /// |Re| + |Im|; NaN if either is.
+    fn size(self) -> f64;
+}
+
+impl Scalar for f64 {
+    fn size(self) -> f64 {
+        self.abs()
+    }
+}
+
+impl Scalar for Complex<f64> {
+    fn size(self) -> f64 {
+        self.re.abs() + self.im.abs()
+    }
+}
+
+/// A factored sparse matrix A, P A Q = L U (faer, COLAMD ordering, partial pivoting). The pattern is
+/// analysed once; [`Lu::refactor`] takes new values on the same pattern.
+pub struct Lu<T: Scalar> {
+    matrix: CsMat<T>,
+    columns: Vec<usize>,
+    /// Largest column sum of |A|.
+    norm: f64,
+    symbolic: SymbolicLu<usize>,
+    numeric: NumericLu<usize, T>,
+    memory: MemBuffer,
+    residual: Vec<T>,
+}
+
+impl<T: Scalar> Lu<T> {
+    /// Largest backward error accepted of a solution, relative to |A| |x| + |b|. A stable
+    /// factorisation reaches about 1e-14; a singular matrix is many orders away.
+    const ACCEPTED: f64 = 1e-9;
+
+    /// Factors a square compressed-column matrix.
+    ///
+    /// # Errors
+    /// [`Error::Linear`] for a matrix that is not square, not compressed by columns, not finite or
+    /// structurally singular. A numerically singular one shows in the first [`Lu::solve`].
+    pub fn factor(matrix: CsMat<T>) -> Result<Self> {
+        let fail = |what: String| Error::Linear {
+            stage: "sparse LU",
+            what,
+        };
+        if !matrix.is_csc() || matrix.rows() != matrix.cols() || matrix.rows() == 0 {
+            let (m, n) = matrix.shape();
+            return Err(fail(format!(
+                "a {m} x {n} matrix, expected square, by columns"
+            )));
+        }
+        let norm = norm(&matrix)?;
+        let columns = matrix.proper_indptr().to_vec();
+        let symbolic = pattern(&matrix, &columns);
+        let symbolic = factorize_symbolic_lu(symbolic, LuSymbolicParams::default())
+            .map_err(|e| fail(format!("{e:?}")))?;
+        let memory = MemBuffer::new(
+            symbolic
+                .factorize_numeric_lu_scratch::<T>(Par::Seq, Default::default())
+                .or(symbolic.solve_in_place_scratch::<T>(1, Par::Seq))
+                .or(symbolic.solve_transpose_in_place_scratch::<T>(1, Par::Seq)),
+        );
+        let residual = vec![T::default(); matrix.rows()];
+        let numeric = NumericLu::new();
+        let mut lu = Self {
+            matrix,
+            columns,
+            norm,
+            symbolic,
+            numeric,
+            memory,
+            residual,
+        };
+        lu.factor_values()?;
+        Ok(lu)
+    }
+
+    /// Factors new values on the pattern of the first matrix; no symbolic work is repeated.
+    ///
+    /// # Errors
+    /// [`Error::Linear`] for another pattern or values that are not finite.
+    pub fn refactor(&mut self, matrix: CsMat<T>) -> Result<()> {
+        if matrix.indptr() != self.matrix.indptr() || matrix.indices() != self.matrix.indices() {
+            let what = "another sparsity pattern than the first matrix".to_string();
+            return Err(Error::Linear {
+                stage: "sparse LU",
+                what,
+            });
+        }
+        self.norm = norm(&matrix)?;
+        self.matrix = matrix;
+        self.factor_values()
+    }
+
+    fn factor_values(&mut self) -> Result<()> {
+        let a = SparseColMatRef::new(pattern(&self.matrix, &self.columns), self.matrix.data());
+        let memory = MemStack::new(&mut self.memory);
+        match self.symbolic.factorize_numeric_lu(
+            &mut self.numeric,
+            a,
+            Par::Seq,
+            memory,
+            Default::default(),
+        ) {
+            Ok(_) => Ok(()),
+            Err(e) => Err(Error::Linear {
+                stage: "sparse LU",
+                what: format!("{e:?}"),
+            }),
+        }
+    }
+
+    /// The number of unknowns.
+    pub fn len(&self) -> usize {
+        self.matrix.rows()
+    }
+
+    /// Whether there are no unknowns; never true of a factored matrix.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Stored entries of A.
+    pub fn nonzeros(&self) -> usize {
+        self.matrix.nnz()
+    }
+
+    /// Overwrites the right-hand side with the solution of A x = b and returns its backward error
+    /// |b - A x|_1/(|A|_1 |x|_1 + |b|_1).
+    ///
+    /// # Errors
+    /// [`Error::Linear`] if the solution is not finite or its backward error above 1e-9.
+    pub fn solve(&mut self, x: &mut [T]) -> Result<f64> {
+        self.checked(x, false)
+    }
+
+    /// As [`Lu::solve`] for the transpose, A^T x = b.
+    ///
+    /// # Errors
+    /// As [`Lu::solve`].
+    pub fn solve_transpose(&mut self, x: &mut [T]) -> Result<f64> {
+        self.checked(x, true)
+    }
+
+    fn checked(&mut self, x: &mut [T], transpose: bool) -> Result<f64> {
+        let n = self.len();
+        if x.len() != n {
+            let what = format!("a right-hand side of length {}, expected {n}", x.len());
+            return Err(Error::Linear {
+                stage: "sparse LU",
+                what,
+            });
+        }
+        self.residual.copy_from_slice(x);
+        let given: f64 = x.iter().map(|b| b.size()).sum();
+        let lu = LuRef::new_unchecked(&self.symbolic, &self.numeric);
+        let memory = MemStack::new(&mut self.memory);
+        let columns = MatMut::from_column_major_slice_mut(x, n, 1);
+        if transpose {
+            lu.solve_transpose_in_place_with_conj(Conj::No, columns, Par::Seq, memory);
+        } else {
+            lu.solve_in_place_with_conj(Conj::No, columns, Par::Seq, memory);
+        }
+        subtract_product(&self.matrix, x, &mut self.residual, transpose);
+        let left: f64 = self.residual.iter().map(|r| r.size()).sum();
+        let solution: f64 = x.iter().map(|s| s.size()).sum();
+        // The 1-norm of A^T may exceed that of A; n |A| never does, but the 1-norm is the right size.
+        let scale = self.norm * solution + given;
+        let error = if scale > 0.0 { left / scale } else { 0.0 };
+        if error.is_finite() && error <= Self::ACCEPTED && solution.is_finite() {
+            Ok(error)
+        } else {
+            let what = format!("singular matrix or lost digits: backward error {error:.1e}");
+            Err(Error::Linear {
+                stage: "sparse LU",
+                what,
+            })
+        }
+    }
+}
+
+/// All eigenvalues and right eigenvectors (unit columns) of a small dense matrix.
+///
+/// # Errors
+/// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
+pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<(Vec<Complex<f64>>, Array2<Complex<f64>>)> {
+    let fail = |what: String| Error::Linear {
+        stage: "dense eigenvalues",
+        what,
+    };
+    let (m, n) = matrix.dim();
+    if m != n || !matrix.iter().all(|x| x.is_finite()) {
+        return Err(fail(format!(
+            "a {m} x {n} matrix, expected square and finite"
+        )));
+    }
+    let dense = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
+    let evd = dense.eigen().map_err(|e| fail(format!("{e:?}")))?;
+    let values = (0..n).map(|k| evd.S()[k]).collect();
+    let mut vectors = Array2::from_shape_fn((n, n), |(i, j)| evd.U()[(i, j)]);
+    for mut column in vectors.columns_mut() {
+        let norm = column.iter().map(Complex::norm_sqr).sum::<f64>().sqrt();
+        column.mapv_inplace(|x| x / norm);
+    }
+    Ok((values, vectors))
+}
+
+/// Largest column sum of |A|; an error if any entry is not finite.
+fn norm<T: Scalar>(matrix: &CsMat<T>) -> Result<f64> {
+    let mut largest: f64 = 0.0;
+    for (column, entries) in matrix.outer_iterator().enumerate() {
+        let sum: f64 = entries.iter().map(|(_, a)| a.size()).sum();
+        if !sum.is_finite() {
+            let what = format!("column {column} holds an entry that is not finite");
+            return Err(Error::Linear {
+                stage: "sparse LU",
+                what,
+            });
+        }
+        largest = largest.max(sum);
+    }
+    Ok(largest)
+}
+
+/// faer's view of the pattern; `columns` holds the column pointers.
+fn pattern<'a, T>(
+    matrix: &'a CsMat<T>,
+    columns: &'a [usize],
+) -> SymbolicSparseColMatRef<'a, usize> {
+    let (m, n) = matrix.shape();
+    SymbolicSparseColMatRef::new_checked(m, n, columns, None, matrix.indices())
+}
+
+/// `y -= A x`, or `A^T x`.
+fn subtract_product<T: Scalar>(matrix: &CsMat<T>, x: &[T], y: &mut [T], transpose: bool) {
+    for (column, entries) in matrix.outer_iterator().enumerate() {
+        if transpose {
+            let mut sum = T::default();
+            for (row, &a) in entries.iter() {
+                sum += a * x[row];
+            }
+            y[column] -= sum;
+        } else {
+            for (row, &a) in entries.iter() {
+                y[row] -= a * x[column];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sprs::TriMat;
+
+    fn matrix<T: Scalar>(n: usize, entries: &[(usize, usize, T)]) -> CsMat<T> {
+        let mut triplets = TriMat::new((n, n));
+        for &(i, j, a) in entries {
+            triplets.add_triplet(i, j, a);
+        }
+        triplets.to_csc()
+    }
+
+    #[test]
+    fn a_solution_and_its_transpose_solve_the_system() {
+        let a = matrix(
+            3,
+            &[
+                (0, 0, 4.0),
+                (0, 2, 1.0),
+                (1, 1, 2.0),
+                (2, 0, -1.0),
+                (2, 2, 3.0),
+            ],
+        );
+        let mut lu = Lu::factor(a).unwrap();
+        let mut x = [7.0, 4.0, 8.0]; // of x = (1, 2, 3)
+        assert!(lu.solve(&mut x).unwrap() < 1e-15);
+        assert!((x[0] - 1.0).abs() + (x[1] - 2.0).abs() + (x[2] - 3.0).abs() < 1e-14);
+        let mut y = [1.0, 4.0, 10.0];
+        lu.solve_transpose(&mut y).unwrap();
+        assert!(
+            (y[0] - 1.0).abs() + (y[1] - 2.0).abs() + (y[2] - 3.0).abs() < 1e-14,
+            "{y:?}"
+        );
+    }
+
+    #[test]
+    fn a_complex_system_is_solved_by_the_same_code() {
+        let i = Complex::new(0.0, 1.0);
+        let one = Complex::new(1.0, 0.0);
+        let mut lu = Lu::factor(matrix(2, &[(0, 0, i), (0, 1, one), (1, 1, one + i)])).unwrap();
+        let mut x = [i + one, one + i];
+        lu.solve(&mut x).unwrap();
+        assert!(
+            (x[1] - one).norm() < 1e-15 && (x[0] - one).norm() < 1e-15,
+            "{x:?}"
+        );
+    }
+
+    #[test]
+    fn eigenvalues_of_a_rotation_are_a_conjugate_pair() {
+        let (c, s) = (Complex::new(0.6, 0.0), Complex::new(0.8, 0.0));
+        let matrix = Array2::from_shape_vec((2, 2), vec![c, -s, s, c]).unwrap();
+        let (values, vectors) = eigen(&matrix).unwrap();
+        for (k, value) in values.iter().enumerate() {
+            assert!((value.re - 0.6).abs() < 1e-14 && (value.im.abs() - 0.8).abs() < 1e-14);
+            let image = matrix.dot(&vectors.column(k));
+            let left = &image - &vectors.column(k).mapv(|x| x * value);
+            assert!(left.iter().all(|x| x.norm() < 1e-14));
+        }
+        assert!(eigen(&Array2::from_elem((2, 2), Complex::new(f64::NAN, 0.0))).is_err());
+    }
+
+    #[test]
+    fn what_is_not_a_solution_is_refused() {
+        let good = [(0, 0, 1.0), (0, 1, 1.0), (1, 0, 1.0), (1, 1, 2.0)];
+        let with = |k: usize, value: f64| {
+            let mut entries = good;
+            entries[k].2 = value;
+            matrix(2, &entries)
+        };
+        // Numerically singular: faer answers Ok.
+        let singular = Lu::factor(with(3, 1.0)).and_then(|mut lu| lu.solve(&mut [1.0, 2.0]));
+        assert!(singular.is_err());
+        for value in [f64::NAN, f64::INFINITY] {
+            let message = Lu::factor(with(2, value)).err().unwrap().to_string();
+            assert!(message.contains("not finite"), "{message}");
+        }
+        // Structurally singular.
+        assert!(Lu::factor(matrix(2, &[(0, 0, 1.0), (1, 0, 1.0)])).is_err());
+        let mut lu = Lu::factor(with(3, 3.0)).unwrap();
+        assert!(lu.solve(&mut [1.0]).is_err());
+        assert!(lu.solve(&mut [f64::NAN, 0.0]).is_err());
+        assert!(lu.refactor(matrix(2, &[(0, 0, 1.0), (1, 1, 1.0)])).is_err());
+        lu.refactor(with(3, 5.0)).unwrap();
+        let mut x = [2.0, 6.0];
+        lu.solve(&mut x).unwrap();
+        assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 1.0).abs() < 1e-15);
+    }
+}
