@@ -1,6 +1,7 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
 
 pub mod choice;
+pub mod cost;
 pub mod density;
 pub mod difference;
 pub mod domain;
@@ -14,6 +15,7 @@ pub mod steady;
 pub mod transient;
 
 pub use choice::{Cost, Method, Settings, TimeScheme};
+pub use cost::{Task, cost};
 pub use density::Snapshot;
 pub use flux::Drift;
 pub use modes::{DecayRate, decay_rates};
