@@ -5,6 +5,7 @@ pub mod error;
 pub mod estimate;
 pub mod initial;
 pub mod moments;
+pub mod monte_carlo;
 pub mod oscillator;
 pub mod quadrature;
 pub mod rig;
