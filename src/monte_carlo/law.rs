@@ -6,8 +6,12 @@ use crate::contact::{ContactLaw, Restoring};
 pub(super) trait Law: Copy + Send + Sync {
     /// G(q).
     fn force(self, q: f64) -> f64;
+    /// G(q) and G'(q).
+    fn force_and_stiffness(self, q: f64) -> (f64, f64);
     /// U(q), the integral of G from 0.
     fn potential(self, q: f64) -> f64;
+    /// Below it contact is lost; minus infinity for a law that cannot lose contact.
+    fn loss(self) -> f64;
 }
 
 /// (9).
@@ -19,6 +23,18 @@ impl Law for Hertz {
     fn force(self, q: f64) -> f64 {
         let x = (1.0 + q * (2.0 / 3.0)).max(0.0);
         x * x.sqrt() - 1.0
+    }
+
+    #[inline(always)]
+    fn force_and_stiffness(self, q: f64) -> (f64, f64) {
+        let x = (1.0 + q * (2.0 / 3.0)).max(0.0);
+        let root = x.sqrt();
+        (x * root - 1.0, root)
+    }
+
+    #[inline(always)]
+    fn loss(self) -> f64 {
+        -1.5
     }
 
     /// With y = sqrt(1 + 2q/3) and e = y - 1, (3/5)(y^5 - 1) - (3/2)(y^2 - 1) factors into
@@ -44,6 +60,16 @@ impl Law for Bilinear {
     }
 
     #[inline(always)]
+    fn force_and_stiffness(self, q: f64) -> (f64, f64) {
+        (q.max(-1.0), if q >= -1.0 { 1.0 } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn loss(self) -> f64 {
+        -1.0
+    }
+
+    #[inline(always)]
     fn potential(self, q: f64) -> f64 {
         let contact = q.max(-1.0);
         0.5 * contact * contact + (contact - q)
@@ -58,6 +84,16 @@ impl Law for Linear {
     #[inline(always)]
     fn force(self, q: f64) -> f64 {
         q
+    }
+
+    #[inline(always)]
+    fn force_and_stiffness(self, q: f64) -> (f64, f64) {
+        (q, 1.0)
+    }
+
+    #[inline(always)]
+    fn loss(self) -> f64 {
+        f64::NEG_INFINITY
     }
 
     #[inline(always)]
@@ -77,6 +113,16 @@ impl Law for Free {
     }
 
     #[inline(always)]
+    fn force_and_stiffness(self, _: f64) -> (f64, f64) {
+        (-1.0, 0.0)
+    }
+
+    #[inline(always)]
+    fn loss(self) -> f64 {
+        f64::NEG_INFINITY
+    }
+
+    #[inline(always)]
     fn potential(self, q: f64) -> f64 {
         -q
     }
@@ -86,6 +132,16 @@ impl Law for &dyn Restoring {
     #[inline(always)]
     fn force(self, q: f64) -> f64 {
         Restoring::force(self, q)
+    }
+
+    #[inline(always)]
+    fn force_and_stiffness(self, q: f64) -> (f64, f64) {
+        (Restoring::force(self, q), Restoring::stiffness(self, q))
+    }
+
+    #[inline(always)]
+    fn loss(self) -> f64 {
+        self.loss_point().unwrap_or(f64::NEG_INFINITY)
     }
 
     #[inline(always)]

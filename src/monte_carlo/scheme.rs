@@ -1,34 +1,72 @@
 //! One step: how (q, v) advances under noise, friction and contact force.
 
+use super::events::Watch;
+use super::hamiltonian::Flow;
 use super::law::Law;
-use super::noise::{LANES, Lanes, Streams};
+use super::noise::{LANES, Lanes, Signal, Streams};
 use crate::error::{Error, Result};
 use crate::oscillator::Oscillator;
 use std::fmt;
 use std::str::FromStr;
 
-/// How one step is made.
+/// How one step is made. The weak order is that of E\[f(q, v)\] at a fixed time for smooth f.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Scheme {
-    /// Chosen from the oscillator.
+    /// [`Scheme::Splitting42`] with white noise, [`Scheme::CentralDifference`] with a sum of cosines.
     #[default]
     Auto,
-    /// Kick, drift, exact Ornstein-Uhlenbeck step, drift, kick. Weak order 2; for G = q the stationary
-    /// law of q is exact at any step and Var v is T (1 - step^2/4); the phase lags by step^2/24.
-    /// Leimkuhler & Matthews, AMRX 2013(1), 34-56.
+    /// Central differences in time for q'' and q', as in the paper, section 5.2; with white noise this is
+    /// the scheme of Bruenger, Brooks and Karplus, Chem. Phys. Lett. 105:495 (1984).
+    ///
+    /// Weak order 2. Bias for G = q: Var q is T/(1 - step^2/4), Var v exact; the phase leads by
+    /// step^2/24.
+    CentralDifference,
+    /// Kick B, drift A, exact Ornstein-Uhlenbeck step O, drift A, kick B.
+    ///
+    /// Weak order 2; fourth in the stationary law of q at strong friction. Bias for G = q: Var q exact,
+    /// Var v is T (1 - step^2/4), the phase leads by step^2/24. Leimkuhler & Matthews, AMRX 2013(1),
+    /// 34-56.
     Baoab,
+    /// H(c1) O(1/2) H(c2) O(1/2) H(c1) with c1 = 1/2 - sqrt 3/6 and c2 = sqrt 3/3: the undamped motion H,
+    /// crossings of the loss point located, between exact Ornstein-Uhlenbeck steps O.
+    ///
+    /// Weak error O(zeta step^4 + zeta^2 step^2). Both parts preserve the stationary law, so it has no
+    /// bias at any step. McLachlan, BIT 35:258 (1995); Laskar and Robutel, Celest. Mech. Dyn. Astron.
+    /// 80:39 (2001).
+    Splitting42,
+    /// H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1) with c1 = 1/2 - sqrt 15/10 and c2 = sqrt 15/10.
+    ///
+    /// Weak error O(zeta step^6 + zeta^2 step^2), otherwise as [`Scheme::Splitting42`].
+    Splitting62,
+    /// Euler and Maruyama: v and q from the old state. The warning example.
+    ///
+    /// Weak order 1. Its damping is 2 zeta - step: a weakly damped oscillator gains energy without
+    /// bound once step > 2 zeta, and before that its stationary variances are 1/(1 - step/(2 zeta))
+    /// times too large.
+    EulerMaruyama,
 }
 
 impl Scheme {
     /// Every scheme that can be asked for by name.
-    pub const ALL: [Self; 2] = [Self::Auto, Self::Baoab];
+    pub const ALL: [Self; 6] = [
+        Self::Auto,
+        Self::CentralDifference,
+        Self::Baoab,
+        Self::Splitting42,
+        Self::Splitting62,
+        Self::EulerMaruyama,
+    ];
 
     /// The name used in scenes.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
+            Self::CentralDifference => "central_difference",
             Self::Baoab => "baoab",
+            Self::Splitting42 => "splitting_4_2",
+            Self::Splitting62 => "splitting_6_2",
+            Self::EulerMaruyama => "euler_maruyama",
         }
     }
 }
@@ -46,15 +84,8 @@ impl FromStr for Scheme {
     fn from_str(name: &str) -> Result<Self> {
         let known = Self::ALL.iter().find(|scheme| scheme.name() == name);
         known.copied().ok_or_else(|| {
-            let names: Vec<_> = Self::ALL
-                .iter()
-                .map(|s| format!("\"{}\"", s.name()))
-                .collect();
-            Error::invalid(
-                "monte_carlo.scheme",
-                format!("\"{name}\""),
-                names.join(", "),
-            )
+            let names = Self::ALL.map(|scheme| format!("\"{scheme}\"")).join(", ");
+            Error::invalid("monte_carlo.scheme", format!("\"{name}\""), names)
         })
     }
 }
@@ -64,109 +95,440 @@ impl FromStr for Scheme {
 pub(super) struct Group {
     pub(super) q: Lanes,
     pub(super) v: Lanes,
+    /// The excitation at this moment, where the scheme takes it at whole steps.
+    pub(super) excitation: Lanes,
     pub(super) streams: Streams,
+    /// The sum of cosines in place of white noise.
+    pub(super) signal: Option<Box<Signal>>,
 }
 
 /// What a scheme computes once for every step of the same length.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Coefficients {
+    CentralDifference(CentralDifference),
     Baoab(Baoab),
+    Splitting42(Splitting<2>),
+    Splitting62(Splitting<3>),
+    EulerMaruyama(EulerMaruyama),
 }
 
 impl Coefficients {
-    /// The coefficients of `scheme` for `step`.
-    pub(super) fn new(scheme: Scheme, oscillator: &Oscillator, step: f64) -> Self {
+    /// The coefficients of `scheme` for `step`; `frequency` is the highest of the scene.
+    pub(super) fn new(scheme: Scheme, oscillator: &Oscillator, step: f64, frequency: f64) -> Self {
         match scheme {
-            Scheme::Auto | Scheme::Baoab => Self::Baoab(Baoab::new(oscillator, step)),
+            Scheme::CentralDifference => {
+                Self::CentralDifference(CentralDifference::new(oscillator, step))
+            }
+            Scheme::Baoab => Self::Baoab(Baoab::new(oscillator, step)),
+            Scheme::Auto | Scheme::Splitting42 => {
+                let c = 3f64.sqrt() / 6.0;
+                let (motions, weights) = ([0.5 - c, 2.0 * c, 2.0 * (0.5 - c)], [0.5, 0.5]);
+                Self::Splitting42(Splitting::new(
+                    oscillator, step, frequency, motions, weights,
+                ))
+            }
+            Scheme::Splitting62 => {
+                let c = 15f64.sqrt() / 10.0;
+                let motions = [0.5 - c, c, 2.0 * (0.5 - c)];
+                let weights = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
+                Self::Splitting62(Splitting::new(
+                    oscillator, step, frequency, motions, weights,
+                ))
+            }
+            Scheme::EulerMaruyama => Self::EulerMaruyama(EulerMaruyama::new(oscillator, step)),
         }
     }
 
-    /// Advances `group` by `steps` steps.
+    /// Advances `group` by `steps` steps; `now` is the time at the beginning, told to `watch`.
     #[inline(always)]
-    pub(super) fn advance<L: Law>(&self, law: L, group: &mut Group, steps: u64) {
+    pub(super) fn advance<L: Law, W: Watch>(
+        &self,
+        law: L,
+        group: &mut Group,
+        steps: u64,
+        now: f64,
+        watch: &mut W,
+    ) {
         match self {
-            Self::Baoab(kernel) => advance(law, *kernel, group, steps),
+            Self::CentralDifference(kernel) => {
+                kernel_steps(law, *kernel, group, steps, now, watch);
+            }
+            Self::Baoab(kernel) => kernel_steps(law, *kernel, group, steps, now, watch),
+            Self::Splitting42(splitting) => splitting.advance(law, group, steps, now, watch),
+            Self::Splitting62(splitting) => splitting.advance(law, group, steps, now, watch),
+            Self::EulerMaruyama(kernel) => kernel_steps(law, *kernel, group, steps, now, watch),
         }
     }
 }
 
-/// A scheme of one normal a step: what it does before the first step of an interval, in each step,
-/// and after the last.
+/// A scheme of one excitation a step. `kick` is what a step ends with and the next begins with, so that
+/// the force is evaluated once a step.
 trait Kernel: Copy {
-    fn before<L: Law>(self, law: L, q: f64, v: f64) -> f64;
-    fn step<L: Law>(self, law: L, q: f64, v: f64, normal: f64) -> (f64, f64);
-    fn after<L: Law>(self, law: L, q: f64, v: f64) -> f64;
+    /// The step.
+    fn duration(self) -> f64;
+    /// Half a step's kick at displacement q under the excitation of that moment.
+    fn kick<L: Law>(self, law: L, q: f64, excitation: f64) -> f64;
+    /// (q, v, kick) after one step.
+    fn step<L: Law>(self, law: L, state: (f64, f64, f64), excitation: f64) -> (f64, f64, f64);
+    /// Factor of a sum of cosines against a standard normal; None where it has no place.
+    fn cosines(self) -> Option<f64> {
+        None
+    }
 }
 
 #[inline(always)]
-fn advance<L: Law, K: Kernel>(law: L, kernel: K, group: &mut Group, steps: u64) {
-    let (mut q, mut v) = (group.q, group.v);
-    let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
-    for lane in 0..LANES {
-        v[lane] = kernel.before(law, q[lane], v[lane]);
+fn kernel_steps<L: Law, K: Kernel, W: Watch>(
+    law: L,
+    kernel: K,
+    group: &mut Group,
+    steps: u64,
+    now: f64,
+    watch: &mut W,
+) {
+    if let (Some(factor), Some(mut signal)) = (kernel.cosines(), group.signal.take()) {
+        signal.begin(now, kernel.duration());
+        signal.value(factor, &mut group.excitation);
+        begin(law, kernel, group, |state| {
+            for k in 0..steps {
+                let mut excitation = [0.0; LANES];
+                signal.next(factor, &mut excitation);
+                let now = now + k as f64 * kernel.duration();
+                one(law, kernel, state, &excitation, now, watch);
+            }
+        });
+        group.signal = Some(signal);
+        return;
     }
-    for _ in 0..steps / 2 {
-        group.streams.normals(&mut first, &mut second);
-        for lane in 0..LANES {
-            let (q1, v1) = kernel.step(law, q[lane], v[lane], first[lane]);
-            (q[lane], v[lane]) = kernel.step(law, q1, v1, second[lane]);
+    let mut streams = group.streams.clone();
+    begin(law, kernel, group, |state| {
+        let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
+        for k in 0..steps / 2 {
+            streams.normals(&mut first, &mut second);
+            let now = now + (2 * k) as f64 * kernel.duration();
+            one(law, kernel, state, &first, now, watch);
+            one(law, kernel, state, &second, now + kernel.duration(), watch);
         }
-    }
-    if steps % 2 == 1 {
-        group.streams.normals(&mut first, &mut second);
-        for lane in 0..LANES {
-            (q[lane], v[lane]) = kernel.step(law, q[lane], v[lane], first[lane]);
+        if steps % 2 == 1 {
+            streams.normals(&mut first, &mut second);
+            let now = now + (steps - 1) as f64 * kernel.duration();
+            one(law, kernel, state, &first, now, watch);
         }
-    }
-    for lane in 0..LANES {
-        v[lane] = kernel.after(law, q[lane], v[lane]);
-    }
-    (group.q, group.v) = (q, v);
+    });
+    group.streams = streams;
 }
 
-/// [`Scheme::Baoab`]. The kicks that end one step and begin the next are made at once.
+/// q, v, the kick and the last excitation of the paths that advance together.
+struct Running {
+    q: Lanes,
+    v: Lanes,
+    kick: Lanes,
+    excitation: Lanes,
+}
+
+#[inline(always)]
+fn begin<L: Law, K: Kernel>(
+    law: L,
+    kernel: K,
+    group: &mut Group,
+    steps: impl FnOnce(&mut Running),
+) {
+    let mut state = Running {
+        q: group.q,
+        v: group.v,
+        kick: [0.0; LANES],
+        excitation: group.excitation,
+    };
+    for lane in 0..LANES {
+        state.kick[lane] = kernel.kick(law, state.q[lane], state.excitation[lane]);
+    }
+    steps(&mut state);
+    (group.q, group.v, group.excitation) = (state.q, state.v, state.excitation);
+}
+
+/// One step of every lane, with crossings of the loss point from the cubic through both ends.
+#[inline(always)]
+fn one<L: Law, K: Kernel, W: Watch>(
+    law: L,
+    kernel: K,
+    state: &mut Running,
+    excitation: &Lanes,
+    now: f64,
+    watch: &mut W,
+) {
+    let (q0, v0) = (state.q, state.v);
+    for lane in 0..LANES {
+        let old = (q0[lane], v0[lane], state.kick[lane]);
+        (state.q[lane], state.v[lane], state.kick[lane]) = kernel.step(law, old, excitation[lane]);
+    }
+    state.excitation = *excitation;
+    if W::LISTENS {
+        let loss = law.loss();
+        for lane in 0..LANES {
+            let lost = state.q[lane] < loss;
+            if lost != (q0[lane] < loss) {
+                let ends = [
+                    q0[lane] - loss,
+                    v0[lane],
+                    state.q[lane] - loss,
+                    state.v[lane],
+                ];
+                let (after, speed) = cubic_crossing(ends, kernel.duration());
+                watch.cross(lane, lost, now + after, speed);
+            }
+        }
+    }
+}
+
+/// When the cubic with values and slopes (x0, v0) and (x1, v1) at the ends of a step passes 0, and its
+/// speed there.
+fn cubic_crossing([x0, v0, x1, v1]: [f64; 4], step: f64) -> (f64, f64) {
+    let at = |s: f64| {
+        let (c, d) = (v0 * step, v1 * step);
+        let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
+        (
+            x0 + s * (c + s * (a2 + s * a3)),
+            (c + s * (2.0 * a2 + 3.0 * s * a3)) / step,
+        )
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if (at(middle).0 < 0.0) == (x0 < 0.0) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    (high * step, at(high).1.abs())
+}
+
+/// [`Scheme::CentralDifference`]: (q+ - 2q + q-)/step^2 + 2 zeta (q+ - q-)/(2 step) + G(q) = f, written
+/// with v = (q+ - q-)/(2 step). White noise is f = sqrt(2 pi h/step) times a normal.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CentralDifference {
+    step: f64,
+    half: f64,
+    friction: f64,
+    spread: f64,
+}
+
+impl CentralDifference {
+    fn new(oscillator: &Oscillator, step: f64) -> Self {
+        Self {
+            step,
+            half: 0.5 * step,
+            friction: oscillator.zeta() * step,
+            spread: 0.5 * (2.0 * oscillator.noise() * step).sqrt(),
+        }
+    }
+}
+
+impl Kernel for CentralDifference {
+    #[inline(always)]
+    fn duration(self) -> f64 {
+        self.step
+    }
+
+    #[inline(always)]
+    fn kick<L: Law>(self, law: L, q: f64, excitation: f64) -> f64 {
+        self.spread * excitation - self.half * law.force(q)
+    }
+
+    #[inline(always)]
+    fn step<L: Law>(
+        self,
+        law: L,
+        (q, v, kick): (f64, f64, f64),
+        excitation: f64,
+    ) -> (f64, f64, f64) {
+        let middle = v - self.friction * v + kick; // (q+ - q)/step
+        let q = q + self.step * middle;
+        let kick = self.kick(law, q, excitation);
+        (q, (middle + kick) / (1.0 + self.friction), kick)
+    }
+
+    /// Half a step of f, where a standard normal stands for spread.
+    fn cosines(self) -> Option<f64> {
+        Some(self.half / self.spread)
+    }
+}
+
+/// exp(-2 zeta time) and sqrt(T (1 - exp(-4 zeta time))): the exact Ornstein-Uhlenbeck step of v.
+fn ornstein_uhlenbeck(oscillator: &Oscillator, time: f64) -> (f64, f64) {
+    let exponent = -2.0 * oscillator.zeta() * time;
+    let variance = oscillator.temperature() * -(2.0 * exponent).exp_m1();
+    (exponent.exp(), variance.sqrt())
+}
+
+/// [`Scheme::Baoab`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Baoab {
     step: f64,
     half: f64,
-    /// exp(-2 zeta step) and sqrt(T (1 - exp(-4 zeta step))).
     decay: f64,
     spread: f64,
 }
 
 impl Baoab {
     fn new(oscillator: &Oscillator, step: f64) -> Self {
-        let exponent = -2.0 * oscillator.zeta() * step;
+        let (decay, spread) = ornstein_uhlenbeck(oscillator, step);
         Self {
             step,
             half: 0.5 * step,
-            decay: exponent.exp(),
-            spread: (oscillator.temperature() * -(2.0 * exponent).exp_m1()).sqrt(),
+            decay,
+            spread,
         }
     }
 }
 
 impl Kernel for Baoab {
     #[inline(always)]
-    fn before<L: Law>(self, law: L, q: f64, v: f64) -> f64 {
-        v - self.half * law.force(q) // B
+    fn duration(self) -> f64 {
+        self.step
     }
 
     #[inline(always)]
-    fn step<L: Law>(self, law: L, q: f64, v: f64, normal: f64) -> (f64, f64) {
+    fn kick<L: Law>(self, law: L, q: f64, _: f64) -> f64 {
+        -self.half * law.force(q)
+    }
+
+    #[inline(always)]
+    fn step<L: Law>(self, law: L, (q, v, kick): (f64, f64, f64), normal: f64) -> (f64, f64, f64) {
+        let v = v + kick; // B
         let q = q + self.half * v; // A
         let v = self.decay * v + self.spread * normal; // O
         let q = q + self.half * v; // A
-        (q, v - self.step * law.force(q)) // B B
-    }
-
-    #[inline(always)]
-    fn after<L: Law>(self, law: L, q: f64, v: f64) -> f64 {
-        v + self.half * law.force(q) // takes back half of the last B B
+        let kick = self.kick(law, q, 0.0);
+        (q, v + kick, kick) // B
     }
 }
 
-/// The longest step with which `scheme` is trusted: see the docs of the module.
-pub(super) fn automatic_step(_scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
-    0.05 / frequency.max(oscillator.zeta()).max(1.0)
+/// [`Scheme::EulerMaruyama`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EulerMaruyama {
+    step: f64,
+    friction: f64,
+    spread: f64,
+}
+
+impl EulerMaruyama {
+    fn new(oscillator: &Oscillator, step: f64) -> Self {
+        Self {
+            step,
+            friction: 2.0 * oscillator.zeta() * step,
+            spread: (2.0 * oscillator.noise() * step).sqrt(),
+        }
+    }
+}
+
+impl Kernel for EulerMaruyama {
+    #[inline(always)]
+    fn duration(self) -> f64 {
+        self.step
+    }
+
+    #[inline(always)]
+    fn kick<L: Law>(self, _: L, _: f64, _: f64) -> f64 {
+        0.0
+    }
+
+    #[inline(always)]
+    fn step<L: Law>(self, law: L, (q, v, _): (f64, f64, f64), normal: f64) -> (f64, f64, f64) {
+        let force = law.force(q) * self.step + self.friction * v;
+        (q + self.step * v, v - force + self.spread * normal, 0.0)
+    }
+}
+
+/// [`Scheme::Splitting42`] and [`Scheme::Splitting62`] with `STAGES` Ornstein-Uhlenbeck steps. The
+/// motions that end one step and begin the next are made at once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Splitting<const STAGES: usize> {
+    first: Flow,
+    inner: Flow,
+    joint: Flow,
+    /// Decay and spread of each Ornstein-Uhlenbeck step.
+    friction: [(f64, f64); STAGES],
+}
+
+impl<const STAGES: usize> Splitting<STAGES> {
+    fn new(
+        oscillator: &Oscillator,
+        step: f64,
+        frequency: f64,
+        motions: [f64; 3],
+        weights: [f64; STAGES],
+    ) -> Self {
+        let [first, inner, joint] = motions.map(|c| Flow::new(c * step, frequency));
+        Self {
+            first,
+            inner,
+            joint,
+            friction: weights.map(|w| ornstein_uhlenbeck(oscillator, w * step)),
+        }
+    }
+
+    #[inline(always)]
+    fn advance<L: Law, W: Watch>(
+        self,
+        law: L,
+        group: &mut Group,
+        steps: u64,
+        now: f64,
+        watch: &mut W,
+    ) {
+        if steps == 0 {
+            return;
+        }
+        let (mut q, mut v, mut force) = (group.q, group.v, [0.0; LANES]);
+        for lane in 0..LANES {
+            force[lane] = law.force(q[lane]);
+        }
+        let mut streams = group.streams.clone();
+        let (mut normal, mut spare) = ([0.0; LANES], [0.0; LANES]);
+        let (mut now, mut have_spare) = (now, false);
+        let mut flow = self.first;
+        for step in 0..steps {
+            for (stage, (decay, spread)) in self.friction.into_iter().enumerate() {
+                flow.advance(law, (&mut q, &mut v, &mut force), now, watch); // H
+                now += flow.time();
+                if have_spare {
+                    normal = spare;
+                } else {
+                    streams.normals(&mut normal, &mut spare);
+                }
+                have_spare = !have_spare;
+                for lane in 0..LANES {
+                    v[lane] = decay * v[lane] + spread * normal[lane]; // O
+                }
+                flow = if stage + 1 < STAGES {
+                    self.inner
+                } else if step + 1 < steps {
+                    self.joint
+                } else {
+                    self.first
+                };
+            }
+        }
+        self.first
+            .advance(law, (&mut q, &mut v, &mut force), now, watch); // H
+        (group.q, group.v, group.streams) = (q, v, streams);
+    }
+}
+
+/// The longest step with which `scheme` is trusted; `frequency` is the highest of the scene.
+pub(super) fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
+    let zeta = oscillator.zeta();
+    match scheme {
+        Scheme::Auto | Scheme::Splitting42 | Scheme::Splitting62 => {
+            let longest = if scheme == Scheme::Splitting62 {
+                2.0
+            } else {
+                1.0
+            };
+            (longest / frequency.max(1.0)).min(0.05 / zeta)
+        }
+        Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta).max(1.0),
+        // A step at which its damping is off by a hundredth.
+        Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta).max(1.0)),
+    }
 }

@@ -89,7 +89,7 @@ const WIDTH: usize = 8;
 impl Sums {
     /// The sums over the states (q, v) of some paths.
     #[inline(always)]
-    pub(super) fn of<L: Law>(law: L, loss: f64, frames: &Frames, q: &[f64], v: &[f64]) -> Self {
+    pub(super) fn of<L: Law>(law: L, frames: &Frames, q: &[f64], v: &[f64]) -> Self {
         let mut sums = [[0.0; WIDTH]; TERMS];
         let whole = q.len() - q.len() % WIDTH;
         for (q, v) in q[..whole]
@@ -97,14 +97,14 @@ impl Sums {
             .zip(v[..whole].chunks_exact(WIDTH))
         {
             for lane in 0..WIDTH {
-                let terms = terms(law, loss, frames, q[lane], v[lane]);
+                let terms = terms(law, frames, q[lane], v[lane]);
                 for k in 0..TERMS {
                     sums[k][lane] += terms[k];
                 }
             }
         }
         for (lane, (q, v)) in q[whole..].iter().zip(&v[whole..]).enumerate() {
-            let terms = terms(law, loss, frames, *q, *v);
+            let terms = terms(law, frames, *q, *v);
             for k in 0..TERMS {
                 sums[k][lane] += terms[k];
             }
@@ -183,11 +183,11 @@ impl Sums {
 
 /// What one path adds to the sums.
 #[inline(always)]
-fn terms<L: Law>(law: L, loss: f64, frames: &Frames, q: f64, v: f64) -> [f64; TERMS] {
+fn terms<L: Law>(law: L, frames: &Frames, q: f64, v: f64) -> [f64; TERMS] {
     let [fq, fv, fn_, fh] = frames.0;
     let force = fn_.apply(law.force(q));
     let energy = fh.apply(0.5 * v * v + law.potential(q));
-    let lost = if q < loss { 1.0 } else { 0.0 };
+    let lost = if q < law.loss() { 1.0 } else { 0.0 };
     let (q, v) = (fq.apply(q), fv.apply(v));
     let (qq, vv, f2) = (q * q, v * v, force * force);
     let f4 = f2 * f2;

@@ -135,12 +135,12 @@ fn path_k_is_the_same_path_in_a_small_and_in_a_large_ensemble() {
     let it = hertz(0.005, PAPER);
     let initial = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
     let states = |paths: u64| {
-        struct States<'a>(&'a EnsemblePlan);
+        struct States<'a>(&'a Plan);
         impl WithLaw for States<'_> {
             type Output = Vec<(f64, f64)>;
             fn with<L: Law>(self, law: L) -> Self::Output {
                 let mut states = Vec::new();
-                let run = RunEnsemble {
+                let run = Ensemble {
                     plan: self.0,
                     progress: &Progress::new(1, &quiet),
                 };
@@ -150,7 +150,7 @@ fn path_k_is_the_same_path_in_a_small_and_in_a_large_ensemble() {
                 states
             }
         }
-        let plan = EnsemblePlan::new(&it, &initial, &[3.0], &settings(paths)).unwrap();
+        let plan = Plan::new(&it, &initial, &[3.0], &settings(paths)).unwrap();
         law::dispatch(it.contact(), States(&plan))
     };
     assert_eq!(states(10), states(1000)[..10]);
@@ -323,7 +323,7 @@ fn a_law_from_code_walks_the_same_paths_as_the_law_built_in() {
     let [built_in, by_hand] = [ContactLaw::Hertz, custom].map(|contact| {
         let it = Oscillator::new(contact, 0.005, h).unwrap();
         let chosen = EnsembleSettings {
-            step: Some(0.05),
+            scheme: Scheme::Baoab,
             ..settings(100)
         };
         run(&it, &Initial::Rest, &[0.0, 20.0], &chosen, &quiet).unwrap()

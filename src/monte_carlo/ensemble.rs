@@ -1,0 +1,274 @@
+//! Ensembles: moments of independent paths at given times.
+
+use super::events::Deaf;
+use super::law::{self, Law, WithLaw};
+use super::noise::LANES;
+use super::paths::{Paths, highest_frequency};
+use super::scheme::{self, Coefficients, Group};
+use super::statistics::{Frames, Sums};
+use super::{EnsembleSettings, Progress, Scheme, resolve};
+use crate::error::{Error, Result, positive};
+use crate::initial::Initial;
+use crate::moments::Moments;
+use crate::oscillator::Oscillator;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Paths per block: the unit in which sums are added.
+const BLOCK: u64 = 256;
+
+/// Most tasks an ensemble is cut into; bounds the memory and never depends on the threads.
+const TASKS: u64 = 128;
+
+/// Moments of an ensemble at the times asked for, and how they were made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EnsembleResult {
+    /// The output times.
+    pub times: Vec<f64>,
+    /// Moments at each time; every error is one standard error.
+    pub moments: Vec<Moments>,
+    /// Number of paths.
+    pub paths: u64,
+    /// Steps of one path.
+    pub steps: u64,
+    /// Longest step.
+    pub step: f64,
+    /// The scheme used, never [`Scheme::Auto`].
+    pub scheme: Scheme,
+    /// Paths times steps.
+    pub path_steps: u64,
+    /// What a reader of the numbers should know.
+    pub warnings: Vec<String>,
+}
+
+/// Moments at `times` (ascending, may begin with 0) of an ensemble that starts from `initial`.
+///
+/// `progress` is called, from any thread, with the fraction of the work done, 0 to 1.
+///
+/// # Errors
+/// [`Error::Invalid`] for fewer than 2 paths, a step that is not positive, a noise that does not suit
+/// the scheme, times that are negative, not finite or not ascending; [`Error::NoStationaryLaw`] for a
+/// stationary start that does not exist; [`Error::Limit`] for more steps than can be counted.
+pub fn run(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &EnsembleSettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<EnsembleResult> {
+    let plan = Plan::new(oscillator, initial, times, settings)?;
+    let ensemble = Ensemble {
+        plan: &plan,
+        progress: &Progress::new(plan.path_steps, progress),
+    };
+    let (frames, sums) = law::dispatch(oscillator.contact(), ensemble);
+    let moments: Vec<Moments> = frames
+        .iter()
+        .zip(&sums)
+        .map(|(frames, sums)| sums.moments(oscillator.contact(), frames))
+        .collect();
+    let mut warnings = Vec::new();
+    let finite = |m: &Moments| m.mean_energy.value.is_finite();
+    if let Some(k) = moments.iter().position(|m| !finite(m)) {
+        warnings.push(format!(
+            "the ensemble is not finite from t = {} on: the step {} is too long for the scheme {}; \
+             leave monte_carlo.step out to have one chosen",
+            times[k], plan.step, plan.scheme
+        ));
+    }
+    Ok(EnsembleResult {
+        times: times.to_vec(),
+        moments,
+        paths: settings.paths,
+        steps: plan.intervals.iter().map(|interval| interval.steps).sum(),
+        step: plan.longest,
+        scheme: plan.scheme,
+        path_steps: plan.path_steps,
+        warnings,
+    })
+}
+
+/// The steps from one output time to the next.
+#[derive(Debug, Clone, Copy)]
+struct Interval {
+    start: f64,
+    steps: u64,
+    coefficients: Coefficients,
+}
+
+/// Everything fixed before the first step.
+struct Plan {
+    count: u64,
+    paths: Paths,
+    intervals: Vec<Interval>,
+    scheme: Scheme,
+    /// The step asked for or chosen, and the longest one made.
+    step: f64,
+    longest: f64,
+    path_steps: u64,
+}
+
+impl Plan {
+    fn new(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        times: &[f64],
+        settings: &EnsembleSettings,
+    ) -> Result<Self> {
+        if settings.paths < 2 {
+            return Err(Error::invalid(
+                "monte_carlo.paths",
+                settings.paths,
+                "at least 2, so that there is a standard error",
+            ));
+        }
+        let scheme = resolve(settings.scheme, settings.noise)?;
+        let frequency = highest_frequency(oscillator, initial);
+        let step = match settings.step {
+            Some(step) => positive("monte_carlo.step", step)?,
+            None => scheme::automatic_step(scheme, oscillator, frequency),
+        };
+        let mut intervals = Vec::with_capacity(times.len());
+        let (mut now, mut steps, mut longest) = (0.0, 0, 0.0);
+        for &time in times {
+            if !(time.is_finite() && time >= now) {
+                let accepted = "ascending finite times >= 0";
+                return Err(Error::invalid("outputs.moments_at", time, accepted));
+            }
+            let (count, length) = equal_steps(time - now, step)?;
+            if count > 0 {
+                longest = f64::max(longest, length);
+            }
+            intervals.push(Interval {
+                start: now,
+                steps: count,
+                coefficients: Coefficients::new(scheme, oscillator, length, frequency),
+            });
+            steps += count;
+            now = time;
+        }
+        let noise = settings.noise;
+        Ok(Self {
+            count: settings.paths,
+            paths: Paths::new(oscillator, initial, settings.seed, noise, scheme)?,
+            intervals,
+            scheme,
+            step,
+            longest,
+            path_steps: steps.saturating_mul(settings.paths),
+        })
+    }
+}
+
+/// The number of equal steps, none longer than `step`, that span `time`, and their length.
+pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
+    // A whole number of steps stays one where the quotient is rounded up.
+    let count = (time / step * (1.0 - 1e-12)).ceil();
+    if count > 1e15 {
+        return Err(Error::Limit {
+            key: "monte_carlo.step",
+            limit: step.to_string(),
+            what: format!("{count:e} steps over a time of {time}"),
+        });
+    }
+    let length = if count > 0.0 { time / count } else { step };
+    Ok((count as u64, length))
+}
+
+/// The ensemble, to be run once the contact law is known.
+struct Ensemble<'a> {
+    plan: &'a Plan,
+    progress: &'a Progress<'a>,
+}
+
+impl WithLaw for Ensemble<'_> {
+    type Output = (Vec<Frames>, Vec<Sums>);
+
+    fn with<L: Law>(self, law: L) -> Self::Output {
+        let plan = self.plan;
+        // The first block gives the frames in which every block sums; it is run twice.
+        let mut frames = Vec::new();
+        self.block(law, 0, |_, q, v| frames.push(Frames::of(law, q, v)));
+        let blocks = plan.count.div_ceil(BLOCK);
+        let per_task = blocks.div_ceil(TASKS);
+        let tasks: Vec<Range<u64>> = (0..blocks.div_ceil(per_task))
+            .map(|task| task * per_task..((task + 1) * per_task).min(blocks))
+            .collect();
+        let parts: Vec<Vec<Sums>> = tasks
+            .into_par_iter()
+            .map(|blocks| {
+                let mut sums = vec![Sums::default(); plan.intervals.len()];
+                for block in blocks {
+                    self.block(law, block, |k, q, v| {
+                        sums[k].add(&Sums::of(law, &frames[k], q, v))
+                    });
+                }
+                sums
+            })
+            .collect();
+        let mut total = vec![Sums::default(); plan.intervals.len()];
+        for part in &parts {
+            for (sum, more) in total.iter_mut().zip(part) {
+                sum.add(more);
+            }
+        }
+        self.progress.finish();
+        (frames, total)
+    }
+}
+
+impl Ensemble<'_> {
+    /// Runs one block and shows its states (q, v) at every output time.
+    fn block<L: Law>(&self, law: L, block: u64, mut show: impl FnMut(usize, &[f64], &[f64])) {
+        let first = block * BLOCK;
+        let paths = BLOCK.min(self.plan.count - first);
+        let mut groups: Vec<Group> = (first..first + paths)
+            .step_by(LANES)
+            .map(|first| self.plan.paths.group(first))
+            .collect();
+        let (mut q, mut v) = (Vec::new(), Vec::new());
+        let arch = pulp::Arch::new();
+        for (k, interval) in self.plan.intervals.iter().enumerate() {
+            arch.dispatch(Advance {
+                law,
+                interval,
+                groups: &mut groups,
+            });
+            q.clear();
+            v.clear();
+            for group in &groups {
+                q.extend_from_slice(&group.q);
+                v.extend_from_slice(&group.v);
+            }
+            show(k, &q[..paths as usize], &v[..paths as usize]);
+            self.progress.add(interval.steps * paths);
+        }
+    }
+}
+
+/// One interval of one block, compiled for the widest vectors of the machine it runs on.
+struct Advance<'a, L> {
+    law: L,
+    interval: &'a Interval,
+    groups: &'a mut [Group],
+}
+
+impl<L: Law> pulp::WithSimd for Advance<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Interval {
+            start,
+            steps,
+            coefficients,
+        } = self.interval;
+        for group in self.groups {
+            coefficients.advance(self.law, group, *steps, *start, &mut Deaf);
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "ensemble_tests.rs"]
+mod tests;
