@@ -154,13 +154,13 @@ fn locate<L: Law>(
             tell(false, time - left, speed);
         } else {
             let end = in_contact(law, state, left);
-            let Some(exit) = exit_time(law, state, end, left) else {
+            let Some((exit, v)) = exit(law, state, end, left) else {
                 return State {
                     q: end.q.max(loss),
                     v: end.v,
                 };
             };
-            let v = in_contact(law, state, exit).v.min(-f64::MIN_POSITIVE);
+            let v = v.min(-f64::MIN_POSITIVE);
             left = (left - exit).max(0.0);
             state = State { q: loss, v };
             tell(true, time - left, -v);
@@ -176,54 +176,66 @@ fn in_contact<L: Law>(law: L, state: State, time: f64) -> State {
 }
 
 /// When a motion that begins in contact and would be at `end` after `time` first reaches the loss
-/// point; None if it does not.
-fn exit_time<L: Law>(law: L, start: State, end: State, time: f64) -> Option<f64> {
+/// point, and its velocity there; None if it does not.
+fn exit<L: Law>(law: L, start: State, end: State, time: f64) -> Option<(f64, f64)> {
     let loss = law.loss();
-    let mut high = time;
-    let mut last = end;
+    let (mut high, mut last) = (time, end);
     if end.q >= loss {
-        if !(start.v < 0.0 && end.v > 0.0) {
-            return None;
-        }
-        // The lowest point, where v = 0: secant steps on a nearly straight line.
-        let (mut a, mut b) = ((0.0, start.v), (time, end.v));
-        for _ in 0..6 {
-            high = a.0 - a.1 * (b.0 - a.0) / (b.1 - a.1);
-            last = in_contact(law, start, high);
-            if last.v < 0.0 {
-                a = (high, last.v);
-            } else {
-                b = (high, last.v);
-            }
-            if last.q < loss || last.v.abs() < 1e-9 * (b.1 - a.1) {
-                break;
-            }
-        }
+        (high, last) = lowest(law, start, end, time)?;
         if last.q >= loss {
             return None;
         }
     }
-    // q falls through the loss point between low and high: Newton, bisected where it leaves them.
-    let (mut low, mut t, mut state) = (0.0, high, last);
+    // Backwards along the parabola of flight from the point below, then Newton, bisected where it
+    // leaves the interval in which q falls through the loss point.
+    let fall = -law.force(loss);
+    let speed = (last.v * last.v + 2.0 * fall * (loss - last.q)).sqrt();
+    let (mut low, mut t) = (0.0, (high - (last.v + speed) / fall).max(0.5 * high));
     for _ in 0..60 {
-        let newton = t - (state.q - loss) / state.v;
-        let next = if newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
-        if (next - t).abs() <= 1e-14 * time {
-            return Some(next);
-        }
-        t = next;
-        state = in_contact(law, start, t);
+        let state = in_contact(law, start, t);
         if state.q < loss {
             high = t;
         } else {
             low = t;
         }
+        let newton = t - (state.q - loss) / state.v;
+        let next = if newton >= low && newton <= high {
+            newton
+        } else {
+            0.5 * (low + high)
+        };
+        let change = next - t;
+        // Newton converges quadratically: the change after this one would be a rounding.
+        if change.abs() <= 1e-8 * time {
+            return Some((next, state.v + fall * change));
+        }
+        t = next;
     }
-    Some(t)
+    Some((t, -speed))
+}
+
+/// Time and state of the lowest point of a motion that begins downwards and is at `end`, upwards, after
+/// `time`; a point below the loss point will do. None if it does not turn.
+fn lowest<L: Law>(law: L, start: State, end: State, time: f64) -> Option<(f64, State)> {
+    if !(start.v < 0.0 && end.v > 0.0) {
+        return None;
+    }
+    // Secant steps: v is nearly straight.
+    let (mut a, mut b) = ((0.0, start.v), (time, end.v));
+    let (mut t, mut state) = (time, end);
+    for _ in 0..6 {
+        t = a.0 - a.1 * (b.0 - a.0) / (b.1 - a.1);
+        state = in_contact(law, start, t);
+        if state.q < law.loss() || state.v.abs() < 1e-9 * (b.1 - a.1) {
+            break;
+        }
+        if state.v < 0.0 {
+            a = (t, state.v);
+        } else {
+            b = (t, state.v);
+        }
+    }
+    Some((t, state))
 }
 
 #[cfg(test)]

@@ -62,15 +62,23 @@ impl Streams {
         Self { state }
     }
 
-    /// Two independent standard normals for each lane.
+    /// Two independent standard normals for each lane: [`normal_pair`] in three short loops, which the
+    /// processor overlaps better than one long one.
     #[inline(always)]
     pub(super) fn normals(&mut self, first: &mut Lanes, second: &mut Lanes) {
         let [s0, s1, s2, s3] = &mut self.state;
+        let (mut a, mut b) = ([0; LANES], [0; LANES]);
         for lane in 0..LANES {
             let mut s = [s0[lane], s1[lane], s2[lane], s3[lane]];
-            let (a, b) = (next(&mut s), next(&mut s));
+            (a[lane], b[lane]) = (next(&mut s), next(&mut s));
             [s0[lane], s1[lane], s2[lane], s3[lane]] = s;
-            (first[lane], second[lane]) = normal_pair(a, b);
+        }
+        let mut radius = [0.0; LANES];
+        for lane in 0..LANES {
+            radius[lane] = normal_radius(a[lane]);
+        }
+        for lane in 0..LANES {
+            (first[lane], second[lane]) = normal_angle(radius[lane], b[lane]);
         }
     }
 }
@@ -192,17 +200,30 @@ fn next(s: &mut [u64; 4]) -> u64 {
     result
 }
 
-/// Two standard normals from two words: Box and Muller, Ann. Math. Stat. 29:610 (1958), exact to
-/// rounding. The radius takes 52 bits of `a` (largest 8.49); the angle within +-pi/4 takes 52 bits of
-/// `b`, its octant three of the bits left over.
+/// 1 <= x < 2 from the upper 52 bits of a word.
 #[inline(always)]
-pub(super) fn normal_pair(a: u64, b: u64) -> (f64, f64) {
-    const ONE: u64 = 0x3ff0_0000_0000_0000;
-    // In ]0, 1], so the logarithm is finite.
-    let u = 2.0 - f64::from_bits((a >> 12) | ONE);
-    let radius = (-2.0 * ln_of_unit(u)).sqrt();
-    let turn = f64::from_bits((b >> 12) | ONE) - 1.5;
-    let (sin, cos) = sin_cos(turn * (0.5 * PI));
+fn one_to_two(word: u64) -> f64 {
+    f64::from_bits((word >> 12) | 0x3ff0_0000_0000_0000)
+}
+
+/// Two standard normals from two words: Box and Muller, Ann. Math. Stat. 29:610 (1958), exact to
+/// rounding.
+#[cfg(test)]
+fn normal_pair(a: u64, b: u64) -> (f64, f64) {
+    normal_angle(normal_radius(a), b)
+}
+
+/// sqrt(-2 ln u), u in ]0, 1] from 52 bits of `a`: at most 8.49.
+#[inline(always)]
+fn normal_radius(a: u64) -> f64 {
+    (-2.0 * ln_of_unit(2.0 - one_to_two(a))).sqrt()
+}
+
+/// `radius` times cosine and sine of an angle: within +-pi/4 from 52 bits of `b`, its octant from three
+/// of the bits left over.
+#[inline(always)]
+fn normal_angle(radius: f64, b: u64) -> (f64, f64) {
+    let (sin, cos) = sin_cos((one_to_two(b) - 1.5) * (0.5 * PI));
     let (x, y) = (radius * cos, radius * sin);
     let swap = 0u64.wrapping_sub(b & 1);
     let exchanged = (x.to_bits() ^ y.to_bits()) & swap;

@@ -176,6 +176,7 @@ trait Kernel: Copy {
     }
 }
 
+// No closures from here on: they would not be compiled for the vectors of the caller.
 #[inline(always)]
 fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     law: L,
@@ -185,53 +186,12 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     now: f64,
     watch: &mut W,
 ) {
-    if let (Some(factor), Some(mut signal)) = (kernel.cosines(), group.signal.take()) {
-        signal.begin(now, kernel.duration());
+    let duration = kernel.duration();
+    let mut signal = group.signal.take();
+    if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
+        signal.begin(now, duration);
         signal.value(factor, &mut group.excitation);
-        begin(law, kernel, group, |state| {
-            for k in 0..steps {
-                let mut excitation = [0.0; LANES];
-                signal.next(factor, &mut excitation);
-                let now = now + k as f64 * kernel.duration();
-                one(law, kernel, state, &excitation, now, watch);
-            }
-        });
-        group.signal = Some(signal);
-        return;
     }
-    let mut streams = group.streams.clone();
-    begin(law, kernel, group, |state| {
-        let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
-        for k in 0..steps / 2 {
-            streams.normals(&mut first, &mut second);
-            let now = now + (2 * k) as f64 * kernel.duration();
-            one(law, kernel, state, &first, now, watch);
-            one(law, kernel, state, &second, now + kernel.duration(), watch);
-        }
-        if steps % 2 == 1 {
-            streams.normals(&mut first, &mut second);
-            let now = now + (steps - 1) as f64 * kernel.duration();
-            one(law, kernel, state, &first, now, watch);
-        }
-    });
-    group.streams = streams;
-}
-
-/// q, v, the kick and the last excitation of the paths that advance together.
-struct Running {
-    q: Lanes,
-    v: Lanes,
-    kick: Lanes,
-    excitation: Lanes,
-}
-
-#[inline(always)]
-fn begin<L: Law, K: Kernel>(
-    law: L,
-    kernel: K,
-    group: &mut Group,
-    steps: impl FnOnce(&mut Running),
-) {
     let mut state = Running {
         q: group.q,
         v: group.v,
@@ -241,8 +201,37 @@ fn begin<L: Law, K: Kernel>(
     for lane in 0..LANES {
         state.kick[lane] = kernel.kick(law, state.q[lane], state.excitation[lane]);
     }
-    steps(&mut state);
+    if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
+        for k in 0..steps {
+            let mut excitation = [0.0; LANES];
+            signal.next(factor, &mut excitation);
+            one(law, kernel, &mut state, &excitation, now + k as f64 * duration, watch);
+        }
+    } else {
+        let mut streams = group.streams.clone();
+        let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
+        for k in 0..steps / 2 {
+            streams.normals(&mut first, &mut second);
+            let now = now + (2 * k) as f64 * duration;
+            one(law, kernel, &mut state, &first, now, watch);
+            one(law, kernel, &mut state, &second, now + duration, watch);
+        }
+        if steps % 2 == 1 {
+            streams.normals(&mut first, &mut second);
+            one(law, kernel, &mut state, &first, now + (steps - 1) as f64 * duration, watch);
+        }
+        group.streams = streams;
+    }
+    group.signal = signal;
     (group.q, group.v, group.excitation) = (state.q, state.v, state.excitation);
+}
+
+/// q, v, the kick and the last excitation of the paths that advance together.
+struct Running {
+    q: Lanes,
+    v: Lanes,
+    kick: Lanes,
+    excitation: Lanes,
 }
 
 /// One step of every lane, with crossings of the loss point from the cubic through both ends.
