@@ -1,21 +1,28 @@
 //! Monte Carlo: independent paths, streamed statistics, standard errors on every number.
 //!
-//! [`run`] answers for an ensemble at given times.
+//! [`run`] answers for an ensemble at given times, [`records`] for stationary statistics and for losses
+//! of contact from long records.
 //!
 //! Path k of a seed is the same path in an ensemble of 10 or of 10^6, on 1 or on 64 threads, and the
 //! results have the same bits: paths advance in fixed blocks, and the blocks are added in their order.
 //! Memory does not depend on the number of paths.
 
+mod batch;
 mod ensemble;
 mod events;
 mod hamiltonian;
+mod histogram;
 mod law;
 mod noise;
 mod paths;
+mod records;
 mod scheme;
 mod statistics;
 
 pub use ensemble::{EnsembleResult, run};
+pub use events::Crossings;
+pub use histogram::Histogram;
+pub use records::{RecordResult, RecordSettings, records};
 pub use scheme::Scheme;
 
 use crate::error::{Error, Result, positive};

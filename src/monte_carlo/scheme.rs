@@ -205,7 +205,14 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
         for k in 0..steps {
             let mut excitation = [0.0; LANES];
             signal.next(factor, &mut excitation);
-            one(law, kernel, &mut state, &excitation, now + k as f64 * duration, watch);
+            one(
+                law,
+                kernel,
+                &mut state,
+                &excitation,
+                now + k as f64 * duration,
+                watch,
+            );
         }
     } else {
         let mut streams = group.streams.clone();
@@ -218,7 +225,14 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
         }
         if steps % 2 == 1 {
             streams.normals(&mut first, &mut second);
-            one(law, kernel, &mut state, &first, now + (steps - 1) as f64 * duration, watch);
+            one(
+                law,
+                kernel,
+                &mut state,
+                &first,
+                now + (steps - 1) as f64 * duration,
+                watch,
+            );
         }
         group.streams = streams;
     }
@@ -505,19 +519,19 @@ impl<const STAGES: usize> Splitting<STAGES> {
 }
 
 /// The longest step with which `scheme` is trusted; `frequency` is the highest of the scene.
+///
+/// For the splittings the mean of a linear oscillator then errs by less than 2e-4 of its amplitude and
+/// its variances by less than 1e-4 of theirs, at any time and any zeta (from their exact moments). The
+/// others are left with the phase error of step^2/24 a unit of time that their docs name.
 pub(super) fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
     let zeta = oscillator.zeta();
+    let frequency = frequency.max(1.0);
+    let friction = (zeta * frequency).max(3.0 * zeta * zeta);
     match scheme {
-        Scheme::Auto | Scheme::Splitting42 | Scheme::Splitting62 => {
-            let longest = if scheme == Scheme::Splitting62 {
-                2.0
-            } else {
-                1.0
-            };
-            (longest / frequency.max(1.0)).min(0.05 / zeta)
-        }
-        Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta).max(1.0),
+        Scheme::Auto | Scheme::Splitting42 => (1.0 / frequency).min((5.5e-3 / friction).sqrt()),
+        Scheme::Splitting62 => (2.0 / frequency).min((1.2e-2 / friction).sqrt()),
+        Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta),
         // A step at which its damping is off by a hundredth.
-        Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta).max(1.0)),
+        Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta)),
     }
 }
