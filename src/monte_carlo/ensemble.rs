@@ -1,6 +1,7 @@
 //! Ensembles: moments of independent paths at given times.
 
 use super::events::Deaf;
+use super::histogram::{Bins, Counts, Histogram};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
@@ -27,6 +28,8 @@ pub struct EnsembleResult {
     pub times: Vec<f64>,
     /// Moments at each time; every error is one standard error.
     pub moments: Vec<Moments>,
+    /// Densities at each time; empty unless [`EnsembleSettings::bins`] asks for them.
+    pub densities: Vec<Densities>,
     /// Number of paths.
     pub paths: u64,
     /// Steps of one path.
@@ -39,6 +42,17 @@ pub struct EnsembleResult {
     pub path_steps: u64,
     /// What a reader of the numbers should know.
     pub warnings: Vec<String>,
+}
+
+/// Densities of an ensemble at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Densities {
+    /// Density of q.
+    pub displacement: Histogram,
+    /// Density of v.
+    pub velocity: Histogram,
+    /// Density of N in contact, the Dirac mass of flight beside it.
+    pub force: Histogram,
 }
 
 /// Moments at `times` (ascending, may begin with 0) of an ensemble that starts from `initial`.
@@ -61,7 +75,16 @@ pub fn run(
         plan: &plan,
         progress: &Progress::new(plan.path_steps, progress),
     };
-    let (frames, sums) = law::dispatch(oscillator.contact(), ensemble);
+    let Sampled {
+        frames,
+        sums,
+        counts,
+    } = law::dispatch(oscillator.contact(), ensemble);
+    let lossy = oscillator.contact().loss_point().is_some();
+    let densities = counts
+        .iter()
+        .map(|counts| counts.densities(lossy))
+        .collect();
     let moments: Vec<Moments> = frames
         .iter()
         .zip(&sums)
@@ -79,6 +102,7 @@ pub fn run(
     Ok(EnsembleResult {
         times: times.to_vec(),
         moments,
+        densities,
         paths: settings.paths,
         steps: plan.intervals.iter().map(|interval| interval.steps).sum(),
         step: plan.longest,
@@ -106,6 +130,7 @@ struct Plan {
     step: f64,
     longest: f64,
     path_steps: u64,
+    bins: usize,
 }
 
 impl Plan {
@@ -156,6 +181,7 @@ impl Plan {
             step,
             longest,
             path_steps: steps.saturating_mul(settings.paths),
+            bins: settings.bins,
         })
     }
 }
@@ -181,39 +207,111 @@ struct Ensemble<'a> {
     progress: &'a Progress<'a>,
 }
 
-impl WithLaw for Ensemble<'_> {
-    type Output = (Vec<Frames>, Vec<Sums>);
+/// What comes out of the paths, one of each per output time.
+struct Sampled {
+    frames: Vec<Frames>,
+    sums: Vec<Sums>,
+    /// Empty unless densities are asked for.
+    counts: Vec<DensityCounts>,
+}
 
-    fn with<L: Law>(self, law: L) -> Self::Output {
+/// Counts for the densities of q, v and N.
+#[derive(Debug, Clone)]
+struct DensityCounts {
+    bins: [Bins; 3],
+    counts: [Counts; 3],
+}
+
+impl DensityCounts {
+    fn new(bins: [Bins; 3]) -> Self {
+        Self {
+            bins,
+            counts: bins.map(Counts::new),
+        }
+    }
+
+    fn hit<L: Law>(&mut self, law: L, q: &[f64], v: &[f64]) {
+        for (&q, &v) in q.iter().zip(v) {
+            let force = if q < law.loss() {
+                self.bins[2].dirac()
+            } else {
+                self.bins[2].slot(law.force(q))
+            };
+            let slots = [self.bins[0].slot(q), self.bins[1].slot(v), force];
+            for (counts, slot) in self.counts.iter_mut().zip(slots) {
+                counts.hit(slot);
+            }
+        }
+    }
+
+    fn add(&mut self, more: &Self) {
+        for (mine, theirs) in self.counts.iter_mut().zip(&more.counts) {
+            mine.add(theirs);
+        }
+    }
+
+    fn densities(&self, lossy: bool) -> Densities {
+        let [q, v, force] = &self.counts;
+        Densities {
+            displacement: q.histogram(self.bins[0], false),
+            velocity: v.histogram(self.bins[1], false),
+            force: force.histogram(self.bins[2], lossy),
+        }
+    }
+}
+
+impl WithLaw for Ensemble<'_> {
+    type Output = Sampled;
+
+    fn with<L: Law>(self, law: L) -> Sampled {
         let plan = self.plan;
         // The first block gives the frames in which every block sums; it is run twice.
         let mut frames = Vec::new();
         self.block(law, 0, |_, q, v| frames.push(Frames::of(law, q, v)));
+        let count = if plan.bins == 0 { 0 } else { frames.len() };
+        let empty = || -> Vec<DensityCounts> {
+            let bins = frames[..count]
+                .iter()
+                .map(|frames| frames.bins(law, plan.bins));
+            bins.map(DensityCounts::new).collect()
+        };
         let blocks = plan.count.div_ceil(BLOCK);
         let per_task = blocks.div_ceil(TASKS);
         let tasks: Vec<Range<u64>> = (0..blocks.div_ceil(per_task))
             .map(|task| task * per_task..((task + 1) * per_task).min(blocks))
             .collect();
-        let parts: Vec<Vec<Sums>> = tasks
+        let parts: Vec<(Vec<Sums>, Vec<DensityCounts>)> = tasks
             .into_par_iter()
             .map(|blocks| {
                 let mut sums = vec![Sums::default(); plan.intervals.len()];
+                let mut counts = empty();
                 for block in blocks {
                     self.block(law, block, |k, q, v| {
-                        sums[k].add(&Sums::of(law, &frames[k], q, v))
+                        sums[k].add(&Sums::of(law, &frames[k], q, v));
+                        if let Some(counts) = counts.get_mut(k) {
+                            counts.hit(law, q, v);
+                        }
                     });
                 }
-                sums
+                (sums, counts)
             })
             .collect();
-        let mut total = vec![Sums::default(); plan.intervals.len()];
-        for part in &parts {
-            for (sum, more) in total.iter_mut().zip(part) {
+        let mut sums = vec![Sums::default(); plan.intervals.len()];
+        let mut counts = empty();
+        for (more_sums, more_counts) in &parts {
+            for (sum, more) in sums.iter_mut().zip(more_sums) {
                 sum.add(more);
+            }
+            for (count, more) in counts.iter_mut().zip(more_counts) {
+                count.add(more);
             }
         }
         self.progress.finish();
-        (frames, total)
+        Sampled {
+            frames,
+            sums,
+            counts,
+        }
     }
 }
 

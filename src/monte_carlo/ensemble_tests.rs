@@ -1,3 +1,4 @@
+use super::super::Noise;
 use super::*;
 use crate::contact::{ContactLaw, Restoring};
 use crate::estimate::Estimate;
@@ -405,4 +406,85 @@ fn standard_errors_are_the_spread_of_independent_ensembles() {
         );
         assert!((stated / spread - 1.0).abs() < 0.2);
     }
+}
+
+#[test]
+fn densities_at_a_time_are_the_closed_form_within_their_bands() {
+    let it = hertz(0.005, PAPER);
+    let exact = Stationary::of(&it).unwrap();
+    let chosen = EnsembleSettings {
+        bins: 40,
+        ..settings(200_000)
+    };
+    let got = run(&it, &Initial::Stationary, &[5.0], &chosen, &quiet).unwrap();
+    let densities = &got.densities[0];
+    let law = exact.displacement_law();
+    let below = |force: f64| exact.distribution_force(force);
+    let v_below = |v: f64| 0.5 * libm::erfc(-v / (2.0 * it.temperature()).sqrt());
+    let mut worst: f64 = 0.0;
+    let mut compare = |name: &str, histogram: &Histogram, mass: &dyn Fn(f64, f64) -> f64| {
+        let mut chi = 0.0;
+        for (edges, density) in histogram.edges.windows(2).zip(&histogram.density) {
+            let z =
+                (density.value - mass(edges[0], edges[1]) / (edges[1] - edges[0])) / density.error;
+            worst = worst.max(z.abs());
+            chi += z * z;
+        }
+        println!(
+            "{name}: chi^2 {chi:.1} of 40 bins, outside {}",
+            histogram.outside
+        );
+        assert!(chi < 80.0);
+    };
+    compare("q", &densities.displacement, &|a, b| law.probability(a, b));
+    compare("v", &densities.velocity, &|a, b| v_below(b) - v_below(a));
+    compare("N", &densities.force, &|a, b| below(b) - below(a));
+    let dirac = densities.force.dirac.unwrap();
+    let loss = exact.contact_loss_probability().unwrap().value;
+    println!("Dirac mass {dirac}, exact {loss:.6}; worst bin {worst:.2} standard errors");
+    assert!((dirac.value - loss).abs() < 4.0 * dirac.error && worst < 4.5);
+    assert!(densities.displacement.dirac.is_none());
+}
+
+#[test]
+fn a_wide_band_of_cosines_drives_the_oscillator_as_white_noise_does() {
+    // From rest, G = q, weak friction: only the density near w = 1 counts; the band limit costs O(1/band).
+    let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
+    let cosines = EnsembleSettings {
+        noise: Noise::Cosines {
+            count: 200,
+            band: 16.0,
+        },
+        ..settings(4_000)
+    };
+    let got = run(&it, &Initial::Rest, &[10.0, 40.0], &cosines, &quiet).unwrap();
+    let white = run(
+        &it,
+        &Initial::Rest,
+        &[10.0, 40.0],
+        &settings(100_000),
+        &quiet,
+    )
+    .unwrap();
+    for (k, (a, b)) in got.moments.iter().zip(&white.moments).enumerate() {
+        println!(
+            "t = {}: Var q {} against {}, Var v {} against {}, kurtosis {}",
+            got.times[k], a.var_q, b.var_q, a.var_v, b.var_v, a.kurtosis_force
+        );
+        // Missing above the band: 2 h/(pi... ) of Var v, integral of 2h/w^2 from 16 = h/8.
+        assert!((a.var_q.value - b.var_q.value).abs() < 4.0 * a.var_q.error.hypot(b.var_q.error));
+        assert!(
+            (a.var_v.value + 0.01 / 8.0 - b.var_v.value).abs()
+                < 4.0 * a.var_v.error.hypot(b.var_v.error) + 0.01 / 16.0
+        );
+        assert!((a.kurtosis_force.value - 3.0).abs() < 4.0 * a.kurtosis_force.error + 0.05);
+    }
+    let wrong = EnsembleSettings {
+        scheme: Scheme::Baoab,
+        ..cosines
+    };
+    let message = run(&it, &Initial::Rest, &[1.0], &wrong, &quiet)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("central_difference"), "{message}");
 }

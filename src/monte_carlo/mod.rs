@@ -7,6 +7,7 @@
 //! results have the same bits: paths advance in fixed blocks, and the blocks are added in their order.
 //! Memory does not depend on the number of paths.
 
+mod agreement;
 mod batch;
 mod ensemble;
 mod events;
@@ -19,7 +20,8 @@ mod records;
 mod scheme;
 mod statistics;
 
-pub use ensemble::{EnsembleResult, run};
+pub use agreement::{Agreement, agreement, expected_worst};
+pub use ensemble::{Densities, EnsembleResult, run};
 pub use events::Crossings;
 pub use histogram::Histogram;
 pub use records::{RecordResult, RecordSettings, records};
@@ -41,6 +43,8 @@ pub struct EnsembleSettings {
     pub step: Option<f64>,
     /// The excitation.
     pub noise: Noise,
+    /// Bins of the densities at every output time; 0 for none.
+    pub bins: usize,
 }
 
 impl Default for EnsembleSettings {
@@ -51,6 +55,7 @@ impl Default for EnsembleSettings {
             scheme: Scheme::Auto,
             step: None,
             noise: Noise::White,
+            bins: 0,
         }
     }
 }
