@@ -19,14 +19,14 @@ pub enum Scheme {
     /// Central differences in time for q'' and q', as in the paper, section 5.2; with white noise this is
     /// the scheme of Bruenger, Brooks and Karplus, Chem. Phys. Lett. 105:495 (1984).
     ///
-    /// Weak order 2. Bias for G = q: Var q is T/(1 - step^2/4), Var v exact; the phase leads by
-    /// step^2/24.
+    /// Weak order 2 in q. The velocity at a whole step knows half of that step's noise: in v there is a
+    /// term of order zeta step. Bias for G = q: Var q is T/(1 - step^2/4), Var v is T/(1 + zeta step); the
+    /// phase leads by step^2/24 a unit of time.
     CentralDifference,
     /// Kick B, drift A, exact Ornstein-Uhlenbeck step O, drift A, kick B.
     ///
-    /// Weak order 2; fourth in the stationary law of q at strong friction. Bias for G = q: Var q exact,
-    /// Var v is T (1 - step^2/4), the phase leads by step^2/24. Leimkuhler & Matthews, AMRX 2013(1),
-    /// 34-56.
+    /// Weak order 2. Bias for G = q: Var q exact, Var v is T (1 - step^2/4); the phase leads by step^2/24
+    /// a unit of time. Leimkuhler & Matthews, AMRX 2013(1), 34-56.
     Baoab,
     /// H(c1) O(1/2) H(c2) O(1/2) H(c1) with c1 = 1/2 - sqrt 3/6 and c2 = sqrt 3/3: the undamped motion H,
     /// crossings of the loss point located, between exact Ornstein-Uhlenbeck steps O.
@@ -535,3 +535,7 @@ pub(super) fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency:
         Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta)),
     }
 }
+
+#[cfg(test)]
+#[path = "scheme_tests.rs"]
+mod tests;
