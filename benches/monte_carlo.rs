@@ -17,6 +17,7 @@ struct Floor {
     steps: u64,
 }
 
+#[allow(clippy::inline_always, clippy::needless_range_loop)]
 impl pulp::WithSimd for Floor {
     type Output = f64;
 

@@ -7,7 +7,7 @@ use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
 use super::scheme::{self, Coefficients, Group};
 use super::statistics::{Frames, Sums};
-use super::{EnsembleSettings, Progress, Scheme, resolve};
+use super::{EnsembleSettings, Noise, Progress, Scheme, check_bins, resolve};
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -16,10 +16,10 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Paths per block: the unit in which sums are added.
-const BLOCK: u64 = 256;
+pub(super) const BLOCK: u64 = 256;
 
 /// Most tasks an ensemble is cut into; bounds the memory and never depends on the threads.
-const TASKS: u64 = 128;
+pub(super) const TASKS: u64 = 128;
 
 /// Moments of an ensemble at the times asked for, and how they were made.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,7 +90,7 @@ pub fn run(
         .zip(&sums)
         .map(|(frames, sums)| sums.moments(oscillator.contact(), frames))
         .collect();
-    let mut warnings = Vec::new();
+    let mut warnings = Vec::from_iter(plan.warning.clone());
     let finite = |m: &Moments| m.mean_energy.value.is_finite();
     if let Some(k) = moments.iter().position(|m| !finite(m)) {
         warnings.push(format!(
@@ -131,6 +131,7 @@ struct Plan {
     longest: f64,
     path_steps: u64,
     bins: usize,
+    warning: Option<String>,
 }
 
 impl Plan {
@@ -147,8 +148,17 @@ impl Plan {
                 "at least 2, so that there is a standard error",
             ));
         }
-        let scheme = resolve(settings.scheme, settings.noise)?;
         let frequency = highest_frequency(oscillator, initial);
+        if matches!(settings.noise, Noise::Band { .. }) {
+            let accepted = "for long records; for an ensemble \"white\" or { cosines, band }";
+            return Err(Error::invalid("monte_carlo.noise", "{ band }", accepted));
+        }
+        let scheme = resolve(
+            settings.scheme,
+            settings.noise,
+            oscillator.zeta(),
+            frequency,
+        )?;
         let step = match settings.step {
             Some(step) => positive("monte_carlo.step", step)?,
             None => scheme::automatic_step(scheme, oscillator, frequency),
@@ -173,15 +183,18 @@ impl Plan {
             now = time;
         }
         let noise = settings.noise;
+        let paths = settings.paths as f64;
+        let warning = scheme::bias_warning(scheme, oscillator, longest, frequency, paths);
         Ok(Self {
             count: settings.paths,
-            paths: Paths::new(oscillator, initial, settings.seed, noise, scheme)?,
+            paths: Paths::new(oscillator, initial, settings.seed, noise, scheme, step)?,
             intervals,
             scheme,
             step,
             longest,
             path_steps: steps.saturating_mul(settings.paths),
-            bins: settings.bins,
+            bins: check_bins(settings.bins, 0)?,
+            warning,
         })
     }
 }

@@ -25,7 +25,7 @@ fn quiet(_: f64) {}
 
 /// Bits of every number, so that NaN compares too.
 fn bits(result: &EnsembleResult) -> Vec<u64> {
-    let numbers = result.moments.iter().flat_map(|m| m.named());
+    let numbers = result.moments.iter().flat_map(Moments::named);
     numbers
         .filter_map(|(_, x)| x)
         .flat_map(|x| [x.value.to_bits(), x.error.to_bits()])
@@ -73,7 +73,7 @@ fn path_k_is_the_same_path_in_a_small_and_in_a_large_ensemble() {
                     progress: &Progress::new(1, &quiet),
                 };
                 run.block(law, 0, |_, q, v| {
-                    states.extend(q.iter().copied().zip(v.iter().copied()))
+                    states.extend(q.iter().copied().zip(v.iter().copied()));
                 });
                 states
             }
@@ -87,7 +87,7 @@ fn path_k_is_the_same_path_in_a_small_and_in_a_large_ensemble() {
 #[test]
 fn a_gaussian_stays_the_gaussian_of_the_moment_equations_under_a_linear_contact() {
     // m' = A m, C' = A C + C A^T + diag(0, 2 pi h), A = [[0, 1], [-1, -2 zeta]].
-    for zeta in [0.02, 0.5, 3.0] {
+    for zeta in [0.02, 0.5, 3.0, 50.0] {
         let it = Oscillator::new(ContactLaw::Linear, zeta, 0.01).unwrap();
         let initial = Initial::gaussian([1.0, -0.5], [0.3, 0.6]).unwrap();
         let times = [0.7, 3.0, 11.0];
@@ -103,7 +103,7 @@ fn a_gaussian_stays_the_gaussian_of_the_moment_equations_under_a_linear_contact(
                 -2.0 * b - 2.0 * friction * c + 2.0 * it.noise(),
             ]
         };
-        let (mut now, dt) = (0.0, 1e-3);
+        let (mut now, dt) = (0.0, if zeta > 10.0 { 1e-4 } else { 1e-3 });
         let mut worst: f64 = 0.0;
         for (time, m) in times.iter().zip(&got.moments) {
             while now < time - 0.5 * dt {

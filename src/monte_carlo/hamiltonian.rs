@@ -57,9 +57,11 @@ impl Flow {
                 let (q1, v1, f1) = chin.step(law, q0[lane], v0[lane], force[lane]);
                 let was_out = q0[lane] < loss;
                 let is_out = q1 < loss;
-                let turned = (v0[lane] < 0.0) & (v1 > 0.0);
-                let dips = turned & !was_out & (q0[lane] - loss < graze * v0[lane] * v0[lane]);
-                crossed[lane] = u64::from((was_out != is_out) | dips);
+                let turned = u64::from(v0[lane] < 0.0) & u64::from(v1 > 0.0);
+                let above = q0[lane] - loss;
+                let near = u64::from(above < graze * v0[lane] * v0[lane]) & u64::from(above >= 0.0);
+                // Without branches: a dip, or a crossing.
+                crossed[lane] = (turned & near) | u64::from(was_out != is_out);
                 (q[lane], v[lane], force[lane]) = (q1, v1, f1);
             }
             if crossed.iter().fold(0, |any, flag| any | flag) != 0 {

@@ -1,16 +1,39 @@
 //! Monte Carlo: independent paths, streamed statistics, standard errors on every number.
 //!
-//! [`run`] answers for an ensemble at given times, [`records`] for stationary statistics and for losses
-//! of contact from long records.
+//! - [`run`]: an ensemble, its moments and densities at given times;
+//! - [`records`]: long records, stationary statistics and losses of contact;
+//! - [`first_loss`]: how long contact survives;
+//! - [`agreement`]: the worst z-score between a sample and another answer, and the one to be expected.
+//!
+//! ```
+//! use vibroimpact::contact::ContactLaw;
+//! use vibroimpact::initial::Initial;
+//! use vibroimpact::monte_carlo::{EnsembleSettings, run};
+//! use vibroimpact::oscillator::Oscillator;
+//!
+//! let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?;
+//! let settings = EnsembleSettings {
+//!     paths: 10_000,
+//!     ..EnsembleSettings::default()
+//! };
+//! let sample = run(&oscillator, &Initial::Rest, &[1.0], &settings, &|_done| ())?;
+//! let energy = sample.moments[0].mean_energy;
+//! assert!((energy.value - 0.00623).abs() < 4.0 * energy.error);
+//! # Ok::<(), vibroimpact::Error>(())
+//! ```
 //!
 //! Path k of a seed is the same path in an ensemble of 10 or of 10^6, on 1 or on 64 threads, and the
 //! results have the same bits: paths advance in fixed blocks, and the blocks are added in their order.
 //! Memory does not depend on the number of paths.
 
+// The hot loops must be inlined into code compiled for the vectors of the machine, and they index lanes.
+#![allow(clippy::inline_always, clippy::needless_range_loop)]
+
 mod agreement;
 mod batch;
 mod ensemble;
 mod events;
+mod first_loss;
 mod hamiltonian;
 mod histogram;
 mod law;
@@ -18,11 +41,13 @@ mod noise;
 mod paths;
 mod records;
 mod scheme;
+mod signal;
 mod statistics;
 
 pub use agreement::{Agreement, agreement, expected_worst};
 pub use ensemble::{Densities, EnsembleResult, run};
 pub use events::Crossings;
+pub use first_loss::{FirstLossResult, first_loss};
 pub use histogram::Histogram;
 pub use records::{RecordResult, RecordSettings, records};
 pub use scheme::Scheme;
@@ -74,26 +99,35 @@ pub enum Noise {
         /// Highest circular frequency w_max.
         band: f64,
     },
+    /// Gaussian noise of the same spectrum, synthesised by fast Fourier transform: for [`records`], in
+    /// [`Scheme::CentralDifference`] alone, at a tenth of the cost of 400 cosines and without their
+    /// finite number.
+    Band {
+        /// Highest circular frequency w_max, at most pi/step.
+        band: f64,
+    },
 }
 
-/// The scheme meant, if it suits the noise.
-fn resolve(scheme: Scheme, noise: Noise) -> Result<Scheme> {
-    let Noise::Cosines { count, band } = noise else {
-        return Ok(match scheme {
-            Scheme::Auto => Scheme::Splitting42,
-            scheme => scheme,
-        });
+/// The scheme meant, if it suits the noise; `frequency` is the highest of the scene.
+fn resolve(scheme: Scheme, noise: Noise, zeta: f64, frequency: f64) -> Result<Scheme> {
+    let (count, band) = match noise {
+        Noise::White => {
+            return Ok(match scheme {
+                Scheme::Auto if zeta > 2.0 * frequency.max(1.0) => Scheme::ExponentialHeun,
+                Scheme::Auto => Scheme::Splitting42,
+                scheme => scheme,
+            });
+        }
+        Noise::Cosines { count, band } => (count, band),
+        Noise::Band { band } => (1, band),
     };
     positive("monte_carlo.noise.band", band)?;
-    if count == 0 {
-        return Err(Error::invalid(
-            "monte_carlo.noise.cosines",
-            count,
-            "at least 1",
-        ));
+    if !(1..=10_000).contains(&count) {
+        let accepted = "1 to 10000";
+        return Err(Error::invalid("monte_carlo.noise.cosines", count, accepted));
     }
     if !matches!(scheme, Scheme::Auto | Scheme::CentralDifference) {
-        let accepted = "\"central_difference\" or \"auto\" with a sum of cosines";
+        let accepted = "\"central_difference\" or \"auto\" with band-limited noise";
         return Err(Error::invalid(
             "monte_carlo.scheme",
             format!("\"{scheme}\""),
@@ -101,6 +135,18 @@ fn resolve(scheme: Scheme, noise: Noise) -> Result<Scheme> {
         ));
     }
     Ok(Scheme::CentralDifference)
+}
+
+/// Bins per histogram that fit in memory at every output time.
+fn check_bins(bins: usize, least: usize) -> Result<usize> {
+    if (least..=10_000).contains(&bins) {
+        return Ok(bins);
+    }
+    Err(Error::invalid(
+        "monte_carlo.bins",
+        bins,
+        format!("{least} to 10000"),
+    ))
 }
 
 /// Reports a fraction from any thread, a few hundred times in all.

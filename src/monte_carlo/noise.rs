@@ -1,7 +1,7 @@
 //! Random numbers with an address: path k of a seed draws from its own stream, whatever runs beside
 //! it, and 16 streams are drawn at once.
 
-use std::f64::consts::{LN_2, PI, TAU};
+use std::f64::consts::{LN_2, PI};
 
 /// Paths that advance together; one cache line of doubles holds half of them.
 pub(super) const LANES: usize = 16;
@@ -52,9 +52,14 @@ pub(super) struct Streams {
 impl Streams {
     /// The noise of paths `first` to `first + LANES - 1`.
     pub(super) fn new(seed: u64, first: u64) -> Self {
+        Self::for_purpose(seed, first, Purpose::Noise)
+    }
+
+    /// The streams of paths `first` to `first + LANES - 1` for a purpose.
+    pub(super) fn for_purpose(seed: u64, first: u64, purpose: Purpose) -> Self {
         let mut state = [[0; LANES]; 4];
         for lane in 0..LANES {
-            let words = address(seed, first.wrapping_add(lane as u64), Purpose::Noise);
+            let words = address(seed, first.wrapping_add(lane as u64), purpose);
             for k in 0..4 {
                 state[k][lane] = words[k];
             }
@@ -83,112 +88,9 @@ impl Streams {
     }
 }
 
-/// The band-limited excitation of the paper, (31)-(33), one realisation a lane:
-/// f(t) = A sum_k cos(w_k t + phi_k), A = 2 sqrt(h w_max/M), with frequencies uniform in ]0, w_max] and
-/// phases uniform in \[0, 2 pi\[ (Shinozuka and Jan, J. Sound Vib. 25:111, 1972). Its two-sided density
-/// is h up to w_max. As printed, (32) is not a variance and (33) lacks the logarithm of Box and Muller;
-/// this is the evident intent.
-#[derive(Debug, Clone)]
-pub(super) struct Signal {
-    frequency: Vec<Lanes>,
-    phase: Vec<Lanes>,
-    /// cos and sin of w_k t + phi_k.
-    now: Vec<[Lanes; 2]>,
-    /// cos and sin of w_k step.
-    turn: Vec<[Lanes; 2]>,
-    amplitude: f64,
-    start: f64,
-    step: f64,
-    taken: u64,
-}
-
-impl Signal {
-    /// The excitation of paths `first` to `first + LANES - 1`: `count` cosines up to `band`, of two-sided
-    /// density `level`.
-    pub(super) fn new(seed: u64, first: u64, count: u32, band: f64, level: f64) -> Self {
-        let count = count as usize;
-        let (mut frequency, mut phase) = (vec![[0.0; LANES]; count], vec![[0.0; LANES]; count]);
-        for lane in 0..LANES {
-            let mut s = address(seed, first.wrapping_add(lane as u64), Purpose::Signal);
-            for k in 0..count {
-                let unit = |word: u64| (word >> 12) as f64 * 0.5f64.powi(52);
-                frequency[k][lane] = band * (1.0 - unit(next(&mut s)));
-                phase[k][lane] = TAU * unit(next(&mut s));
-            }
-        }
-        Self {
-            now: vec![[[0.0; LANES]; 2]; count],
-            turn: vec![[[0.0; LANES]; 2]; count],
-            amplitude: 2.0 * (level * band / count as f64).sqrt(),
-            frequency,
-            phase,
-            start: 0.0,
-            step: 0.0,
-            taken: 0,
-        }
-    }
-
-    /// Goes to time `now`, to be advanced by `step`.
-    pub(super) fn begin(&mut self, now: f64, step: f64) {
-        (self.start, self.step) = (now, step);
-        self.taken = 0;
-        for (w, turn) in self.frequency.iter().zip(&mut self.turn) {
-            for lane in 0..LANES {
-                let (sin, cos) = (w[lane] * step).sin_cos();
-                (turn[0][lane], turn[1][lane]) = (cos, sin);
-            }
-        }
-        self.refresh();
-    }
-
-    /// Cosines and sines from the time itself, free of accumulated rounding.
-    fn refresh(&mut self) {
-        let time = self.start + self.taken as f64 * self.step;
-        let phases = self.frequency.iter().zip(&self.phase);
-        for ((w, phi), now) in phases.zip(&mut self.now) {
-            for lane in 0..LANES {
-                let (sin, cos) = (w[lane] * time + phi[lane]).sin_cos();
-                (now[0][lane], now[1][lane]) = (cos, sin);
-            }
-        }
-    }
-
-    /// `factor` f at the present moment.
-    #[inline(always)]
-    pub(super) fn value(&self, factor: f64, value: &mut Lanes) {
-        let mut sum = [0.0; LANES];
-        for now in &self.now {
-            for lane in 0..LANES {
-                sum[lane] += now[0][lane];
-            }
-        }
-        for lane in 0..LANES {
-            value[lane] = factor * self.amplitude * sum[lane];
-        }
-    }
-
-    /// Advances by one step and gives `factor` f there.
-    #[inline(always)]
-    pub(super) fn next(&mut self, factor: f64, value: &mut Lanes) {
-        self.taken += 1;
-        if self.taken % 4096 == 0 {
-            self.refresh();
-        } else {
-            for (now, turn) in self.now.iter_mut().zip(&self.turn) {
-                for lane in 0..LANES {
-                    let (c, s) = (now[0][lane], now[1][lane]);
-                    now[0][lane] = c * turn[0][lane] - s * turn[1][lane];
-                    now[1][lane] = s * turn[0][lane] + c * turn[1][lane];
-                }
-            }
-        }
-        self.value(factor, value);
-    }
-}
-
 /// One output of xoshiro256++.
 #[inline(always)]
-fn next(s: &mut [u64; 4]) -> u64 {
+pub(super) fn next(s: &mut [u64; 4]) -> u64 {
     let result = s[0].wrapping_add(s[3]).rotate_left(23).wrapping_add(s[0]);
     let t = s[1] << 17;
     s[2] ^= s[0];

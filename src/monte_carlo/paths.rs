@@ -1,7 +1,8 @@
 //! Paths at their starts, each drawn from its own stream.
 
-use super::noise::{self, LANES, Purpose, Signal, Streams};
+use super::noise::{self, LANES, Purpose, Streams};
 use super::scheme::Group;
+use super::signal::{Band, Cosines, Signal};
 use super::{Noise, Scheme};
 use crate::error::Result;
 use crate::initial::Initial;
@@ -17,8 +18,11 @@ pub(super) struct Paths {
     sampler: Option<DisplacementSampler>,
     noise: Noise,
     level: f64,
+    step: f64,
     /// The scheme takes the excitation at t = 0 too.
     whole_steps: bool,
+    /// Starts below this are drawn again.
+    lowest: f64,
 }
 
 impl Paths {
@@ -28,6 +32,7 @@ impl Paths {
         seed: u64,
         noise: Noise,
         scheme: Scheme,
+        step: f64,
     ) -> Result<Self> {
         let sampler = match initial {
             Initial::Stationary => Some(oscillator.displacement_law()?.sampler()),
@@ -39,8 +44,16 @@ impl Paths {
             sampler,
             noise,
             level: oscillator.h(),
+            step,
             whole_steps: scheme == Scheme::CentralDifference,
+            lowest: f64::NEG_INFINITY,
         })
+    }
+
+    /// The same paths, a stationary start taken given that q is at least `lowest`.
+    pub(super) fn given_above(mut self, lowest: f64) -> Self {
+        self.lowest = lowest;
+        self
     }
 
     /// Paths `first` to `first + LANES - 1`.
@@ -61,8 +74,12 @@ impl Paths {
             }
             Noise::White => {}
             Noise::Cosines { count, band } => {
-                let signal = Signal::new(self.seed, first, count, band, self.level);
-                it.signal = Some(Box::new(signal));
+                let cosines = Cosines::new(self.seed, first, count, band, self.level);
+                it.signal = Some(Signal::Cosines(Box::new(cosines)));
+            }
+            Noise::Band { band } => {
+                let band = Band::new(self.seed, first, band, self.level, self.step);
+                it.signal = Some(Signal::Band(Box::new(band)));
             }
         }
         it
@@ -79,7 +96,12 @@ impl Paths {
                 });
                 (q, v)
             }
-            (_, Some(sampler)) => sampler.sample_state(&mut rng),
+            (_, Some(sampler)) => loop {
+                let (q, v) = sampler.sample_state(&mut rng);
+                if q >= self.lowest {
+                    break (q, v);
+                }
+            },
             _ => (0.0, 0.0),
         }
     }

@@ -7,15 +7,16 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
 use super::scheme::{self, Coefficients, Group};
-use super::{Noise, Progress, Scheme, resolve};
+use super::{Noise, Progress, Scheme, check_bins, resolve};
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 
-/// Most groups of records side by side; never depends on the threads.
-const GROUPS: f64 = 64.0;
+/// Fewest and most groups of records side by side: 64 to 1024 records, so that there are always enough
+/// batches for an error. Every record starts in the stationary law, so short ones do no harm.
+const GROUPS: [f64; 2] = [4.0, 64.0];
 
 /// Length, seed and scheme of long records.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,7 +72,8 @@ pub struct RecordResult {
     pub velocity: Histogram,
     /// Density of N in contact, the Dirac mass of flight beside it.
     pub force: Histogram,
-    /// Losses and returns of contact; None for a law that cannot lose contact.
+    /// Losses and returns of contact; None for a law that cannot lose contact and for a scheme that does
+    /// not locate them.
     pub crossings: Option<Crossings>,
     /// The step.
     pub step: f64,
@@ -106,15 +108,23 @@ pub fn records(
     let contact = oscillator.contact();
     let batches = sums.means.count() as u64;
     let mut warnings = Vec::new();
-    if batches < 30 {
+    let effective_samples = sums.means.effective_samples();
+    let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
+    if worth < 50.0 {
         warnings.push(format!(
-            "{batches} batches of length {:.4}: standard errors are themselves known to {:.0} %; \
-             a monte_carlo.duration of {:.1e} gives 100 batches of 20 memories",
-            plan.batch_length,
-            100.0 / (2.0 * batches as f64).sqrt(),
-            100.0 * memory(oscillator) * 20.0
+            "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
+             the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
+            memory(oscillator)
         ));
     }
+    let (step, frequency) = (plan.step, plan.frequency);
+    warnings.extend(scheme::bias_warning(
+        plan.scheme,
+        oscillator,
+        step,
+        frequency,
+        effective_samples[2],
+    ));
     let moments = sums.means.moments(contact, &plan.units);
     if !moments.mean_energy.value.is_finite() {
         warnings.push(format!(
@@ -124,10 +134,17 @@ pub fn records(
         ));
     }
     let lossy = contact.loss_point().is_some();
+    if lossy && !plan.scheme.locates_crossings() {
+        warnings.push(format!(
+            "losses of contact are not counted: the scheme {} does not locate them; ask for \
+             monte_carlo.scheme = \"splitting_4_2\", whose steps are short under strong friction",
+            plan.scheme
+        ));
+    }
     Ok(RecordResult {
         moments,
         controlled: sums.means.controlled_moments(contact, &plan.units),
-        effective_samples: sums.means.effective_samples(),
+        effective_samples,
         batches,
         batch_length: plan.batch_length,
         records: plan.groups * LANES as u64,
@@ -158,6 +175,7 @@ struct Plan {
     coefficients: Coefficients,
     scheme: Scheme,
     step: f64,
+    frequency: f64,
     /// Groups of [`LANES`] records, batches per record, samples per batch, steps per sample.
     groups: u64,
     batches: u64,
@@ -175,26 +193,34 @@ struct Plan {
 impl Plan {
     fn new(oscillator: &Oscillator, settings: &RecordSettings) -> Result<Self> {
         let duration = positive("monte_carlo.duration", settings.duration)?;
-        if settings.bins == 0 {
-            return Err(Error::invalid("monte_carlo.bins", 0, "at least 1"));
-        }
-        let scheme = resolve(settings.scheme, settings.noise)?;
+        check_bins(settings.bins, 1)?;
         let law = oscillator.displacement_law()?;
         let initial = Initial::Stationary;
         let frequency = highest_frequency(oscillator, &initial);
+        let scheme = resolve(
+            settings.scheme,
+            settings.noise,
+            oscillator.zeta(),
+            frequency,
+        )?;
         let step = match settings.step {
             Some(step) => positive("monte_carlo.step", step)?,
             None => scheme::automatic_step(scheme, oscillator, frequency),
         };
+        if let Noise::Band { band } = settings.noise
+            && band * step > std::f64::consts::PI
+        {
+            let accepted = format!("at most pi/step = {:.4}", std::f64::consts::PI / step);
+            return Err(Error::invalid("monte_carlo.noise.band", band, accepted));
+        }
         let memory = memory(oscillator);
         // Samples closer than this tell nothing new.
         let steps = (0.01 * memory.clamp(50.0, 1e9) / step).round().max(1.0);
         let spacing = steps * step;
         let longest = (20.0 * memory / spacing).ceil();
         let lanes = LANES as f64;
-        let groups = (duration / (lanes * 2.0 * longest * spacing))
-            .floor()
-            .clamp(1.0, GROUPS);
+        let groups = (duration / (lanes * 2.0 * longest * spacing)).floor();
+        let groups = groups.clamp(GROUPS[0], GROUPS[1]);
         let samples = (duration / (groups * lanes * spacing)).ceil().max(1.0);
         let batches = (samples / longest).floor().max(1.0);
         let samples = (samples / batches).ceil();
@@ -215,10 +241,18 @@ impl Plan {
         let force = [left, right].map(|q| contact.force(q));
         let fall = contact.loss_point().map(|loss| -contact.force(loss));
         Ok(Self {
-            paths: Paths::new(oscillator, &initial, settings.seed, settings.noise, scheme)?,
+            paths: Paths::new(
+                oscillator,
+                &initial,
+                settings.seed,
+                settings.noise,
+                scheme,
+                step,
+            )?,
             coefficients: Coefficients::new(scheme, oscillator, step, frequency),
             scheme,
             step,
+            frequency,
             groups: groups as u64,
             batches: batches as u64,
             samples: samples as u64,
@@ -231,7 +265,9 @@ impl Plan {
                 Bins::new(-5.7 * deviation, 5.7 * deviation, settings.bins),
                 Bins::new(force[0], force[1], settings.bins),
             ],
-            flights: fall.map(|fall| FlightBins::new(deviation, fall, settings.bins)),
+            flights: fall
+                .filter(|_| scheme.locates_crossings())
+                .map(|fall| FlightBins::new(deviation, fall, settings.bins)),
         })
     }
 }

@@ -64,21 +64,29 @@ fn every_law_and_any_damping_keeps_its_temperature_and_short_records_say_so() {
             let var_v = got.moments.var_v;
             let z = (var_v.value - it.temperature()) / var_v.error;
             println!(
-                "{} zeta {zeta}: Var v {z:.2} standard errors off, {} batches of {:.3e}, {:?}",
+                "{} zeta {zeta}: Var v {z:.2} standard errors off, {} batches of {:.3e}, worth {:.0?} {:?}",
                 it.contact().name(),
                 got.batches,
                 got.batch_length,
+                got.effective_samples,
                 got.warnings
             );
             assert!(z.abs() < 4.0 && got.duration >= duration * 0.999);
-            assert_eq!(got.warnings.is_empty(), got.batches >= 30);
-            assert_eq!(got.crossings.is_some(), it.contact().loss_point().is_some());
+            let lossy = it.contact().loss_point().is_some();
+            let located = got.scheme.locates_crossings();
+            assert_eq!(got.crossings.is_some(), lossy && located);
+            // Friction so weak that the records are no longer than a memory, or losses not counted.
+            let rough = zeta < 1e-3 && got.effective_samples[2] < 50.0;
+            assert_eq!(
+                got.warnings.len(),
+                usize::from(rough) + usize::from(lossy && !located)
+            );
         }
     }
 }
 
 #[test]
-fn a_record_of_cosines_is_nearly_the_record_of_white_noise() {
+fn records_of_band_limited_noise_are_nearly_those_of_white_noise() {
     // T = 0.63 at ten times the paper's damping, so that 400 cosines up to 8 fill the resonance.
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
     let white = RecordSettings {
@@ -93,19 +101,36 @@ fn a_record_of_cosines_is_nearly_the_record_of_white_noise() {
         duration: 2e4,
         ..RecordSettings::default()
     };
-    let [white, cosines] = [white, cosines].map(|s| records(&it, &s, &quiet).unwrap());
-    for ((name, a), (_, b)) in white
-        .moments
-        .named()
-        .into_iter()
-        .zip(cosines.moments.named())
-    {
-        let (Some(a), Some(b)) = (a, b) else { continue };
-        println!("{name}: white {a}, cosines {b}");
+    let band = RecordSettings {
+        noise: Noise::Band { band: 8.0 },
+        ..white.clone()
+    };
+    let [white, cosines, band] = [white, cosines, band].map(|s| {
+        let start = std::time::Instant::now();
+        let got = records(&it, &s, &quiet).unwrap();
+        let ns = start.elapsed().as_secs_f64() * 1e9 / got.path_steps as f64;
+        println!("{:?}: {ns:.0} ns per path and step", s.noise);
+        got
+    });
+    let numbers = [&white, &cosines, &band].map(|got| got.moments.named());
+    for k in 0..numbers[0].len() {
+        let [(name, a), (_, b), (_, c)] = numbers.map(|numbers| numbers[k]);
+        let (Some(a), Some(b), Some(c)) = (a, b, c) else {
+            continue;
+        };
+        println!("{name}: white {a}, cosines {b}, transform {c}");
     }
-    let (a, b) = (white.moments.std_force, cosines.moments.std_force);
-    assert!((a.value - b.value).abs() < 4.0 * a.error.hypot(b.error) + 0.02 * a.value);
-    assert_eq!(cosines.scheme, Scheme::CentralDifference);
+    let a = white.moments.std_force;
+    for b in [cosines.moments.std_force, band.moments.std_force] {
+        assert!((a.value - b.value).abs() < 4.0 * a.error.hypot(b.error) + 0.02 * a.value);
+    }
+    assert!(cosines.scheme == Scheme::CentralDifference && band.scheme == cosines.scheme);
+    let wide = RecordSettings {
+        noise: Noise::Band { band: 1e3 },
+        ..RecordSettings::default()
+    };
+    let message = records(&it, &wide, &quiet).unwrap_err().to_string();
+    assert!(message.contains("monte_carlo.noise.band"), "{message}");
 }
 
 #[test]

@@ -38,6 +38,24 @@ impl Pieces {
     }
 }
 
+/// `count` steps from (q, v) with the excitation of the start.
+fn kernel<K: Kernel>(
+    kernel: K,
+    (mut q, mut v, first): (Lanes, Lanes, Lanes),
+    noise: impl Fn(usize) -> Lanes,
+    count: usize,
+) -> (Lanes, Lanes) {
+    let mut kick: Lanes = std::array::from_fn(|lane| kernel.kick(Hertz, q[lane], first[lane]));
+    for k in 0..count {
+        let normal = noise(k);
+        for lane in 0..LANES {
+            let old = (q[lane], v[lane], kick[lane]);
+            (q[lane], v[lane], kick[lane]) = kernel.step(Hertz, old, normal[lane]);
+        }
+    }
+    (q, v)
+}
+
 /// v^2 and \[q < -3/2\] at t = 6, from Gaussian starts about (1, 0), with steps of `coarse`, `coarse`/2, ...
 fn levels(
     scheme: Scheme,
@@ -101,25 +119,9 @@ fn levels(
                 }
                 (q, v)
             };
-            fn kernel<K: Kernel>(
-                kernel: K,
-                (mut q, mut v, first): (Lanes, Lanes, Lanes),
-                noise: impl Fn(usize) -> Lanes,
-                count: usize,
-            ) -> (Lanes, Lanes) {
-                let mut kick: Lanes =
-                    std::array::from_fn(|lane| kernel.kick(Hertz, q[lane], first[lane]));
-                for k in 0..count {
-                    let normal = noise(k);
-                    for lane in 0..LANES {
-                        let old = (q[lane], v[lane], kick[lane]);
-                        (q[lane], v[lane], kick[lane]) = kernel.step(Hertz, old, normal[lane]);
-                    }
-                }
-                (q, v)
-            }
             let noise = |k: usize| pieces.step(k * join, join);
             (q, v) = match Coefficients::new(scheme, it, step, 1.3) {
+                Coefficients::ExponentialHeun(_) => (q, v),
                 Coefficients::Baoab(it) => kernel(it, (q, v, first), noise, count),
                 Coefficients::EulerMaruyama(it) => kernel(it, (q, v, first), noise, count),
                 Coefficients::CentralDifference(it) => kernel(it, (q, v, first), noise, count),
@@ -213,6 +215,43 @@ fn each_scheme_has_its_weak_order_in_the_velocity_and_in_the_loss_of_contact() {
                 difference.abs() < 1e-3 + 4.0 * error,
                 "{scheme}: {difference}"
             );
+        }
+    }
+}
+
+#[test]
+fn the_exponential_scheme_has_the_exact_noise_of_friction_alone() {
+    // Over any step, the noise of (q, v) without force is that of many short steps.
+    for zeta in [1e-4, 0.3, 30.0] {
+        let it = Oscillator::new(ContactLaw::Free, zeta, 0.01).unwrap();
+        for step in [1e-3, 0.04 / zeta, 3.0] {
+            let one = ExponentialHeun::new(&it, step);
+            let n = 1 << 12;
+            let part = ExponentialHeun::new(&it, step / f64::from(n));
+            let variance = |it: &ExponentialHeun| {
+                [
+                    it.along * it.along + it.across * it.across,
+                    it.along * it.spread,
+                    it.spread * it.spread,
+                ]
+            };
+            let [qq, qv, vv] = variance(&part);
+            let mut sum = [0.0; 3];
+            for _ in 0..n {
+                let [a, b, c] = sum;
+                let (f, d) = (part.f1, part.decay);
+                sum = [
+                    a + 2.0 * f * b + f * f * c + qq,
+                    d * (b + f * c) + qv,
+                    d * d * c + vv,
+                ];
+            }
+            let got = variance(&one);
+            let worst = (0..3)
+                .map(|k| (got[k] / sum[k] - 1.0).abs())
+                .fold(0.0, f64::max);
+            println!("zeta {zeta}, step {step}: {worst:.1e}");
+            assert!(worst < 1e-9);
         }
     }
 }
