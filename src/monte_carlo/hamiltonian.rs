@@ -5,7 +5,7 @@ use super::law::Law;
 use super::noise::{LANES, Lanes};
 
 /// Longest substep times the highest frequency of the scene. Measured: the energy then errs by less
-/// than 2e-5 of itself, without drift, and the phase by 2e-6 a unit of time.
+/// than 3e-5 of itself, without drift, and the phase by 2e-6 a unit of time.
 const RESOLUTION: f64 = 0.3;
 
 /// The motion over a fixed time, in equal substeps.
