@@ -246,7 +246,7 @@ impl Results {
         transient.push(
             "method",
             Json::object([
-                ("name", Json::from(it.scheme.as_str())),
+                ("name", Json::from(it.scheme.name())),
                 ("paths", Json::from(settings.map(|it| it.paths))),
                 ("seed", Json::from(settings.map(|it| it.seed))),
                 ("step", Json::from(it.step)),

@@ -342,11 +342,6 @@ const NOT_YET: &[NotYet] = &[
                   with a small deviation, as 0.3, for now",
     },
     NotYet {
-        key: "monte_carlo.noise",
-        asked: |scene| matches!(&scene.monte_carlo, Some(it) if it.noise != Noise::White),
-        instead: "noise = \"white\"",
-    },
-    NotYet {
         key: "monte_carlo.duration",
         asked: |scene| matches!(&scene.monte_carlo, Some(it) if it.duration.is_some()),
         instead: "leave it out; outputs.moments_at gives an ensemble",
@@ -708,21 +703,18 @@ fn resolved_monte_carlo(it: &MonteCarlo) -> Json {
 }
 
 /// Names of [`Scheme`] in scenes.
-const SCHEMES: &[(&str, Scheme)] = &[("auto", Scheme::Auto), ("baoab", Scheme::Baoab)];
+const SCHEMES: &[(&str, Scheme)] = &[
+    ("auto", Scheme::Auto),
+    ("central_difference", Scheme::CentralDifference),
+    ("baoab", Scheme::Baoab),
+    ("splitting_4_2", Scheme::Splitting42),
+    ("splitting_6_2", Scheme::Splitting62),
+    ("euler_maruyama", Scheme::EulerMaruyama),
+    ("exponential_heun", Scheme::ExponentialHeun),
+];
 
 /// Names of the scene format whose computation does not exist yet, by key.
-const NAMES_NOT_YET: &[(&str, &[&str])] = &[
-    (
-        "monte_carlo.scheme",
-        &[
-            "central_difference",
-            "splitting_4_2",
-            "splitting_6_2",
-            "euler_maruyama",
-        ],
-    ),
-    ("method.time", &["implicit", "imex"]),
-];
+const NAMES_NOT_YET: &[(&str, &[&str])] = &[("method.time", &["implicit", "imex"])];
 
 /// Names of [`TransientMethod`] in scenes.
 const TRANSIENT: &[(&str, TransientMethod)] = &[

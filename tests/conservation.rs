@@ -278,5 +278,7 @@ fn a_mesh_too_coarse_for_the_tail_of_its_box_is_refused_with_the_cells_it_needs(
         "upwind is monotone on any mesh"
     );
     let finer = mesh(&it, Drift::Order8, [110, 74], 1e-11);
-    if let Err(e) = Generator::new(&it, &finer, Drift::Order8) { panic!("{e}") }
+    if let Err(e) = Generator::new(&it, &finer, Drift::Order8) {
+        panic!("{e}")
+    }
 }
