@@ -3,14 +3,16 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Every source file with its path below src, test modules cut off.
+/// Every source file with its path below src, without test modules (in the file or in *_tests.rs).
 fn sources() -> Vec<(String, String)> {
     fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 collect(&path, files);
-            } else if path.extension().is_some_and(|it| it == "rs") {
+            } else if path.extension().is_some_and(|it| it == "rs")
+                && !path.to_string_lossy().ends_with("_tests.rs")
+            {
                 files.push(path);
             }
         }
