@@ -7,3 +7,4 @@ pub mod flux;
 pub mod generator;
 pub mod mesh;
 pub mod observables;
+pub mod trajectory;
