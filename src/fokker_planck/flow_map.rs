@@ -1,0 +1,747 @@
+//! Transport by the exact flow, noise by the exact Ornstein-Uhlenbeck step: the fastest accurate
+//! transient of a weakly damped oscillator.
+//!
+//! The ratio g = p/p_s is carried unchanged along the undamped motion, g <- g o Phi_{-tau}, and averaged
+//! along v by friction with noise, a Gaussian average in closed form. Both keep g = 1. Between them a
+//! near-integrable splitting (McLachlan, BIT 35, 258, 1995; Laskar and Robutel, Celest. Mech. Dyn.
+//! Astron. 80, 39, 2001): Gauss quadrature of the noise along the motion, error O(zeta tau^n + zeta^2
+//! tau^2), so a step spans a good part of a period. There is no bound on the step from the mesh.
+//!
+//! In space g is a spline through its values at the cell centres ([`Order`]). One pass over the mesh
+//! carries g along the motion; the matrix that then averages it along v also turns the result into the
+//! spline coefficients of the next pass.
+//!
+//! - Edge: departure points outside the box take the value of g at the nearest centre, as does the
+//!   average along v; g = 1 stays. Orbits that do not close inside the box hold no unknowns: along each
+//!   row g continues as a constant beyond them. For a contact without a stationary law, where g is the
+//!   density p itself, nothing comes in from outside and what leaves is lost.
+//! - Mass: interpolation keeps it to its own error. A constant is added to g that keeps it exactly;
+//!   constants pass unchanged through every part of a step, so one addition at the end is the same as
+//!   one in every step. The raw defect is reported: a free measure of the interpolation error.
+//! - Sign: no linear scheme of this order is positive. The negative mass is reported;
+//!   [`Settings::positive`] clips it and rescales.
+
+use super::density::Density;
+use super::flux::{Drift, Measure, Weights};
+use super::interpolation::{self, Order, Spline};
+use super::mesh::{Axis, Mesh};
+use super::ornstein_uhlenbeck;
+use super::trajectory::Motion;
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result, positive};
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// How a step alternates the undamped motion H with friction and noise O: the parts of O are the
+/// weights of Gauss quadrature on the step, those of H the gaps between its nodes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Splitting {
+    /// H(1/2) O(1) H(1/2): Strang. Error O(zeta tau^2).
+    TwoTwo,
+    /// H(c1) O(1/2) H(c2) O(1/2) H(c1), c1 = 1/2 - sqrt3/6, c2 = sqrt3/3. Error O(zeta tau^4 + zeta^2
+    /// tau^2).
+    FourTwo,
+    /// H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1), c1 = 1/2 - sqrt15/10, c2 = sqrt15/10. Error
+    /// O(zeta tau^6 + zeta^2 tau^2).
+    SixTwo,
+}
+
+impl Splitting {
+    /// Every choice, lowest order first.
+    pub const ALL: [Self; 3] = [Self::TwoTwo, Self::FourTwo, Self::SixTwo];
+
+    /// First order in zeta: the power of tau.
+    pub fn order(self) -> usize {
+        2 * self.noises().len()
+    }
+
+    /// Parts of O, in order.
+    fn noises(self) -> &'static [f64] {
+        match self {
+            Self::TwoTwo => &[1.0],
+            Self::FourTwo => &[0.5, 0.5],
+            Self::SixTwo => &[5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
+        }
+    }
+
+    /// Parts of H: the first (and last), and those between.
+    fn motions(self) -> (f64, Vec<f64>) {
+        match self {
+            Self::TwoTwo => (0.5, vec![]),
+            Self::FourTwo => (0.5 - 3f64.sqrt() / 6.0, vec![3f64.sqrt() / 3.0]),
+            Self::SixTwo => {
+                let c2 = 15f64.sqrt() / 10.0;
+                (0.5 - c2, vec![c2, c2])
+            }
+        }
+    }
+}
+
+/// How to propagate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Interpolation in space.
+    pub order: Order,
+    /// Splitting in time.
+    pub splitting: Splitting,
+    /// Longest step tau; each interval between outputs is divided into equal steps not above it.
+    pub step: f64,
+    /// Clip negative values at the end of every interval and rescale the rest to the same mass.
+    pub positive: bool,
+}
+
+impl Default for Settings {
+    /// Order 8, (4,2), steps of 1.
+    fn default() -> Self {
+        Self {
+            order: Order::Eighth,
+            splitting: Splitting::FourTwo,
+            step: 1.0,
+            positive: false,
+        }
+    }
+}
+
+/// What propagation did so far.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Progress {
+    /// Steps taken.
+    pub steps: usize,
+    /// Passes of the undamped motion over the mesh.
+    pub passes: usize,
+    /// Change of the mass by interpolation, before its correction: the sum of the absolute values over
+    /// the intervals. For a contact without a stationary law, the mass that left the box.
+    pub defect: f64,
+    /// Largest negative mass at the end of an interval, before any clipping.
+    pub negative: f64,
+}
+
+/// The propagator of an oscillator on a mesh.
+#[derive(Debug, Clone)]
+pub struct FlowMap {
+    contact: ContactLaw,
+    zeta: f64,
+    temperature: f64,
+    /// Whether g is taken against the stationary law, or against area.
+    stationary: bool,
+    mesh: Mesh,
+    weights: Weights,
+    settings: Settings,
+    spline: Spline,
+    /// Cells per q row on orbits that close inside the box.
+    active: Vec<Range<usize>>,
+    /// Number of active cells in the rows before.
+    offsets: Vec<usize>,
+    /// Values to coefficients along v, without noise.
+    open: Matrix,
+    cycles: Vec<Cycle>,
+    progress: Progress,
+    buffers: Buffers,
+}
+
+/// Working space of a step.
+#[derive(Debug, Clone)]
+struct Buffers {
+    /// g, nq x nv.
+    values: Vec<f64>,
+    /// Spline coefficients by groups of eight columns, nq x 8 each.
+    panels: Vec<f64>,
+    /// Spline coefficients with their margins, (nq + 2 margin) x stride.
+    coefficients: Vec<f64>,
+    stride: usize,
+}
+
+/// Where each active cell takes its value from, after one part of H.
+#[derive(Debug, Clone)]
+struct Map {
+    /// First coefficient of the stencil.
+    places: Vec<u32>,
+    /// Weights along q, then along v, per cell.
+    weights: Vec<f64>,
+}
+
+/// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each. Carries
+/// the gain of the filter along q.
+#[derive(Debug, Clone)]
+struct Matrix {
+    panels: Vec<f64>,
+}
+
+/// Everything for steps of one length.
+#[derive(Debug, Clone)]
+struct Cycle {
+    step: f64,
+    /// H(c1), H(2 c1), and those between.
+    maps: Vec<Map>,
+    /// Map of each stage of a step that is not the first.
+    order: Vec<usize>,
+    matrices: Vec<Matrix>,
+    /// Matrix of each stage.
+    noises: Vec<usize>,
+}
+
+/// Columns of a panel.
+const PANEL: usize = 8;
+/// Cells from which on the work of a stage is worth sharing between threads.
+const SHARED: usize = 6000;
+
+impl FlowMap {
+    /// The propagator of `oscillator` on `mesh`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a step that is not positive; [`Error::Mesh`] for fewer than eight cells in a
+    /// direction, or a box where the stationary law underflows.
+    pub fn new(oscillator: &Oscillator, mesh: &Mesh, settings: Settings) -> Result<Self> {
+        positive("method.step", settings.step)?;
+        let [nq, nv] = mesh.cells();
+        if nq.min(nv) < 8 {
+            return Err(Error::Mesh {
+                what: format!("{nq} x {nv} cells, and the stencil needs 8 in each direction"),
+                help: "more cells".into(),
+            });
+        }
+        let measure = Measure::of(oscillator)?;
+        let temperature = oscillator.temperature();
+        let weights = Weights::new(&measure, mesh, temperature, Drift::Order8)?;
+        let stationary = matches!(measure, Measure::Gibbs(_));
+        let contact = oscillator.contact().clone();
+        let active = active(&contact, mesh, stationary);
+        let mut offsets = vec![0];
+        for range in &active {
+            offsets.push(offsets[offsets.len() - 1] + range.len());
+        }
+        let margin = settings.order.margin();
+        // Order 6 reads two columns more than its stencil, with weight 0.
+        let stride = (nv + 2 * margin + 2).next_multiple_of(PANEL);
+        let open = Matrix::new(settings.order, nv, stride, None);
+        Ok(Self {
+            contact,
+            zeta: oscillator.zeta(),
+            temperature,
+            stationary,
+            mesh: mesh.clone(),
+            weights,
+            settings,
+            spline: Spline::new(settings.order),
+            active,
+            offsets,
+            open,
+            cycles: Vec::new(),
+            progress: Progress::default(),
+            buffers: Buffers {
+                values: vec![0.0; nq * nv],
+                panels: vec![0.0; nq * stride],
+                coefficients: vec![0.0; (nq + 2 * margin) * stride],
+                stride,
+            },
+        })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The measure of the cells that g is taken against.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Steps, mass defect and negative mass so far.
+    pub fn progress(&self) -> Progress {
+        self.progress
+    }
+
+    /// A start at the cell centres.
+    ///
+    /// # Errors
+    /// As [`Density::everywhere`].
+    pub fn start(&self, initial: &Initial) -> Result<Density> {
+        Density::everywhere(&self.mesh, &self.weights, initial)
+    }
+
+    /// g = P/w of a density on this mesh, row-major.
+    pub fn ratio(&self, density: &Density) -> Vec<f64> {
+        let mut g = density.cells().to_vec();
+        for (row, wq) in g.chunks_exact_mut(self.mesh.v.len()).zip(&self.weights.q) {
+            for (g, wv) in row.iter_mut().zip(&self.weights.v) {
+                *g /= wq * wv;
+            }
+        }
+        g
+    }
+
+    /// Propagates a density on this mesh over `duration`, in equal steps of at most [`Settings::step`].
+    /// Flow maps and matrices are built for the first interval that needs a step length, and kept.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a duration that is negative or not finite, or a density on another mesh.
+    pub fn advance(&mut self, density: &mut Density, duration: f64) -> Result<()> {
+        if !(duration.is_finite() && duration >= 0.0) {
+            let accepted = "a finite duration, not negative";
+            return Err(Error::invalid("output.times", duration, accepted));
+        }
+        if density.cells().len() != self.mesh.len() {
+            let [nq, nv] = self.mesh.cells();
+            let given = format!("{} cells", density.cells().len());
+            return Err(Error::invalid("the density", given, format!("one on {nq} x {nv} cells")));
+        }
+        if duration == 0.0 {
+            return Ok(());
+        }
+        let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
+        let cycle = self.prepare(duration / steps);
+        self.read(density);
+        let before = self.mass();
+        let share = self.mesh.len() >= SHARED && rayon::current_num_threads() > 1;
+        if share {
+            // Inside the pool for good: its queues are then the only ones used.
+            rayon::scope(|_| self.run(cycle, steps as usize, true));
+        } else {
+            self.run(cycle, steps as usize, false);
+        }
+        self.progress.steps += steps as usize;
+        self.balance(before);
+        self.write(density);
+        Ok(())
+    }
+
+    /// The cycle of a step length, built unless there is one within rounding.
+    fn prepare(&mut self, step: f64) -> usize {
+        let known = |cycle: &Cycle| (cycle.step - step).abs() <= 1e-13 * step;
+        if let Some(k) = self.cycles.iter().position(known) {
+            return k;
+        }
+        let (first, between) = self.settings.splitting.motions();
+        let noises = self.settings.splitting.noises();
+        let mut times = vec![first, 2.0 * first];
+        let mut order = vec![1];
+        for c in between {
+            let place = times.iter().skip(2).position(|x| *x == c);
+            order.push(place.map_or(times.len(), |k| k + 2));
+            if place.is_none() {
+                times.push(c);
+            }
+        }
+        let mut parts: Vec<f64> = Vec::new();
+        let mut which = Vec::new();
+        for w in noises {
+            let place = parts.iter().position(|x| x == w);
+            which.push(place.unwrap_or(parts.len()));
+            if place.is_none() {
+                parts.push(*w);
+            }
+        }
+        let times: Vec<f64> = times.iter().map(|c| c * step).collect();
+        let (order_of, stride) = (self.settings.order, self.buffers.stride);
+        let matrices = parts
+            .iter()
+            .map(|w| {
+                let friction = 2.0 * self.zeta * step * w;
+                let average = ornstein_uhlenbeck::average(
+                    &self.mesh.v,
+                    order_of,
+                    friction,
+                    self.temperature,
+                    self.stationary,
+                );
+                Matrix::new(order_of, self.mesh.v.len(), stride, Some(&average))
+            })
+            .collect();
+        self.cycles.push(Cycle {
+            step,
+            maps: self.maps(&times),
+            order,
+            matrices,
+            noises: which,
+        });
+        self.cycles.len() - 1
+    }
+
+    /// The flow maps of several times.
+    fn maps(&self, times: &[f64]) -> Vec<Map> {
+        /// Rows of cells traced together.
+        const ROWS: usize = 8;
+        let [nq, _] = self.mesh.cells();
+        let total = self.offsets[nq];
+        let stencil = self.stencil();
+        let mut sorted: Vec<usize> = (0..times.len()).collect();
+        sorted.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
+        let ascending: Vec<f64> = sorted.iter().map(|k| times[*k]).collect();
+        let mut maps: Vec<Map> = times
+            .iter()
+            .map(|_| Map {
+                places: vec![0; total],
+                weights: vec![0.0; total * stencil],
+            })
+            .collect();
+        // The part of every map that belongs to a group of rows.
+        let mut groups: Vec<(usize, Vec<(&mut [u32], &mut [f64])>)> =
+            (0..nq).step_by(ROWS).map(|row| (row, Vec::new())).collect();
+        for map in &mut maps {
+            let (mut places, mut weights) = (&mut map.places[..], &mut map.weights[..]);
+            for (row, parts) in &mut groups {
+                let end = (*row + ROWS).min(nq);
+                let count = self.offsets[end] - self.offsets[*row];
+                let (p, rest) = places.split_at_mut(count);
+                places = rest;
+                let (w, rest) = weights.split_at_mut(count * stencil);
+                weights = rest;
+                parts.push((p, w));
+            }
+        }
+        let motion = Motion::new(&self.contact);
+        groups.par_iter_mut().for_each(|(row, parts)| {
+            let end = (*row + ROWS).min(nq);
+            let centres = (self.mesh.q.centres(), self.mesh.v.centres());
+            let starts: Vec<[f64; 2]> = (*row..end)
+                .flat_map(|i| self.active[i].clone().map(move |j| [centres.0[i], centres.1[j]]))
+                .collect();
+            let mut ends = vec![[0.0; 2]; starts.len() * ascending.len()];
+            motion.before(&starts, &ascending, &mut ends);
+            for (ends, k) in ends.chunks_exact(starts.len()).zip(&sorted) {
+                let (places, weights) = &mut parts[*k];
+                pulp::Arch::new().dispatch(|| self.locate(ends, places, weights));
+            }
+        });
+        maps
+    }
+
+    /// Weights per cell: along q and along v.
+    fn stencil(&self) -> usize {
+        match self.settings.order {
+            Order::Fourth => 8,
+            Order::Sixth => 14,
+            Order::Eighth => 16,
+        }
+    }
+
+    /// Stencils of the departure points.
+    #[inline(always)]
+    fn locate(&self, ends: &[[f64; 2]], places: &mut [u32], weights: &mut [f64]) {
+        let [nq, nv] = self.mesh.cells();
+        let (rows, size, stride) = (self.settings.order.points(), self.stencil(), self.buffers.stride);
+        let (q_axis, v_axis) = (Coordinate::of(&self.mesh.q), Coordinate::of(&self.mesh.v));
+        for ((end, place), weights) in ends.iter().zip(places).zip(weights.chunks_exact_mut(size)) {
+            let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
+            let (iq, fq) = Spline::place(xi, nq);
+            let (iv, fv) = Spline::place(eta, nv);
+            *place = (iq * stride + iv) as u32;
+            let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
+            if self.stationary || (inside(xi, nq) && inside(eta, nv)) {
+                weights[..rows].copy_from_slice(&self.spline.weights(fq)[..rows]);
+                weights[rows..].copy_from_slice(&self.spline.weights(fv)[..size - rows]);
+            }
+        }
+    }
+
+    /// All steps of an interval; from values to values.
+    fn run(&mut self, cycle: usize, steps: usize, share: bool) {
+        let cycle = &self.cycles[cycle];
+        let (order, nv) = (self.settings.order, self.mesh.v.len());
+        let buffers = &mut self.buffers;
+        buffers.average(order, nv, &self.open, share);
+        for step in 0..steps {
+            for (stage, noise) in cycle.noises.iter().enumerate() {
+                let first = step == 0 && stage == 0;
+                let map = if first { 0 } else { cycle.order[stage] };
+                buffers.carry(order, nv, &cycle.maps[map], (&self.active, &self.offsets), share);
+                buffers.average(order, nv, &cycle.matrices[*noise], share);
+            }
+        }
+        buffers.carry(order, nv, &cycle.maps[0], (&self.active, &self.offsets), share);
+        self.progress.passes += steps * cycle.noises.len() + 1;
+    }
+
+    fn read(&mut self, density: &Density) {
+        let nv = self.mesh.v.len();
+        let rows = density.cells().chunks_exact(nv);
+        let values = self.buffers.values.chunks_exact_mut(nv);
+        for ((row, g), wq) in rows.zip(values).zip(&self.weights.q) {
+            for ((p, g), wv) in row.iter().zip(g).zip(&self.weights.v) {
+                *g = p / (wq * wv);
+            }
+        }
+    }
+
+    fn write(&self, density: &mut Density) {
+        let nv = self.mesh.v.len();
+        let rows = density.cells_mut().chunks_exact_mut(nv);
+        let values = self.buffers.values.chunks_exact(nv);
+        for ((row, g), wq) in rows.zip(values).zip(&self.weights.q) {
+            for ((p, g), wv) in row.iter_mut().zip(g).zip(&self.weights.v) {
+                *p = g * (wq * wv);
+            }
+        }
+    }
+
+    /// Sum of w f(g).
+    fn sum(&self, f: impl Fn(f64) -> f64) -> f64 {
+        let nv = self.mesh.v.len();
+        let rows = self.buffers.values.chunks_exact(nv).zip(&self.weights.q);
+        let row = |g: &[f64]| -> f64 { g.iter().zip(&self.weights.v).map(|(g, w)| f(*g) * w).sum() };
+        rows.map(|(g, wq)| wq * row(g)).sum()
+    }
+
+    fn mass(&self) -> f64 {
+        self.sum(|g| g)
+    }
+
+    /// Restores the mass and, if wanted, the sign.
+    fn balance(&mut self, before: f64) {
+        let defect = self.mass() - before;
+        self.progress.defect += defect.abs();
+        if self.stationary {
+            let constant = defect / self.sum(|_| 1.0);
+            for g in &mut self.buffers.values {
+                *g -= constant;
+            }
+        }
+        let negative = self.sum(|g| (-g).max(0.0));
+        self.progress.negative = self.progress.negative.max(negative);
+        if self.settings.positive && negative > 0.0 {
+            let mass = self.mass();
+            let factor = if mass > 0.0 { mass / (mass + negative) } else { 0.0 };
+            for g in &mut self.buffers.values {
+                *g = g.max(0.0) * factor;
+            }
+        }
+    }
+}
+
+impl Buffers {
+    /// values <- the spline, at the departure points.
+    fn carry(
+        &mut self,
+        order: Order,
+        nv: usize,
+        map: &Map,
+        (active, offsets): (&[Range<usize>], &[usize]),
+        share: bool,
+    ) {
+        /// Rows per task.
+        const ROWS: usize = 4;
+        let (coefficients, stride) = (&self.coefficients[..], self.stride);
+        let rows = |(group, values): (usize, &mut [f64])| {
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (i, row) in (group * ROWS..).zip(values.chunks_exact_mut(nv)) {
+                        let (range, cells) = (active[i].clone(), offsets[i]..offsets[i + 1]);
+                        let places = &map.places[cells.clone()];
+                        let out = &mut row[range.clone()];
+                        match order {
+                            Order::Fourth => gather::<4, 4, 8>(places, &map.weights[cells.start * 8..cells.end * 8], coefficients, stride, out),
+                            Order::Sixth => gather::<6, 8, 14>(places, &map.weights[cells.start * 14..cells.end * 14], coefficients, stride, out),
+                            Order::Eighth => gather::<8, 8, 16>(places, &map.weights[cells.start * 16..cells.end * 16], coefficients, stride, out),
+                        }
+                        let (first, last) = (row[range.start], row[range.end - 1]);
+                        row[..range.start].fill(first);
+                        row[range.end..].fill(last);
+                    }
+                },
+            );
+        };
+        if share {
+            self.values.par_chunks_mut(ROWS * nv).enumerate().for_each(rows);
+        } else {
+            self.values.chunks_mut(ROWS * nv).enumerate().for_each(rows);
+        }
+    }
+
+    /// coefficients <- those of the values, averaged along v by the matrix.
+    fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
+        let (values, nq) = (&self.values[..], self.values.len() / nv);
+        let panel = |(panel, matrix): (&mut [f64], &[f64])| {
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    product(values, nv, matrix, panel);
+                    interpolation::filter(order, panel, PANEL);
+                },
+            );
+        };
+        if share {
+            let matrices = matrix.panels.par_chunks(nv * PANEL);
+            self.panels.par_chunks_mut(nq * PANEL).zip(matrices).for_each(panel);
+        } else {
+            let matrices = matrix.panels.chunks(nv * PANEL);
+            self.panels.chunks_mut(nq * PANEL).zip(matrices).for_each(panel);
+        }
+        let (panels, margin) = (&self.panels[..], order.margin());
+        let row = |(k, row): (usize, &mut [f64])| {
+            let i = interpolation::reflected(k, margin, nq);
+            for (p, out) in row.chunks_exact_mut(PANEL).enumerate() {
+                let from = (p * nq + i) * PANEL;
+                out.copy_from_slice(&panels[from..from + PANEL]);
+            }
+        };
+        if share {
+            let rows = self.coefficients.par_chunks_mut(self.stride);
+            rows.enumerate().with_min_len(16).for_each(row);
+        } else {
+            self.coefficients.chunks_mut(self.stride).enumerate().for_each(row);
+        }
+    }
+}
+
+/// out_p = sum over P x W points around each place, weights (P along q, W along v) of SIZE per cell.
+#[inline(always)]
+fn gather<const P: usize, const W: usize, const SIZE: usize>(
+    places: &[u32],
+    weights: &[f64],
+    coefficients: &[f64],
+    stride: usize,
+    out: &mut [f64],
+) {
+    let cells = places.iter().zip(weights.chunks_exact(SIZE)).zip(out);
+    for ((place, weights), out) in cells {
+        let (along_q, along_v) = weights.split_at(P);
+        let from = &coefficients[*place as usize..];
+        let mut sum = [0.0f64; W];
+        for (r, w) in along_q.iter().enumerate() {
+            let row = &from[r * stride..r * stride + W];
+            for l in 0..W {
+                sum[l] = w.mul_add(row[l], sum[l]);
+            }
+        }
+        let mut pairs = [0.0f64; 4];
+        for l in 0..W {
+            pairs[l % 4] = sum[l].mul_add(along_v[l], pairs[l % 4]);
+        }
+        *out = (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]);
+    }
+}
+
+/// panel (rows x 8) = values (rows x n) times matrix (n x 8).
+#[inline(always)]
+fn product(values: &[f64], n: usize, matrix: &[f64], panel: &mut [f64]) {
+    const ROWS: usize = 4;
+    let mut blocks = values.chunks_exact(ROWS * n);
+    let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
+    for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
+        let mut sum = [[0.0f64; PANEL]; ROWS];
+        let rows: [&[f64]; ROWS] = std::array::from_fn(|r| &block[r * n..(r + 1) * n]);
+        for (k, m) in matrix.chunks_exact(PANEL).enumerate() {
+            for r in 0..ROWS {
+                let g = rows[r][k];
+                for c in 0..PANEL {
+                    sum[r][c] = g.mul_add(m[c], sum[r][c]);
+                }
+            }
+        }
+        for (out, sum) in out.chunks_exact_mut(PANEL).zip(&sum) {
+            out.copy_from_slice(sum);
+        }
+    }
+    let rest = blocks.remainder().chunks_exact(n);
+    for (row, out) in rest.zip(outs.into_remainder().chunks_exact_mut(PANEL)) {
+        let mut sum = [0.0f64; PANEL];
+        for (g, m) in row.iter().zip(matrix.chunks_exact(PANEL)) {
+            for c in 0..PANEL {
+                sum[c] = g.mul_add(m[c], sum[c]);
+            }
+        }
+        out.copy_from_slice(&sum);
+    }
+}
+
+impl Matrix {
+    /// Coefficients of the averaged values, of values; without `average` those of the values themselves.
+    fn new(order: Order, n: usize, stride: usize, average: Option<&[f64]>) -> Self {
+        let margin = order.margin();
+        let width = n + 2 * margin;
+        // From values to coefficients.
+        let filter = interpolation::coefficients(order, n);
+        let gain = order.gain();
+        let dense = match average {
+            None => filter,
+            Some(average) => {
+                // Values to averaged values, then to coefficients.
+                let mut averaged = vec![0.0; n * n];
+                for (row, out) in average.chunks_exact(width).zip(averaged.chunks_exact_mut(n)) {
+                    for (x, filter) in row.iter().zip(filter.chunks_exact(n)) {
+                        if *x != 0.0 {
+                            for (out, f) in out.iter_mut().zip(filter) {
+                                *out += x * f;
+                            }
+                        }
+                    }
+                }
+                interpolation::filter(order, &mut averaged, n);
+                (0..width)
+                    .flat_map(|k| {
+                        let row = interpolation::reflected(k, margin, n);
+                        averaged[row * n..(row + 1) * n].iter().map(|x| x * gain)
+                    })
+                    .collect()
+            }
+        };
+        let mut panels = vec![0.0; stride * n];
+        for (k, row) in dense.chunks_exact(n).enumerate() {
+            let panel = &mut panels[k / PANEL * PANEL * n..];
+            for (j, x) in row.iter().enumerate() {
+                panel[j * PANEL + k % PANEL] = x * gain;
+            }
+        }
+        Self { panels }
+    }
+}
+
+/// Mesh coordinate of a place, counted from the first centre.
+#[derive(Clone, Copy)]
+enum Coordinate<'a> {
+    Uniform { first: f64, inverse: f64 },
+    Mapped(&'a Axis),
+}
+
+impl<'a> Coordinate<'a> {
+    fn of(axis: &'a Axis) -> Self {
+        if axis.is_uniform() {
+            Self::Uniform {
+                first: axis.centres()[0],
+                inverse: 1.0 / axis.slopes()[0],
+            }
+        } else {
+            Self::Mapped(axis)
+        }
+    }
+
+    #[inline(always)]
+    fn locate(self, x: f64) -> f64 {
+        match self {
+            Self::Uniform { first, inverse } => (x - first) * inverse,
+            Self::Mapped(axis) => axis.locate(x) - 0.5,
+        }
+    }
+}
+
+/// Per q row the cells on orbits that stay within the outermost centres; at least the two slowest.
+fn active(contact: &ContactLaw, mesh: &Mesh, stationary: bool) -> Vec<Range<usize>> {
+    let (q, v) = (mesh.q.centres(), mesh.v.centres());
+    let [nq, nv] = mesh.cells();
+    if !stationary {
+        return vec![0..nv; nq];
+    }
+    let fastest = v[0].abs().min(v[nv - 1].abs());
+    let level = contact
+        .potential(q[0])
+        .min(contact.potential(q[nq - 1]))
+        .min(0.5 * fastest * fastest);
+    q.iter()
+        .map(|q| {
+            let reach = (2.0 * (level - contact.potential(*q))).max(0.0).sqrt();
+            let first = v.partition_point(|v| *v < -reach);
+            let last = v.partition_point(|v| *v <= reach);
+            let middle = v.partition_point(|v| *v < 0.0).clamp(1, nv - 1);
+            first.min(middle - 1)..last.max(middle + 1)
+        })
+        .collect()
+}

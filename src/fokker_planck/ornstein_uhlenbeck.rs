@@ -1,0 +1,115 @@
+//! Friction with noise over a time: the exact Ornstein-Uhlenbeck step as a matrix along v.
+//!
+//! p'(v') = integral of N(v'; a v, s^2) p(v) dv with a = e^{-2 zeta tau}, s^2 = T (1 - a^2). For the ratio
+//! g = p/e^{-beta v^2/2} it is again a Gaussian average, (O g)(v') = C N(m, d^2) applied to g, with
+//!
+//!     1/d^2 = a^2/s^2 + beta,   m = d^2 a v'/s^2,   C = (d/s) exp(-(1/s^2 - beta - a^2 d^2/s^4) v'^2/2)
+//!
+//! so beta = 1/T gives m = a v', d = s, C = 1 (Mehler), and beta = 0 the density itself. The average is
+//! taken of the spline through g, exactly: panel by panel between knots.
+
+use super::interpolation::{Order, Spline};
+use super::mesh::Axis;
+use crate::quadrature::KronrodNodes;
+
+/// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
+const REACH: f64 = 8.5;
+/// Widest panel of the 15-point rule, in deviations; its error there is below 1e-15.
+const PANEL: f64 = 2.2;
+
+/// The average of a spline along `axis` over each node's Gaussian: from n + 2 margin coefficients to n
+/// values, row-major. For `cold` = beta > 0, g continues beyond the nodes as a constant and the rows
+/// are scaled to sum to 1; for beta = 0 it is 0 there.
+pub(crate) fn average(
+    axis: &Axis,
+    order: Order,
+    friction: f64,
+    temperature: f64,
+    stationary: bool,
+) -> Vec<f64> {
+    let n = axis.len();
+    let width = n + 2 * order.margin();
+    let spline = Spline::new(order);
+    let a = (-friction).exp();
+    let variance = -temperature * (-2.0 * friction).exp_m1();
+    let beta = if stationary { 1.0 / temperature } else { 0.0 };
+    let spread = 1.0 / (a * a / variance + beta);
+    let deviation = spread.sqrt();
+    let mut matrix = vec![0.0; n * width];
+    for (j, row) in matrix.chunks_exact_mut(width).enumerate() {
+        let v = axis.centres()[j];
+        let mean = spread * a * v / variance;
+        let exponent = 1.0 / variance - beta - a * a * spread / (variance * variance);
+        let scale = if stationary {
+            1.0
+        } else {
+            (deviation / variance.sqrt()) * (-0.5 * exponent * v * v).exp()
+        };
+        gauss(axis, &spline, order, mean, deviation, stationary, row);
+        let sum: f64 = row.iter().sum();
+        let scale = if stationary { 1.0 / sum } else { scale };
+        for x in row {
+            *x *= scale;
+        }
+    }
+    matrix
+}
+
+/// Adds the average over N(mean, deviation^2) to `row`.
+fn gauss(
+    axis: &Axis,
+    spline: &Spline,
+    order: Order,
+    mean: f64,
+    deviation: f64,
+    clamped: bool,
+    row: &mut [f64],
+) {
+    let n = axis.len();
+    let centres = axis.centres();
+    let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
+    let mut add = |xi: f64, weight: f64| {
+        let (first, place) = Spline::place(xi, n);
+        let weights = spline.weights(place);
+        for (x, w) in row[first..].iter_mut().zip(&weights[..order.points()]) {
+            *x = weight.mul_add(*w, *x);
+        }
+    };
+    if clamped {
+        let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
+        if low < centres[0] {
+            add(0.0, tail(mean - centres[0]));
+        }
+        if high > centres[n - 1] {
+            add((n - 1) as f64, tail(centres[n - 1] - mean));
+        }
+    }
+    let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
+    let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
+    // Knots lie on the nodes: the degree is odd.
+    let start = centres.partition_point(|v| *v <= low).max(1) - 1;
+    for k in start..n - 1 {
+        let (a, b) = (centres[k].max(low), centres[k + 1].min(high));
+        if a >= b {
+            if centres[k] > high {
+                break;
+            }
+            continue;
+        }
+        let parts = ((b - a) / (PANEL * deviation)).ceil().max(1.0);
+        let half = 0.5 * (b - a) / parts;
+        for part in 0..parts as usize {
+            let middle = a + half * (2 * part + 1) as f64;
+            for (x, weight) in KronrodNodes::default() {
+                let v = middle + half * x;
+                let z = (v - mean) / deviation;
+                let xi = match uniform {
+                    Some(inverse) => k as f64 + (v - centres[k]) * inverse,
+                    None => axis.locate(v) - 0.5,
+                };
+                let xi = xi.clamp(k as f64, (k + 1) as f64);
+                add(xi, weight * half * norm * (-0.5 * z * z).exp());
+            }
+        }
+    }
+}
