@@ -192,7 +192,9 @@ fn no_mesh_holds_rest() -> Error {
 
 /// q_i v_j, row-major.
 fn products(q: &[f64], v: &[f64]) -> Vec<f64> {
-    q.iter().flat_map(|q| v.iter().map(move |v| q * v)).collect()
+    q.iter()
+        .flat_map(|q| v.iter().map(move |v| q * v))
+        .collect()
 }
 
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times

@@ -291,7 +291,11 @@ impl FlowMap {
         if density.cells().len() != self.mesh.len() {
             let [nq, nv] = self.mesh.cells();
             let given = format!("{} cells", density.cells().len());
-            return Err(Error::invalid("the density", given, format!("one on {nq} x {nv} cells")));
+            return Err(Error::invalid(
+                "the density",
+                given,
+                format!("one on {nq} x {nv} cells"),
+            ));
         }
         if duration == 0.0 {
             return Ok(());
@@ -402,13 +406,22 @@ impl FlowMap {
             let end = (*row + ROWS).min(nq);
             let centres = (self.mesh.q.centres(), self.mesh.v.centres());
             let starts: Vec<[f64; 2]> = (*row..end)
-                .flat_map(|i| self.active[i].clone().map(move |j| [centres.0[i], centres.1[j]]))
+                .flat_map(|i| {
+                    self.active[i]
+                        .clone()
+                        .map(move |j| [centres.0[i], centres.1[j]])
+                })
                 .collect();
             let mut ends = vec![[0.0; 2]; starts.len() * ascending.len()];
             motion.before(&starts, &ascending, &mut ends);
             for (ends, k) in ends.chunks_exact(starts.len()).zip(&sorted) {
                 let (places, weights) = &mut parts[*k];
-                pulp::Arch::new().dispatch(|| self.locate(ends, places, weights));
+                pulp::Arch::new().dispatch(Locate {
+                    it: self,
+                    ends,
+                    places,
+                    weights,
+                });
             }
         });
         maps
@@ -423,25 +436,6 @@ impl FlowMap {
         }
     }
 
-    /// Stencils of the departure points.
-    #[inline(always)]
-    fn locate(&self, ends: &[[f64; 2]], places: &mut [u32], weights: &mut [f64]) {
-        let [nq, nv] = self.mesh.cells();
-        let (rows, size, stride) = (self.settings.order.points(), self.stencil(), self.buffers.stride);
-        let (q_axis, v_axis) = (Coordinate::of(&self.mesh.q), Coordinate::of(&self.mesh.v));
-        for ((end, place), weights) in ends.iter().zip(places).zip(weights.chunks_exact_mut(size)) {
-            let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
-            let (iq, fq) = Spline::place(xi, nq);
-            let (iv, fv) = Spline::place(eta, nv);
-            *place = (iq * stride + iv) as u32;
-            let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
-            if self.stationary || (inside(xi, nq) && inside(eta, nv)) {
-                weights[..rows].copy_from_slice(&self.spline.weights(fq)[..rows]);
-                weights[rows..].copy_from_slice(&self.spline.weights(fv)[..size - rows]);
-            }
-        }
-    }
-
     /// All steps of an interval; from values to values.
     fn run(&mut self, cycle: usize, steps: usize, share: bool) {
         let cycle = &self.cycles[cycle];
@@ -452,11 +446,23 @@ impl FlowMap {
             for (stage, noise) in cycle.noises.iter().enumerate() {
                 let first = step == 0 && stage == 0;
                 let map = if first { 0 } else { cycle.order[stage] };
-                buffers.carry(order, nv, &cycle.maps[map], (&self.active, &self.offsets), share);
+                buffers.carry(
+                    order,
+                    nv,
+                    &cycle.maps[map],
+                    (&self.active, &self.offsets),
+                    share,
+                );
                 buffers.average(order, nv, &cycle.matrices[*noise], share);
             }
         }
-        buffers.carry(order, nv, &cycle.maps[0], (&self.active, &self.offsets), share);
+        buffers.carry(
+            order,
+            nv,
+            &cycle.maps[0],
+            (&self.active, &self.offsets),
+            share,
+        );
         self.progress.passes += steps * cycle.noises.len() + 1;
     }
 
@@ -486,7 +492,8 @@ impl FlowMap {
     fn sum(&self, f: impl Fn(f64) -> f64) -> f64 {
         let nv = self.mesh.v.len();
         let rows = self.buffers.values.chunks_exact(nv).zip(&self.weights.q);
-        let row = |g: &[f64]| -> f64 { g.iter().zip(&self.weights.v).map(|(g, w)| f(*g) * w).sum() };
+        let row =
+            |g: &[f64]| -> f64 { g.iter().zip(&self.weights.v).map(|(g, w)| f(*g) * w).sum() };
         rows.map(|(g, wq)| wq * row(g)).sum()
     }
 
@@ -508,9 +515,45 @@ impl FlowMap {
         self.progress.negative = self.progress.negative.max(negative);
         if self.settings.positive && negative > 0.0 {
             let mass = self.mass();
-            let factor = if mass > 0.0 { mass / (mass + negative) } else { 0.0 };
+            let factor = if mass > 0.0 {
+                mass / (mass + negative)
+            } else {
+                0.0
+            };
             for g in &mut self.buffers.values {
                 *g = g.max(0.0) * factor;
+            }
+        }
+    }
+}
+
+/// Stencils of departure points.
+struct Locate<'a> {
+    it: &'a FlowMap,
+    ends: &'a [[f64; 2]],
+    places: &'a mut [u32],
+    weights: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Locate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let it = self.it;
+        let [nq, nv] = it.mesh.cells();
+        let (rows, size, stride) = (it.settings.order.points(), it.stencil(), it.buffers.stride);
+        let (q_axis, v_axis) = (Coordinate::of(&it.mesh.q), Coordinate::of(&it.mesh.v));
+        let cells = self.ends.iter().zip(self.places);
+        for ((end, place), weights) in cells.zip(self.weights.chunks_exact_mut(size)) {
+            let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
+            let (iq, fq) = Spline::place(xi, nq);
+            let (iv, fv) = Spline::place(eta, nv);
+            *place = (iq * stride + iv) as u32;
+            let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
+            if it.stationary || (inside(xi, nq) && inside(eta, nv)) {
+                weights[..rows].copy_from_slice(&it.spline.weights(fq)[..rows]);
+                weights[rows..].copy_from_slice(&it.spline.weights(fv)[..size - rows]);
             }
         }
     }
@@ -530,27 +573,23 @@ impl Buffers {
         const ROWS: usize = 4;
         let (coefficients, stride) = (&self.coefficients[..], self.stride);
         let rows = |(group, values): (usize, &mut [f64])| {
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    for (i, row) in (group * ROWS..).zip(values.chunks_exact_mut(nv)) {
-                        let (range, cells) = (active[i].clone(), offsets[i]..offsets[i + 1]);
-                        let places = &map.places[cells.clone()];
-                        let out = &mut row[range.clone()];
-                        match order {
-                            Order::Fourth => gather::<4, 4, 8>(places, &map.weights[cells.start * 8..cells.end * 8], coefficients, stride, out),
-                            Order::Sixth => gather::<6, 8, 14>(places, &map.weights[cells.start * 14..cells.end * 14], coefficients, stride, out),
-                            Order::Eighth => gather::<8, 8, 16>(places, &map.weights[cells.start * 16..cells.end * 16], coefficients, stride, out),
-                        }
-                        let (first, last) = (row[range.start], row[range.end - 1]);
-                        row[..range.start].fill(first);
-                        row[range.end..].fill(last);
-                    }
-                },
-            );
+            pulp::Arch::new().dispatch(Carry {
+                order,
+                map,
+                active,
+                offsets,
+                first: group * ROWS,
+                coefficients,
+                stride,
+                nv,
+                values,
+            });
         };
         if share {
-            self.values.par_chunks_mut(ROWS * nv).enumerate().for_each(rows);
+            self.values
+                .par_chunks_mut(ROWS * nv)
+                .enumerate()
+                .for_each(rows);
         } else {
             self.values.chunks_mut(ROWS * nv).enumerate().for_each(rows);
         }
@@ -560,20 +599,26 @@ impl Buffers {
     fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
         let (values, nq) = (&self.values[..], self.values.len() / nv);
         let panel = |(panel, matrix): (&mut [f64], &[f64])| {
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    product(values, nv, matrix, panel);
-                    interpolation::filter(order, panel, PANEL);
-                },
-            );
+            pulp::Arch::new().dispatch(Average {
+                order,
+                values,
+                nv,
+                matrix,
+                panel,
+            });
         };
         if share {
             let matrices = matrix.panels.par_chunks(nv * PANEL);
-            self.panels.par_chunks_mut(nq * PANEL).zip(matrices).for_each(panel);
+            self.panels
+                .par_chunks_mut(nq * PANEL)
+                .zip(matrices)
+                .for_each(panel);
         } else {
             let matrices = matrix.panels.chunks(nv * PANEL);
-            self.panels.chunks_mut(nq * PANEL).zip(matrices).for_each(panel);
+            self.panels
+                .chunks_mut(nq * PANEL)
+                .zip(matrices)
+                .for_each(panel);
         }
         let (panels, margin) = (&self.panels[..], order.margin());
         let row = |(k, row): (usize, &mut [f64])| {
@@ -587,8 +632,73 @@ impl Buffers {
             let rows = self.coefficients.par_chunks_mut(self.stride);
             rows.enumerate().with_min_len(16).for_each(row);
         } else {
-            self.coefficients.chunks_mut(self.stride).enumerate().for_each(row);
+            self.coefficients
+                .chunks_mut(self.stride)
+                .enumerate()
+                .for_each(row);
         }
+    }
+}
+
+/// Values of some rows from the spline. A type, since a closure would not be compiled for the CPU.
+struct Carry<'a> {
+    order: Order,
+    map: &'a Map,
+    active: &'a [Range<usize>],
+    offsets: &'a [usize],
+    first: usize,
+    coefficients: &'a [f64],
+    stride: usize,
+    nv: usize,
+    values: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Carry<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        match self.order {
+            Order::Fourth => self.rows::<4, 4, 8>(),
+            Order::Sixth => self.rows::<6, 8, 14>(),
+            Order::Eighth => self.rows::<8, 8, 16>(),
+        }
+    }
+}
+
+impl Carry<'_> {
+    #[inline(always)]
+    fn rows<const P: usize, const W: usize, const SIZE: usize>(self) {
+        let rows = self.values.chunks_exact_mut(self.nv);
+        for (i, row) in (self.first..).zip(rows) {
+            let (range, cells) = (self.active[i].clone(), self.offsets[i]..self.offsets[i + 1]);
+            let places = &self.map.places[cells.clone()];
+            let weights = &self.map.weights[cells.start * SIZE..cells.end * SIZE];
+            let out = &mut row[range.clone()];
+            gather::<P, W, SIZE>(places, weights, self.coefficients, self.stride, out);
+            let (first, last) = (row[range.start], row[range.end - 1]);
+            row[..range.start].fill(first);
+            row[range.end..].fill(last);
+        }
+    }
+}
+
+/// Coefficients of one group of columns.
+struct Average<'a> {
+    order: Order,
+    values: &'a [f64],
+    nv: usize,
+    matrix: &'a [f64],
+    panel: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Average<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        product(self.values, self.nv, self.matrix, self.panel);
+        interpolation::filter(self.order, self.panel, PANEL);
     }
 }
 
@@ -666,7 +776,10 @@ impl Matrix {
             Some(average) => {
                 // Values to averaged values, then to coefficients.
                 let mut averaged = vec![0.0; n * n];
-                for (row, out) in average.chunks_exact(width).zip(averaged.chunks_exact_mut(n)) {
+                for (row, out) in average
+                    .chunks_exact(width)
+                    .zip(averaged.chunks_exact_mut(n))
+                {
                     for (x, filter) in row.iter().zip(filter.chunks_exact(n)) {
                         if *x != 0.0 {
                             for (out, f) in out.iter_mut().zip(filter) {

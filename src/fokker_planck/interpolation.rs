@@ -126,7 +126,13 @@ pub(crate) fn filter(order: Order, values: &mut [f64], width: usize) {
         while column < width {
             let group = (width - column).min(16);
             first[..group].fill(0.0);
-            initial(z, values, width, column..column + group, &mut first[..group]);
+            initial(
+                z,
+                values,
+                width,
+                column..column + group,
+                &mut first[..group],
+            );
             values[column..column + group].copy_from_slice(&first[..group]);
             column += group;
         }

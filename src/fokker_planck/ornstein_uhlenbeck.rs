@@ -45,7 +45,15 @@ pub(crate) fn average(
         } else {
             (deviation / variance.sqrt()) * (-0.5 * exponent * v * v).exp()
         };
-        gauss(axis, &spline, order, mean, deviation, stationary, row);
+        pulp::Arch::new().dispatch(Gauss {
+            axis,
+            spline: &spline,
+            order,
+            mean,
+            deviation,
+            clamped: stationary,
+            row,
+        });
         let sum: f64 = row.iter().sum();
         let scale = if stationary { 1.0 / sum } else { scale };
         for x in row {
@@ -55,60 +63,77 @@ pub(crate) fn average(
     matrix
 }
 
-/// Adds the average over N(mean, deviation^2) to `row`.
-fn gauss(
-    axis: &Axis,
-    spline: &Spline,
+/// Adds the average over N(mean, deviation^2) to `row`. A type, since a closure would not be compiled
+/// for the CPU.
+struct Gauss<'a> {
+    axis: &'a Axis,
+    spline: &'a Spline,
     order: Order,
     mean: f64,
     deviation: f64,
     clamped: bool,
-    row: &mut [f64],
-) {
-    let n = axis.len();
-    let centres = axis.centres();
-    let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
-    let mut add = |xi: f64, weight: f64| {
-        let (first, place) = Spline::place(xi, n);
-        let weights = spline.weights(place);
-        for (x, w) in row[first..].iter_mut().zip(&weights[..order.points()]) {
-            *x = weight.mul_add(*w, *x);
-        }
-    };
-    if clamped {
-        let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
-        if low < centres[0] {
-            add(0.0, tail(mean - centres[0]));
-        }
-        if high > centres[n - 1] {
-            add((n - 1) as f64, tail(centres[n - 1] - mean));
-        }
-    }
-    let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
-    let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
-    // Knots lie on the nodes: the degree is odd.
-    let start = centres.partition_point(|v| *v <= low).max(1) - 1;
-    for k in start..n - 1 {
-        let (a, b) = (centres[k].max(low), centres[k + 1].min(high));
-        if a >= b {
-            if centres[k] > high {
-                break;
+    row: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Gauss<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self {
+            axis,
+            spline,
+            order,
+            mean,
+            deviation,
+            clamped,
+            row,
+        } = self;
+        let n = axis.len();
+        let centres = axis.centres();
+        let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
+        let mut add = |xi: f64, weight: f64| {
+            let (first, place) = Spline::place(xi, n);
+            let weights = spline.weights(place);
+            for (x, w) in row[first..].iter_mut().zip(&weights[..order.points()]) {
+                *x = weight.mul_add(*w, *x);
             }
-            continue;
+        };
+        if clamped {
+            let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
+            if low < centres[0] {
+                add(0.0, tail(mean - centres[0]));
+            }
+            if high > centres[n - 1] {
+                add((n - 1) as f64, tail(centres[n - 1] - mean));
+            }
         }
-        let parts = ((b - a) / (PANEL * deviation)).ceil().max(1.0);
-        let half = 0.5 * (b - a) / parts;
-        for part in 0..parts as usize {
-            let middle = a + half * (2 * part + 1) as f64;
-            for (x, weight) in KronrodNodes::default() {
-                let v = middle + half * x;
-                let z = (v - mean) / deviation;
-                let xi = match uniform {
-                    Some(inverse) => k as f64 + (v - centres[k]) * inverse,
-                    None => axis.locate(v) - 0.5,
-                };
-                let xi = xi.clamp(k as f64, (k + 1) as f64);
-                add(xi, weight * half * norm * (-0.5 * z * z).exp());
+        let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
+        let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
+        // Knots lie on the nodes: the degree is odd.
+        let start = centres.partition_point(|v| *v <= low).max(1) - 1;
+        for k in start..n - 1 {
+            let (a, b) = (centres[k].max(low), centres[k + 1].min(high));
+            if a >= b {
+                if centres[k] > high {
+                    break;
+                }
+                continue;
+            }
+            let parts = ((b - a) / (PANEL * deviation)).ceil().max(1.0);
+            let half = 0.5 * (b - a) / parts;
+            for part in 0..parts as usize {
+                let middle = a + half * (2 * part + 1) as f64;
+                for (x, weight) in KronrodNodes::default() {
+                    let v = middle + half * x;
+                    let z = (v - mean) / deviation;
+                    let xi = match uniform {
+                        Some(inverse) => k as f64 + (v - centres[k]) * inverse,
+                        None => axis.locate(v) - 0.5,
+                    };
+                    let xi = xi.clamp(k as f64, (k + 1) as f64);
+                    add(xi, weight * half * norm * (-0.5 * z * z).exp());
+                }
             }
         }
     }

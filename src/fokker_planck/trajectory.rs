@@ -31,7 +31,11 @@ impl<'a> Motion<'a> {
         assert!(ends.len() >= starts.len() * times.len());
         debug_assert!(times.windows(2).all(|w| w[0] <= w[1]));
         match self.contact {
-            ContactLaw::Hertz => pulp::Arch::new().dispatch(|| hertz(starts, times, ends)),
+            ContactLaw::Hertz => pulp::Arch::new().dispatch(Hertz {
+                starts,
+                times,
+                ends,
+            }),
             contact => {
                 for (k, start) in starts.iter().enumerate() {
                     let (mut point, mut elapsed) = (*start, 0.0);
@@ -66,10 +70,7 @@ impl<'a> Motion<'a> {
 /// Under a constant acceleration.
 #[inline(always)]
 fn thrown([q, v]: [f64; 2], acceleration: f64, t: f64) -> [f64; 2] {
-    [
-        q + t * (v + 0.5 * acceleration * t),
-        v + acceleration * t,
-    ]
+    [q + t * (v + 0.5 * acceleration * t), v + acceleration * t]
 }
 
 /// Time and speed at which a flight from (q, v), q below `loss`, comes back to it.
@@ -141,7 +142,23 @@ struct Arc {
     next: usize,
 }
 
-/// The Hertz law. Rounds: all arcs of contact, then all flights that follow them, until none is left.
+/// The Hertz law. A type, since a closure would not be compiled for the CPU.
+struct Hertz<'a> {
+    starts: &'a [[f64; 2]],
+    times: &'a [f64],
+    ends: &'a mut [[f64; 2]],
+}
+
+impl pulp::WithSimd for Hertz<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        hertz(self.starts, self.times, self.ends);
+    }
+}
+
+/// Rounds: all arcs of contact, then all flights that follow them, until none is left.
 #[inline(always)]
 fn hertz(starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
     let n = starts.len();
@@ -201,13 +218,7 @@ fn fly(
 
 /// Up to eight arcs of contact, each to its last time or to its loss of contact, from where it flies.
 #[inline(always)]
-fn press(
-    batch: &[Arc],
-    times: &[f64],
-    ends: &mut [[f64; 2]],
-    n: usize,
-    landed: &mut Vec<Arc>,
-) {
+fn press(batch: &[Arc], times: &[f64], ends: &mut [[f64; 2]], n: usize, landed: &mut Vec<Arc>) {
     let at = |l: usize| batch[l.min(batch.len() - 1)];
     let mut y: Lane = std::array::from_fn(|l| at(l).y);
     let mut v: Lane = std::array::from_fn(|l| at(l).v);
@@ -247,7 +258,11 @@ fn press(
                 break;
             }
             let target: Lane = std::array::from_fn(|l| {
-                if due[l] { times[next[l]] - elapsed[l] } else { 0.0 }
+                if due[l] {
+                    times[next[l]] - elapsed[l]
+                } else {
+                    0.0
+                }
             });
             // First guess: y a straight line over the step.
             let mut sigma: Lane = std::array::from_fn(|l| {
@@ -267,7 +282,11 @@ fn press(
                     let root = (yl * yl + (2.0 / 3.0) * vs[l] * rest).max(0.0).sqrt();
                     let change = 2.0 * rest / (yl + root).max(1e-300);
                     let moved = sigma[l] + change;
-                    sigma[l] = if moved > 0.0 { moved.min(reach[l]) } else { 0.5 * sigma[l] };
+                    sigma[l] = if moved > 0.0 {
+                        moved.min(reach[l])
+                    } else {
+                        0.5 * sigma[l]
+                    };
                 }
             }
             let (ys, vs, ts) = evaluate(&cy, &cv, &sigma);
@@ -291,7 +310,16 @@ fn press(
                 if lost[l] {
                     busy[l] = false;
                     let state = [-1.5, v[l].min(0.0)];
-                    fly(batch[l].point, state, elapsed[l], next[l], times, ends, n, landed);
+                    fly(
+                        batch[l].point,
+                        state,
+                        elapsed[l],
+                        next[l],
+                        times,
+                        ends,
+                        n,
+                        landed,
+                    );
                 }
             }
         }
@@ -367,11 +395,7 @@ const INVERSE: [f64; ORDER + 1] = {
 
 /// y, v and t at sigma.
 #[inline(always)]
-fn evaluate(
-    cy: &[Lane; ORDER + 1],
-    cv: &[Lane; ORDER + 1],
-    sigma: &Lane,
-) -> (Lane, Lane, Lane) {
+fn evaluate(cy: &[Lane; ORDER + 1], cv: &[Lane; ORDER + 1], sigma: &Lane) -> (Lane, Lane, Lane) {
     let (mut y, mut v, mut t): (Lane, Lane, Lane) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     for k in (0..=ORDER).rev() {
         for l in 0..LANES {
@@ -518,7 +542,13 @@ mod tests {
                 points.push([reach * x * x.abs() - 0.3 * reach, reach * y * y.abs()]);
             }
         }
-        points.extend([[-1.5, 0.0], [-1.5, 1.0], [-1.5, -1.0], [-1.0, 0.0], [0.0, 0.0]]);
+        points.extend([
+            [-1.5, 0.0],
+            [-1.5, 1.0],
+            [-1.5, -1.0],
+            [-1.0, 0.0],
+            [0.0, 0.0],
+        ]);
         points
     }
 
