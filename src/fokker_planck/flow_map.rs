@@ -23,7 +23,7 @@
 
 use super::density::Density;
 use super::flux::{Drift, Measure, Weights};
-use super::interpolation::{self, Order, Spline};
+use super::interpolation::{self, Filter, Order, PANEL, Spline};
 use super::mesh::{Axis, Mesh};
 use super::ornstein_uhlenbeck;
 use super::trajectory::Motion;
@@ -48,17 +48,12 @@ pub enum Splitting {
     /// H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1), c1 = 1/2 - sqrt15/10, c2 = sqrt15/10: Gauss.
     /// Error O(zeta tau^6 + zeta^2 tau^2).
     SixTwo,
-    /// H(1) O(1) H(1) O(1) ..., and at either end of the interval three nodes that make it exact to
-    /// order 7 (Alpert, SIAM J. Sci. Comput. 20, 1551, 1999): the trapezoidal rule, which converges
-    /// faster than any order on orbits that return. One pass a step. Error O(zeta tau^7 + zeta^2 tau^2)
-    /// from the ends and below 1e-4 zeta up to a step of 1.5 from between. Intervals shorter than
-    /// six steps are taken by (6,2), two steps of this in one of that.
-    #[allow(missing_docs)]
-    Third,
-    #[allow(missing_docs)]
-    Fifth,
-    #[allow(missing_docs)]
-    Seventh,
+    /// H(1) O(1) H(1) O(1) ..., one pass a step: the trapezoidal rule, which on orbits that return
+    /// converges faster than any order, with one corrected node at either end of the interval (Alpert,
+    /// SIAM J. Sci. Comput. 20, 1551, 1999). Error O(zeta tau^3) once, from the ends, + O(zeta^2 tau^2).
+    EvenThree,
+    /// As `EvenThree`, with two corrected nodes: error O(zeta tau^5) once + O(zeta^2 tau^2).
+    EvenFive,
 }
 
 /// Nodes and weights that replace those of the trapezoidal rule at one end of an interval, up to and
@@ -69,51 +64,51 @@ struct End {
     first: usize,
 }
 
-const THIRD: End = End {nodes: &[1.0/6.0], weights: &[0.5], first: 1};
-const FIFTH: End = End {nodes: &[0.224_578_497_981_261_394, 1.013_719_374_359_164_14], weights: &[0.554_078_164_360_637_194, 0.945_921_835_639_362_806], first: 2};
-const SEVENTH: End = End {
-    nodes: &[
-        0.218_054_067_254_350_5,
-        1.001_181_873_031_216_4,
-        1.997_580_526_418_033,
-    ],
-    weights: &[
-        0.540_808_896_720_819_3,
-        0.951_661_504_582_356_6,
-        1.007_529_598_696_824_1,
-    ],
-    first: 3,
+const THREE: End = End {
+    nodes: &[1.0 / 6.0],
+    weights: &[0.5],
+    first: 1,
+};
+const FIVE: End = End {
+    nodes: &[0.224_578_497_981_261_4, 1.013_719_374_359_164_1],
+    weights: &[0.554_078_164_360_637_2, 0.945_921_835_639_362_8],
+    first: 2,
 };
 
 impl Splitting {
     /// Every choice.
-    pub const ALL: [Self; 4] = [Self::TwoTwo, Self::FourTwo, Self::SixTwo, Self::Seventh];
+    pub const ALL: [Self; 5] = [
+        Self::TwoTwo,
+        Self::FourTwo,
+        Self::SixTwo,
+        Self::EvenThree,
+        Self::EvenFive,
+    ];
 
     /// Nodes and weights, in units of tau, on an interval of `steps` steps.
     fn quadrature(self, steps: usize) -> (Vec<f64>, Vec<f64>) {
         let (nodes, weights): (&[f64], &[f64]) = match self {
             Self::TwoTwo => (&[0.5], &[1.0]),
-            Self::FourTwo => (&[0.211_324_865_405_187_1, 0.788_675_134_594_812_9], &[0.5, 0.5]),
+            Self::FourTwo => (
+                &[0.211_324_865_405_187_1, 0.788_675_134_594_812_9],
+                &[0.5, 0.5],
+            ),
             Self::SixTwo => (
                 &[0.112_701_665_379_258_3, 0.5, 0.887_298_334_620_741_7],
                 &[5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
             ),
-            Self::Third => return ends(&THIRD, steps), Self::Fifth => return ends(&FIFTH, steps), Self::Seventh => return ends(&SEVENTH, steps),
+            Self::EvenThree => return ends(&THREE, steps),
+            Self::EvenFive => return ends(&FIVE, steps),
         };
         let all = || (0..steps).flat_map(|k| nodes.iter().map(move |x| k as f64 + x));
         (all().collect(), weights.repeat(steps))
     }
 }
 
-/// The trapezoidal rule with corrected ends.
+/// The trapezoidal rule with corrected ends; (4,2) on an interval too short for both.
 fn ends(end: &End, steps: usize) -> (Vec<f64>, Vec<f64>) {
     if steps < 2 * end.first {
-        // Every weight and node is in units of a step: (6,2) over an even number of them.
-        let groups = steps.div_ceil(2);
-        let size = steps as f64 / groups as f64;
-        let (nodes, weights) = Splitting::SixTwo.quadrature(groups);
-        let scaled = |x: Vec<f64>| x.into_iter().map(|x| x * size).collect();
-        return (scaled(nodes), scaled(weights));
+        return Splitting::FourTwo.quadrature(steps);
     }
     let (mut nodes, mut weights) = (end.nodes.to_vec(), end.weights.to_vec());
     for k in end.first..=steps - end.first {
@@ -196,6 +191,8 @@ pub struct FlowMap {
 /// Working space of a step.
 #[derive(Debug, Clone)]
 struct Buffers {
+    /// Values to coefficients along q.
+    filter: Filter,
     /// g, nq x nv.
     values: Vec<f64>,
     /// Spline coefficients by groups of eight columns, nq x 8 each.
@@ -214,8 +211,7 @@ struct Map {
     weights: Vec<f64>,
 }
 
-/// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each. Carries
-/// the gain of the filter along q.
+/// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each.
 #[derive(Debug, Clone)]
 struct Matrix {
     panels: Vec<f64>,
@@ -230,8 +226,6 @@ struct Schedule {
     last: usize,
 }
 
-/// Columns of a panel.
-const PANEL: usize = 8;
 /// Cells from which on the work of a stage is worth sharing between threads.
 const SHARED: usize = 6000;
 
@@ -286,6 +280,7 @@ impl FlowMap {
             },
             progress: Progress::default(),
             buffers: Buffers {
+                filter: Filter::new(settings.order, nq),
                 values: vec![0.0; nq * nv],
                 panels: vec![0.0; nq * stride],
                 coefficients: vec![0.0; (nq + 2 * margin) * stride],
@@ -645,10 +640,10 @@ impl Buffers {
 
     /// coefficients <- those of the values, averaged along v by the matrix.
     fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
-        let (values, nq) = (&self.values[..], self.values.len() / nv);
+        let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
         let panel = |(panel, matrix): (&mut [f64], &[f64])| {
             pulp::Arch::new().dispatch(Average {
-                order,
+                filter,
                 values,
                 nv,
                 matrix,
@@ -733,7 +728,7 @@ impl Carry<'_> {
 
 /// Coefficients of one group of columns.
 struct Average<'a> {
-    order: Order,
+    filter: &'a Filter,
     values: &'a [f64],
     nv: usize,
     matrix: &'a [f64],
@@ -746,7 +741,7 @@ impl pulp::WithSimd for Average<'_> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
         product(self.values, self.nv, self.matrix, self.panel);
-        interpolation::filter(self.order, self.panel, PANEL);
+        self.filter.apply(self.panel);
     }
 }
 
@@ -817,8 +812,7 @@ impl Matrix {
         let margin = order.margin();
         let width = n + 2 * margin;
         // From values to coefficients.
-        let filter = interpolation::coefficients(order, n);
-        let gain = order.gain();
+        let filter = interpolation::coefficients(order, n, None);
         let dense = match average {
             None => filter,
             Some(average) => {
@@ -836,20 +830,14 @@ impl Matrix {
                         }
                     }
                 }
-                interpolation::filter(order, &mut averaged, n);
-                (0..width)
-                    .flat_map(|k| {
-                        let row = interpolation::reflected(k, margin, n);
-                        averaged[row * n..(row + 1) * n].iter().map(|x| x * gain)
-                    })
-                    .collect()
+                interpolation::coefficients(order, n, Some(&averaged))
             }
         };
         let mut panels = vec![0.0; stride * n];
         for (k, row) in dense.chunks_exact(n).enumerate() {
             let panel = &mut panels[k / PANEL * PANEL * n..];
             for (j, x) in row.iter().enumerate() {
-                panel[j * PANEL + k % PANEL] = x * gain;
+                panel[j * PANEL + k % PANEL] = *x;
             }
         }
         Self { panels }

@@ -1,11 +1,9 @@
 //! Interpolation by cardinal B-splines of degree 3, 5 and 7 on a uniform mesh coordinate (order 4, 6, 8).
 //!
-//! f(x) = sum_k c_k B(x - k), the c_k from the values by recursive filters (Unser, Aldroubi and Eden,
-//! IEEE Trans. Signal Process. 41, 821 and 834, 1993). The support is that of the polynomial through as
+//! f(x) = sum_k c_k B(x - k), the c_k from the values by a banded solve (Unser, IEEE Signal Process. Mag.
+//! 16(6), 22, 1999). The support is that of the polynomial through as
 //! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1200 of it at order 8.
 //! Values continue beyond the first and the last node by reflection there, so a constant stays one.
-
-use std::ops::Range;
 
 /// Degree of interpolation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -34,27 +32,6 @@ impl Order {
     /// Coefficients beyond either end of the nodes.
     pub(crate) fn margin(self) -> usize {
         self.points() / 2 - 1
-    }
-
-    /// Roots inside the unit circle of the sampled B-spline.
-    fn poles(self) -> &'static [f64] {
-        match self {
-            Self::Fourth => &[-0.267_949_192_431_122_7],
-            Self::Sixth => &[-0.430_575_347_099_973_8, -0.043_096_288_203_264_65],
-            Self::Eighth => &[
-                -0.535_280_430_796_438_2,
-                -0.122_554_615_192_326_7,
-                -0.009_148_694_809_608_277,
-            ],
-        }
-    }
-
-    /// Gain of the filter, the product of (1 - z)(1 - 1/z).
-    pub(crate) fn gain(self) -> f64 {
-        self.poles()
-            .iter()
-            .map(|z| (1.0 - z) * (1.0 - 1.0 / z))
-            .product()
     }
 }
 
@@ -114,66 +91,80 @@ impl Spline {
     }
 }
 
-/// Turns the rows of `values` (n rows of `width`) into B-spline coefficients along the rows' index, in
-/// place, but for the factor [`Order::gain`].
-#[inline(always)]
-pub(crate) fn filter(order: Order, values: &mut [f64], width: usize) {
-    let n = values.len() / width;
-    let mut first = [0.0; 16];
-    for &z in order.poles() {
-        // Columns in groups small enough for the sums of the first row to stay in registers.
-        let mut column = 0;
-        while column < width {
-            let group = (width - column).min(16);
-            first[..group].fill(0.0);
-            initial(
-                z,
-                values,
-                width,
-                column..column + group,
-                &mut first[..group],
-            );
-            values[column..column + group].copy_from_slice(&first[..group]);
-            column += group;
-        }
-        for i in 1..n {
-            let (before, here) = values[(i - 1) * width..(i + 1) * width].split_at_mut(width);
-            for (here, before) in here.iter_mut().zip(before) {
-                *here = z.mul_add(*before, *here);
-            }
-        }
-        let factor = z / (z * z - 1.0);
-        let (before, here) = values[(n - 2) * width..n * width].split_at_mut(width);
-        for (here, before) in here.iter_mut().zip(before) {
-            *here = factor * z.mul_add(*before, *here);
-        }
-        for i in (0..n - 1).rev() {
-            let (here, after) = values[i * width..(i + 2) * width].split_at_mut(width);
-            for (here, after) in here.iter_mut().zip(after) {
-                *here = z * (*after - *here);
-            }
-        }
-    }
+/// From values at n nodes to spline coefficients: the banded interpolation matrix B(i - k), reflected
+/// at both ends, as triangular factors. It is totally positive, so elimination needs no pivots.
+#[derive(Debug, Clone)]
+pub(crate) struct Filter {
+    /// Per node the three multipliers below the diagonal, nearest first.
+    lower: Vec<[f64; 3]>,
+    /// Per node 1/pivot, and the three entries right of it over the pivot, nearest first.
+    upper: Vec<[f64; 4]>,
 }
 
-/// sum_k z^k s_k over the reflected rows: the start of the causal recursion.
-#[inline(always)]
-fn initial(z: f64, values: &[f64], width: usize, columns: Range<usize>, sum: &mut [f64]) {
-    let n = values.len() / width;
-    let period = 2 * n - 2;
-    let horizon = ((1e-18f64.ln() / z.abs().ln()).ceil() as usize).min(period);
-    let mut power = 1.0f64;
-    for k in 0..horizon {
-        let row = if k < n { k } else { period - k };
-        let row = &values[row * width + columns.start..row * width + columns.end];
-        for (sum, s) in sum.iter_mut().zip(row) {
-            *sum = power.mul_add(*s, *sum);
+/// Columns filtered together.
+pub(crate) const PANEL: usize = 8;
+
+impl Filter {
+    pub(crate) fn new(order: Order, n: usize) -> Self {
+        const REACH: usize = 3;
+        let margin = order.margin();
+        // B at the integers: the weights of a stencil at a node.
+        let at_node = Spline::new(order).weights(0.0);
+        // Row i of the matrix from column i - 3; seven entries.
+        let mut rows = vec![[0.0; 2 * REACH + 1]; n];
+        for (i, row) in rows.iter_mut().enumerate() {
+            for (r, b) in at_node[..2 * margin + 1].iter().enumerate() {
+                let column = reflected(i + r, margin, n);
+                row[column + REACH - i] += b;
+            }
         }
-        power *= z;
+        let (mut lower, mut upper) = (vec![[0.0; 3]; n], vec![[0.0; 4]; n]);
+        for i in 0..n {
+            let pivot = 1.0 / rows[i][REACH];
+            upper[i] = std::array::from_fn(|k| {
+                if k == 0 {
+                    pivot
+                } else {
+                    rows[i][REACH + k] * pivot
+                }
+            });
+            for below in 1..=REACH.min(n - 1 - i) {
+                let factor = rows[i + below][REACH - below] * pivot;
+                lower[i + below][below - 1] = factor;
+                for k in 1..=REACH {
+                    rows[i + below][REACH - below + k] -= factor * rows[i][REACH + k];
+                }
+            }
+        }
+        Self { lower, upper }
     }
-    if horizon == period {
-        for sum in sum {
-            *sum /= 1.0 - power;
+
+    /// Turns rows of eight columns into coefficients along the rows' index, in place.
+    #[inline(always)]
+    pub(crate) fn apply(&self, panel: &mut [f64]) {
+        let (rows, _) = panel.as_chunks_mut::<PANEL>();
+        let (mut one, mut two, mut three) = ([0.0f64; PANEL], [0.0f64; PANEL], [0.0f64; PANEL]);
+        for (row, [a, b, c]) in rows.iter_mut().zip(&self.lower) {
+            let mut here = *row;
+            for l in 0..PANEL {
+                here[l] = (-c).mul_add(three[l], here[l]);
+                here[l] = (-b).mul_add(two[l], here[l]);
+                here[l] = (-a).mul_add(one[l], here[l]);
+            }
+            *row = here;
+            (three, two, one) = (two, one, here);
+        }
+        (one, two, three) = ([0.0; PANEL], [0.0; PANEL], [0.0; PANEL]);
+        for (row, [scale, a, b, c]) in rows.iter_mut().zip(&self.upper).rev() {
+            let mut here = *row;
+            for l in 0..PANEL {
+                here[l] *= scale;
+                here[l] = (-c).mul_add(three[l], here[l]);
+                here[l] = (-b).mul_add(two[l], here[l]);
+                here[l] = (-a).mul_add(one[l], here[l]);
+            }
+            *row = here;
+            (three, two, one) = (two, one, here);
         }
     }
 }
@@ -188,20 +179,45 @@ pub(crate) fn reflected(k: usize, margin: usize, n: usize) -> usize {
     }
 }
 
-/// The matrix from n values to their n + 2 margin coefficients, row-major (n + 2 margin) x n.
-pub(crate) fn coefficients(order: Order, n: usize) -> Vec<f64> {
-    let mut inner = vec![0.0; n * n];
-    for i in 0..n {
-        inner[i * n + i] = order.gain();
+/// The matrix from n values to their n + 2 margin coefficients, row-major (n + 2 margin) x n, times a
+/// matrix of n rows (the identity without one).
+pub(crate) fn coefficients(order: Order, n: usize, times: Option<&[f64]>) -> Vec<f64> {
+    let (filter, margin) = (Filter::new(order, n), order.margin());
+    let mut panel = vec![0.0; n * PANEL];
+    let mut matrix = vec![0.0; (n + 2 * margin) * n];
+    for first in (0..n).step_by(PANEL) {
+        let width = PANEL.min(n - first);
+        for (i, row) in panel.chunks_exact_mut(PANEL).enumerate() {
+            for (c, x) in row[..width].iter_mut().enumerate() {
+                let column = first + c;
+                *x = times.map_or(f64::from(u8::from(i == column)), |m| m[i * n + column]);
+            }
+        }
+        pulp::Arch::new().dispatch(Apply {
+            filter: &filter,
+            panel: &mut panel,
+        });
+        for (k, out) in matrix.chunks_exact_mut(n).enumerate() {
+            let row = reflected(k, margin, n) * PANEL;
+            out[first..first + width].copy_from_slice(&panel[row..row + width]);
+        }
     }
-    filter(order, &mut inner, n);
-    let margin = order.margin();
-    (0..n + 2 * margin)
-        .flat_map(|k| {
-            let row = reflected(k, margin, n);
-            inner[row * n..(row + 1) * n].to_vec()
-        })
-        .collect()
+    matrix
+}
+
+/// [`Filter::apply`], compiled for the CPU.
+struct Apply<'a> {
+    filter: &'a Filter,
+    panel: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Apply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.filter.apply(self.panel);
+    }
 }
 
 #[cfg(test)]
@@ -211,7 +227,7 @@ mod tests {
     /// The spline through `f` at n nodes of [0, 1], at x.
     fn through(order: Order, n: usize, f: impl Fn(f64) -> f64, x: f64) -> f64 {
         let values: Vec<f64> = (0..n).map(|k| f(k as f64 / (n - 1) as f64)).collect();
-        let matrix = coefficients(order, n);
+        let matrix = coefficients(order, n, None);
         let spline = Spline::new(order);
         let (first, place) = Spline::place(x * (n - 1) as f64, n);
         let weights = spline.weights(place);
