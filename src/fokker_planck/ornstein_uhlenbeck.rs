@@ -158,3 +158,74 @@ impl pulp::WithSimd for Gauss<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest error of the averaged f against `exact`, on the inner half of the axis.
+    fn error(
+        (temperature, friction): (f64, f64),
+        stationary: bool,
+        n: usize,
+        f: impl Fn(f64) -> f64,
+        exact: impl Fn(f64) -> f64,
+    ) -> f64 {
+        let axis = Axis::uniform(-6.0, 6.0, n).unwrap();
+        let order = Order::Eighth;
+        let width = n + 2 * order.margin();
+        let matrix = average(&axis, order, friction, temperature, stationary);
+        let values: Vec<f64> = axis.centres().iter().map(|v| f(*v)).collect();
+        let filter = super::super::interpolation::coefficients(order, n, None);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let coefficients: Vec<f64> = filter
+            .chunks_exact(n)
+            .map(|row| dot(row, &values))
+            .collect();
+        let averaged = matrix
+            .chunks_exact(width)
+            .map(|row| dot(row, &coefficients));
+        averaged
+            .zip(axis.centres())
+            .filter(|(_, v)| v.abs() < 3.0)
+            .map(|(got, v)| (got - exact(*v)).abs())
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn hermite_polynomials_decay_at_their_own_rates() {
+        // He_n(v/sqrt T) is multiplied by e^{-n 2 zeta tau} (Mehler); cut to the box by the spline alone.
+        for friction in [1e-3f64, 0.02, 0.5] {
+            let t = 0.25f64;
+            let third = |v: f64| {
+                let z = v / t.sqrt();
+                z * z * z - 3.0 * z
+            };
+            let decay = (-3.0 * friction).exp();
+            let error = error((t, friction), true, 96, third, |v| decay * third(v));
+            println!("friction {friction}: third mode to {error:.1e}");
+            assert!(error < 1e-7);
+        }
+    }
+
+    #[test]
+    fn a_gaussian_density_spreads_as_ornstein_and_uhlenbeck_say() {
+        for friction in [1e-3f64, 0.02, 0.5] {
+            let (t, mean, variance) = (0.5f64, 0.7f64, 0.09f64);
+            let gauss = |v: f64, m: f64, s: f64| {
+                (-0.5 * (v - m) * (v - m) / s).exp() / (std::f64::consts::TAU * s).sqrt()
+            };
+            let a = (-friction).exp();
+            let later = variance * a * a + t * (1.0 - a * a);
+            let start = |v: f64| gauss(v, mean, variance);
+            let exact = |v: f64| gauss(v, mean * a, later);
+            let errors = [96, 192].map(|n| error((t, friction), false, n, start, exact));
+            let order = (errors[0] / errors[1]).log2();
+            println!(
+                "friction {friction}: {:.1e} and {:.1e}, order {order:.1}",
+                errors[0], errors[1]
+            );
+            assert!(errors[0] < 1e-4 && order > 7.5);
+        }
+    }
+}
