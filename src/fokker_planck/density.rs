@@ -44,10 +44,7 @@ impl Density {
         let mesh = generator.mesh();
         let [nq, nv] = mesh.cells();
         match *initial {
-            Initial::Rest => Err(Error::not_available(
-                "initial.kind = \"rest\" for the Fokker-Planck solver",
-                "a \"gaussian\" start with a small deviation",
-            )),
+            Initial::Rest => Err(no_mesh_holds_rest()),
             Initial::Stationary => {
                 let w = generator.weights();
                 Ok(Self::on(generator, |i, j| w.at(i, j)))
@@ -60,6 +57,26 @@ impl Density {
                 Ok(Self::on(generator, |i, j| q[i] * v[j]))
             }
         }
+    }
+
+    /// The start at every centre of a mesh, for the central weights, where there is no generator.
+    ///
+    /// # Errors
+    /// As [`Density::start`].
+    pub fn everywhere(mesh: &Mesh, weights: &Weights, initial: &Initial) -> Result<Self> {
+        let cells = match *initial {
+            Initial::Rest => return Err(no_mesh_holds_rest()),
+            Initial::Stationary => products(&weights.q, &weights.v),
+            Initial::Gaussian { mean, deviation } => {
+                let q = gaussian(&mesh.q, mean[0], deviation[0], false, "q")?;
+                let v = gaussian(&mesh.v, mean[1], deviation[1], false, "v")?;
+                products(&q, &v)
+            }
+        };
+        Ok(Self {
+            mesh: mesh.clone(),
+            cells,
+        })
     }
 
     /// A start given in code as a density p(q, v), sampled at the cell centres.
@@ -175,6 +192,20 @@ impl Density {
             })
             .sum()
     }
+}
+
+fn no_mesh_holds_rest() -> Error {
+    Error::not_available(
+        "initial.kind = \"rest\" for the Fokker-Planck solver",
+        "a \"gaussian\" start with a small deviation",
+    )
+}
+
+/// q_i v_j, row-major.
+fn products(q: &[f64], v: &[f64]) -> Vec<f64> {
+    q.iter()
+        .flat_map(|q| v.iter().map(move |v| q * v))
+        .collect()
 }
 
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times

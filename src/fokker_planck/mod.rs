@@ -5,13 +5,17 @@ pub mod cost;
 pub mod density;
 pub mod difference;
 pub mod domain;
+pub mod flow_map;
 pub mod flux;
 pub mod generator;
+pub mod interpolation;
 pub mod march;
 pub mod mesh;
 pub mod modes;
 pub mod observables;
+mod ornstein_uhlenbeck;
 pub mod steady;
+pub mod trajectory;
 pub mod transient;
 
 pub use choice::{Cost, Method, Settings, TimeScheme};
