@@ -10,6 +10,7 @@ pub mod march;
 pub mod mesh;
 pub mod modes;
 pub mod observables;
+mod radius;
 pub mod steady;
 pub mod transient;
 
