@@ -3,6 +3,7 @@
 use super::domain::Domain;
 use super::flux::Drift;
 use super::generator::Generator;
+use super::march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step};
 use super::mesh::{Axis, Mesh};
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
@@ -13,15 +14,43 @@ use crate::oscillator::Oscillator;
 pub enum TimeScheme {
     /// Backward Euler with one sparse LU: first order, positive with upwind drift.
     BackwardEuler,
-    /// The classical Runge-Kutta scheme of order 4, matrix-free.
+    /// Radau IIA of order 5: steps bound by accuracy alone, each a real and a complex sparse solve.
+    Implicit,
+    /// Additive Runge-Kutta of order 4, friction and diffusion implicit: steps bound by transport.
+    Imex,
+    /// Chebyshev series of the exponential, matrix-free: stages bound by transport and diffusion.
     Explicit,
 }
 
 impl TimeScheme {
+    /// Every scheme.
+    pub const ALL: [Self; 4] = [
+        Self::BackwardEuler,
+        Self::Implicit,
+        Self::Imex,
+        Self::Explicit,
+    ];
+
+    /// The scheme of a name used in scenes.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for any other name.
+    pub fn parse(name: &str) -> Result<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|scheme| scheme.name() == name)
+            .ok_or_else(|| {
+                let accepted = Self::ALL.map(|scheme| format!("\"{}\"", scheme.name()));
+                Error::invalid("method.time", format!("\"{name}\""), accepted.join(", "))
+            })
+    }
+
     /// The name used in scenes.
     pub fn name(self) -> &'static str {
         match self {
             Self::BackwardEuler => "backward_euler",
+            Self::Implicit => "implicit",
+            Self::Imex => "imex",
             Self::Explicit => "explicit",
         }
     }
@@ -215,12 +244,12 @@ fn check_memory(cells: [usize; 2], drift: Drift, settings: &Settings) -> Result<
     ))
 }
 
-/// Scheme in space and time, with the reason.
-pub(super) fn schemes(settings: &Settings) -> Result<(Drift, TimeScheme, String)> {
+/// Scheme in space, with the reason.
+pub(super) fn drift(settings: &Settings) -> Result<(Drift, String)> {
     if let Some(step) = settings.step {
         positive("method.step", step)?;
     }
-    let (drift, mut reason) = match settings.drift {
+    Ok(match settings.drift {
         Some(drift) => (drift, "the scene asks for this drift".to_string()),
         None if settings.time == Some(TimeScheme::BackwardEuler) => (
             Drift::Upwind,
@@ -230,17 +259,7 @@ pub(super) fn schemes(settings: &Settings) -> Result<(Drift, TimeScheme, String)
             Drift::Order8,
             "order 8: fewest cells for a smooth density".to_string(),
         ),
-    };
-    let time = settings.time.unwrap_or_else(|| {
-        if drift == Drift::Upwind {
-            reason += ", implicit steps keep it positive";
-            TimeScheme::BackwardEuler
-        } else {
-            reason += ", explicit steps: weakly damped transport is not stiff";
-            TimeScheme::Explicit
-        }
-    });
-    Ok((drift, time, reason))
+    })
 }
 
 /// The numerical diffusion of upwind drift against the physical one: energy relaxes 1 + c times too
@@ -251,15 +270,64 @@ pub fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
     0.4 * cells / (2.0 * oscillator.zeta() * oscillator.temperature().sqrt())
 }
 
-/// The longest step of a scheme: what the user says, or what its accuracy allows.
-pub(super) fn longest_step(generator: &Generator, time: TimeScheme, step: Option<f64>) -> f64 {
-    step.unwrap_or_else(|| match time {
+/// Part of the tolerance that the errors of the steps may add up to: the mesh has the rest.
+const TIME_SHARE: f64 = 0.25;
+
+/// Time over which errors add up before the oscillator forgets them.
+fn horizon(oscillator: &Oscillator, until: f64) -> f64 {
+    until.min(1.0 / oscillator.zeta() + 4.0 * oscillator.zeta())
+}
+
+/// The scheme with its choice of steps for a run until `until`.
+pub fn march(
+    oscillator: &Oscillator,
+    generator: &Generator,
+    time: TimeScheme,
+    settings: &Settings,
+    until: f64,
+) -> March {
+    let choice = match time {
         // First order in time beside first order in space: one cell a step near equilibrium.
-        TimeScheme::BackwardEuler => {
+        TimeScheme::BackwardEuler => Step::Fixed(settings.step.unwrap_or_else(|| {
             let mesh = generator.mesh();
             let width = |axis: &Axis| axis.at(axis.locate(0.0)).1;
             width(&mesh.q) / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE) * 3.0
+        })),
+        _ => {
+            let longest = settings.step.unwrap_or(f64::INFINITY);
+            Step::Error {
+                rate: TIME_SHARE * settings.tolerance / horizon(oscillator, until),
+                first: longest.min(0.1 / (1.0 + 2.0 * oscillator.zeta())),
+                longest,
+            }
         }
-        TimeScheme::Explicit => f64::INFINITY,
-    })
+    };
+    let scheme: Box<dyn Integrator> = match time {
+        TimeScheme::BackwardEuler => Box::new(BackwardEuler::new(generator)),
+        TimeScheme::Implicit => Box::new(Radau::new(generator, solver(generator, settings))),
+        TimeScheme::Imex => Box::new(Additive::new(generator)),
+        TimeScheme::Explicit => Box::new(Chebyshev::new(generator)),
+    };
+    March::new(scheme, choice)
+}
+
+/// How the systems of an implicit scheme are solved.
+fn solver(generator: &Generator, settings: &Settings) -> Solver {
+    let _ = (generator, settings);
+    Solver::Direct
+}
+
+/// The scheme in time that costs least on this mesh, with the reason.
+pub fn time_scheme(
+    oscillator: &Oscillator,
+    generator: &Generator,
+    settings: &Settings,
+    until: f64,
+) -> (TimeScheme, String) {
+    let _ = (oscillator, settings, until);
+    if generator.drift() == Drift::Upwind {
+        let reason = "backward Euler keeps upwind drift positive";
+        return (TimeScheme::BackwardEuler, reason.into());
+    }
+    (TimeScheme::Explicit, String::new())
 }

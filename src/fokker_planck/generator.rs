@@ -157,6 +157,28 @@ impl Generator {
         &self.inverse
     }
 
+    /// w over the weight of the Maxwell measure per v cell: friction and diffusion act on g times it.
+    pub fn tilt(&self) -> &[f64] {
+        &self.tilt
+    }
+
+    /// Whether no probability leaves: the weights are then the stationary law.
+    pub fn is_closed(&self) -> bool {
+        self.open.is_empty() && self.leaving.is_empty()
+    }
+
+    /// `cells = w g` where there are unknowns; the others are left alone.
+    pub fn weigh(&self, g: &[f64], cells: &mut [f64]) {
+        let nv = self.mesh.v.len();
+        for (i, column) in self.active.iter().enumerate() {
+            let range = i * nv + column.start..i * nv + column.end;
+            let along_v = self.weights.v[column.clone()].iter();
+            for ((p, g), v) in cells[range.clone()].iter_mut().zip(&g[range]).zip(along_v) {
+                *p = g * (self.weights.q[i] * v);
+            }
+        }
+    }
+
     /// `rate = d(w g)/dt` for every cell, row-major; 0 where there is no unknown.
     pub fn apply(&self, g: &[f64], rate: &mut [f64]) {
         pulp::Arch::new().dispatch(
@@ -529,6 +551,80 @@ impl Generator {
         (largest(&sums[0]), largest(&sums[1]))
     }
 
+    /// S^T k S of one q-column over its factor of the weights, which friction and diffusion are -1/w_m
+    /// times: symmetric, per active cell its diagonal and the entries left of it, nearest first.
+    pub fn diffusion_bands(&self, i: usize) -> Vec<[f64; BANDS]> {
+        let column = &self.active[i];
+        let mut bands = vec![[0.0; BANDS]; column.len()];
+        for j in column.start + 1..column.end {
+            let s = staggered(self.reach(column, j));
+            let entry = |l: usize| if l < s.len() { s[l] } else { -s[l - s.len()] };
+            let cell = |l: usize| {
+                if l < s.len() {
+                    j + l
+                } else {
+                    j - 1 - (l - s.len())
+                }
+            };
+            for (m, n) in (0..2 * s.len()).flat_map(|m| (0..2 * s.len()).map(move |n| (m, n))) {
+                if cell(n) <= cell(m) {
+                    bands[cell(m) - column.start][cell(m) - cell(n)] +=
+                        self.conductance[j] * entry(m) * entry(n);
+                }
+            }
+        }
+        bands
+    }
+
+    /// A five-point neighbour of L on the same unknowns, by columns: the mass flux between neighbours
+    /// upwind, friction and diffusion of order 2. No scheme of its own, since its flux is not free of
+    /// divergence; its LU preconditions that of a wide stencil.
+    pub fn five_point(&self) -> CsMat<f64> {
+        let MassFlux::Centres { q: a, v: b } = &self.flux else {
+            return self.matrix();
+        };
+        let [nq, nv] = self.mesh.cells();
+        let (n, number) = (self.unknowns(), self.numbering());
+        let mut triplets = TriMat::with_capacity((n, n), 9 * n);
+        let mut add = |row: usize, column: usize, value: f64| {
+            triplets.add_triplet(number[row], number[column], value * self.inverse[column]);
+        };
+        for i in 0..nq {
+            for j in self.active(i) {
+                let here = i * nv + j;
+                add(here, here, 0.0);
+                let neighbours = [(i + 1 < nq, nv, a), (j + 1 < nv, 1, b)];
+                for (_, ahead, flux) in neighbours.into_iter().filter(|(exists, ..)| *exists) {
+                    let there = here + ahead;
+                    if self.inverse[there] == 0.0 {
+                        continue;
+                    }
+                    let flux = 0.5 * (flux[here] + flux[there]);
+                    let (from, to) = if flux > 0.0 {
+                        (here, there)
+                    } else {
+                        (there, here)
+                    };
+                    add(to, from, flux.abs());
+                    add(from, from, -flux.abs());
+                    if ahead == 1 {
+                        let k = self.conductance[j + 1] * self.weights.q[i];
+                        for (cell, v) in [(here, j), (there, j + 1)] {
+                            add(cell, cell, -k * self.tilt[v]);
+                            add(here + there - cell, cell, k * self.tilt[v]);
+                        }
+                    }
+                }
+            }
+        }
+        for &(n, m, k) in &self.relaxed {
+            for (row, column, value) in [(n, m, k), (n, n, -k), (m, n, k), (m, m, -k)] {
+                add(row, column, value);
+            }
+        }
+        triplets.to_csc()
+    }
+
     /// L of dP/dt = L P on the unknowns, by columns. Column sums are zero to rounding (up to what
     /// leaves through open edges).
     pub fn matrix(&self) -> CsMat<f64> {
@@ -672,6 +768,9 @@ enum Part {
     Transport = 0,
     Diffusion = 1,
 }
+
+/// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
+pub const BANDS: usize = 8;
 
 /// Cells worked on at once: one vector register of doubles, or two.
 const LANES: usize = 8;

@@ -5,7 +5,6 @@ use super::density::{Density, Snapshot};
 use super::domain::Domain;
 use super::flux::Drift;
 use super::generator::Generator;
-use super::march::{BackwardEuler, RungeKutta4};
 use super::mesh::Mesh;
 use super::observables::Observables;
 use crate::error::{Error, Result};
@@ -94,8 +93,18 @@ pub fn transient(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Transient> {
-    let (drift, time, reason) = choice::schemes(settings)?;
     let started = Instant::now();
+    let until = times.last().copied().unwrap_or(0.0);
+    let (drift, why_drift) = choice::drift(settings)?;
+    let (time, why_time) = match settings.time {
+        Some(time) => (time, "the scene asks for this scheme in time".to_string()),
+        None => {
+            let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, 1.0)?;
+            let generator = Generator::new(oscillator, &mesh, drift)?;
+            choice::time_scheme(oscillator, &generator, settings, until)
+        }
+    };
+    let reason = format!("{why_drift}; {why_time}");
     let task = Task {
         oscillator,
         initial,
@@ -182,43 +191,51 @@ impl Task<'_> {
         let observables =
             Observables::new(self.oscillator, &mesh, self.drift, generator.weights())?;
         let mut density = Density::start(&generator, self.initial)?;
-        let mut stepper = Stepper::new(&generator, self.time, self.settings.step);
+        let mut march = choice::march(self.oscillator, &generator, self.time, self.settings, until);
         let confining = self.oscillator.contact().is_confining();
         let close = 1e-2 * self.settings.tolerance;
         let mut run = Run {
             outputs: Vec::with_capacity(times.len()),
             steps: 0,
-            step: stepper.step,
+            step: 0.0,
             mesh,
             domain,
             unknowns: generator.unknowns(),
             settled: None,
         };
-        let mut now = 0.0;
+        // Short steps are not all looked at.
+        let every = if self.time == TimeScheme::Imex { 16 } else { 1 };
+        let (mut now, mut steps) = (0.0, 0_u64);
         for &t in times {
-            // In chunks, so that limits and the steady state are noticed on the way.
-            while now < t && run.settled.is_none() {
-                let left = t - now;
-                let chunk = (64.0 * stepper.step).min(left);
-                let last = chunk >= left * (1.0 - 1e-12);
-                run.steps += stepper.advance(&mut density, if last { left } else { chunk })?;
-                now = if last { t } else { now + chunk };
-                progress(now / until);
-                let seconds = self.started.elapsed().as_secs_f64();
-                if seconds > self.settings.max_seconds {
-                    return Err(Error::Limit {
-                        key: "accuracy.max_seconds",
-                        limit: format!("{}", self.settings.max_seconds),
-                        what: format!("the transient had come to t = {now:.3} of {until}"),
-                    });
-                }
-                if confining && density.distance(generator.weights(), &generator) < close {
-                    run.settled = Some(now);
-                }
+            if now < t && run.settled.is_none() {
+                let mut watch = |done: f64, density: &Density| {
+                    steps += 1;
+                    if steps % every > 0 {
+                        return Ok(true);
+                    }
+                    progress((now + done) / until);
+                    let seconds = self.started.elapsed().as_secs_f64();
+                    if seconds > self.settings.max_seconds {
+                        let come = now + done;
+                        return Err(Error::Limit {
+                            key: "accuracy.max_seconds",
+                            limit: format!("{}", self.settings.max_seconds),
+                            what: format!("the transient had come to t = {come:.3} of {until}"),
+                        });
+                    }
+                    if confining && density.distance(generator.weights(), &generator) < close {
+                        run.settled = Some(now + done);
+                    }
+                    Ok(run.settled.is_none())
+                };
+                march.advance(&mut density, t - now, &mut watch)?;
+                now = t;
             }
             run.outputs
                 .push(self.observe(t, &generator, &observables, &density));
         }
+        run.steps = march.steps();
+        run.step = march.longest();
         if run.outputs.iter().any(|o| !o.mass.is_finite()) {
             return Err(Error::Mesh {
                 what: format!(
@@ -351,51 +368,6 @@ impl Task<'_> {
                 .filter_map(|o| o.snapshot)
                 .collect(),
             warnings,
-        }
-    }
-}
-
-/// The scheme in time with its longest step.
-struct Stepper {
-    scheme: Scheme,
-    step: f64,
-}
-
-enum Scheme {
-    Euler(Box<BackwardEuler>),
-    Explicit(Box<RungeKutta4>),
-}
-
-impl Stepper {
-    fn new(generator: &Generator, time: TimeScheme, step: Option<f64>) -> Self {
-        let longest = choice::longest_step(generator, time, step);
-        match time {
-            TimeScheme::BackwardEuler => Self {
-                scheme: Scheme::Euler(Box::new(BackwardEuler::new(generator))),
-                step: longest,
-            },
-            TimeScheme::Explicit => {
-                let scheme = RungeKutta4::new(generator);
-                let step = longest.min(scheme.longest_step());
-                Self {
-                    scheme: Scheme::Explicit(Box::new(scheme)),
-                    step,
-                }
-            }
-        }
-    }
-
-    /// Advances by `duration` in equal steps; returns how many.
-    fn advance(&mut self, density: &mut Density, duration: f64) -> Result<u64> {
-        match &mut self.scheme {
-            Scheme::Explicit(scheme) => Ok(scheme.advance(density, duration, self.step)),
-            Scheme::Euler(scheme) => {
-                let steps = (duration / self.step * (1.0 - 1e-9)).ceil().max(1.0);
-                for _ in 0..steps as u64 {
-                    scheme.step(density, duration / steps)?;
-                }
-                Ok(steps as u64)
-            }
         }
     }
 }

@@ -1,0 +1,191 @@
+//! Steps in time of dP/dt = L P: one interface, [`Integrator`], and one [`March`] that drives any of
+//! them with steps chosen by the error they make.
+//!
+//! | scheme | order | step bound by | cost of a step |
+//! |---|---|---|---|
+//! | [`BackwardEuler`] | 1 | accuracy alone; positive with upwind drift | one sparse solve |
+//! | [`Radau`] | 5 | accuracy alone | a real and a complex sparse solve |
+//! | [`Additive`] | 4 | transport across a cell | six transports and banded solves |
+//! | [`Chebyshev`] | any | transport and diffusion across a cell | one generator per 0.8/rate of time |
+//! | [`RungeKutta4`] | 4 | transport and diffusion across a cell | four generators |
+//!
+//! Mass and the stationary law are kept to rounding by every one of them: a step is a function of L that
+//! is 1 where L is 0.
+
+mod additive;
+mod backward_euler;
+mod banded;
+mod chebyshev;
+mod control;
+mod krylov;
+mod radau;
+mod resolvent;
+mod runge_kutta;
+
+pub use additive::Additive;
+pub use backward_euler::BackwardEuler;
+pub use chebyshev::Chebyshev;
+pub use control::{March, Step};
+pub use radau::Radau;
+pub use resolvent::Solver;
+pub use runge_kutta::RungeKutta4;
+
+use crate::error::Result;
+
+/// A scheme in time. The state is the probability per cell, row-major, 0 where there is no unknown.
+pub trait Integrator: Send {
+    /// Order p of the global error, dt^p.
+    fn order(&self) -> u32;
+
+    /// Longest stable step; infinite where the scheme has none.
+    fn longest_step(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Replaces the state by that a time `dt` later. A scheme that can choose its accuracy adds an error
+    /// of at most `allowed`, in the L1 norm; the others leave it to the choice of `dt`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Linear`] where a linear system cannot be solved.
+    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()>;
+
+    /// Error in the L1 norm of the step of `dt` that led from `before` to `after`; unless a scheme knows
+    /// better, from two steps of half the length.
+    ///
+    /// # Errors
+    /// As [`Integrator::march`].
+    fn error(&mut self, before: &[f64], after: &[f64], dt: f64) -> Result<f64> {
+        let mut halves = before.to_vec();
+        for _ in 0..2 {
+            self.march(&mut halves, 0.5 * dt, 0.0)?;
+        }
+        let difference: f64 = halves.iter().zip(after).map(|(a, b)| (a - b).abs()).sum();
+        let gained = f64::from(self.order()).exp2();
+        Ok(difference * gained / (gained - 1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::fokker_planck::density::Density;
+    use crate::fokker_planck::flux::Drift;
+    use crate::fokker_planck::generator::Generator;
+    use crate::fokker_planck::mesh::{Axis, Mesh};
+    use crate::oscillator::Oscillator;
+    use ndarray::{Array1, Array2};
+
+    fn generator(zeta: f64, temperature: f64, cells: [usize; 2], drift: Drift) -> Generator {
+        let h = 2.0 * zeta * temperature / std::f64::consts::PI;
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+        let margin = drift.margin();
+        let level = 8.0 * temperature;
+        let (left, right) = it.contact().turning_points(level).unwrap();
+        let q = Axis::displacement(it.contact(), temperature, [left, right], cells[0], margin);
+        let v = Axis::velocity((2.0 * level).sqrt(), cells[1], margin);
+        let mesh = Mesh {
+            q: q.unwrap(),
+            v: v.unwrap(),
+        };
+        Generator::new(&it, &mesh, drift).unwrap()
+    }
+
+    fn packet(generator: &Generator) -> Density {
+        Density::from_fn(generator, |q, v| {
+            (-0.5 * ((q - 0.2).powi(2) + v * v) / 0.05).exp() / (std::f64::consts::TAU * 0.05)
+        })
+    }
+
+    /// e^{t L} P by scaling and squaring of a dense matrix.
+    fn exponential(generator: &Generator, density: &Density, t: f64) -> Vec<f64> {
+        let matrix = generator.matrix();
+        let n = matrix.rows();
+        let mut a = Array2::zeros((n, n));
+        for (column, entries) in matrix.outer_iterator().enumerate() {
+            for (row, value) in entries.iter() {
+                a[[row, column]] = t * value;
+            }
+        }
+        let norm = a.columns().into_iter().map(|c| c.mapv(f64::abs).sum());
+        let squarings = (norm.fold(0.0, f64::max) / 0.1).log2().ceil().max(0.0) as i32;
+        a /= 2f64.powi(squarings);
+        let (mut sum, mut term) = (Array2::eye(n), Array2::eye(n));
+        for k in 1..=9 {
+            term = term.dot(&a) / f64::from(k);
+            sum += &term;
+        }
+        for _ in 0..squarings {
+            sum = sum.dot(&sum);
+        }
+        let system = resolvent::System::new(generator, Solver::Direct);
+        let mut start = Array1::zeros(n);
+        system.gather(density.cells(), start.as_slice_mut().unwrap());
+        let end = sum.dot(&start);
+        let mut cells = vec![0.0; density.cells().len()];
+        system.scatter(end.as_slice().unwrap(), &mut cells);
+        cells
+    }
+
+    fn schemes(generator: &Generator) -> Vec<(&'static str, Box<dyn Integrator>)> {
+        vec![
+            ("backward Euler", Box::new(BackwardEuler::new(generator))),
+            ("Radau, LU", Box::new(Radau::new(generator, Solver::Direct))),
+            (
+                "Radau, GMRES",
+                Box::new(Radau::new(generator, Solver::Krylov)),
+            ),
+            ("additive", Box::new(Additive::new(generator))),
+            (
+                "Chebyshev, 4 stages",
+                Box::new(Chebyshev::new(generator).with_stages(4)),
+            ),
+            (
+                "Chebyshev, 7 stages",
+                Box::new(Chebyshev::new(generator).with_stages(7)),
+            ),
+            ("Runge-Kutta 4", Box::new(RungeKutta4::new(generator))),
+        ]
+    }
+
+    fn distance(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum()
+    }
+
+    #[test]
+    fn every_scheme_has_its_order_against_the_matrix_exponential() {
+        for (zeta, drift) in [(0.05, Drift::Order8), (0.5, Drift::Order4)] {
+            let generator = generator(zeta, 0.1, [34, 30], drift);
+            let start = packet(&generator);
+            let t = 0.4;
+            let exact = exponential(&generator, &start, t);
+            for (name, mut scheme) in schemes(&generator) {
+                let order = scheme.order();
+                // Twice the steps until the error is 1e-4 or less: then the rate over the last doubling.
+                let mut errors: Vec<f64> = Vec::new();
+                let mut steps = (t / scheme.longest_step()).ceil().max(8.0);
+                for _ in 0..5 {
+                    let mut cells = start.cells().to_vec();
+                    for _ in 0..steps as usize {
+                        scheme.march(&mut cells, t / steps, 1e-14).unwrap();
+                    }
+                    errors.push(distance(&cells, &exact));
+                    steps *= 2.0;
+                    if errors.last().is_some_and(|e| *e < 1e-9) {
+                        break;
+                    }
+                }
+                let n = errors.len();
+                let rate = (errors[n - 2] / errors[n - 1]).log2();
+                let shown = errors
+                    .iter()
+                    .map(|e| format!("{e:.1e} "))
+                    .collect::<String>();
+                println!("zeta = {zeta} {drift:?} {name}: {shown}rate {rate:.2} of {order}");
+                assert!(rate > f64::from(order) - 0.3, "{name}");
+                let level = if order == 1 { 1e-3 } else { 2e-6 };
+                assert!(errors[n - 1] < level, "{name}");
+            }
+        }
+    }
+}
