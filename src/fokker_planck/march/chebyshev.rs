@@ -27,15 +27,15 @@ pub struct Chebyshev {
     /// The step that `coefficients` belong to.
     dt: f64,
     coefficients: Vec<f64>,
-    /// Sum of the |coefficients| from each on.
+    /// rho: what each phi may grow by.
+    growth: f64,
+    /// Sum of the |coefficients| from each on, times the growth between.
     tails: Vec<f64>,
     start: Vec<f64>,
     now: Vec<f64>,
     last: Vec<f64>,
     rate: Vec<f64>,
     sum: Vec<f64>,
-    /// Error of the last step, from the first term left out.
-    error: f64,
     /// Generators applied so far.
     applied: u64,
 }
@@ -58,6 +58,7 @@ impl Chebyshev {
             stages: None,
             dt: 0.0,
             coefficients: Vec::new(),
+            growth: 1.0,
             tails: Vec::new(),
             start: empty(),
             now: empty(),
@@ -65,7 +66,6 @@ impl Chebyshev {
             rate: empty(),
             sum: empty(),
             generator: generator.clone(),
-            error: 0.0,
             applied: 0,
         }
     }
@@ -91,24 +91,25 @@ impl Chebyshev {
         }
         self.dt = dt;
         let (reach, damping) = (self.frequency * dt, (-self.shift * dt).exp());
-        // |phi_k| <= rho^k on the box of the spectrum, sharply for a tall box.
+        // |phi_k| grows as rho^k at the slow end of the spectrum, and no faster elsewhere in a tall box.
         let slope = self.shift / self.frequency;
-        let rho = slope + slope.hypot(1.0);
+        self.growth = slope + slope.hypot(1.0);
         self.coefficients.clear();
         let mut growth = 1.0;
         for k in 0..10_000 {
             let twice = if k == 0 { 1.0 } else { 2.0 };
             let c = twice * damping * libm::jn(k, reach);
             self.coefficients.push(c);
-            growth *= rho;
-            if f64::from(k) > reach && c.abs() * growth < 1e-17 {
+            // The terms peak before k = F dt + s dt, and fall faster than any power from there.
+            if f64::from(k) > reach + self.shift * dt && c.abs() * growth < 1e-17 {
                 break;
             }
+            growth *= self.growth;
         }
         self.tails.clear();
         self.tails.resize(self.coefficients.len() + 1, 0.0);
         for k in (0..self.coefficients.len()).rev() {
-            self.tails[k] = self.tails[k + 1] + self.coefficients[k].abs();
+            self.tails[k] = self.growth * self.tails[k + 1] + self.coefficients[k].abs();
         }
     }
 
@@ -179,10 +180,11 @@ impl Chebyshev {
             };
             (one_before, one) = (one, next);
             total += c * one;
-            if self.stages.is_none() && tails[k + 1] * size <= allowed {
+            size *= self.growth;
+            let rest = self.growth * tails[k + 1];
+            if self.stages.is_none() && rest * size <= 10.0 * allowed {
                 size = Self::norm(generator, now);
-                self.error = tails[k + 1] * size;
-                if self.error <= allowed {
+                if rest * size <= allowed {
                     break;
                 }
             }
@@ -200,6 +202,10 @@ impl Integrator for Chebyshev {
         self.stages.unwrap_or(8) as u32
     }
 
+    fn chooses_accuracy(&self) -> bool {
+        self.stages.is_none()
+    }
+
     fn longest_step(&self) -> f64 {
         REACH / (self.frequency + self.shift)
     }
@@ -213,9 +219,5 @@ impl Integrator for Chebyshev {
         self.step(allowed.max(SMALLEST));
         self.generator.weigh(&self.sum, cells);
         Ok(())
-    }
-
-    fn error(&mut self, _before: &[f64], _after: &[f64], _dt: f64) -> Result<f64> {
-        Ok(self.error)
     }
 }

@@ -52,6 +52,7 @@ impl March {
     pub fn new(scheme: Box<dyn Integrator>, choice: Step) -> Self {
         let wanted = match choice {
             Step::Fixed(step) => step,
+            Step::Error { longest, .. } if scheme.chooses_accuracy() => longest,
             Step::Error { first, .. } => first,
         };
         Self {
@@ -121,7 +122,8 @@ impl March {
             return Ok(true);
         };
         let allowed = rate * dt;
-        let check = dt != self.last || self.unchecked >= UNCHECKED;
+        let check = !self.scheme.chooses_accuracy()
+            && (dt != self.last || self.unchecked >= UNCHECKED);
         if check {
             self.before.clear();
             self.before.extend_from_slice(density.cells());

@@ -42,6 +42,11 @@ pub trait Integrator: Send {
         f64::INFINITY
     }
 
+    /// Whether it keeps to the `allowed` error of [`Integrator::march`] with any step.
+    fn chooses_accuracy(&self) -> bool {
+        false
+    }
+
     /// Replaces the state by that a time `dt` later. A scheme that can choose its accuracy adds an error
     /// of at most `allowed`, in the L1 norm; the others leave it to the choice of `dt`.
     ///
