@@ -9,11 +9,13 @@ use crate::fokker_planck::density::Density;
 pub enum Step {
     /// Every step as long as given, or shorter so as to land.
     Fixed(f64),
-    /// Such that the errors of the steps, in the L1 norm of p, add up to this per unit of time. The
-    /// exact evolution shrinks the L1 norm of any difference, so the error is at most their sum.
+    /// Such that the errors of the steps, in the L1 norm of p, leave less than `total` at any time.
     Error {
-        /// L1 norm of p per unit of time.
-        rate: f64,
+        /// L1 norm of p.
+        total: f64,
+        /// Time over which errors add up: the exact evolution never grows the L1 norm of a difference,
+        /// and forgets it over this time if not sooner.
+        horizon: f64,
         /// The first step tried, and the longest one wanted.
         first: f64,
         /// Longest step wanted, for the sake of those who watch.
@@ -24,6 +26,13 @@ pub enum Step {
 /// Steps between two looks at the error once it is as it should be: it changes slowly, and a look costs
 /// one to two steps.
 const UNCHECKED: u32 = 8;
+
+/// Part of `total` granted to errors that the evolution erases as fast as they are made. An estimate of
+/// how fast comes from one more step, of the error itself.
+const FORGOTTEN: f64 = 0.3;
+
+/// Part of `total` granted to a scheme that chooses its accuracy: its bound is nearly sharp.
+const SHARP: f64 = 0.6;
 
 /// Part of the allowed error aimed at.
 const AIM: f64 = 0.7;
@@ -42,6 +51,7 @@ pub struct March {
     /// Steps since the error was looked at.
     unchecked: u32,
     before: Vec<f64>,
+    error: Vec<f64>,
     steps: u64,
     refused: u64,
     longest: f64,
@@ -62,6 +72,7 @@ impl March {
             last: 0.0,
             unchecked: 0,
             before: Vec::new(),
+            error: Vec::new(),
             steps: 0,
             refused: 0,
             longest: 0.0,
@@ -81,6 +92,11 @@ impl March {
     /// Longest step kept.
     pub fn longest(&self) -> f64 {
         self.longest
+    }
+
+    /// Longest step that is stable.
+    pub fn longest_stable(&self) -> f64 {
+        self.scheme.longest_step()
     }
 
     /// Advances `density` by `duration`, exactly, unless `watch` says to stop: it sees the time done and
@@ -116,21 +132,34 @@ impl March {
 
     /// One step; false if it was taken back.
     fn step(&mut self, density: &mut Density, dt: f64) -> Result<bool> {
-        let Step::Error { rate, longest, .. } = self.choice else {
+        let Step::Error {
+            total,
+            horizon,
+            longest,
+            ..
+        } = self.choice
+        else {
             self.scheme.march(density.cells_mut(), dt, 0.0)?;
             self.keep(dt);
             return Ok(true);
         };
-        let allowed = rate * dt;
-        let check = !self.scheme.chooses_accuracy()
-            && (dt != self.last || self.unchecked >= UNCHECKED);
+        let steady = total * dt / horizon;
+        let check =
+            !self.scheme.chooses_accuracy() && (dt != self.last || self.unchecked >= UNCHECKED);
         if check {
             self.before.clear();
             self.before.extend_from_slice(density.cells());
         }
-        self.scheme.march(density.cells_mut(), dt, allowed)?;
+        self.scheme.march(density.cells_mut(), dt, SHARP * steady)?;
         if check {
-            let error = self.scheme.error(&self.before, density.cells(), dt)?;
+            let size = |x: &[f64]| x.iter().map(|x| x.abs()).sum::<f64>();
+            self.error.resize(self.before.len(), 0.0);
+            self.scheme
+                .error(&self.before, density.cells(), dt, &mut self.error)?;
+            let error = size(&self.error);
+            self.scheme.march(&mut self.error, dt, 1e-2 * error)?;
+            let kept = (size(&self.error) / error.max(1e-300)).clamp(1e-3, 1.0);
+            let allowed = steady + total * FORGOTTEN * (-kept.ln()).min(1.0);
             // The error of one step over the step goes with its order.
             let order = f64::from(self.scheme.order());
             let factor = (AIM * allowed / error.max(1e-300)).powf(1.0 / order);

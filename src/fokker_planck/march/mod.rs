@@ -54,19 +54,21 @@ pub trait Integrator: Send {
     /// [`crate::Error::Linear`] where a linear system cannot be solved.
     fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()>;
 
-    /// Error in the L1 norm of the step of `dt` that led from `before` to `after`; unless a scheme knows
-    /// better, from two steps of half the length.
+    /// Overwrites `error` with the error of the step of `dt` that led from `before` to `after`; unless a
+    /// scheme knows better, from two steps of half the length.
     ///
     /// # Errors
     /// As [`Integrator::march`].
-    fn error(&mut self, before: &[f64], after: &[f64], dt: f64) -> Result<f64> {
-        let mut halves = before.to_vec();
+    fn error(&mut self, before: &[f64], after: &[f64], dt: f64, error: &mut [f64]) -> Result<()> {
+        error.copy_from_slice(before);
         for _ in 0..2 {
-            self.march(&mut halves, 0.5 * dt, 0.0)?;
+            self.march(error, 0.5 * dt, 0.0)?;
         }
-        let difference: f64 = halves.iter().zip(after).map(|(a, b)| (a - b).abs()).sum();
         let gained = f64::from(self.order()).exp2();
-        Ok(difference * gained / (gained - 1.0))
+        for (error, after) in error.iter_mut().zip(after) {
+            *error = (*error - after) * gained / (gained - 1.0);
+        }
+        Ok(())
     }
 }
 
@@ -192,5 +194,90 @@ mod tests {
                 assert!(errors[n - 1] < level, "{name}");
             }
         }
+    }
+
+    #[test]
+    fn mass_and_the_stationary_law_are_kept_to_rounding_by_every_scheme() {
+        for (zeta, drift) in [(0.05, Drift::Order8), (5.0, Drift::Order4)] {
+            let generator = generator(zeta, 0.1, [34, 30], drift);
+            let stationary = Density::from_fn(&generator, |_, _| 0.0);
+            let mut law = stationary.cells().to_vec();
+            generator.weigh(&vec![1.0; law.len()], &mut law);
+            let packet = packet(&generator);
+            let mass = packet.mass();
+            let mut all = schemes(&generator);
+            all.push(("Chebyshev", Box::new(Chebyshev::new(&generator))));
+            for (name, mut scheme) in all {
+                let longest = if name.contains("stages") { 0.02 } else { 0.5 };
+                let (mut worst, mut drifted): (f64, f64) = (0.0, 0.0);
+                for part in [0.1, 1.0] {
+                    let dt = part * scheme.longest_step().min(longest);
+                    let (mut kept, mut moved) = (law.clone(), packet.cells().to_vec());
+                    for _ in 0..50 {
+                        scheme.march(&mut kept, dt, 1e-6).unwrap();
+                        scheme.march(&mut moved, dt, 1e-6).unwrap();
+                        worst = worst.max(distance(&kept, &law));
+                        drifted = drifted.max((moved.iter().sum::<f64>() - mass).abs());
+                    }
+                }
+                println!("zeta = {zeta} {name}: stationary law {worst:.1e}, mass {drifted:.1e}");
+                assert!(worst < 1e-12 && drifted < 1e-12, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn backward_euler_with_upwind_drift_is_positive_for_every_step() {
+        let generator = generator(0.05, 0.1, [40, 36], Drift::Upwind);
+        let mut scheme = BackwardEuler::new(&generator);
+        let n = generator.mesh().len();
+        for dt in [1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6] {
+            // All probability in one cell: the roughest start.
+            let mut cells = vec![0.0; n];
+            cells[20 * 36 + 9] = 1.0;
+            let mut lowest = f64::INFINITY;
+            for _ in 0..5 {
+                scheme.march(&mut cells, dt, 0.0).unwrap();
+                lowest = cells.iter().copied().fold(lowest, f64::min);
+            }
+            let mass = cells.iter().sum::<f64>() - 1.0;
+            println!("dt = {dt:.0e}: lowest {lowest:.1e}, mass {mass:.1e}");
+            assert!(lowest >= 0.0);
+            assert!(mass.abs() < 1e-15 * (dt * generator.rates().0).max(1e3));
+        }
+    }
+
+    #[test]
+    fn the_radius_bounds_the_spectrum_far_more_tightly_than_row_sums() {
+        let generator = generator(0.05, 0.1, [34, 30], Drift::Order8);
+        let (transport, diffusion) = generator.radii();
+        let rows = generator.rates();
+        let matrix = generator.symmetrised();
+        // The antisymmetric part by its square, the largest eigenvalue of which is the radius squared.
+        let n = matrix.rows();
+        let mut dense = Array2::<f64>::zeros((n, n));
+        for (column, entries) in matrix.outer_iterator().enumerate() {
+            for (row, value) in entries.iter() {
+                dense[[row, column]] = *value;
+            }
+        }
+        let skew = (&dense - &dense.t()) / 2.0;
+        let symmetric = (&dense + &dense.t()) / 2.0;
+        let largest = |a: &Array2<f64>| {
+            let mut x = Array1::from_shape_fn(n, |k| ((k * 7919) % 1009) as f64 - 504.0);
+            let mut size = 0.0;
+            for _ in 0..600 {
+                let y = a.dot(&a.dot(&x));
+                size = (y.dot(&y) / x.dot(&x)).sqrt().sqrt();
+                x = &y / y.dot(&y).sqrt();
+            }
+            size
+        };
+        let exact = [largest(&skew), largest(&symmetric)];
+        println!("Lanczos {transport:.2} {diffusion:.2}, exact {exact:.2?}, row sums {rows:.1?}");
+        for (bound, exact) in [(transport, exact[0]), (diffusion, exact[1])] {
+            assert!(bound > exact && bound < 1.03 * exact);
+        }
+        assert!(rows.0 > 2.0 * transport);
     }
 }

@@ -102,13 +102,15 @@ impl Integrator for Radau {
         Ok(())
     }
 
-    /// |z^6/(7200 D(z)^2) P|: the leading term of the error, filtered where a step does not resolve it,
+    /// z^6/(7200 D(z)^2) P: the leading term of the error, filtered where a step does not resolve it,
     /// with the factorisations of the step itself.
-    fn error(&mut self, before: &[f64], _after: &[f64], dt: f64) -> Result<f64> {
+    fn error(&mut self, before: &[f64], _after: &[f64], dt: f64, error: &mut [f64]) -> Result<()> {
         self.system.gather(before, &mut self.start);
         for _ in 0..2 {
             self.fraction([0.0, 0.0, 0.0, 1.0], dt, 1e-9)?;
         }
-        Ok(ERROR * self.start.iter().map(|x| x.abs()).sum::<f64>())
+        self.start.iter_mut().for_each(|x| *x *= ERROR);
+        self.system.scatter(&self.start, error);
+        Ok(())
     }
 }
