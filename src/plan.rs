@@ -104,6 +104,7 @@ impl Plan {
         let mut plan = Self {
             scene: scene.clone(),
             settings: Settings {
+                method: scene.method.transient,
                 drift: scene.method.drift,
                 time: scene.method.time,
                 cells: scene.method.cells,

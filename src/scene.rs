@@ -20,7 +20,7 @@ pub mod text;
 
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
-use crate::fokker_planck::{Drift, TimeScheme};
+use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::json::Json;
 use crate::monte_carlo::Scheme;
@@ -301,15 +301,6 @@ pub struct MethodChoice {
     pub step: Option<f64>,
 }
 
-/// How a transient is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TransientMethod {
-    /// Well-balanced finite volumes.
-    FiniteVolume,
-    /// Transport along the exact flow.
-    FlowMap,
-}
-
 /// A key of the scene format whose computation does not exist yet.
 struct NotYet {
     key: &'static str,
@@ -350,11 +341,6 @@ const NOT_YET: &[NotYet] = &[
         key: "monte_carlo",
         asked: |scene| scene.monte_carlo.is_some() && scene.outputs.moments_at.is_empty(),
         instead: "statistics of long records are to come; outputs.moments_at gives an ensemble",
-    },
-    NotYet {
-        key: "method.transient",
-        asked: |scene| scene.method.transient == Some(TransientMethod::FlowMap),
-        instead: "\"finite_volume\" or \"auto\"",
     },
 ];
 
@@ -713,9 +699,6 @@ const SCHEMES: &[(&str, Scheme)] = &[
     ("exponential_heun", Scheme::ExponentialHeun),
 ];
 
-/// Names of the scene format whose computation does not exist yet, by key.
-const NAMES_NOT_YET: &[(&str, &[&str])] = &[("method.time", &["implicit", "imex"])];
-
 /// Names of [`TransientMethod`] in scenes.
 const TRANSIENT: &[(&str, TransientMethod)] = &[
     ("finite_volume", TransientMethod::FiniteVolume),
@@ -725,6 +708,8 @@ const TRANSIENT: &[(&str, TransientMethod)] = &[
 /// Names of [`TimeScheme`] in scenes.
 const TIME: &[(&str, TimeScheme)] = &[
     ("backward_euler", TimeScheme::BackwardEuler),
+    ("implicit", TimeScheme::Implicit),
+    ("imex", TimeScheme::Imex),
     ("explicit", TimeScheme::Explicit),
 ];
 

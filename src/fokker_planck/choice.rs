@@ -1,9 +1,12 @@
 //! What to compute with: the user's settings, and the mesh, scheme and step where they leave it open.
 
 use super::domain::Domain;
+use super::flow_map;
 use super::flux::Drift;
 use super::generator::Generator;
+use super::march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step};
 use super::mesh::{Axis, Mesh};
+use super::propagator::Propagator;
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -13,16 +16,78 @@ use crate::oscillator::Oscillator;
 pub enum TimeScheme {
     /// Backward Euler with one sparse LU: first order, positive with upwind drift.
     BackwardEuler,
-    /// The classical Runge-Kutta scheme of order 4, matrix-free.
+    /// Radau IIA of order 5: steps bound by accuracy alone, each a real and a complex sparse solve.
+    Implicit,
+    /// Additive Runge-Kutta of order 4, friction and diffusion implicit: steps bound by transport.
+    Imex,
+    /// Chebyshev series of the exponential, matrix-free: stages bound by transport and diffusion.
     Explicit,
 }
 
 impl TimeScheme {
+    /// Every scheme.
+    pub const ALL: [Self; 4] = [
+        Self::BackwardEuler,
+        Self::Implicit,
+        Self::Imex,
+        Self::Explicit,
+    ];
+
+    /// The scheme of a name used in scenes.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for any other name.
+    pub fn parse(name: &str) -> Result<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|scheme| scheme.name() == name)
+            .ok_or_else(|| {
+                let accepted = Self::ALL.map(|scheme| format!("\"{}\"", scheme.name()));
+                Error::invalid("method.time", format!("\"{name}\""), accepted.join(", "))
+            })
+    }
+
     /// The name used in scenes.
     pub fn name(self) -> &'static str {
         match self {
             Self::BackwardEuler => "backward_euler",
+            Self::Implicit => "implicit",
+            Self::Imex => "imex",
             Self::Explicit => "explicit",
+        }
+    }
+}
+
+/// How a density is carried forward.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransientMethod {
+    /// Finite volumes with a scheme in time.
+    FiniteVolume,
+    /// The flow map: exact transport and exact noise in turn.
+    FlowMap,
+}
+
+/// A method with its scheme in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// Finite volumes.
+    Volumes(TimeScheme),
+    /// The flow map.
+    FlowMap,
+}
+
+impl Way {
+    /// For tables.
+    pub(super) fn name(self, drift: Drift) -> String {
+        match self {
+            Self::Volumes(time) => {
+                let space = match drift {
+                    Drift::Upwind => "upwind".to_string(),
+                    central => format!("order {}", central.order()),
+                };
+                format!("finite volumes, {space}, {}", time.name())
+            }
+            Self::FlowMap => "flow map, order 8".into(),
         }
     }
 }
@@ -30,6 +95,8 @@ impl TimeScheme {
 /// What a scene says about the Fokker-Planck solver; None is an automatic choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// Finite volumes or flow map.
+    pub method: Option<TransientMethod>,
     /// How g is carried across faces.
     pub drift: Option<Drift>,
     /// Scheme in time.
@@ -49,6 +116,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
+            method: None,
             drift: None,
             time: None,
             cells: None,
@@ -215,12 +283,99 @@ fn check_memory(cells: [usize; 2], drift: Drift, settings: &Settings) -> Result<
     ))
 }
 
-/// Scheme in space and time, with the reason.
-pub(super) fn schemes(settings: &Settings) -> Result<(Drift, TimeScheme, String)> {
+/// Damping ratio up to which the flow map is taken: its steps shrink as 1/zeta beyond, while implicit
+/// and explicit finite volumes take the same.
+const FLOW_MAP: f64 = 0.2;
+
+/// Method, scheme in space and scheme in time for a transient, with the reason.
+pub(super) fn way(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    settings: &Settings,
+) -> Result<(Drift, Way, String)> {
+    let zeta = oscillator.zeta();
+    let volumes_asked = settings.drift.is_some() || settings.time.is_some();
+    let flow_map = match settings.method {
+        Some(TransientMethod::FlowMap) if volumes_asked => {
+            let accepted =
+                "\"finite_volume\" with method.drift or method.time: the flow map has neither";
+            return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
+        }
+        Some(TransientMethod::FlowMap) => Some("the scene asks for it".to_string()),
+        Some(TransientMethod::FiniteVolume) => None,
+        None => (!volumes_asked && zeta <= FLOW_MAP).then(|| {
+            format!(
+                "zeta = {zeta} <= {FLOW_MAP}: weak damping lets the exact motion take long steps"
+            )
+        }),
+    };
+    if let Some(reason) = flow_map {
+        return Ok((Drift::Order8, Way::FlowMap, reason));
+    }
+    let (drift, why_drift) = drift(settings)?;
+    let (time, why_time) = match settings.time {
+        Some(time) => (time, "the scene asks for this scheme in time".to_string()),
+        None => {
+            let (mesh, _) = mesh(oscillator, initial, until, drift, settings, 1.0)?;
+            let generator = Generator::new(oscillator, &mesh, drift)?;
+            time_scheme(oscillator, &generator, settings, until)
+        }
+    };
+    Ok((
+        drift,
+        Way::Volumes(time),
+        format!("{why_drift}; {why_time}"),
+    ))
+}
+
+/// The propagator of a way on a mesh, its steps `longer` times as long as the tolerance asks.
+pub(super) fn propagator(
+    oscillator: &Oscillator,
+    mesh: &Mesh,
+    drift: Drift,
+    way: Way,
+    settings: &Settings,
+    until: f64,
+    longer: f64,
+) -> Result<Propagator> {
+    match way {
+        Way::FlowMap => {
+            let settings = flow_map_settings(oscillator, settings, longer)?;
+            Propagator::flow_map(oscillator, mesh, settings)
+        }
+        Way::Volumes(time) => {
+            let generator = Generator::new(oscillator, mesh, drift)?;
+            let march = march(oscillator, &generator, time, settings, until);
+            Ok(Propagator::Volumes {
+                generator: Box::new(generator),
+                march,
+            })
+        }
+    }
+}
+
+/// The steps of the flow map, `longer` times as long as the tolerance asks.
+pub(super) fn flow_map_settings(
+    oscillator: &Oscillator,
+    settings: &Settings,
+    longer: f64,
+) -> Result<flow_map::Settings> {
     if let Some(step) = settings.step {
         positive("method.step", step)?;
     }
-    let (drift, mut reason) = match settings.drift {
+    // The splitting gets a fifth of the tolerance; the mesh has the rest.
+    let automatic = flow_map::Settings::to(0.2 * settings.tolerance, oscillator)?;
+    let step = longer * settings.step.unwrap_or(automatic.step);
+    Ok(flow_map::Settings { step, ..automatic })
+}
+
+/// Scheme in space, with the reason.
+fn drift(settings: &Settings) -> Result<(Drift, String)> {
+    if let Some(step) = settings.step {
+        positive("method.step", step)?;
+    }
+    Ok(match settings.drift {
         Some(drift) => (drift, "the scene asks for this drift".to_string()),
         None if settings.time == Some(TimeScheme::BackwardEuler) => (
             Drift::Upwind,
@@ -230,17 +385,7 @@ pub(super) fn schemes(settings: &Settings) -> Result<(Drift, TimeScheme, String)
             Drift::Order8,
             "order 8: fewest cells for a smooth density".to_string(),
         ),
-    };
-    let time = settings.time.unwrap_or_else(|| {
-        if drift == Drift::Upwind {
-            reason += ", implicit steps keep it positive";
-            TimeScheme::BackwardEuler
-        } else {
-            reason += ", explicit steps: weakly damped transport is not stiff";
-            TimeScheme::Explicit
-        }
-    });
-    Ok((drift, time, reason))
+    })
 }
 
 /// The numerical diffusion of upwind drift against the physical one: energy relaxes 1 + c times too
@@ -251,15 +396,128 @@ pub fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
     0.4 * cells / (2.0 * oscillator.zeta() * oscillator.temperature().sqrt())
 }
 
-/// The longest step of a scheme: what the user says, or what its accuracy allows.
-pub(super) fn longest_step(generator: &Generator, time: TimeScheme, step: Option<f64>) -> f64 {
-    step.unwrap_or_else(|| match time {
-        // First order in time beside first order in space: one cell a step near equilibrium.
-        TimeScheme::BackwardEuler => {
-            let mesh = generator.mesh();
-            let width = |axis: &Axis| axis.at(axis.locate(0.0)).1;
-            width(&mesh.q) / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE) * 3.0
-        }
-        TimeScheme::Explicit => f64::INFINITY,
+/// Part of the tolerance that the errors of the steps may add up to in the L1 norm. They never do: the
+/// noise erases most before the end, and a tenth is measured (tests/time.rs).
+const TIME_SHARE: f64 = 1.0;
+
+/// Time over which errors add up before the oscillator forgets them.
+fn horizon(oscillator: &Oscillator, until: f64) -> f64 {
+    until.min(0.5 / oscillator.zeta() + 2.0 * oscillator.zeta())
+}
+
+/// The step of backward Euler: first order in time beside first order in space, one cell a step at a
+/// third of the fastest speed.
+pub(super) fn euler_step(generator: &Generator, settings: &Settings) -> f64 {
+    settings.step.unwrap_or_else(|| {
+        let mesh = generator.mesh();
+        let width = mesh.q.at(mesh.q.locate(0.0)).1;
+        3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE)
     })
+}
+
+/// The scheme with its choice of steps for a run until `until`.
+pub fn march(
+    oscillator: &Oscillator,
+    generator: &Generator,
+    time: TimeScheme,
+    settings: &Settings,
+    until: f64,
+) -> March {
+    let choice = match time {
+        TimeScheme::BackwardEuler => Step::Fixed(euler_step(generator, settings)),
+        _ => {
+            let longest = settings.step.unwrap_or(f64::INFINITY);
+            Step::Error {
+                total: TIME_SHARE * settings.tolerance,
+                horizon: horizon(oscillator, until),
+                first: longest.min(0.1 / (1.0 + 2.0 * oscillator.zeta())),
+                longest,
+            }
+        }
+    };
+    let scheme: Box<dyn Integrator> = match time {
+        TimeScheme::BackwardEuler => Box::new(BackwardEuler::new(generator)),
+        TimeScheme::Implicit => Box::new(Radau::new(generator, solver(generator))),
+        TimeScheme::Imex => Box::new(Additive::new(generator)),
+        TimeScheme::Explicit => Box::new(Chebyshev::new(generator)),
+    };
+    March::new(scheme, choice)
+}
+
+/// Unknowns above which GMRES with the LU of the five-point operator beats the LU of the wide stencil.
+/// Order 8, T = 0.63, seconds of a factorisation and of a step (benches/time.rs; a run of a hundred steps
+/// factors about ten times):
+///
+/// | unknowns | LU | GMRES |
+/// |---|---|---|
+/// | 2091 | 0.08, 0.0015 to 0.003 | 0.01, 0.003 to 0.010 (7 to 23 iterations) |
+/// | 4617 | 0.28, 0.007 to 0.011 | 0.03, 0.005 to 0.024 (7 to 24) |
+/// | 9471 | 0.75, 0.017 | 0.08, 0.012 to 0.057 (7 to 30) |
+const DIRECT: usize = 2000;
+
+/// How the systems of an implicit scheme are solved.
+fn solver(generator: &Generator) -> Solver {
+    if generator.unknowns() < DIRECT {
+        Solver::Direct
+    } else {
+        Solver::Krylov
+    }
+}
+
+/// The scheme in time that costs least on this mesh, with the reason. Costs are counted in generators
+/// applied, 5.5 ns a cell at order 8; the measurements are those of tests/time.rs.
+pub fn time_scheme(
+    oscillator: &Oscillator,
+    generator: &Generator,
+    settings: &Settings,
+    until: f64,
+) -> (TimeScheme, String) {
+    if generator.drift() == Drift::Upwind {
+        let reason = "backward Euler keeps upwind drift positive";
+        return (TimeScheme::BackwardEuler, reason.into());
+    }
+    let (transport, diffusion) = generator.radii();
+    // 1.2 stages per unit of F dt + s dt at the longest step, up to twice that in a tall box.
+    let tall = 1.0 + (0.1 * diffusion / transport).min(1.0);
+    let explicit = 1.2 * (transport + 0.5 * diffusion * tall) * until;
+    // A step costs 31 generators; bound by transport, and while the start is smoothed by accuracy:
+    // 30 steps per unit of time at 1e-5, order 4.
+    let accuracy = 30.0 * (1e-5 / settings.tolerance).powf(0.25);
+    let bound = transport / 3.8;
+    let imex = 31.0 * (until * bound + until.min(5.0) * (accuracy - bound).max(0.0) + 50.0);
+    // A step costs 480 generators, a factorisation 800. About 60 steps and ten factorisations until the
+    // step is that of the slow motion: 0.1 of its time 1 or 2 zeta at 1e-5, order 5.
+    let finer = (1e-5 / settings.tolerance).powf(0.2);
+    let slow = 0.1 * (2.0 * oscillator.zeta()).max(1.0) / finer;
+    let implicit = 480.0 * (60.0 * finer + until / slow) + 8000.0;
+    let costs = [
+        (TimeScheme::Explicit, explicit),
+        (TimeScheme::Imex, imex),
+        (TimeScheme::Implicit, implicit),
+    ];
+    let (best, _) = costs.iter().fold(
+        costs[0],
+        |best, other| if other.1 < best.1 { *other } else { best },
+    );
+    let reason = format!(
+        "{}: transport at a rate of {transport:.0}, friction and diffusion of {diffusion:.0} and steps of \
+         {slow:.1e} for accuracy make about {explicit:.1e} generators explicit, {imex:.1e} imex, \
+         {implicit:.1e} implicit",
+        best.name()
+    );
+    (best, reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scheme_is_known_by_its_name_and_by_no_other() {
+        for scheme in TimeScheme::ALL {
+            assert_eq!(TimeScheme::parse(scheme.name()).unwrap(), scheme);
+        }
+        let message = TimeScheme::parse("euler").unwrap_err().to_string();
+        assert!(message.contains("\"imex\""), "{message}");
+    }
 }

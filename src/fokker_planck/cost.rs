@@ -1,8 +1,8 @@
 //! What a computation will take, from the sizes of its mesh alone: for plans.
 
-use super::choice::{self, Cost, Settings, TimeScheme};
+use super::choice::{self, Cost, Settings, TimeScheme, Way};
 use super::flux::Drift;
-use super::mesh::Mesh;
+use super::generator::Generator;
 use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -21,9 +21,8 @@ pub enum Task {
     DecayRates,
 }
 
-/// The cost of a task and what it would be done with. Lays out the mesh, computes nothing on it: steps
-/// are those of the stability limit of a uniform mesh, seconds those of one core, within a factor of
-/// about three.
+/// The cost of a task and what it would be done with. Lays out the mesh and takes no step on it: seconds
+/// are those of one core, within a factor of about three.
 ///
 /// # Errors
 /// Those of the mesh: a scene it cannot hold, cells that do not fit the memory.
@@ -33,70 +32,91 @@ pub fn cost(
     task: Task,
     settings: &Settings,
 ) -> Result<(Cost, String)> {
-    let (drift, time, reason) = choice::schemes(settings)?;
-    let (start, until, drift, matrix) = match task {
-        Task::Transient { until } => (initial, until, drift, time == TimeScheme::BackwardEuler),
-        Task::Steady => (
-            &Initial::Stationary,
-            0.0,
-            settings.drift.unwrap_or(Drift::Upwind),
-            true,
-        ),
-        Task::DecayRates => (
-            &Initial::Stationary,
-            0.0,
-            settings.drift.unwrap_or(Drift::Order8),
-            true,
-        ),
+    let until = match task {
+        Task::Transient { until } => until,
+        Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
-    let (mesh, _) = choice::mesh(oscillator, start, until, drift, settings, 1.0)?;
+    let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
+    let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, 1.0)?;
     let cells = mesh.cells();
-    let memory = choice::memory(cells, drift, matrix);
     let n = cells[0] as f64 * cells[1] as f64;
-    let steps = match task {
-        Task::Transient { .. } => until / step(oscillator, &mesh, time, settings),
-        // The march to the steady state; three shifts on two meshes.
-        Task::Steady => 200.0,
-        Task::DecayRates => 6.0,
-    };
-    // 50 ns per cell and step without a matrix, and the coarse run besides; 2 us per cell and factorisation, 0.1 us per cell and
-    // solve with the one of five points, ten times that with a wide one.
-    let wide = if drift == Drift::Upwind { 1.0 } else { 10.0 };
-    let seconds = match (task, matrix) {
-        (Task::Transient { .. }, false) => n * steps * 50e-9 * 1.4,
-        (Task::DecayRates, _) => n * steps * 2e-6 * wide,
-        _ => n * wide * (2e-6 + 0.1e-6 * steps),
-    };
-    let words = match task {
-        Task::Transient { .. } => format!("{} in time, {reason}", time.name()),
-        Task::Steady => "null vector by sparse LU, and a march".into(),
-        Task::DecayRates => "shift and invert on two meshes".into(),
+    let matrix = matches!(
+        way,
+        Way::Volumes(TimeScheme::BackwardEuler | TimeScheme::Implicit)
+    );
+    let (steps, seconds) = match way {
+        Way::FlowMap => {
+            let step = choice::flow_map_settings(oscillator, settings, 1.0)?.step;
+            let steps = (until / step).ceil();
+            // A pass takes about 25 ns a cell and 0.5 ns a cell and row of the noise matrix, building the
+            // maps 3 us a cell.
+            (
+                steps,
+                n * (3e-6 + steps * (25e-9 + 0.5e-9 * cells[1] as f64)),
+            )
+        }
+        Way::Volumes(time) => {
+            let generator = Generator::new(oscillator, &mesh, drift)?;
+            let (transport, diffusion) = generator.radii();
+            // Microseconds a cell: generators take 6 ns, solves by LU 0.2 us, factorisations 5 us.
+            match time {
+                TimeScheme::BackwardEuler => {
+                    let steps = until / choice::euler_step(&generator, settings);
+                    (steps, n * (2e-6 + 0.1e-6 * steps))
+                }
+                TimeScheme::Implicit => {
+                    let steps = 100.0 + until;
+                    (steps, n * (50e-6 + 3e-6 * steps))
+                }
+                TimeScheme::Imex => {
+                    let steps = until * transport / 3.8;
+                    (steps, n * steps * 31.0 * 6e-9)
+                }
+                TimeScheme::Explicit => {
+                    let stages = 1.2 * (transport + 0.5 * diffusion) * until;
+                    (stages, n * stages * 6e-9)
+                }
+            }
+        }
     };
     let cost = Cost {
         cells,
         steps: steps.ceil() as u64,
-        memory,
+        memory: choice::memory(cells, drift, matrix),
+        // The coarse run that measures the error takes 0.4 of the fine one.
+        seconds: 1.4 * seconds,
+    };
+    Ok((cost, format!("{}; {reason}", way.name(drift))))
+}
+
+fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Result<(Cost, String)> {
+    let steady = task == Task::Steady;
+    let usual = if steady { Drift::Upwind } else { Drift::Order8 };
+    let drift = settings.drift.unwrap_or(usual);
+    let (mesh, _) = choice::mesh(oscillator, &Initial::Stationary, 0.0, drift, settings, 1.0)?;
+    let cells = mesh.cells();
+    let n = cells[0] as f64 * cells[1] as f64;
+    // A factorisation takes 2 us a cell with the stencil of five points, ten times that with a wide one
+    // or with complex numbers; a solve a twentieth of it.
+    let wide = if drift == Drift::Upwind { 1.0 } else { 10.0 };
+    let (steps, seconds, words) = if steady {
+        (
+            60.0,
+            n * wide * (2e-6 + 60.0 * 0.1e-6),
+            "null vector by sparse LU, and a march",
+        )
+    } else {
+        (
+            6.0,
+            n * 6.0 * 6.0 * wide * 2e-6,
+            "shift and invert on two meshes",
+        )
+    };
+    let cost = Cost {
+        cells,
+        steps: steps as u64,
+        memory: choice::memory(cells, drift, true),
         seconds,
     };
     Ok((cost, format!("finite volumes, {drift:?}; {words}")))
-}
-
-/// About the step that a run would take.
-fn step(oscillator: &Oscillator, mesh: &Mesh, time: TimeScheme, settings: &Settings) -> f64 {
-    let narrowest = |edges: &[f64]| {
-        let widths = edges.windows(2).map(|pair| pair[1] - pair[0]);
-        widths.fold(f64::INFINITY, f64::min)
-    };
-    let (dq, dv) = (narrowest(mesh.q.edges()), narrowest(mesh.v.edges()));
-    let [q_lo, q_hi, v_lo, v_hi] = mesh.domain();
-    let fastest = v_hi.max(-v_lo);
-    if time == TimeScheme::BackwardEuler {
-        return settings.step.unwrap_or(3.0 * dq / fastest);
-    }
-    let contact = oscillator.contact();
-    let force = contact.force(q_hi).abs().max(contact.force(q_lo).abs());
-    // The largest speed and the largest force are never in the same corner of the energy level.
-    let transport = 5.2 * (fastest / dq).max(force / dv);
-    let stable = 2.6 / (transport + 6.0 * oscillator.noise() / (dv * dv));
-    settings.step.map_or(stable, |step| step.min(stable))
 }

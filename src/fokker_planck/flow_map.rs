@@ -330,6 +330,11 @@ impl FlowMap {
         &self.weights
     }
 
+    /// The cells of each q-column on orbits that close inside the box: those that hold unknowns.
+    pub fn columns(&self) -> &[Range<usize>] {
+        &self.active
+    }
+
     /// The settings.
     pub fn settings(&self) -> &Settings {
         &self.settings

@@ -20,6 +20,7 @@
 use super::difference::{central, staggered};
 use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
 use super::mesh::Mesh;
+use super::radius::{Kind, largest};
 use crate::error::{Error, Result};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
@@ -49,6 +50,8 @@ pub struct Generator {
     relaxed: Vec<(usize, usize, f64)>,
     /// Cells at an open edge with the rate of g that balances their missing neighbours.
     open: Vec<(usize, f64)>,
+    /// Cells at an open edge with the rate at which g leaves through it.
+    leaving: Vec<(usize, f64)>,
 }
 
 impl Generator {
@@ -117,6 +120,7 @@ impl Generator {
             tilt,
             relaxed: Vec::new(),
             open: Vec::new(),
+            leaving: Vec::new(),
         };
         match measure {
             Measure::Liouville => it.open_edges(),
@@ -146,6 +150,11 @@ impl Generator {
         self.active[i].clone()
     }
 
+    /// [`Generator::active`] of every q-column.
+    pub fn columns(&self) -> &[Range<usize>] {
+        &self.active
+    }
+
     /// Number of unknowns.
     pub fn unknowns(&self) -> usize {
         self.active.iter().map(Range::len).sum()
@@ -156,29 +165,93 @@ impl Generator {
         &self.inverse
     }
 
+    /// w over the weight of the Maxwell measure per v cell: friction and diffusion act on g times it.
+    pub fn tilt(&self) -> &[f64] {
+        &self.tilt
+    }
+
+    /// Whether no probability leaves: the weights are then the stationary law.
+    pub fn is_closed(&self) -> bool {
+        self.open.is_empty() && self.leaving.is_empty()
+    }
+
+    /// `cells = w g` where there are unknowns; the others are left alone.
+    pub fn weigh(&self, g: &[f64], cells: &mut [f64]) {
+        let nv = self.mesh.v.len();
+        for (i, column) in self.active.iter().enumerate() {
+            let range = i * nv + column.start..i * nv + column.end;
+            let along_v = self.weights.v[column.clone()].iter();
+            for ((p, g), v) in cells[range.clone()].iter_mut().zip(&g[range]).zip(along_v) {
+                *p = g * (self.weights.q[i] * v);
+            }
+        }
+    }
+
     /// `rate = d(w g)/dt` for every cell, row-major; 0 where there is no unknown.
     pub fn apply(&self, g: &[f64], rate: &mut [f64]) {
-        pulp::Arch::new().dispatch(|| self.apply_inlined(g, rate));
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                self.transport(g, rate);
+                self.diffusion(g, rate);
+            },
+        );
+    }
+
+    /// The part of [`Generator::apply`] that couples cells along q: transport, with the exchange in the
+    /// rim and what leaves through open edges.
+    pub fn apply_transport(&self, g: &[f64], rate: &mut [f64]) {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.transport(g, rate),
+        );
+    }
+
+    /// The part of [`Generator::apply`] that couples cells along v alone: friction and diffusion.
+    pub fn apply_diffusion(&self, g: &[f64], rate: &mut [f64]) {
+        rate.fill(0.0);
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.diffusion(g, rate),
+        );
     }
 
     #[inline(always)]
-    fn apply_inlined(&self, g: &[f64], rate: &mut [f64]) {
-        rate.fill(0.0);
+    fn transport(&self, g: &[f64], rate: &mut [f64]) {
         match &self.flux {
             MassFlux::Faces { q, v } => self.upwind(q, v, g, rate),
             MassFlux::Centres { q, v } => {
-                self.central(q, v, g, rate);
-                for &(n, m, k) in &self.relaxed {
-                    let flux = k * (g[m] - g[n]);
-                    rate[n] += flux;
-                    rate[m] -= flux;
+                match self.drift.half_width() {
+                    1 => self.central::<1>(q, v, g, rate),
+                    2 => self.central::<2>(q, v, g, rate),
+                    3 => self.central::<3>(q, v, g, rate),
+                    _ => self.central::<4>(q, v, g, rate),
                 }
+                self.relax(g, rate);
                 for &(cell, rate_of_g) in &self.open {
                     rate[cell] += rate_of_g * g[cell];
                 }
             }
         }
-        self.diffuse(g, rate);
+    }
+
+    #[inline(always)]
+    fn relax(&self, g: &[f64], rate: &mut [f64]) {
+        for &(n, m, k) in &self.relaxed {
+            let flux = k * (g[m] - g[n]);
+            rate[n] += flux;
+            rate[m] -= flux;
+        }
+    }
+
+    #[inline(always)]
+    fn diffusion(&self, g: &[f64], rate: &mut [f64]) {
+        match self.drift.half_width() {
+            1 => self.diffuse::<1>(g, rate),
+            2 => self.diffuse::<2>(g, rate),
+            3 => self.diffuse::<3>(g, rate),
+            _ => self.diffuse::<4>(g, rate),
+        }
     }
 
     #[inline(always)]
@@ -202,45 +275,44 @@ impl Generator {
     }
 
     /// Every pair of cells (n, m) a distance l apart exchanges c_l (a_n + a_m)/2 (g_m - g_n), with the
-    /// same sign on both: exactly 0 for g = 1.
+    /// same sign on both: exactly 0 for g = 1. One pass over the memory, all neighbours at once.
     #[inline(always)]
-    fn central(&self, a: &[f64], b: &[f64], g: &[f64], rate: &mut [f64]) {
+    fn central<const K: usize>(&self, a: &[f64], b: &[f64], g: &[f64], rate: &mut [f64]) {
         let [nq, nv] = self.mesh.cells();
-        let c = central(self.drift.half_width());
-        for i in 0..nq {
-            let row = i * nv..(i + 1) * nv;
-            for (l, c) in (1..).zip(c) {
-                let factor = 0.5 * c;
-                let (gi, out) = (&g[row.clone()], &mut rate[row.clone()]);
-                let ai = &a[row.clone()];
-                if i + l < nq {
-                    let other = (i + l) * nv..(i + l + 1) * nv;
-                    pairs(out, factor, ai, &a[other.clone()], gi, &g[other]);
-                }
-                if i >= l {
-                    let other = (i - l) * nv..(i - l + 1) * nv;
-                    pairs(out, -factor, ai, &a[other.clone()], gi, &g[other]);
-                }
-                if l < nv {
-                    let bi = &b[row.clone()];
-                    let cut = nv - l;
-                    pairs(
-                        &mut out[..cut],
-                        factor,
-                        &bi[..cut],
-                        &bi[l..],
-                        &gi[..cut],
-                        &gi[l..],
-                    );
-                    pairs(
-                        &mut out[l..],
-                        -factor,
-                        &bi[l..],
-                        &bi[..cut],
-                        &gi[l..],
-                        &gi[..cut],
-                    );
-                }
+        let mut halves = [0.0; K];
+        for (half, c) in halves.iter_mut().zip(central(K)) {
+            *half = 0.5 * c;
+        }
+        for (i, column) in self.active.iter().enumerate() {
+            let out = &mut rate[i * nv..(i + 1) * nv];
+            out[..column.start].fill(0.0);
+            out[column.end..].fill(0.0);
+            let row = |i: usize| i * nv..(i + 1) * nv;
+            // A missing neighbour stands in as the cell itself: they exchange exactly nothing.
+            let right = |l: usize| row(if i + l < nq { i + l } else { i });
+            let left = |l: usize| row(if i >= l { i - l } else { i });
+            let here = Row {
+                g: &g[row(i)],
+                a: &a[row(i)],
+                b: &b[row(i)],
+                g_right: std::array::from_fn(|l| &g[right(l + 1)]),
+                a_right: std::array::from_fn(|l| &a[right(l + 1)]),
+                g_left: std::array::from_fn(|l| &g[left(l + 1)]),
+                a_left: std::array::from_fn(|l| &a[left(l + 1)]),
+            };
+            let low = column.start.max(K).min(column.end);
+            let high = column.end.min(nv - K).max(low);
+            for j in (column.start..low).chain(high..column.end) {
+                out[j] = here.end(&halves, j);
+            }
+            let mut j = low;
+            while j + LANES <= high {
+                let value = here.exchange::<LANES>(&halves, j);
+                out[j..j + LANES].copy_from_slice(&value);
+                j += LANES;
+            }
+            for j in j..high {
+                [out[j]] = here.exchange::<1>(&halves, j);
             }
         }
     }
@@ -254,22 +326,37 @@ impl Generator {
             .min(self.drift.half_width())
     }
 
+    /// The faces of a column with room for the full stencil; none in a column shorter than it.
     #[inline(always)]
-    fn diffuse(&self, g: &[f64], rate: &mut [f64]) {
-        let nv = self.mesh.v.len();
+    fn inner_faces(&self, column: &Range<usize>) -> Range<usize> {
         let half = self.drift.half_width();
-        let full = staggered(half);
+        let inner = column.start + half..(column.end + 1).saturating_sub(half);
+        if inner.is_empty() {
+            column.end..column.end
+        } else {
+            inner
+        }
+    }
+
+    /// Adds -S^T (k S g), k the conductance of the faces. A tile of faces stays in the nearest cache.
+    #[inline(always)]
+    fn diffuse<const K: usize>(&self, g: &[f64], rate: &mut [f64]) {
+        const TILE: usize = 64;
+        /// A tile with the neighbours of its faces, for the widest stencil.
+        const HELD: usize = TILE + 2 * 8;
+        let nv = self.mesh.v.len();
+        let mut stencil = [0.0; K];
+        stencil.copy_from_slice(staggered(K));
+        let (mut tilted, mut flux) = ([0.0; HELD], [0.0; HELD]);
         for (i, column) in self.active.iter().enumerate() {
             let row = i * nv;
             let (g, rate) = (&g[row..row + nv], &mut rate[row..row + nv]);
             let scale = self.weights.q[i];
-            // Faces with room for the full stencil; none in a column shorter than it.
-            let mut inner = column.start + half..(column.end + 1).saturating_sub(half);
-            if inner.is_empty() {
-                inner = column.end..column.end;
-            }
-            let mut face = |j: usize, s: &[f64]| {
-                let k = self.conductance[j] * scale;
+            let inner = self.inner_faces(column);
+            for j in
+                (column.start + 1..inner.start).chain(inner.end.max(column.start + 1)..column.end)
+            {
+                let s = staggered(self.reach(column, j));
                 let slope: f64 = s
                     .iter()
                     .enumerate()
@@ -277,20 +364,65 @@ impl Generator {
                         s * (g[j + l] * self.tilt[j + l] - g[j - 1 - l] * self.tilt[j - 1 - l])
                     })
                     .sum();
-                let flux = k * slope;
+                let flux = self.conductance[j] * scale * slope;
                 for (l, s) in s.iter().enumerate() {
                     rate[j + l] -= s * flux;
                     rate[j - 1 - l] += s * flux;
                 }
+            }
+            // Inner faces reach cells column.start..column.end; tiles of those cells, gathered.
+            let mut first = if inner.is_empty() {
+                column.end
+            } else {
+                column.start
             };
-            for j in column.start + 1..inner.start {
-                face(j, staggered(self.reach(column, j)));
-            }
-            for j in inner.clone() {
-                face(j, full);
-            }
-            for j in inner.end..column.end {
-                face(j, staggered(self.reach(column, j)));
+            while first < column.end {
+                let cells = first..(first + TILE).min(column.end);
+                // Held face p is face cells.start - (K - 1) + p, if it is an inner one.
+                let low = inner
+                    .start
+                    .max((cells.start + 1).saturating_sub(K))
+                    .min(inner.end);
+                let high = inner.end.min(cells.end + K).max(low);
+                let offset = low + K - 1 - cells.start;
+                let n = high - low;
+                flux[..offset].fill(0.0);
+                flux[offset + n..cells.len() + 2 * K - 1].fill(0.0);
+                let seen = low - K..high + K - 1;
+                for ((r, g), tilt) in tilted
+                    .iter_mut()
+                    .zip(&g[seen.clone()])
+                    .zip(&self.tilt[seen])
+                {
+                    *r = g * tilt;
+                }
+                let k = &self.conductance[low..high];
+                let mut p = 0;
+                while p + LANES <= n {
+                    let slope = difference::<K, LANES>(&stencil, &tilted[p..p + LANES + 2 * K - 1]);
+                    for x in 0..LANES {
+                        flux[offset + p + x] = k[p + x] * scale * slope[x];
+                    }
+                    p += LANES;
+                }
+                for p in p..n {
+                    let [slope] = difference::<K, 1>(&stencil, &tilted[p..p + 2 * K]);
+                    flux[offset + p] = k[p] * scale * slope;
+                }
+                let out = &mut rate[cells.clone()];
+                let mut p = 0;
+                while p + LANES <= out.len() {
+                    let sum = difference::<K, LANES>(&stencil, &flux[p..p + LANES + 2 * K - 1]);
+                    for (out, sum) in out[p..p + LANES].iter_mut().zip(sum) {
+                        *out += sum;
+                    }
+                    p += LANES;
+                }
+                for p in p..out.len() {
+                    let [sum] = difference::<K, 1>(&stencil, &flux[p..p + 2 * K]);
+                    out[p] += sum;
+                }
+                first = cells.end;
             }
         }
     }
@@ -320,6 +452,8 @@ impl Generator {
                 }
                 if sum < 0.0 {
                     self.open.push((here, sum));
+                } else if sum > 0.0 {
+                    self.leaving.push((here, sum));
                 }
             }
         }
@@ -351,6 +485,50 @@ impl Generator {
         }
     }
 
+    /// The spectral radius of the antisymmetric part of the generator, which is transport, and of its
+    /// symmetric part, which is all that dissipates, by Lanczos' method with a margin of 2 %, 1/time.
+    /// The numerical range in the inner product of the weights lies in the box \[-second, 0\] +
+    /// i \[-first, first\]. For upwind drift, whose transport dissipates, the bounds of
+    /// [`Generator::rates`].
+    pub fn radii(&self) -> (f64, f64) {
+        let MassFlux::Centres { .. } = self.flux else {
+            return self.rates();
+        };
+        let root: Vec<f64> = self.inverse.iter().map(|x| x.sqrt()).collect();
+        let mut g = vec![0.0; root.len()];
+        let mut radius = |kind: Kind, part: &dyn Fn(&[f64], &mut [f64])| {
+            largest(root.len(), kind, |x, y| {
+                for ((g, x), root) in g.iter_mut().zip(x).zip(&root) {
+                    *g = x * root;
+                }
+                part(&g, y);
+                for (y, root) in y.iter_mut().zip(&root) {
+                    *y *= root;
+                }
+            })
+        };
+        let transport = radius(Kind::Antisymmetric, &|g, rate| {
+            self.apply_transport(g, rate);
+            for &(n, m, k) in &self.relaxed {
+                let flux = k * (g[m] - g[n]);
+                rate[n] -= flux;
+                rate[m] += flux;
+            }
+            for &(cell, rate_of_g) in &self.leaving {
+                rate[cell] += rate_of_g * g[cell];
+            }
+        });
+        let diffusion = radius(Kind::Symmetric, &|g, rate| {
+            self.apply_diffusion(g, rate);
+            self.relax(g, rate);
+        });
+        let leaving = self
+            .leaving
+            .iter()
+            .map(|(cell, rate)| rate * self.inverse[*cell]);
+        (transport, diffusion + leaving.fold(0.0, f64::max))
+    }
+
     /// A bound on the spectral radius of the transport and of the friction and diffusion, each the
     /// largest row sum of the symmetrised matrix |w^-1/2 K w^-1/2|: (transport, diffusion), 1/time.
     pub fn rates(&self) -> (f64, f64) {
@@ -361,6 +539,80 @@ impl Generator {
         });
         let largest = |sums: &[f64]| sums.iter().copied().fold(0.0, f64::max);
         (largest(&sums[0]), largest(&sums[1]))
+    }
+
+    /// S^T k S of one q-column over its factor of the weights, which friction and diffusion are -1/w_m
+    /// times: symmetric, per active cell its diagonal and the entries left of it, nearest first.
+    pub fn diffusion_bands(&self, i: usize) -> Vec<[f64; BANDS]> {
+        let column = &self.active[i];
+        let mut bands = vec![[0.0; BANDS]; column.len()];
+        for j in column.start + 1..column.end {
+            let s = staggered(self.reach(column, j));
+            let entry = |l: usize| if l < s.len() { s[l] } else { -s[l - s.len()] };
+            let cell = |l: usize| {
+                if l < s.len() {
+                    j + l
+                } else {
+                    j - 1 - (l - s.len())
+                }
+            };
+            for (m, n) in (0..2 * s.len()).flat_map(|m| (0..2 * s.len()).map(move |n| (m, n))) {
+                if cell(n) <= cell(m) {
+                    bands[cell(m) - column.start][cell(m) - cell(n)] +=
+                        self.conductance[j] * entry(m) * entry(n);
+                }
+            }
+        }
+        bands
+    }
+
+    /// A five-point neighbour of L on the same unknowns, by columns: the mass flux between neighbours
+    /// upwind, friction and diffusion of order 2. No scheme of its own, since its flux is not free of
+    /// divergence; its LU preconditions that of a wide stencil.
+    pub fn five_point(&self) -> CsMat<f64> {
+        let MassFlux::Centres { q: a, v: b } = &self.flux else {
+            return self.matrix();
+        };
+        let [nq, nv] = self.mesh.cells();
+        let (n, number) = (self.unknowns(), self.numbering());
+        let mut triplets = TriMat::with_capacity((n, n), 9 * n);
+        let mut add = |row: usize, column: usize, value: f64| {
+            triplets.add_triplet(number[row], number[column], value * self.inverse[column]);
+        };
+        for i in 0..nq {
+            for j in self.active(i) {
+                let here = i * nv + j;
+                add(here, here, 0.0);
+                let neighbours = [(i + 1 < nq, nv, a), (j + 1 < nv, 1, b)];
+                for (_, ahead, flux) in neighbours.into_iter().filter(|(exists, ..)| *exists) {
+                    let there = here + ahead;
+                    if self.inverse[there] == 0.0 {
+                        continue;
+                    }
+                    let flux = 0.5 * (flux[here] + flux[there]);
+                    let (from, to) = if flux > 0.0 {
+                        (here, there)
+                    } else {
+                        (there, here)
+                    };
+                    add(to, from, flux.abs());
+                    add(from, from, -flux.abs());
+                    if ahead == 1 {
+                        let k = self.conductance[j + 1] * self.weights.q[i];
+                        for (cell, v) in [(here, j), (there, j + 1)] {
+                            add(cell, cell, -k * self.tilt[v]);
+                            add(here + there - cell, cell, k * self.tilt[v]);
+                        }
+                    }
+                }
+            }
+        }
+        for &(n, m, k) in &self.relaxed {
+            for (row, column, value) in [(n, m, k), (n, n, -k), (m, n, k), (m, m, -k)] {
+                add(row, column, value);
+            }
+        }
+        triplets.to_csc()
     }
 
     /// L of dP/dt = L P on the unknowns, by columns. Column sums are zero to rounding (up to what
@@ -507,14 +759,83 @@ enum Part {
     Diffusion = 1,
 }
 
-/// `out -= factor (a + a') (g' - g)`, elementwise.
-#[inline(always)]
-fn pairs(out: &mut [f64], factor: f64, a: &[f64], a_there: &[f64], g: &[f64], g_there: &[f64]) {
-    let n = out.len();
-    let (a, a_there, g, g_there) = (&a[..n], &a_there[..n], &g[..n], &g_there[..n]);
-    for j in 0..n {
-        out[j] -= factor * (a[j] + a_there[j]) * (g_there[j] - g[j]);
+/// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
+pub const BANDS: usize = 8;
+
+/// Cells worked on at once: one vector register of doubles, or two.
+const LANES: usize = 8;
+
+/// One q-column with its K neighbours on either side.
+struct Row<'a, const K: usize> {
+    g: &'a [f64],
+    a: &'a [f64],
+    b: &'a [f64],
+    g_right: [&'a [f64]; K],
+    a_right: [&'a [f64]; K],
+    g_left: [&'a [f64]; K],
+    a_left: [&'a [f64]; K],
+}
+
+impl<const K: usize> Row<'_, K> {
+    /// What N cells from j on receive; all neighbours along v must exist.
+    #[inline(always)]
+    fn exchange<const N: usize>(&self, halves: &[f64; K], j: usize) -> [f64; N] {
+        let load = |x: &[f64], at: usize| -> [f64; N] {
+            let x = &x[at..at + N];
+            std::array::from_fn(|k| x[k])
+        };
+        let (g, a, b) = (load(self.g, j), load(self.a, j), load(self.b, j));
+        let mut sum = [0.0; N];
+        for l in 0..K {
+            let c = halves[l];
+            let right = (load(self.a_right[l], j), load(self.g_right[l], j));
+            let left = (load(self.a_left[l], j), load(self.g_left[l], j));
+            let above = (load(self.b, j + l + 1), load(self.g, j + l + 1));
+            let below = (load(self.b, j - l - 1), load(self.g, j - l - 1));
+            for k in 0..N {
+                let along_q = (a[k] + left.0[k]) * (left.1[k] - g[k])
+                    - (a[k] + right.0[k]) * (right.1[k] - g[k]);
+                let along_v = (b[k] + below.0[k]) * (below.1[k] - g[k])
+                    - (b[k] + above.0[k]) * (above.1[k] - g[k]);
+                sum[k] += c * (along_q + along_v);
+            }
+        }
+        sum
     }
+
+    /// What cell j near an end of the row receives.
+    fn end(&self, halves: &[f64; K], j: usize) -> f64 {
+        let (g, a, b) = (self.g[j], self.a[j], self.b[j]);
+        let mut sum = 0.0;
+        for (l, c) in halves.iter().enumerate() {
+            sum += c * (a + self.a_left[l][j]) * (self.g_left[l][j] - g);
+            sum -= c * (a + self.a_right[l][j]) * (self.g_right[l][j] - g);
+            if j > l {
+                sum += c * (b + self.b[j - l - 1]) * (self.g[j - l - 1] - g);
+            }
+            if j + l + 1 < self.g.len() {
+                sum -= c * (b + self.b[j + l + 1]) * (self.g[j + l + 1] - g);
+            }
+        }
+        sum
+    }
+}
+
+/// sum_l s_l (x[k + K + l] - x[k + K - 1 - l]) for k in 0..N.
+#[inline(always)]
+fn difference<const K: usize, const N: usize>(s: &[f64; K], x: &[f64]) -> [f64; N] {
+    let load = |at: usize| -> [f64; N] {
+        let x = &x[at..at + N];
+        std::array::from_fn(|k| x[k])
+    };
+    let mut sum = [0.0; N];
+    for l in 0..K {
+        let (high, low) = (load(K + l), load(K - 1 - l));
+        for k in 0..N {
+            sum[k] += s[l] * (high[k] - low[k]);
+        }
+    }
+    sum
 }
 
 /// Refuses a mesh on which p_s falls by more than a factor e^{3.5} from one cell to the next anywhere

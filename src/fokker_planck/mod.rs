@@ -14,11 +14,13 @@ pub mod mesh;
 pub mod modes;
 pub mod observables;
 mod ornstein_uhlenbeck;
+mod propagator;
+mod radius;
 pub mod steady;
 pub mod trajectory;
 pub mod transient;
 
-pub use choice::{Cost, Method, Settings, TimeScheme};
+pub use choice::{Cost, Method, Settings, TimeScheme, TransientMethod};
 pub use cost::{Task, cost};
 pub use density::Snapshot;
 pub use flux::Drift;

@@ -1,13 +1,12 @@
 //! The transient: from a start through the output times, on two meshes, with an error on every number.
 
-use super::choice::{self, Method, Settings, TimeScheme};
+use super::choice::{self, Method, Settings, TimeScheme, Way};
 use super::density::{Density, Snapshot};
 use super::domain::Domain;
 use super::flux::Drift;
-use super::generator::Generator;
-use super::march::{BackwardEuler, RungeKutta4};
 use super::mesh::Mesh;
 use super::observables::Observables;
+use super::propagator::Propagator;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
 use crate::initial::Initial;
@@ -70,10 +69,14 @@ struct Task<'a> {
     times: &'a [f64],
     density_times: &'a [f64],
     drift: Drift,
-    time: TimeScheme,
+    way: Way,
     settings: &'a Settings,
     started: Instant,
 }
+
+/// The coarse run: three quarters of the cells in either direction, and steps half as long again where
+/// the steps make the error.
+const COARSE: (f64, f64) = (0.75, 1.5);
 
 /// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
 /// part of them. `progress` is told the part done, 0 to 1.
@@ -94,15 +97,16 @@ pub fn transient(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Transient> {
-    let (drift, time, reason) = choice::schemes(settings)?;
     let started = Instant::now();
+    let until = times.last().copied().unwrap_or(0.0);
+    let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
     let task = Task {
         oscillator,
         initial,
         times,
         density_times,
         drift,
-        time,
+        way,
         settings,
         started,
     };
@@ -110,12 +114,9 @@ pub fn transient(
         return upwind(&task, reason, progress);
     }
     // Work grows with the third power of the refinement: the coarse run takes 0.3 of the whole.
-    let coarse = task.run(0.75, times, &|part| progress(0.3 * part))?;
-    let fine = task.run(1.0, times, &|part| progress(0.3 + 0.7 * part))?;
-    let errors = |k: usize, i: usize, value: f64, other: f64| {
-        let _ = (k, i);
-        (value - other).abs()
-    };
+    let coarse = task.run(COARSE, times, &|part| progress(0.3 * part))?;
+    let fine = task.run((1.0, 1.0), times, &|part| progress(0.3 + 0.7 * part))?;
+    let errors = |_: usize, _: usize, value: f64, other: f64| (value - other).abs();
     Ok(task.report(fine, &coarse, &errors, reason, Vec::new()))
 }
 
@@ -143,8 +144,8 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
     times.extend(task.times.iter().flat_map(|t| ahead(*t)));
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let coarse = task.run(0.5, task.times, &|part| progress(0.15 * part))?;
-    let mut fine = task.run(1.0, &times, &|part| progress(0.15 + 0.85 * part))?;
+    let coarse = task.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
+    let mut fine = task.run((1.0, 1.0), &times, &|part| progress(0.15 + 0.85 * part))?;
     let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
     fine.outputs.retain(|o| task.times.contains(&o.t));
     let errors = |k: usize, i: usize, value: f64, other: f64| {
@@ -167,93 +168,103 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
 }
 
 impl Task<'_> {
-    /// One run on a mesh `finer` times as fine as the chosen one.
-    fn run(&self, finer: f64, times: &[f64], progress: &dyn Fn(f64)) -> Result<Run> {
+    /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
+    fn run(
+        &self,
+        (finer, longer): (f64, f64),
+        times: &[f64],
+        progress: &dyn Fn(f64),
+    ) -> Result<Run> {
+        let Self {
+            oscillator,
+            initial,
+            settings,
+            drift,
+            ..
+        } = *self;
         let until = times.last().copied().unwrap_or(0.0);
-        let (mesh, domain) = choice::mesh(
-            self.oscillator,
-            self.initial,
-            until,
-            self.drift,
-            self.settings,
-            finer,
-        )?;
-        let generator = Generator::new(self.oscillator, &mesh, self.drift)?;
-        let observables =
-            Observables::new(self.oscillator, &mesh, self.drift, generator.weights())?;
-        let mut density = Density::start(&generator, self.initial)?;
-        let mut stepper = Stepper::new(&generator, self.time, self.settings.step);
-        let confining = self.oscillator.contact().is_confining();
-        let close = 1e-2 * self.settings.tolerance;
-        let mut run = Run {
-            outputs: Vec::with_capacity(times.len()),
-            steps: 0,
-            step: stepper.step,
-            mesh,
-            domain,
-            unknowns: generator.unknowns(),
-            settled: None,
+        let (mesh, domain) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
+        let mut propagator =
+            choice::propagator(oscillator, &mesh, drift, self.way, settings, until, longer)?;
+        let observables = Observables::new(oscillator, &mesh, drift, propagator.weights())?;
+        let mut density = propagator.start(initial)?;
+        let confining = oscillator.contact().is_confining();
+        let close = 1e-2 * settings.tolerance;
+        let mut settled = None;
+        let mut outputs = Vec::with_capacity(times.len());
+        // Short steps are not all looked at.
+        let every = if self.way == Way::Volumes(TimeScheme::Imex) {
+            16
+        } else {
+            1
         };
-        let mut now = 0.0;
+        let weights = propagator.weights().clone();
+        let columns = propagator.columns().to_vec();
+        let (mut now, mut looks) = (0.0, 0_u64);
         for &t in times {
-            // In chunks, so that limits and the steady state are noticed on the way.
-            while now < t && run.settled.is_none() {
-                let left = t - now;
-                let chunk = (64.0 * stepper.step).min(left);
-                let last = chunk >= left * (1.0 - 1e-12);
-                run.steps += stepper.advance(&mut density, if last { left } else { chunk })?;
-                now = if last { t } else { now + chunk };
-                progress(now / until);
-                let seconds = self.started.elapsed().as_secs_f64();
-                if seconds > self.settings.max_seconds {
-                    return Err(Error::Limit {
-                        key: "accuracy.max_seconds",
-                        limit: format!("{}", self.settings.max_seconds),
-                        what: format!("the transient had come to t = {now:.3} of {until}"),
-                    });
-                }
-                if confining && density.distance(generator.weights(), &generator) < close {
-                    run.settled = Some(now);
-                }
+            if now < t && settled.is_none() {
+                let mut watch = |done: f64, density: &Density| {
+                    looks += 1;
+                    if looks % every > 0 {
+                        return Ok(true);
+                    }
+                    progress((now + done) / until);
+                    let seconds = self.started.elapsed().as_secs_f64();
+                    if seconds > settings.max_seconds {
+                        let come = now + done;
+                        return Err(Error::Limit {
+                            key: "accuracy.max_seconds",
+                            limit: format!("{}", settings.max_seconds),
+                            what: format!("the transient had come to t = {come:.3} of {until}"),
+                        });
+                    }
+                    if confining && density.distance(&weights, &columns) < close {
+                        settled = Some(now + done);
+                    }
+                    Ok(settled.is_none())
+                };
+                propagator.advance(&mut density, t - now, &mut watch)?;
+                now = t;
             }
-            run.outputs
-                .push(self.observe(t, &generator, &observables, &density));
+            outputs.push(self.observe(t, &propagator, &observables, &density));
         }
-        if run.outputs.iter().any(|o| !o.mass.is_finite()) {
+        let step = propagator.step();
+        if outputs.iter().any(|o| !o.mass.is_finite()) {
             return Err(Error::Mesh {
-                what: format!(
-                    "the density grew without bound with steps of {:.2e}",
-                    run.step
-                ),
+                what: format!("the density grew without bound with steps of {step:.2e}"),
                 help: "a smaller method.step".into(),
             });
         }
-        Ok(run)
+        Ok(Run {
+            outputs,
+            steps: propagator.steps(),
+            step,
+            mesh,
+            domain,
+            unknowns: propagator.unknowns(),
+            settled,
+        })
     }
 
     fn observe(
         &self,
         t: f64,
-        generator: &Generator,
+        propagator: &Propagator,
         observables: &Observables,
         density: &Density,
     ) -> Output {
-        let inverse = generator.inverse_weights();
-        let g: Vec<f64> = density
-            .cells()
-            .iter()
-            .zip(inverse)
-            .map(|(p, w)| p * w)
-            .collect();
+        let (weights, columns) = (propagator.weights(), propagator.columns());
         let wanted = self.density_times.contains(&t);
         Output {
             t,
-            moments: observables.raw(&g).moments(observables.contact()),
+            moments: observables
+                .raw(&propagator.ratio(density))
+                .moments(observables.contact()),
             mass: density.mass(),
             lowest: density.lowest(),
             negative: density.negative_mass(),
-            entropy: density.relative_entropy(generator.weights(), generator),
-            distance: density.distance(generator.weights(), generator),
+            entropy: density.relative_entropy(weights, columns),
+            distance: density.distance(weights, columns),
             snapshot: wanted.then(|| density.snapshot(t)),
         }
     }
@@ -336,7 +347,7 @@ impl Task<'_> {
             relative_entropy: both(|o| o.entropy),
             distance: both(|o| o.distance),
             method: Method {
-                name: format!("finite volumes, {:?}, {}", self.drift, self.time.name()),
+                name: self.way.name(self.drift),
                 reason,
                 cells: fine.mesh.cells(),
                 unknowns: fine.unknowns,
@@ -351,51 +362,6 @@ impl Task<'_> {
                 .filter_map(|o| o.snapshot)
                 .collect(),
             warnings,
-        }
-    }
-}
-
-/// The scheme in time with its longest step.
-struct Stepper {
-    scheme: Scheme,
-    step: f64,
-}
-
-enum Scheme {
-    Euler(Box<BackwardEuler>),
-    Explicit(Box<RungeKutta4>),
-}
-
-impl Stepper {
-    fn new(generator: &Generator, time: TimeScheme, step: Option<f64>) -> Self {
-        let longest = choice::longest_step(generator, time, step);
-        match time {
-            TimeScheme::BackwardEuler => Self {
-                scheme: Scheme::Euler(Box::new(BackwardEuler::new(generator))),
-                step: longest,
-            },
-            TimeScheme::Explicit => {
-                let scheme = RungeKutta4::new(generator);
-                let step = longest.min(scheme.longest_step());
-                Self {
-                    scheme: Scheme::Explicit(Box::new(scheme)),
-                    step,
-                }
-            }
-        }
-    }
-
-    /// Advances by `duration` in equal steps; returns how many.
-    fn advance(&mut self, density: &mut Density, duration: f64) -> Result<u64> {
-        match &mut self.scheme {
-            Scheme::Explicit(scheme) => Ok(scheme.advance(density, duration, self.step)),
-            Scheme::Euler(scheme) => {
-                let steps = (duration / self.step * (1.0 - 1e-9)).ceil().max(1.0);
-                for _ in 0..steps as u64 {
-                    scheme.step(density, duration / steps)?;
-                }
-                Ok(steps as u64)
-            }
         }
     }
 }

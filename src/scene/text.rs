@@ -1,8 +1,8 @@
 //! Scenes from TOML, with messages that show the line.
 
 use super::{
-    Accuracy, CONTACTS, MethodChoice, MonteCarlo, NAMES_NOT_YET, Noise, ORDERS, Outputs, Quantity,
-    SCHEMES, Scene, SpectrumRequest, TIME, TRANSIENT, Times, num,
+    Accuracy, CONTACTS, MethodChoice, MonteCarlo, Noise, ORDERS, Outputs, Quantity, SCHEMES, Scene,
+    SpectrumRequest, TIME, TRANSIENT, Times, num,
 };
 use crate::error::{Error, positive};
 use crate::fokker_planck::Drift;
@@ -876,22 +876,6 @@ impl<'a> Section<'a> {
             return Ok(Some(value.clone()));
         }
         let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
-        let full = self.full(key);
-        let later = NAMES_NOT_YET
-            .iter()
-            .filter(|(key, _)| *key == full)
-            .flat_map(|(_, it)| *it);
-        if let Value::Text(text) = &node.value
-            && later.into_iter().any(|name| name == text)
-        {
-            let version = env!("CARGO_PKG_VERSION");
-            let message = format!("{full} = \"{text}\" is not available yet in version {version}");
-            let help = format!("accepted: {}", names.join(", "));
-            let at = Some(&node.at);
-            return Err(self
-                .document
-                .wrong(&message, "not available yet", Some(&help), at));
-        }
         let mut accepted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
         if let Value::Text(text) = &node.value
             && let Some(near) = nearest(text, &names)

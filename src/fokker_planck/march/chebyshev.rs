@@ -1,0 +1,223 @@
+//! Explicit steps of any order, in Chebyshev form.
+
+use super::Integrator;
+use crate::error::Result;
+use crate::fokker_planck::generator::Generator;
+
+/// An explicit Runge-Kutta scheme of many stages for a linear equation whose spectrum lies along the
+/// imaginary axis: the polynomial of L that a step multiplies with is the Chebyshev series of e^{dt z}
+/// (Tal-Ezer and Kosloff, J. Chem. Phys. 81, 3967, 1984). With F the largest frequency of the transport,
+/// s half the largest rate of diffusion, and A = (L + s)/F,
+///
+/// ```text
+/// e^{dt L} = e^{-s dt} [J_0(F dt) + 2 sum_k J_k(F dt) phi_k(A)],   phi_{k+1} = 2 A phi_k + phi_{k-1}
+/// ```
+///
+/// with J_k the Bessel functions: about F dt + s dt stages for a long step, after which the terms fall
+/// faster than any power. The terms themselves say when to stop. For a fixed number m of stages the
+/// order is m. The constant term is set so that the polynomial is 1 at L = 0: mass and g = 1 are kept.
+pub struct Chebyshev {
+    generator: Generator,
+    /// F.
+    frequency: f64,
+    /// s.
+    shift: f64,
+    /// Stages, if they are fixed.
+    stages: Option<usize>,
+    /// The step that `coefficients` belong to.
+    dt: f64,
+    coefficients: Vec<f64>,
+    /// rho: what each phi may grow by.
+    growth: f64,
+    /// Sum of the |coefficients| from each on, times the growth between.
+    tails: Vec<f64>,
+    start: Vec<f64>,
+    now: Vec<f64>,
+    last: Vec<f64>,
+    rate: Vec<f64>,
+    sum: Vec<f64>,
+    /// Generators applied so far.
+    applied: u64,
+}
+
+/// F dt + s dt of the longest step: a fifth of the stages are then beyond it at an error of 1e-8.
+const REACH: f64 = 60.0;
+
+/// Error where none is asked for, relative to a mass of 1.
+const SMALLEST: f64 = 1e-14;
+
+impl Chebyshev {
+    /// The scheme for a generator.
+    pub fn new(generator: &Generator) -> Self {
+        let (transport, diffusion) = generator.radii();
+        let n = generator.mesh().len();
+        let empty = || vec![0.0; n];
+        Self {
+            frequency: transport.max(0.1 * diffusion),
+            shift: 0.5 * diffusion,
+            stages: None,
+            dt: 0.0,
+            coefficients: Vec::new(),
+            growth: 1.0,
+            tails: Vec::new(),
+            start: empty(),
+            now: empty(),
+            last: empty(),
+            rate: empty(),
+            sum: empty(),
+            generator: generator.clone(),
+            applied: 0,
+        }
+    }
+
+    /// The same with a fixed number of stages, which is then its order.
+    #[must_use]
+    pub fn with_stages(self, stages: usize) -> Self {
+        Self {
+            stages: Some(stages),
+            ..self
+        }
+    }
+
+    /// Generators applied so far.
+    pub fn applied(&self) -> u64 {
+        self.applied
+    }
+
+    /// The coefficients of a step, until they are below rounding.
+    fn prepare(&mut self, dt: f64) {
+        if dt == self.dt {
+            return;
+        }
+        self.dt = dt;
+        let (reach, damping) = (self.frequency * dt, (-self.shift * dt).exp());
+        // |phi_k| grows as rho^k at the slow end of the spectrum, and no faster elsewhere in a tall box.
+        let slope = self.shift / self.frequency;
+        self.growth = slope + slope.hypot(1.0);
+        self.coefficients.clear();
+        let mut growth = 1.0;
+        for k in 0..10_000 {
+            let twice = if k == 0 { 1.0 } else { 2.0 };
+            let c = twice * damping * libm::jn(k, reach);
+            self.coefficients.push(c);
+            // The terms peak before k = F dt + s dt, and fall faster than any power from there.
+            if f64::from(k) > reach + self.shift * dt && c.abs() * growth < 1e-17 {
+                break;
+            }
+            growth *= self.growth;
+        }
+        self.tails.clear();
+        self.tails.resize(self.coefficients.len() + 1, 0.0);
+        for k in (0..self.coefficients.len()).rev() {
+            self.tails[k] = self.growth * self.tails[k + 1] + self.coefficients[k].abs();
+        }
+    }
+
+    /// L1 norm of w g.
+    fn norm(generator: &Generator, g: &[f64]) -> f64 {
+        let weights = generator.weights();
+        let nv = weights.v.len();
+        let row = |g: &[f64]| -> f64 { g.iter().zip(&weights.v).map(|(g, w)| (g * w).abs()).sum() };
+        g.chunks_exact(nv)
+            .zip(&weights.q)
+            .map(|(g, w)| row(g) * w)
+            .sum()
+    }
+
+    /// One step from `start` to `sum`.
+    fn step(&mut self, allowed: f64) {
+        let Self {
+            generator,
+            coefficients,
+            tails,
+            start,
+            now,
+            last,
+            rate,
+            sum,
+            ..
+        } = self;
+        let inverse = generator.inverse_weights();
+        let (shift, scale) = (self.shift, 1.0 / self.frequency);
+        last.copy_from_slice(start);
+        for (sum, g) in sum.iter_mut().zip(&*start) {
+            *sum = coefficients[0] * g;
+        }
+        // The polynomial at L = 0 goes along.
+        let at_zero = shift * scale;
+        let (mut one, mut one_before) = (1.0, 0.0);
+        let mut total = coefficients[0];
+        let mut size = 1.0;
+        let end = self
+            .stages
+            .unwrap_or(usize::MAX)
+            .min(coefficients.len() - 1);
+        for k in 1..=end {
+            let source: &[f64] = if k == 1 { start } else { now };
+            generator.apply(source, rate);
+            self.applied += 1;
+            let (factor, c) = (if k == 1 { scale } else { 2.0 * scale }, coefficients[k]);
+            // phi_k from phi_{k-1} in `source` and phi_{k-2} in `last`, which it replaces.
+            let before = if k == 1 { 0.0 } else { 1.0 };
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let states = last.iter_mut().zip(&mut *sum).zip(source);
+                    for (((last, sum), g), (rate, w)) in states.zip(rate.iter().zip(inverse)) {
+                        *last = factor * (rate * w + shift * g) + before * *last;
+                        *sum += c * *last;
+                    }
+                },
+            );
+            if k == 1 {
+                now.copy_from_slice(start);
+            }
+            std::mem::swap(now, last);
+            let next = if k == 1 {
+                at_zero
+            } else {
+                2.0 * at_zero * one + one_before
+            };
+            (one_before, one) = (one, next);
+            total += c * one;
+            size *= self.growth;
+            let rest = self.growth * tails[k + 1];
+            if self.stages.is_none() && rest * size <= 10.0 * allowed {
+                size = Self::norm(generator, now);
+                if rest * size <= allowed {
+                    break;
+                }
+            }
+        }
+        let rest = 1.0 - total;
+        for (sum, g) in sum.iter_mut().zip(&*start) {
+            *sum += rest * g;
+        }
+    }
+}
+
+impl Integrator for Chebyshev {
+    /// That of a fixed number of stages; otherwise the error is chosen, not the step.
+    fn order(&self) -> u32 {
+        self.stages.unwrap_or(8) as u32
+    }
+
+    fn chooses_accuracy(&self) -> bool {
+        self.stages.is_none()
+    }
+
+    fn longest_step(&self) -> f64 {
+        REACH / (self.frequency + self.shift)
+    }
+
+    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
+        self.prepare(dt);
+        let inverse = self.generator.inverse_weights();
+        for ((g, p), inverse) in self.start.iter_mut().zip(&*cells).zip(inverse) {
+            *g = p * inverse;
+        }
+        self.step(allowed.max(SMALLEST));
+        self.generator.weigh(&self.sum, cells);
+        Ok(())
+    }
+}

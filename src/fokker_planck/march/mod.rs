@@ -1,0 +1,283 @@
+//! Steps in time of dP/dt = L P: one interface, [`Integrator`], and one [`March`] that drives any of
+//! them with steps chosen by the error they make.
+//!
+//! | scheme | order | step bound by | cost of a step |
+//! |---|---|---|---|
+//! | [`BackwardEuler`] | 1 | accuracy alone; positive with upwind drift | one sparse solve |
+//! | [`Radau`] | 5 | accuracy alone | a real and a complex sparse solve |
+//! | [`Additive`] | 4 | transport across a cell | six transports and banded solves |
+//! | [`Chebyshev`] | any | transport and diffusion across a cell | one generator per 0.8/rate of time |
+//! | [`RungeKutta4`] | 4 | transport and diffusion across a cell | four generators |
+//!
+//! Mass and the stationary law are kept to rounding by every one of them: a step is a function of L that
+//! is 1 where L is 0.
+
+mod additive;
+mod backward_euler;
+mod banded;
+mod chebyshev;
+mod control;
+mod krylov;
+mod radau;
+mod resolvent;
+mod runge_kutta;
+
+pub use additive::Additive;
+pub use backward_euler::BackwardEuler;
+pub use chebyshev::Chebyshev;
+pub use control::{March, Step};
+pub use radau::Radau;
+pub use resolvent::Solver;
+pub use runge_kutta::RungeKutta4;
+
+use crate::error::Result;
+
+/// A scheme in time. The state is the probability per cell, row-major, 0 where there is no unknown.
+pub trait Integrator: Send {
+    /// Order p of the global error, dt^p.
+    fn order(&self) -> u32;
+
+    /// Longest stable step; infinite where the scheme has none.
+    fn longest_step(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Whether it keeps to the `allowed` error of [`Integrator::march`] with any step.
+    fn chooses_accuracy(&self) -> bool {
+        false
+    }
+
+    /// Replaces the state by that a time `dt` later. A scheme that can choose its accuracy adds an error
+    /// of at most `allowed`, in the L1 norm; the others leave it to the choice of `dt`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Linear`] where a linear system cannot be solved.
+    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()>;
+
+    /// Overwrites `error` with the error of the step of `dt` that led from `before` to `after`; unless a
+    /// scheme knows better, from two steps of half the length.
+    ///
+    /// # Errors
+    /// As [`Integrator::march`].
+    fn error(&mut self, before: &[f64], after: &[f64], dt: f64, error: &mut [f64]) -> Result<()> {
+        error.copy_from_slice(before);
+        for _ in 0..2 {
+            self.march(error, 0.5 * dt, 0.0)?;
+        }
+        let gained = f64::from(self.order()).exp2();
+        for (error, after) in error.iter_mut().zip(after) {
+            *error = (*error - after) * gained / (gained - 1.0);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::fokker_planck::density::Density;
+    use crate::fokker_planck::flux::Drift;
+    use crate::fokker_planck::generator::Generator;
+    use crate::fokker_planck::mesh::{Axis, Mesh};
+    use crate::oscillator::Oscillator;
+    use ndarray::{Array1, Array2};
+
+    fn generator(zeta: f64, temperature: f64, cells: [usize; 2], drift: Drift) -> Generator {
+        let h = 2.0 * zeta * temperature / std::f64::consts::PI;
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+        let margin = drift.margin();
+        let level = 8.0 * temperature;
+        let (left, right) = it.contact().turning_points(level).unwrap();
+        let q = Axis::displacement(it.contact(), temperature, [left, right], cells[0], margin);
+        let v = Axis::velocity((2.0 * level).sqrt(), cells[1], margin);
+        let mesh = Mesh {
+            q: q.unwrap(),
+            v: v.unwrap(),
+        };
+        Generator::new(&it, &mesh, drift).unwrap()
+    }
+
+    fn packet(generator: &Generator) -> Density {
+        Density::from_fn(generator, |q, v| {
+            (-0.5 * ((q - 0.2).powi(2) + v * v) / 0.05).exp() / (std::f64::consts::TAU * 0.05)
+        })
+    }
+
+    /// e^{t L} P by scaling and squaring of a dense matrix.
+    fn exponential(generator: &Generator, density: &Density, t: f64) -> Vec<f64> {
+        let matrix = generator.matrix();
+        let n = matrix.rows();
+        let mut a = Array2::zeros((n, n));
+        for (column, entries) in matrix.outer_iterator().enumerate() {
+            for (row, value) in entries.iter() {
+                a[[row, column]] = t * value;
+            }
+        }
+        let norm = a.columns().into_iter().map(|c| c.mapv(f64::abs).sum());
+        let squarings = (norm.fold(0.0, f64::max) / 0.1).log2().ceil().max(0.0) as i32;
+        a /= 2f64.powi(squarings);
+        let (mut sum, mut term) = (Array2::eye(n), Array2::eye(n));
+        for k in 1..=9 {
+            term = term.dot(&a) / f64::from(k);
+            sum += &term;
+        }
+        for _ in 0..squarings {
+            sum = sum.dot(&sum);
+        }
+        let system = resolvent::System::new(generator, Solver::Direct);
+        let mut start = Array1::zeros(n);
+        system.gather(density.cells(), start.as_slice_mut().unwrap());
+        let end = sum.dot(&start);
+        let mut cells = vec![0.0; density.cells().len()];
+        system.scatter(end.as_slice().unwrap(), &mut cells);
+        cells
+    }
+
+    fn schemes(generator: &Generator) -> Vec<(&'static str, Box<dyn Integrator>)> {
+        vec![
+            ("backward Euler", Box::new(BackwardEuler::new(generator))),
+            ("Radau, LU", Box::new(Radau::new(generator, Solver::Direct))),
+            (
+                "Radau, GMRES",
+                Box::new(Radau::new(generator, Solver::Krylov)),
+            ),
+            ("additive", Box::new(Additive::new(generator))),
+            (
+                "Chebyshev, 4 stages",
+                Box::new(Chebyshev::new(generator).with_stages(4)),
+            ),
+            (
+                "Chebyshev, 7 stages",
+                Box::new(Chebyshev::new(generator).with_stages(7)),
+            ),
+            ("Runge-Kutta 4", Box::new(RungeKutta4::new(generator))),
+        ]
+    }
+
+    fn distance(a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum()
+    }
+
+    #[test]
+    fn every_scheme_has_its_order_against_the_matrix_exponential() {
+        for (zeta, drift) in [(0.05, Drift::Order8), (0.5, Drift::Order4)] {
+            let generator = generator(zeta, 0.1, [34, 30], drift);
+            let start = packet(&generator);
+            let t = 0.4;
+            let exact = exponential(&generator, &start, t);
+            for (name, mut scheme) in schemes(&generator) {
+                let order = scheme.order();
+                // Twice the steps until the error is 1e-4 or less: then the rate over the last doubling.
+                let mut errors: Vec<f64> = Vec::new();
+                let mut steps = (t / scheme.longest_step()).ceil().max(8.0);
+                for _ in 0..5 {
+                    let mut cells = start.cells().to_vec();
+                    for _ in 0..steps as usize {
+                        scheme.march(&mut cells, t / steps, 1e-14).unwrap();
+                    }
+                    errors.push(distance(&cells, &exact));
+                    steps *= 2.0;
+                    if errors.last().is_some_and(|e| *e < 1e-9) {
+                        break;
+                    }
+                }
+                let n = errors.len();
+                let rate = (errors[n - 2] / errors[n - 1]).log2();
+                let shown = errors
+                    .iter()
+                    .map(|e| format!("{e:.1e} "))
+                    .collect::<String>();
+                println!("zeta = {zeta} {drift:?} {name}: {shown}rate {rate:.2} of {order}");
+                assert!(rate > f64::from(order) - 0.3, "{name}");
+                let level = if order == 1 { 1e-3 } else { 2e-6 };
+                assert!(errors[n - 1] < level, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn mass_and_the_stationary_law_are_kept_to_rounding_by_every_scheme() {
+        for (zeta, drift) in [(0.05, Drift::Order8), (5.0, Drift::Order4)] {
+            let generator = generator(zeta, 0.1, [34, 30], drift);
+            let stationary = Density::from_fn(&generator, |_, _| 0.0);
+            let mut law = stationary.cells().to_vec();
+            generator.weigh(&vec![1.0; law.len()], &mut law);
+            let packet = packet(&generator);
+            let mass = packet.mass();
+            let mut all = schemes(&generator);
+            all.push(("Chebyshev", Box::new(Chebyshev::new(&generator))));
+            for (name, mut scheme) in all {
+                let longest = if name.contains("stages") { 0.02 } else { 0.5 };
+                let (mut worst, mut drifted): (f64, f64) = (0.0, 0.0);
+                for part in [0.1, 1.0] {
+                    let dt = part * scheme.longest_step().min(longest);
+                    let (mut kept, mut moved) = (law.clone(), packet.cells().to_vec());
+                    for _ in 0..50 {
+                        scheme.march(&mut kept, dt, 1e-6).unwrap();
+                        scheme.march(&mut moved, dt, 1e-6).unwrap();
+                        worst = worst.max(distance(&kept, &law));
+                        drifted = drifted.max((moved.iter().sum::<f64>() - mass).abs());
+                    }
+                }
+                println!("zeta = {zeta} {name}: stationary law {worst:.1e}, mass {drifted:.1e}");
+                assert!(worst < 1e-12 && drifted < 1e-12, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn backward_euler_with_upwind_drift_is_positive_for_every_step() {
+        let generator = generator(0.05, 0.1, [40, 36], Drift::Upwind);
+        let mut scheme = BackwardEuler::new(&generator);
+        let n = generator.mesh().len();
+        for dt in [1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6] {
+            // All probability in one cell: the roughest start.
+            let mut cells = vec![0.0; n];
+            cells[20 * 36 + 9] = 1.0;
+            let mut lowest = f64::INFINITY;
+            for _ in 0..5 {
+                scheme.march(&mut cells, dt, 0.0).unwrap();
+                lowest = cells.iter().copied().fold(lowest, f64::min);
+            }
+            let mass = cells.iter().sum::<f64>() - 1.0;
+            println!("dt = {dt:.0e}: lowest {lowest:.1e}, mass {mass:.1e}");
+            assert!(lowest >= 0.0);
+            assert!(mass.abs() < 1e-15 * (dt * generator.rates().0).max(1e3));
+        }
+    }
+
+    #[test]
+    fn the_radius_bounds_the_spectrum_far_more_tightly_than_row_sums() {
+        let generator = generator(0.05, 0.1, [34, 30], Drift::Order8);
+        let (transport, diffusion) = generator.radii();
+        let rows = generator.rates();
+        let matrix = generator.symmetrised();
+        // The antisymmetric part by its square, the largest eigenvalue of which is the radius squared.
+        let n = matrix.rows();
+        let mut dense = Array2::<f64>::zeros((n, n));
+        for (column, entries) in matrix.outer_iterator().enumerate() {
+            for (row, value) in entries.iter() {
+                dense[[row, column]] = *value;
+            }
+        }
+        let skew = (&dense - &dense.t()) / 2.0;
+        let symmetric = (&dense + &dense.t()) / 2.0;
+        let largest = |a: &Array2<f64>| {
+            let mut x = Array1::from_shape_fn(n, |k| ((k * 7919) % 1009) as f64 - 504.0);
+            let mut size = 0.0;
+            for _ in 0..600 {
+                let y = a.dot(&a.dot(&x));
+                size = (y.dot(&y) / x.dot(&x)).sqrt().sqrt();
+                x = &y / y.dot(&y).sqrt();
+            }
+            size
+        };
+        let exact = [largest(&skew), largest(&symmetric)];
+        println!("Lanczos {transport:.2} {diffusion:.2}, exact {exact:.2?}, row sums {rows:.1?}");
+        for (bound, exact) in [(transport, exact[0]), (diffusion, exact[1])] {
+            assert!(bound > exact && bound < 1.03 * exact);
+        }
+        assert!(rows.0 > 2.0 * transport);
+    }
+}
