@@ -242,6 +242,9 @@ struct Map {
     weights: Vec<f64>,
 }
 
+/// Places and weights of some rows of a map.
+type Part<'a> = (&'a mut [u32], &'a mut [f64]);
+
 /// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each.
 #[derive(Debug, Clone)]
 struct Matrix {
@@ -448,8 +451,10 @@ impl FlowMap {
                 .push((*time, Matrix::new(order, n, stride, Some(&average))));
         }
         let times = &motions[self.maps.len()..];
-        let maps = self.maps(times);
-        self.maps.extend(times.iter().copied().zip(maps));
+        if !times.is_empty() {
+            let maps = self.maps(times);
+            self.maps.extend(times.iter().copied().zip(maps));
+        }
     }
 
     /// The flow maps of several times.
@@ -470,7 +475,7 @@ impl FlowMap {
             })
             .collect();
         // The part of every map that belongs to a group of rows.
-        let mut groups: Vec<(usize, Vec<(&mut [u32], &mut [f64])>)> =
+        let mut groups: Vec<(usize, Vec<Part>)> =
             (0..nq).step_by(ROWS).map(|row| (row, Vec::new())).collect();
         for map in &mut maps {
             let (mut places, mut weights) = (&mut map.places[..], &mut map.weights[..]);
@@ -485,7 +490,7 @@ impl FlowMap {
             }
         }
         let motion = Motion::new(&self.contact);
-        let trace = |(row, parts): &mut (usize, Vec<(&mut [u32], &mut [f64])>)| {
+        let trace = |(row, parts): &mut (usize, Vec<Part>)| {
             let end = (*row + ROWS).min(nq);
             let centres = (self.mesh.q.centres(), self.mesh.v.centres());
             let starts: Vec<[f64; 2]> = (*row..end)

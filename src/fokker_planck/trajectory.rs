@@ -30,6 +30,9 @@ impl<'a> Motion<'a> {
     pub fn after(&self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
         assert!(ends.len() >= starts.len() * times.len());
         debug_assert!(times.windows(2).all(|w| w[0] <= w[1]));
+        if times.is_empty() {
+            return;
+        }
         match self.contact {
             ContactLaw::Hertz => pulp::Arch::new().dispatch(Hertz {
                 starts,
@@ -635,6 +638,13 @@ mod tests {
             .fold(0.0, f64::max);
         println!("Taylor against Stoermer: {difference:.1e}");
         assert!(difference < 1e-10);
+    }
+
+    #[test]
+    fn no_time_is_no_work() {
+        for contact in [ContactLaw::Hertz, ContactLaw::Bilinear] {
+            Motion::new(&contact).after(&points(1.0), &[], &mut []);
+        }
     }
 
     #[test]
