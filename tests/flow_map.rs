@@ -124,6 +124,7 @@ fn rate(coarse: f64, fine: f64) -> f64 {
 }
 
 #[test]
+#[allow(clippy::approx_constant)]
 fn scene_a_has_the_moments_of_the_independent_prototype() {
     let oscillator = hertz(0.005, 2e-3);
     let start = gaussian([1.0, 0.0], [0.4, 0.4]);
@@ -146,7 +147,7 @@ fn scene_a_has_the_moments_of_the_independent_prototype() {
         (
             20.0,
             [
-                0.493_075, 0.634_542, 0.677_46, -0.392_6, 0.722_197, 0.636_632,
+                0.493_075, 0.634_542, 0.677_46, -0.392_60, 0.722_197, 0.636_632,
             ],
         ),
     ];

@@ -5,7 +5,9 @@
 //! diffusion L is an M-matrix with zero column sums. Central, with D the antisymmetric difference
 //! matrix of the order:
 //!
-//!     w dg/dt = -1/2 [D_q(a g) + a D_q g + D_v(b g) + b D_v g] - S^T (pi h p_s) S g
+//! ```text
+//! w dg/dt = -1/2 [D_q(a g) + a D_q g + D_v(b g) + b D_v g] - S^T (pi h p_s) S g
+//! ```
 //!
 //! The bracket is antisymmetric in g and the last term symmetric and dissipative, so mass, g = 1 and
 //! the decay of sum w g^2 hold exactly at every order (summation by parts; Morinishi et al., J. Comput.
