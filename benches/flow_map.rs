@@ -43,7 +43,7 @@ fn passes(c: &mut Criterion) {
     let oscillator = oscillator();
     let mut group = c.benchmark_group("flow map, points x passes");
     group.sample_size(20);
-    for cells in [[64, 48], [128, 96], [256, 192], [512, 384]] {
+    for cells in [[80, 60], [128, 96], [256, 192], [512, 384]] {
         let mesh = mesh(&oscillator, 1e-6, cells);
         for order in Order::ALL {
             for (name, pool) in pools() {

@@ -1,7 +1,7 @@
 //! The flow map against closed forms, reference values and itself on finer meshes.
 
 use std::time::Instant;
-use vibroimpact::contact::ContactLaw;
+use vibroimpact::contact::{ContactLaw, Restoring};
 use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::difference::lagrange;
 use vibroimpact::fokker_planck::domain::Domain;
@@ -591,4 +591,69 @@ fn case_h_meets_its_errors() {
         );
         assert!(error < bound);
     }
+}
+
+#[test]
+fn the_automatic_step_keeps_its_tolerance() {
+    for (zeta, start) in [
+        (1e-3, gaussian([0.5, 0.0], [0.4, 0.4])),
+        (0.005, gaussian([0.0, 0.0], [0.3, 0.3])),
+        (0.005, gaussian([1.0, 0.0], [0.4, 0.4])),
+        (0.03, gaussian([1.0, 0.0], [0.4, 0.4])),
+        (0.2, gaussian([1.0, 0.0], [0.4, 0.4])),
+    ] {
+        // T as at the paper's h = 2e-3.
+        let oscillator = hertz(zeta, 0.4 * zeta);
+        let mesh = mesh(&oscillator, &start, 1e-8, [170, 130]);
+        let step = if zeta < 0.01 { 0.5 } else { 0.15 };
+        let reference = settings(Order::Eighth, Splitting::SixTwo, step);
+        let reference = run(&oscillator, &start, &mesh, reference, 20.0);
+        for tolerance in [1e-3, 1e-4] {
+            let how = Settings::to(tolerance, &oscillator).unwrap();
+            let it = run(&oscillator, &start, &mesh, how, 20.0);
+            let cells = it.density.cells().iter().zip(reference.density.cells());
+            let error: f64 = cells.map(|(a, b)| (a - b).abs()).sum();
+            println!(
+                "zeta = {zeta}, tolerance {tolerance:.0e}: step {:.3}, L1 {error:.1e}",
+                how.step
+            );
+            assert!(error < 1.5 * tolerance);
+        }
+    }
+}
+
+/// Line contact of two cylinders, from code: force ~ compression^(10/9).
+#[derive(Debug)]
+struct Line;
+impl Restoring for Line {
+    fn name(&self) -> &'static str {
+        "line"
+    }
+    fn force(&self, q: f64) -> f64 {
+        (1.0 + 0.9 * q).max(0.0).powf(10.0 / 9.0) - 1.0
+    }
+    fn loss_point(&self) -> Option<f64> {
+        Some(-1.0 / 0.9)
+    }
+}
+
+#[test]
+fn a_contact_law_from_code_balances_its_energy() {
+    // d/dt E[H] = pi h - 2 zeta E[v^2], over a tenth of a period by Simpson's rule.
+    let oscillator = Oscillator::new(ContactLaw::custom(Line).unwrap(), 0.005, 2e-3).unwrap();
+    let start = gaussian([0.5, 0.0], [0.4, 0.4]);
+    let mesh = mesh(&oscillator, &start, 1e-8, [140, 100]);
+    let how = settings(Order::Eighth, Splitting::EvenFive, 0.7);
+    let mut it = run(&oscillator, &start, &mesh, how, 10.0);
+    let mut seen = vec![it.moments(&oscillator)];
+    for _ in 0..2 {
+        it.flow.advance(&mut it.density, 0.3).unwrap();
+        seen.push(it.moments(&oscillator));
+    }
+    let square = |m: &Moments| m.var_v.value + m.mean_v.value * m.mean_v.value;
+    let mean = (square(&seen[0]) + 4.0 * square(&seen[1]) + square(&seen[2])) / 6.0;
+    let gained = seen[2].mean_energy.value - seen[0].mean_energy.value;
+    let expected = 0.6 * (oscillator.noise() - 2.0 * oscillator.zeta() * mean);
+    println!("line contact: energy gained {gained:.8}, by balance {expected:.8}");
+    assert!((gained - expected).abs() < 3e-6);
 }
