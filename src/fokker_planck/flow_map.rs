@@ -249,6 +249,8 @@ type Part<'a> = (&'a mut [u32], &'a mut [f64]);
 #[derive(Debug, Clone)]
 struct Matrix {
     panels: Vec<f64>,
+    /// Per group the values that count: beyond them all entries are below rounding.
+    ranges: Vec<Range<usize>>,
 }
 
 /// An interval: H and O in turn, then a last H. Places in the lists of maps and matrices.
@@ -260,6 +262,8 @@ struct Schedule {
     last: usize,
 }
 
+/// Entries of a matrix that count for nothing, over the largest one.
+const NEGLIGIBLE: f64 = 1e-20;
 /// Cells from which on the work of a stage is worth sharing between threads.
 const SHARED: usize = 6000;
 
@@ -676,27 +680,25 @@ impl Buffers {
     /// coefficients <- those of the values, averaged along v by the matrix.
     fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
         let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
-        let panel = |(panel, matrix): (&mut [f64], &[f64])| {
+        let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
             pulp::Arch::new().dispatch(Average {
                 filter,
                 values,
                 nv,
                 matrix,
+                range: range.clone(),
                 panel,
             });
         };
+        let size = nv * PANEL;
         if share {
-            let matrices = matrix.panels.par_chunks(nv * PANEL);
-            self.panels
-                .par_chunks_mut(nq * PANEL)
-                .zip(matrices)
-                .for_each(panel);
+            let panels = self.panels.par_chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.par_chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
         } else {
-            let matrices = matrix.panels.chunks(nv * PANEL);
-            self.panels
-                .chunks_mut(nq * PANEL)
-                .zip(matrices)
-                .for_each(panel);
+            let panels = self.panels.chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
         }
         let (panels, margin) = (&self.panels[..], order.margin());
         let row = |(k, row): (usize, &mut [f64])| {
@@ -767,6 +769,7 @@ struct Average<'a> {
     values: &'a [f64],
     nv: usize,
     matrix: &'a [f64],
+    range: Range<usize>,
     panel: &'a mut [f64],
 }
 
@@ -775,7 +778,7 @@ impl pulp::WithSimd for Average<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        product(self.values, self.nv, self.matrix, self.panel);
+        product(self.values, self.nv, self.matrix, self.range, self.panel);
         self.filter.apply(self.panel);
     }
 }
@@ -808,15 +811,17 @@ fn gather<const P: usize, const W: usize, const SIZE: usize>(
     }
 }
 
-/// panel (rows x 8) = values (rows x n) times matrix (n x 8).
+/// panel (rows x 8) = values (rows x n) times matrix (n x 8), within `range` of n.
 #[inline(always)]
-fn product(values: &[f64], n: usize, matrix: &[f64], panel: &mut [f64]) {
+fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel: &mut [f64]) {
+    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
     const ROWS: usize = 4;
     let mut blocks = values.chunks_exact(ROWS * n);
     let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
     for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
         let mut sum = [[0.0f64; PANEL]; ROWS];
-        let rows: [&[f64]; ROWS] = std::array::from_fn(|r| &block[r * n..(r + 1) * n]);
+        let rows: [&[f64]; ROWS] =
+            std::array::from_fn(|r| &block[r * n + range.start..r * n + range.end]);
         for (k, m) in matrix.chunks_exact(PANEL).enumerate() {
             for r in 0..ROWS {
                 let g = rows[r][k];
@@ -832,7 +837,7 @@ fn product(values: &[f64], n: usize, matrix: &[f64], panel: &mut [f64]) {
     let rest = blocks.remainder().chunks_exact(n);
     for (row, out) in rest.zip(outs.into_remainder().chunks_exact_mut(PANEL)) {
         let mut sum = [0.0f64; PANEL];
-        for (g, m) in row.iter().zip(matrix.chunks_exact(PANEL)) {
+        for (g, m) in row[range.clone()].iter().zip(matrix.chunks_exact(PANEL)) {
             for c in 0..PANEL {
                 sum[c] = g.mul_add(m[c], sum[c]);
             }
@@ -875,7 +880,17 @@ impl Matrix {
                 panel[j * PANEL + k % PANEL] = *x;
             }
         }
-        Self { panels }
+        let ranges = panels
+            .chunks_exact(PANEL * n)
+            .map(|panel| {
+                let peak = panel.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+                let counts = |row: &[f64]| row.iter().any(|x| x.abs() > NEGLIGIBLE * peak);
+                let first = panel.chunks_exact(PANEL).position(counts).unwrap_or(0);
+                let last = panel.chunks_exact(PANEL).rposition(counts).unwrap_or(0);
+                first..last + 1
+            })
+            .collect();
+        Self { panels, ranges }
     }
 }
 
