@@ -264,6 +264,8 @@ struct Schedule {
 
 /// Entries of a matrix that count for nothing, over the largest one.
 const NEGLIGIBLE: f64 = 1e-20;
+/// Flow maps beyond which all are dropped before new ones are built: intervals of many lengths.
+const KEPT: usize = 24;
 /// Cells from which on the work of a stage is worth sharing between threads.
 const SHARED: usize = 6000;
 
@@ -416,7 +418,11 @@ impl FlowMap {
         let tau = duration / steps;
         let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * tau * steps;
-        // Kept: what this interval uses again.
+        if self.maps.len() > KEPT {
+            self.maps.clear();
+            self.matrices.clear();
+        }
+        // Kept: what this interval may use again.
         let (mut motions, mut noises): (Vec<f64>, Vec<f64>) = (
             self.maps.iter().map(|m| m.0).collect(),
             self.matrices.iter().map(|m| m.0).collect(),
@@ -814,8 +820,8 @@ fn gather<const P: usize, const W: usize, const SIZE: usize>(
 /// panel (rows x 8) = values (rows x n) times matrix (n x 8), within `range` of n.
 #[inline(always)]
 fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel: &mut [f64]) {
-    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
     const ROWS: usize = 4;
+    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
     let mut blocks = values.chunks_exact(ROWS * n);
     let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
     for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
@@ -1040,7 +1046,13 @@ mod tests {
             density
         };
         let whole = run(&[20.0]);
-        for parts in [&[8.3, 11.7][..], &[0.01, 0.3, 9.0, 0.0, 10.69], &[2.5; 8]] {
+        let uneven: Vec<f64> = (1..=16).map(|k| 20.0 * f64::from(k) / 136.0).collect();
+        for parts in [
+            &[8.3, 11.7][..],
+            &[0.01, 0.3, 9.0, 0.0, 10.69],
+            &[2.5; 8],
+            &uneven,
+        ] {
             let distance: f64 = run(parts)
                 .cells()
                 .iter()
