@@ -242,10 +242,15 @@ struct Map {
     weights: Vec<f64>,
 }
 
+/// Places and weights of some rows of a map.
+type Part<'a> = (&'a mut [u32], &'a mut [f64]);
+
 /// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each.
 #[derive(Debug, Clone)]
 struct Matrix {
     panels: Vec<f64>,
+    /// Per group the values that count: beyond them all entries are below rounding.
+    ranges: Vec<Range<usize>>,
 }
 
 /// An interval: H and O in turn, then a last H. Places in the lists of maps and matrices.
@@ -257,6 +262,10 @@ struct Schedule {
     last: usize,
 }
 
+/// Entries of a matrix that count for nothing, over the largest one.
+const NEGLIGIBLE: f64 = 1e-20;
+/// Flow maps beyond which all are dropped before new ones are built: intervals of many lengths.
+const KEPT: usize = 24;
 /// Cells from which on the work of a stage is worth sharing between threads.
 const SHARED: usize = 6000;
 
@@ -414,7 +423,11 @@ impl FlowMap {
         let tau = duration / steps;
         let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * tau * steps;
-        // Kept: what this interval uses again.
+        if self.maps.len() > KEPT {
+            self.maps.clear();
+            self.matrices.clear();
+        }
+        // Kept: what this interval may use again.
         let (mut motions, mut noises): (Vec<f64>, Vec<f64>) = (
             self.maps.iter().map(|m| m.0).collect(),
             self.matrices.iter().map(|m| m.0).collect(),
@@ -453,8 +466,10 @@ impl FlowMap {
                 .push((*time, Matrix::new(order, n, stride, Some(&average))));
         }
         let times = &motions[self.maps.len()..];
-        let maps = self.maps(times);
-        self.maps.extend(times.iter().copied().zip(maps));
+        if !times.is_empty() {
+            let maps = self.maps(times);
+            self.maps.extend(times.iter().copied().zip(maps));
+        }
     }
 
     /// The flow maps of several times.
@@ -475,7 +490,7 @@ impl FlowMap {
             })
             .collect();
         // The part of every map that belongs to a group of rows.
-        let mut groups: Vec<(usize, Vec<(&mut [u32], &mut [f64])>)> =
+        let mut groups: Vec<(usize, Vec<Part>)> =
             (0..nq).step_by(ROWS).map(|row| (row, Vec::new())).collect();
         for map in &mut maps {
             let (mut places, mut weights) = (&mut map.places[..], &mut map.weights[..]);
@@ -490,7 +505,7 @@ impl FlowMap {
             }
         }
         let motion = Motion::new(&self.contact);
-        let trace = |(row, parts): &mut (usize, Vec<(&mut [u32], &mut [f64])>)| {
+        let trace = |(row, parts): &mut (usize, Vec<Part>)| {
             let end = (*row + ROWS).min(nq);
             let centres = (self.mesh.q.centres(), self.mesh.v.centres());
             let starts: Vec<[f64; 2]> = (*row..end)
@@ -676,27 +691,25 @@ impl Buffers {
     /// coefficients <- those of the values, averaged along v by the matrix.
     fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
         let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
-        let panel = |(panel, matrix): (&mut [f64], &[f64])| {
+        let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
             pulp::Arch::new().dispatch(Average {
                 filter,
                 values,
                 nv,
                 matrix,
+                range: range.clone(),
                 panel,
             });
         };
+        let size = nv * PANEL;
         if share {
-            let matrices = matrix.panels.par_chunks(nv * PANEL);
-            self.panels
-                .par_chunks_mut(nq * PANEL)
-                .zip(matrices)
-                .for_each(panel);
+            let panels = self.panels.par_chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.par_chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
         } else {
-            let matrices = matrix.panels.chunks(nv * PANEL);
-            self.panels
-                .chunks_mut(nq * PANEL)
-                .zip(matrices)
-                .for_each(panel);
+            let panels = self.panels.chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
         }
         let (panels, margin) = (&self.panels[..], order.margin());
         let row = |(k, row): (usize, &mut [f64])| {
@@ -767,6 +780,7 @@ struct Average<'a> {
     values: &'a [f64],
     nv: usize,
     matrix: &'a [f64],
+    range: Range<usize>,
     panel: &'a mut [f64],
 }
 
@@ -775,7 +789,7 @@ impl pulp::WithSimd for Average<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        product(self.values, self.nv, self.matrix, self.panel);
+        product(self.values, self.nv, self.matrix, self.range, self.panel);
         self.filter.apply(self.panel);
     }
 }
@@ -808,15 +822,17 @@ fn gather<const P: usize, const W: usize, const SIZE: usize>(
     }
 }
 
-/// panel (rows x 8) = values (rows x n) times matrix (n x 8).
+/// panel (rows x 8) = values (rows x n) times matrix (n x 8), within `range` of n.
 #[inline(always)]
-fn product(values: &[f64], n: usize, matrix: &[f64], panel: &mut [f64]) {
+fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel: &mut [f64]) {
     const ROWS: usize = 4;
+    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
     let mut blocks = values.chunks_exact(ROWS * n);
     let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
     for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
         let mut sum = [[0.0f64; PANEL]; ROWS];
-        let rows: [&[f64]; ROWS] = std::array::from_fn(|r| &block[r * n..(r + 1) * n]);
+        let rows: [&[f64]; ROWS] =
+            std::array::from_fn(|r| &block[r * n + range.start..r * n + range.end]);
         for (k, m) in matrix.chunks_exact(PANEL).enumerate() {
             for r in 0..ROWS {
                 let g = rows[r][k];
@@ -832,7 +848,7 @@ fn product(values: &[f64], n: usize, matrix: &[f64], panel: &mut [f64]) {
     let rest = blocks.remainder().chunks_exact(n);
     for (row, out) in rest.zip(outs.into_remainder().chunks_exact_mut(PANEL)) {
         let mut sum = [0.0f64; PANEL];
-        for (g, m) in row.iter().zip(matrix.chunks_exact(PANEL)) {
+        for (g, m) in row[range.clone()].iter().zip(matrix.chunks_exact(PANEL)) {
             for c in 0..PANEL {
                 sum[c] = g.mul_add(m[c], sum[c]);
             }
@@ -875,7 +891,17 @@ impl Matrix {
                 panel[j * PANEL + k % PANEL] = *x;
             }
         }
-        Self { panels }
+        let ranges = panels
+            .chunks_exact(PANEL * n)
+            .map(|panel| {
+                let peak = panel.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+                let counts = |row: &[f64]| row.iter().any(|x| x.abs() > NEGLIGIBLE * peak);
+                let first = panel.chunks_exact(PANEL).position(counts).unwrap_or(0);
+                let last = panel.chunks_exact(PANEL).rposition(counts).unwrap_or(0);
+                first..last + 1
+            })
+            .collect();
+        Self { panels, ranges }
     }
 }
 
@@ -1025,7 +1051,13 @@ mod tests {
             density
         };
         let whole = run(&[20.0]);
-        for parts in [&[8.3, 11.7][..], &[0.01, 0.3, 9.0, 0.0, 10.69], &[2.5; 8]] {
+        let uneven: Vec<f64> = (1..=16).map(|k| 20.0 * f64::from(k) / 136.0).collect();
+        for parts in [
+            &[8.3, 11.7][..],
+            &[0.01, 0.3, 9.0, 0.0, 10.69],
+            &[2.5; 8],
+            &uneven,
+        ] {
             let distance: f64 = run(parts)
                 .cells()
                 .iter()

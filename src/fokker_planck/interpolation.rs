@@ -51,8 +51,8 @@ impl Spline {
         basis[0][0] = 1.0;
         for p in 1..=degree {
             let mut saved = [0.0; 8];
-            for r in 0..p {
-                let over: [f64; 8] = std::array::from_fn(|k| basis[r][k] / p as f64);
+            for (r, entry) in basis[..p].iter_mut().enumerate() {
+                let over = entry.map(|x| x / p as f64);
                 // (r + 1 - f) over and (f + p - r - 1) over.
                 let times = |constant: f64, slope: f64| -> [f64; 8] {
                     std::array::from_fn(|k| {
@@ -60,7 +60,7 @@ impl Spline {
                     })
                 };
                 let right = times((r + 1) as f64, -1.0);
-                basis[r] = std::array::from_fn(|k| saved[k] + right[k]);
+                *entry = std::array::from_fn(|k| saved[k] + right[k]);
                 saved = times((p - r - 1) as f64, 1.0);
             }
             basis[p] = saved;
@@ -113,7 +113,7 @@ impl Filter {
         // Row i of the matrix from column i - 3; seven entries.
         let mut rows = vec![[0.0; 2 * REACH + 1]; n];
         for (i, row) in rows.iter_mut().enumerate() {
-            for (r, b) in at_node[..2 * margin + 1].iter().enumerate() {
+            for (r, b) in at_node[..=2 * margin].iter().enumerate() {
                 let column = reflected(i + r, margin, n);
                 row[column + REACH - i] += b;
             }

@@ -3,7 +3,9 @@
 //! p'(v') = integral of N(v'; a v, s^2) p(v) dv with a = e^{-2 zeta tau}, s^2 = T (1 - a^2). For the ratio
 //! g = p/e^{-beta v^2/2} it is again a Gaussian average, (O g)(v') = C N(m, d^2) applied to g, with
 //!
-//!     1/d^2 = a^2/s^2 + beta,   m = d^2 a v'/s^2,   C = (d/s) exp(-(1/s^2 - beta - a^2 d^2/s^4) v'^2/2)
+//! ```text
+//! 1/d^2 = a^2/s^2 + beta,   m = d^2 a v'/s^2,   C = (d/s) exp(-(1/s^2 - beta - a^2 d^2/s^4) v'^2/2)
+//! ```
 //!
 //! so beta = 1/T gives m = a v', d = s, C = 1 (Mehler), and beta = 0 the density itself. The average is
 //! taken of the spline through g, exactly: panel by panel between knots.

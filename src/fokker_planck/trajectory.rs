@@ -30,6 +30,9 @@ impl<'a> Motion<'a> {
     pub fn after(&self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
         assert!(ends.len() >= starts.len() * times.len());
         debug_assert!(times.windows(2).all(|w| w[0] <= w[1]));
+        if times.is_empty() {
+            return;
+        }
         match self.contact {
             ContactLaw::Hertz => pulp::Arch::new().dispatch(Hertz {
                 starts,
@@ -134,7 +137,7 @@ type Lane = [f64; LANES];
 
 /// A point in contact on its way to times[next..].
 #[derive(Debug, Clone, Copy)]
-struct Arc {
+struct Pressed {
     point: usize,
     y: f64,
     v: f64,
@@ -162,14 +165,14 @@ impl pulp::WithSimd for Hertz<'_> {
 #[inline(always)]
 fn hertz(starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
     let n = starts.len();
-    let mut arcs: Vec<Arc> = Vec::with_capacity(n);
-    let mut landed: Vec<Arc> = Vec::new();
+    let mut arcs: Vec<Pressed> = Vec::with_capacity(n);
+    let mut landed: Vec<Pressed> = Vec::new();
     for (point, [q, v]) in starts.iter().enumerate() {
         if *q < -1.5 {
             fly(point, [*q, *v], 0.0, 0, times, ends, n, &mut arcs);
         } else {
             let y = (1.0 + q * (2.0 / 3.0)).max(0.0).sqrt();
-            arcs.push(Arc {
+            arcs.push(Pressed {
                 point,
                 y,
                 v: *v,
@@ -198,7 +201,7 @@ fn fly(
     times: &[f64],
     ends: &mut [[f64; 2]],
     n: usize,
-    arcs: &mut Vec<Arc>,
+    arcs: &mut Vec<Pressed>,
 ) {
     let (time, speed) = landing(state, 1.0, -1.5);
     while next < times.len() && times[next] <= elapsed + time {
@@ -206,7 +209,7 @@ fn fly(
         next += 1;
     }
     if next < times.len() {
-        arcs.push(Arc {
+        arcs.push(Pressed {
             point,
             y: 0.0,
             v: speed,
@@ -218,7 +221,13 @@ fn fly(
 
 /// Up to eight arcs of contact, each to its last time or to its loss of contact, from where it flies.
 #[inline(always)]
-fn press(batch: &[Arc], times: &[f64], ends: &mut [[f64; 2]], n: usize, landed: &mut Vec<Arc>) {
+fn press(
+    batch: &[Pressed],
+    times: &[f64],
+    ends: &mut [[f64; 2]],
+    n: usize,
+    landed: &mut Vec<Pressed>,
+) {
     let at = |l: usize| batch[l.min(batch.len() - 1)];
     let mut y: Lane = std::array::from_fn(|l| at(l).y);
     let mut v: Lane = std::array::from_fn(|l| at(l).v);
@@ -233,7 +242,11 @@ fn press(batch: &[Arc], times: &[f64], ends: &mut [[f64; 2]], n: usize, landed: 
     }
     let step = steps(&y, &v);
     let (mut cy, mut cv) = ([[0.0; LANES]; ORDER + 1], [[0.0; LANES]; ORDER + 1]);
-    while busy.contains(&true) {
+    // A step is a good part of a bounce; only values that are no numbers get to the limit.
+    for _ in 0..1_000_000 {
+        if !busy.contains(&true) {
+            break;
+        }
         series(&y, &v, &mut cy, &mut cv);
         let mut reach = step;
         let (mut y_end, mut v_end, mut t_end) = evaluate(&cy, &cv, &reach);
@@ -264,31 +277,7 @@ fn press(batch: &[Arc], times: &[f64], ends: &mut [[f64; 2]], n: usize, landed: 
                     0.0
                 }
             });
-            // First guess: y a straight line over the step.
-            let mut sigma: Lane = std::array::from_fn(|l| {
-                let (low, high) = (y[l].max(0.0), y_end[l].max(0.0));
-                let trapezoid = 0.5 * reach[l] * (low + high);
-                let wanted = target[l] * trapezoid / t_end[l].max(f64::MIN_POSITIVE);
-                let slope = (high - low) / reach[l];
-                let root = (low * low + 2.0 * slope * wanted).max(0.0).sqrt();
-                2.0 * wanted / (low + root).max(f64::MIN_POSITIVE)
-            });
-            // t = t_0 + y s + (v/6) s^2 + O(s^3): third order, and regular where y = 0.
-            for _ in 0..2 {
-                let (ys, vs, ts) = evaluate(&cy, &cv, &sigma);
-                for l in 0..LANES {
-                    let rest = target[l] - ts[l];
-                    let yl = ys[l].max(0.0);
-                    let root = (yl * yl + (2.0 / 3.0) * vs[l] * rest).max(0.0).sqrt();
-                    let change = 2.0 * rest / (yl + root).max(1e-300);
-                    let moved = sigma[l] + change;
-                    sigma[l] = if moved > 0.0 {
-                        moved.min(reach[l])
-                    } else {
-                        0.5 * sigma[l]
-                    };
-                }
-            }
+            let sigma = arrival(&target, (&y, &y_end), (&reach, &t_end), (&cy, &cv));
             let (ys, vs, ts) = evaluate(&cy, &cv, &sigma);
             for l in 0..LANES {
                 if due[l] {
@@ -325,6 +314,42 @@ fn press(batch: &[Arc], times: &[f64], ends: &mut [[f64; 2]], n: usize, landed: 
             }
         }
     }
+}
+
+/// The sigma at which each lane's series reaches its target time, from y at both ends of the step.
+#[inline(always)]
+fn arrival(
+    target: &Lane,
+    (y, y_end): (&Lane, &Lane),
+    (reach, t_end): (&Lane, &Lane),
+    (cy, cv): (&[Lane; ORDER + 1], &[Lane; ORDER + 1]),
+) -> Lane {
+    // First guess: y a straight line over the step.
+    let mut sigma: Lane = std::array::from_fn(|l| {
+        let (low, high) = (y[l].max(0.0), y_end[l].max(0.0));
+        let trapezoid = 0.5 * reach[l] * (low + high);
+        let wanted = target[l] * trapezoid / t_end[l].max(f64::MIN_POSITIVE);
+        let slope = (high - low) / reach[l];
+        let root = (low * low + 2.0 * slope * wanted).max(0.0).sqrt();
+        2.0 * wanted / (low + root).max(f64::MIN_POSITIVE)
+    });
+    // t = t_0 + y s + (v/6) s^2 + O(s^3): third order, and regular where y = 0.
+    for _ in 0..2 {
+        let (ys, vs, ts) = evaluate(cy, cv, &sigma);
+        for l in 0..LANES {
+            let rest = target[l] - ts[l];
+            let yl = ys[l].max(0.0);
+            let root = (yl * yl + (2.0 / 3.0) * vs[l] * rest).max(0.0).sqrt();
+            let change = 2.0 * rest / (yl + root).max(1e-300);
+            let moved = sigma[l] + change;
+            sigma[l] = if moved > 0.0 {
+                moved.min(reach[l])
+            } else {
+                0.5 * sigma[l]
+            };
+        }
+    }
+    sigma
 }
 
 /// The step of each lane: a part of the distance of its orbit to the singularity of y'' = (y - y^4)/3,
@@ -376,7 +401,7 @@ fn squared(a: &[Lane; ORDER + 1], k: usize) -> Lane {
     }
     for l in 0..LANES {
         sum[l] *= 2.0;
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             sum[l] = a[k / 2][l].mul_add(a[k / 2][l], sum[l]);
         }
     }
@@ -635,6 +660,13 @@ mod tests {
             .fold(0.0, f64::max);
         println!("Taylor against Stoermer: {difference:.1e}");
         assert!(difference < 1e-10);
+    }
+
+    #[test]
+    fn no_time_is_no_work() {
+        for contact in [ContactLaw::Hertz, ContactLaw::Bilinear] {
+            Motion::new(&contact).after(&points(1.0), &[], &mut []);
+        }
     }
 
     #[test]
