@@ -291,7 +291,13 @@ impl WithLaw for Ensemble<'_> {
                 let mut counts = empty();
                 for block in blocks {
                     self.block(law, block, |k, q, v| {
-                        sums[k].add(&Sums::of(law, &frames[k], q, v));
+                        let sum = Sum {
+                            law,
+                            frames: &frames[k],
+                            q,
+                            v,
+                        };
+                        sums[k].add(&pulp::Arch::new().dispatch(sum));
                         if let Some(counts) = counts.get_mut(k) {
                             counts.hit(law, q, v);
                         }
@@ -368,6 +374,23 @@ impl<L: Law> pulp::WithSimd for Advance<'_, L> {
         for group in self.groups {
             coefficients.advance(self.law, group, *steps, *start, &mut Deaf);
         }
+    }
+}
+
+/// The sums over some states, compiled likewise.
+struct Sum<'a, L> {
+    law: L,
+    frames: &'a Frames,
+    q: &'a [f64],
+    v: &'a [f64],
+}
+
+impl<L: Law> pulp::WithSimd for Sum<'_, L> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Sums {
+        Sums::of(self.law, self.frames, self.q, self.v)
     }
 }
 

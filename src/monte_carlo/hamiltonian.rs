@@ -144,7 +144,9 @@ fn locate<L: Law>(
             } else {
                 2.0 * (loss - state.q) / (speed + state.v)
             };
-            if back >= left {
+            // A law whose flight does not fall back gives no root, or one in the past.
+            let returns = back >= 0.0 && back < left;
+            if !returns {
                 let q = state.q + left * (state.v + 0.5 * fall * left);
                 return State {
                     q: q.min(loss),

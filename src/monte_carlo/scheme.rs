@@ -245,8 +245,12 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
             one(law, kernel, &mut state, &first, now, watch);
             one(law, kernel, &mut state, &second, now + duration, watch);
         }
+        if steps > 0 {
+            state.excitation = second;
+        }
         if steps % 2 == 1 {
             streams.normals(&mut first, &mut second);
+            state.excitation = first;
             one(
                 law,
                 kernel,
@@ -280,12 +284,14 @@ fn one<L: Law, K: Kernel, W: Watch>(
     now: f64,
     watch: &mut W,
 ) {
-    let (q0, v0) = (state.q, state.v);
+    let (mut q0, mut v0) = ([0.0; LANES], [0.0; LANES]);
+    if W::LISTENS {
+        (q0, v0) = (state.q, state.v);
+    }
     for lane in 0..LANES {
-        let old = (q0[lane], v0[lane], state.kick[lane]);
+        let old = (state.q[lane], state.v[lane], state.kick[lane]);
         (state.q[lane], state.v[lane], state.kick[lane]) = kernel.step(law, old, excitation[lane]);
     }
-    state.excitation = *excitation;
     if W::LISTENS {
         let loss = law.loss();
         for lane in 0..LANES {
