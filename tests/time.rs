@@ -241,7 +241,9 @@ fn smoluchowski(case: &Case, mean: f64, deviation: f64, times: &[f64]) -> Vec<f6
         .map(|q| (-0.5 * ((q - mean) / deviation).powi(2)).exp())
         .collect();
     let sum: f64 = p.iter().sum();
-    p.iter_mut().for_each(|p| *p /= sum);
+    for p in &mut p {
+        *p /= sum;
+    }
     let mut now = 0.0;
     let mut answers = Vec::new();
     for time in times {

@@ -287,21 +287,20 @@ pub fn march(
     settings: &Settings,
     until: f64,
 ) -> March {
-    let choice = match time {
+    let choice = if time == TimeScheme::BackwardEuler {
         // First order in time beside first order in space: one cell a step near equilibrium.
-        TimeScheme::BackwardEuler => Step::Fixed(settings.step.unwrap_or_else(|| {
+        Step::Fixed(settings.step.unwrap_or_else(|| {
             let mesh = generator.mesh();
             let width = |axis: &Axis| axis.at(axis.locate(0.0)).1;
             width(&mesh.q) / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE) * 3.0
-        })),
-        _ => {
-            let longest = settings.step.unwrap_or(f64::INFINITY);
-            Step::Error {
-                total: TIME_SHARE * settings.tolerance,
-                horizon: horizon(oscillator, until),
-                first: longest.min(0.1 / (1.0 + 2.0 * oscillator.zeta())),
-                longest,
-            }
+        }))
+    } else {
+        let longest = settings.step.unwrap_or(f64::INFINITY);
+        Step::Error {
+            total: TIME_SHARE * settings.tolerance,
+            horizon: horizon(oscillator, until),
+            first: longest.min(0.1 / (1.0 + 2.0 * oscillator.zeta())),
+            longest,
         }
     };
     let scheme: Box<dyn Integrator> = match time {

@@ -96,13 +96,12 @@ pub fn transient(
     let started = Instant::now();
     let until = times.last().copied().unwrap_or(0.0);
     let (drift, why_drift) = choice::drift(settings)?;
-    let (time, why_time) = match settings.time {
-        Some(time) => (time, "the scene asks for this scheme in time".to_string()),
-        None => {
-            let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, 1.0)?;
-            let generator = Generator::new(oscillator, &mesh, drift)?;
-            choice::time_scheme(oscillator, &generator, settings, until)
-        }
+    let (time, why_time) = if let Some(time) = settings.time {
+        (time, "the scene asks for this scheme in time".to_string())
+    } else {
+        let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, 1.0)?;
+        let generator = Generator::new(oscillator, &mesh, drift)?;
+        choice::time_scheme(oscillator, &generator, settings, until)
     };
     let reason = format!("{why_drift}; {why_time}");
     let task = Task {
