@@ -1,6 +1,11 @@
 //! The implicit part of a split step: (I - a B) g' = g with B friction and diffusion, which couples the
 //! cells of one q-column only. One symmetric banded factorisation per column, eight columns side by side.
 
+#![allow(
+    clippy::inline_always,
+    reason = "the loops must be compiled inside the dispatch to be vectorised"
+)]
+
 use crate::error::{Error, Result};
 use crate::fokker_planck::generator::{BANDS, Generator};
 use std::ops::Range;
@@ -52,7 +57,9 @@ impl Banded {
                 let column = generator.active(first + lane);
                 let mut matrix = generator.diffusion_bands(first + lane);
                 for (bands, w) in matrix.iter_mut().zip(&weights.maxwell[column.clone()]) {
-                    bands.iter_mut().for_each(|entry| *entry *= a);
+                    for entry in bands.iter_mut() {
+                        *entry *= a;
+                    }
                     bands[0] += w;
                 }
                 factor(&mut matrix);
