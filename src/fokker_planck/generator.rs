@@ -503,11 +503,12 @@ impl Generator {
     /// The spectral radius of the antisymmetric part of the generator, which is transport, and of its
     /// symmetric part, which is all that dissipates, by Lanczos' method with a margin of 2 %, 1/time.
     /// The numerical range in the inner product of the weights lies in the box \[-second, 0\] +
-    /// i \[-first, first\]. For upwind drift, whose transport dissipates, the bounds of
-    /// [`Generator::rates`].
+    /// i \[-first, first\]. For upwind drift, whose transport dissipates, from the
+    /// bounds of [`Generator::rates`].
     pub fn radii(&self) -> (f64, f64) {
         let MassFlux::Centres { .. } = self.flux else {
-            return self.rates();
+            let (transport, diffusion) = self.rates();
+            return (transport, transport + diffusion);
         };
         let root: Vec<f64> = self.inverse.iter().map(|x| x.sqrt()).collect();
         let mut g = vec![0.0; root.len()];
