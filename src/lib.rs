@@ -1,4 +1,39 @@
 //! Random vibration of a preloaded Hertzian contact that now and then loses contact.
+//!
+//! ```text
+//! q'' + 2 zeta q' + G(q) = f(t),   G(q) = [(1 + 2q/3)_+]^(3/2) - 1,   E f(t) f(0) = 2 pi h delta(t)
+//! dp/dt + v dp/dq = d/dv[(2 zeta v + G(q)) p] + pi h d2p/dv2
+//! ```
+//!
+//! Everything is dimensionless, (6)-(8): displacement q in 2/3 of the static compression, time in
+//! 1/Omega, force in the static load. Numbers in brackets are equations of J. Perret-Liaudet and
+//! E. Rigaud, "Experiments and numerical results on non-linear vibrations of an impacting Hertzian
+//! contact. Part 2: random excitation".
+//!
+//! ```
+//! use vibroimpact::contact::ContactLaw;
+//! use vibroimpact::oscillator::Oscillator;
+//! use vibroimpact::plan::Plan;
+//! use vibroimpact::scene::{Outputs, Scene};
+//!
+//! let mut scene = Scene::new(Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?);
+//! scene.outputs = Outputs { steady: true, ..Outputs::default() };
+//! scene.method.cells = Some([40, 30]);
+//! let results = Plan::of(&scene)?.run_quietly()?;
+//! let density = &results.steady.unwrap().density;
+//! assert_eq!(density.p.dim(), (density.q.len(), density.v.len()));
+//! # Ok::<(), vibroimpact::Error>(())
+//! ```
+//!
+//! | question | door |
+//! |---|---|
+//! | Everything a scene asks for, as the program does it | [`scene`], [`plan`], [`results`] |
+//! | The stationary law in closed form | [`stationary`] |
+//! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
+//! | The same by sampling | [`monte_carlo`] |
+//! | A contact law of my own | [`contact::Restoring`] |
+//! | Newtons, micrometres, hertz, seconds | [`rig`] |
+//! | Tables, files, pictures | [`report`] |
 
 pub mod contact;
 pub mod error;
@@ -6,11 +41,17 @@ pub mod estimate;
 pub mod fokker_planck;
 pub mod gaussian;
 pub mod initial;
+pub mod json;
 pub mod moments;
+pub mod monte_carlo;
 pub mod oscillator;
+pub mod plan;
 pub mod quadrature;
+pub mod report;
+pub mod results;
 pub mod rig;
 pub mod scales;
+pub mod scene;
 pub mod sparse;
 pub mod stationary;
 

@@ -1,2 +1,388 @@
-//! The program.
-fn main() {}
+//! The program: reads the command line and the scene, plans, runs, reports. The only file that prints
+//! and exits.
+
+use clap::{Args, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::{self, IsTerminal, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use vibroimpact::plan::{Part, Plan, Watch};
+use vibroimpact::report::folder::{Existing, Folder};
+use vibroimpact::report::{self, terminal};
+use vibroimpact::results::Results;
+use vibroimpact::scene::text::{BUILT_IN, SceneText, built_in, nearest};
+use vibroimpact::{Error, Result};
+
+/// Random vibration of a preloaded Hertzian contact that now and then loses contact.
+///
+/// Without a command: runs the default scene.
+#[derive(Parser)]
+#[command(version, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    options: RunOptions,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a scene: table on the terminal, numbers and pictures in a folder
+    Run {
+        #[command(flatten)]
+        scene: SceneChoice,
+        #[command(flatten)]
+        options: RunOptions,
+    },
+    /// Print what a run would compute, its size and its time; computes nothing
+    Plan {
+        #[command(flatten)]
+        scene: SceneChoice,
+        /// Override a key of the scene, as oscillator.h=0.01
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+    /// List the built-in scenes, or print one as TOML to start from
+    Scenes {
+        /// A built-in scene
+        name: Option<String>,
+    },
+    /// The paper's tables and figures (not available yet)
+    Validate(Later),
+    /// Error against run time (not available yet)
+    Precision(Later),
+    /// The stiff and extreme scenes (not available yet)
+    Stability(Later),
+}
+
+#[derive(Args)]
+struct SceneChoice {
+    /// A scene file in TOML, or the name of a built-in scene [default: the built-in "default"]
+    #[arg(value_name = "SCENE.toml")]
+    scene: Option<PathBuf>,
+}
+
+#[derive(Args, Default)]
+struct RunOptions {
+    /// Folder for the results [default: results/<scene title>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Override a key of the scene, as oscillator.h=0.01
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Number of threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    force: bool,
+}
+
+/// Whatever follows a command that does not exist yet.
+#[derive(Args)]
+struct Later {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    rest: Vec<String>,
+}
+
+/// Why the program ends early: what to print, and the exit status.
+struct Stop {
+    report: miette::Report,
+    status: u8,
+}
+
+impl Stop {
+    fn new(status: u8, message: impl Into<String>, help: &str) -> Self {
+        let it = miette::MietteDiagnostic::new(message);
+        let it = if help.is_empty() {
+            it
+        } else {
+            it.with_help(help)
+        };
+        Self {
+            report: it.into(),
+            status,
+        }
+    }
+
+    /// A scene that is wrong.
+    fn scene(error: vibroimpact::scene::text::SceneError) -> Self {
+        Self {
+            report: miette::Report::new(error),
+            status: 2,
+        }
+    }
+}
+
+impl From<Error> for Stop {
+    fn from(error: Error) -> Self {
+        let status = status(&error);
+        match error {
+            Error::Invalid {
+                key,
+                value,
+                accepted,
+            } => {
+                let message = format!("{key} = {value} is not accepted");
+                Self::new(status, message, &format!("accepted: {accepted}"))
+            }
+            other => Self::new(status, other.to_string(), ""),
+        }
+    }
+}
+
+/// 2 for what the user can mend in scene or command line, 3 for a limit, 1 for the rest.
+fn status(error: &Error) -> u8 {
+    match error {
+        Error::Invalid { .. }
+        | Error::NotAvailable { .. }
+        | Error::NoStationaryLaw { .. }
+        | Error::Mesh { .. } => 2,
+        Error::Limit { .. } => 3,
+        _ => 1,
+    }
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let colour = colour(&io::stderr());
+    // Fails only if a hook is there already, and then that one prints.
+    let _ = miette::set_hook(Box::new(move |_| {
+        Box::new(
+            miette::MietteHandlerOpts::new()
+                .color(colour)
+                .width(80)
+                .build(),
+        )
+    }));
+    match command(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(stop) => {
+            let _ = writeln!(io::stderr(), "{:?}", stop.report);
+            ExitCode::from(stop.status)
+        }
+    }
+}
+
+fn command(cli: Cli) -> std::result::Result<(), Stop> {
+    match cli.command {
+        None => run(None, &cli.options),
+        Some(Command::Run { scene, options }) => run(scene.scene.as_deref(), &options),
+        Some(Command::Plan { scene, set }) => {
+            let text = read(scene.scene.as_deref(), &set)?;
+            let plan = Plan::of(text.scene()).map_err(|error| Stop::scene(text.explain(&error)))?;
+            print(&terminal::plan(&plan))
+        }
+        Some(Command::Scenes { name: None }) => {
+            let lines: Vec<String> = BUILT_IN
+                .iter()
+                .map(|(name, text)| {
+                    let first = text.lines().next().unwrap_or("");
+                    format!("{name:<12} {}\n", first.trim_start_matches("# "))
+                })
+                .collect();
+            print(&lines.concat())
+        }
+        Some(Command::Scenes { name: Some(name) }) => match built_in(&name) {
+            Some(text) => print(text),
+            None => Err(no_such_scene(&name)),
+        },
+        Some(Command::Validate(it)) => Err(later("validate", &it)),
+        Some(Command::Precision(it)) => Err(later("precision", &it)),
+        Some(Command::Stability(it)) => Err(later("stability", &it)),
+    }
+}
+
+fn later(name: &str, _: &Later) -> Stop {
+    let instead = "commands that are there: run, plan, scenes";
+    Error::not_available(format!("the command {name}"), instead).into()
+}
+
+fn no_such_scene(name: &str) -> Stop {
+    let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+    let guess = nearest(name, &names).map_or(String::new(), |it| format!("; did you mean {it}?"));
+    let message = format!("there is no built-in scene {name:?}");
+    Stop::new(
+        2,
+        message,
+        &format!("accepted: {}{guess}", names.join(", ")),
+    )
+}
+
+/// The scene of the command line with its overrides.
+fn read(scene: Option<&Path>, set: &[String]) -> std::result::Result<SceneText, Stop> {
+    let Some(path) = scene else {
+        let (name, text) = BUILT_IN[0];
+        return SceneText::parse(name, text, set).map_err(Stop::scene);
+    };
+    let name = path.display().to_string();
+    if !path.exists()
+        && let Some(text) = built_in(&name)
+    {
+        return SceneText::parse(&name, text, set).map_err(Stop::scene);
+    }
+    let text = read_text(path)?;
+    SceneText::parse(&name, &text, set).map_err(Stop::scene)
+}
+
+/// A scene file as text.
+fn read_text(path: &Path) -> std::result::Result<String, Stop> {
+    /// Far above any scene, far below what hurts.
+    const MOST: u64 = 10_000_000;
+    let name = path.display();
+    let accepted = "accepted: a scene file in TOML, or a built-in scene (vibroimpact scenes)";
+    if path.is_dir() {
+        return Err(Stop::new(2, format!("{name} is a folder"), accepted));
+    }
+    let mut bytes = Vec::new();
+    let read = std::fs::File::open(path).and_then(|it| it.take(MOST + 1).read_to_end(&mut bytes));
+    if let Err(error) = read {
+        return Err(Stop::new(
+            2,
+            format!("{name} cannot be read: {error}"),
+            accepted,
+        ));
+    }
+    if bytes.len() as u64 > MOST {
+        let message = format!("{name} is too large for a scene");
+        return Err(Stop::new(2, message, "accepted: at most 10 MB of TOML"));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let message = format!("{name} is not UTF-8: byte {at} does not belong");
+        Stop::new(2, message, "accepted: TOML, which is UTF-8 text")
+    })
+}
+
+fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<(), Stop> {
+    if let Some(threads) = options.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        if let Err(error) = pool.build_global() {
+            return Err(Stop::new(1, format!("{threads} threads: {error}"), ""));
+        }
+    }
+    let text = read(scene, &options.set)?;
+    let explain = |error: Error| {
+        let status = status(&error);
+        Stop {
+            report: miette::Report::new(text.explain(&error)),
+            status,
+        }
+    };
+    let plan = Plan::of(text.scene()).map_err(explain)?;
+    let folder = open_folder(text.scene().folder(), options)?;
+    folder.write(&report::at_the_start(&Results::empty(text.scene())))?;
+    let desk = Desk {
+        folder: &folder,
+        ended: AtomicBool::new(false),
+        bar: Mutex::new(ProgressBar::hidden()),
+        quiet: options.quiet,
+    };
+    let results = plan.run(&desk);
+    desk.clear();
+    let results = match results {
+        Ok(results) => results,
+        Err(error @ Error::Io { .. }) => return Err(error.into()),
+        Err(error) => {
+            let stop = explain(error);
+            // A scene that is refused before its first result leaves nothing behind.
+            if stop.status == 2 && !desk.ended.into_inner() {
+                folder.discard();
+            }
+            return Err(stop);
+        }
+    };
+    folder.write(&report::at_the_end(&results)?)?;
+    if options.quiet {
+        return Ok(());
+    }
+    let table = terminal::table(&results, colour(&io::stdout()));
+    print(&format!("{table}files: {}\n", folder.path().display()))
+}
+
+fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {
+    let (path, existing) = match &options.out {
+        Some(path) => (path.clone(), Existing::Refuse),
+        None => (Path::new("results").join(title), Existing::ReplaceOurs),
+    };
+    Folder::open(
+        &path,
+        if options.force {
+            Existing::Force
+        } else {
+            existing
+        },
+    )
+}
+
+/// Watches a run: a progress bar, and each stage's files as soon as it has ended.
+struct Desk<'a> {
+    folder: &'a Folder,
+    /// Whether any stage has ended.
+    ended: AtomicBool,
+    bar: Mutex<ProgressBar>,
+    quiet: bool,
+}
+
+impl Desk<'_> {
+    fn clear(&self) {
+        if let Ok(bar) = self.bar.lock() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Watch for Desk<'_> {
+    fn begins(&self, part: Part) {
+        // Hidden by itself where standard error is not a terminal.
+        let target = if self.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
+        let template = "{msg:<12} {bar:40} {percent:>3} %  {eta} left";
+        let style =
+            ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::with_draw_target(Some(1000), target);
+        let bar = bar.with_style(style).with_message(part.name());
+        bar.tick();
+        if let Ok(mut old) = self.bar.lock() {
+            old.finish_and_clear();
+            *old = bar;
+        }
+    }
+
+    fn progress(&self, _: Part, fraction: f64) {
+        if let Ok(bar) = self.bar.lock() {
+            let done = (fraction.clamp(0.0, 1.0) * 1000.0) as u64;
+            bar.set_position(done.max(bar.position()));
+        }
+    }
+
+    fn ends(&self, part: Part, results: &Results) -> Result<()> {
+        self.clear();
+        self.ended.store(true, Ordering::Relaxed);
+        self.folder.write(&report::after(part, results)?)
+    }
+}
+
+/// Whether to use colour on a stream: a terminal, and nobody objects (no-color.org).
+fn colour(stream: &impl IsTerminal) -> bool {
+    stream.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty())
+}
+
+/// Print to standard output; a reader that has left is no error.
+fn print(text: &str) -> std::result::Result<(), Stop> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Stop::new(1, format!("standard output: {error}"), ""))
+        }
+        _ => Ok(()),
+    }
+}

@@ -10,7 +10,7 @@ use faer::sparse::linalg::lu::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::traits::ComplexField;
-use faer::{Conj, Mat, MatMut, Par};
+use faer::{Conj, Mat, MatMut, Par, Spec};
 use ndarray::Array2;
 use num_complex::Complex;
 use sprs::CsMat;
@@ -77,7 +77,7 @@ impl<T: Scalar> Lu<T> {
             .map_err(|e| fail(format!("{e:?}")))?;
         let memory = MemBuffer::new(
             symbolic
-                .factorize_numeric_lu_scratch::<T>(Par::Seq, Default::default())
+                .factorize_numeric_lu_scratch::<T>(Par::Seq, Spec::default())
                 .or(symbolic.solve_in_place_scratch::<T>(1, Par::Seq))
                 .or(symbolic.solve_transpose_in_place_scratch::<T>(1, Par::Seq)),
         );
@@ -121,7 +121,7 @@ impl<T: Scalar> Lu<T> {
             a,
             Par::Seq,
             memory,
-            Default::default(),
+            Spec::default(),
         ) {
             Ok(_) => Ok(()),
             Err(e) => Err(Error::Linear {
@@ -200,11 +200,14 @@ impl<T: Scalar> Lu<T> {
     }
 }
 
+/// Eigenvalues, and their right eigenvectors as unit columns.
+pub type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
+
 /// All eigenvalues and right eigenvectors (unit columns) of a small dense matrix.
 ///
 /// # Errors
 /// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
-pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<(Vec<Complex<f64>>, Array2<Complex<f64>>)> {
+pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
     let fail = |what: String| Error::Linear {
         stage: "dense eigenvalues",
         what,

@@ -1,10 +1,12 @@
 //! What to compute with: the user's settings, and the mesh, scheme and step where they leave it open.
 
 use super::domain::Domain;
+use super::flow_map;
 use super::flux::Drift;
 use super::generator::Generator;
 use super::march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step};
 use super::mesh::{Axis, Mesh};
+use super::propagator::Propagator;
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -56,9 +58,45 @@ impl TimeScheme {
     }
 }
 
+/// How a density is carried forward.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransientMethod {
+    /// Finite volumes with a scheme in time.
+    FiniteVolume,
+    /// The flow map: exact transport and exact noise in turn.
+    FlowMap,
+}
+
+/// A method with its scheme in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// Finite volumes.
+    Volumes(TimeScheme),
+    /// The flow map.
+    FlowMap,
+}
+
+impl Way {
+    /// For tables.
+    pub(super) fn name(self, drift: Drift) -> String {
+        match self {
+            Self::Volumes(time) => {
+                let space = match drift {
+                    Drift::Upwind => "upwind".to_string(),
+                    central => format!("order {}", central.order()),
+                };
+                format!("finite volumes, {space}, {}", time.name())
+            }
+            Self::FlowMap => "flow map, order 8".into(),
+        }
+    }
+}
+
 /// What a scene says about the Fokker-Planck solver; None is an automatic choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// Finite volumes or flow map.
+    pub method: Option<TransientMethod>,
     /// How g is carried across faces.
     pub drift: Option<Drift>,
     /// Scheme in time.
@@ -78,6 +116,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
+            method: None,
             drift: None,
             time: None,
             cells: None,
@@ -244,8 +283,99 @@ fn check_memory(cells: [usize; 2], drift: Drift, settings: &Settings) -> Result<
     ))
 }
 
+/// Damping ratio up to which the flow map is taken: its steps shrink as 1/zeta beyond, while implicit
+/// and explicit finite volumes take the same.
+const FLOW_MAP: f64 = 0.2;
+
+/// Method, scheme in space and scheme in time for a transient, with the reason.
+pub(super) fn way(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    settings: &Settings,
+) -> Result<(Drift, Way, String)> {
+    let zeta = oscillator.zeta();
+    let volumes_asked = settings.drift.is_some() || settings.time.is_some();
+    let flow_map = match settings.method {
+        Some(TransientMethod::FlowMap) if volumes_asked => {
+            let accepted =
+                "\"finite_volume\" with method.drift or method.time: the flow map has neither";
+            return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
+        }
+        Some(TransientMethod::FlowMap) => Some("the scene asks for it".to_string()),
+        Some(TransientMethod::FiniteVolume) => None,
+        None => (!volumes_asked && zeta <= FLOW_MAP).then(|| {
+            format!(
+                "zeta = {zeta} <= {FLOW_MAP}: weak damping lets the exact motion take long steps"
+            )
+        }),
+    };
+    if let Some(reason) = flow_map {
+        return Ok((Drift::Order8, Way::FlowMap, reason));
+    }
+    let (drift, why_drift) = drift(settings)?;
+    let (time, why_time) = match settings.time {
+        Some(time) => (time, "the scene asks for this scheme in time".to_string()),
+        None => {
+            let (mesh, _) = mesh(oscillator, initial, until, drift, settings, 1.0)?;
+            let generator = Generator::new(oscillator, &mesh, drift)?;
+            time_scheme(oscillator, &generator, settings, until)
+        }
+    };
+    Ok((
+        drift,
+        Way::Volumes(time),
+        format!("{why_drift}; {why_time}"),
+    ))
+}
+
+/// The propagator of a way on a mesh, its steps `longer` times as long as the tolerance asks.
+pub(super) fn propagator(
+    oscillator: &Oscillator,
+    mesh: &Mesh,
+    drift: Drift,
+    way: Way,
+    settings: &Settings,
+    until: f64,
+    longer: f64,
+) -> Result<Propagator> {
+    match way {
+        Way::FlowMap => {
+            let settings = flow_map_settings(oscillator, settings, longer)?;
+            Propagator::flow_map(oscillator, mesh, settings)
+        }
+        Way::Volumes(time) => {
+            let generator = Generator::new(oscillator, mesh, drift)?;
+            let timed = Settings {
+                tolerance: TIME_SHARE * settings.tolerance,
+                ..settings.clone()
+            };
+            let march = march(oscillator, &generator, time, &timed, until);
+            Ok(Propagator::Volumes {
+                generator: Box::new(generator),
+                march,
+            })
+        }
+    }
+}
+
+/// The steps of the flow map, `longer` times as long as the tolerance asks.
+pub(super) fn flow_map_settings(
+    oscillator: &Oscillator,
+    settings: &Settings,
+    longer: f64,
+) -> Result<flow_map::Settings> {
+    if let Some(step) = settings.step {
+        positive("method.step", step)?;
+    }
+    // The splitting gets a fifth of the tolerance; the mesh has the rest.
+    let automatic = flow_map::Settings::to(0.2 * settings.tolerance, oscillator)?;
+    let step = longer * settings.step.unwrap_or(automatic.step);
+    Ok(flow_map::Settings { step, ..automatic })
+}
+
 /// Scheme in space, with the reason.
-pub(super) fn drift(settings: &Settings) -> Result<(Drift, String)> {
+fn drift(settings: &Settings) -> Result<(Drift, String)> {
     if let Some(step) = settings.step {
         positive("method.step", step)?;
     }
@@ -270,16 +400,27 @@ pub fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
     0.4 * cells / (2.0 * oscillator.zeta() * oscillator.temperature().sqrt())
 }
 
-/// Part of the tolerance that the errors of the steps may add up to in the L1 norm. They never do: the
-/// noise erases most before the end, and a tenth is measured (tests/time.rs).
-const TIME_SHARE: f64 = 1.0;
+/// Part of a transient's tolerance that the errors of the steps may add up to in the L1 norm: the mesh
+/// and the box have the rest. The two meshes share it, so it is added to their difference.
+pub(super) const TIME_SHARE: f64 = 0.2;
 
 /// Time over which errors add up before the oscillator forgets them.
 fn horizon(oscillator: &Oscillator, until: f64) -> f64 {
     until.min(0.5 / oscillator.zeta() + 2.0 * oscillator.zeta())
 }
 
-/// The scheme with its choice of steps for a run until `until`.
+/// The step of backward Euler: first order in time beside first order in space, one cell a step at a
+/// third of the fastest speed.
+pub(super) fn euler_step(generator: &Generator, settings: &Settings) -> f64 {
+    settings.step.unwrap_or_else(|| {
+        let mesh = generator.mesh();
+        let width = mesh.q.at(mesh.q.locate(0.0)).1;
+        3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE)
+    })
+}
+
+/// The scheme with its choice of steps for a run until `until`, such that the error in time stays below
+/// `settings.tolerance` in the L1 norm; a tenth to a half of it is measured (tests/time.rs).
 pub fn march(
     oscillator: &Oscillator,
     generator: &Generator,
@@ -288,16 +429,11 @@ pub fn march(
     until: f64,
 ) -> March {
     let choice = if time == TimeScheme::BackwardEuler {
-        // First order in time beside first order in space: one cell a step near equilibrium.
-        Step::Fixed(settings.step.unwrap_or_else(|| {
-            let mesh = generator.mesh();
-            let width = |axis: &Axis| axis.at(axis.locate(0.0)).1;
-            width(&mesh.q) / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE) * 3.0
-        }))
+        Step::Fixed(euler_step(generator, settings))
     } else {
         let longest = settings.step.unwrap_or(f64::INFINITY);
         Step::Error {
-            total: TIME_SHARE * settings.tolerance,
+            total: settings.tolerance,
             horizon: horizon(oscillator, until),
             first: longest.min(0.1 / (1.0 + 2.0 * oscillator.zeta())),
             longest,

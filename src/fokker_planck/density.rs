@@ -8,6 +8,7 @@ use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// Probability per cell, row-major (q, v). For the central schemes the density at the cell centre
 /// times dq/dxi dv/deta; for upwind the exact cell mass.
@@ -44,10 +45,7 @@ impl Density {
         let mesh = generator.mesh();
         let [nq, nv] = mesh.cells();
         match *initial {
-            Initial::Rest => Err(Error::not_available(
-                "initial.kind = \"rest\" for the Fokker-Planck solver",
-                "a \"gaussian\" start with a small deviation",
-            )),
+            Initial::Rest => Err(no_mesh_holds_rest()),
             Initial::Stationary => {
                 let w = generator.weights();
                 Ok(Self::on(generator, |i, j| w.at(i, j)))
@@ -60,6 +58,26 @@ impl Density {
                 Ok(Self::on(generator, |i, j| q[i] * v[j]))
             }
         }
+    }
+
+    /// The start at every centre of a mesh, for the central weights, where there is no generator.
+    ///
+    /// # Errors
+    /// As [`Density::start`].
+    pub fn everywhere(mesh: &Mesh, weights: &Weights, initial: &Initial) -> Result<Self> {
+        let cells = match *initial {
+            Initial::Rest => return Err(no_mesh_holds_rest()),
+            Initial::Stationary => products(&weights.q, &weights.v),
+            Initial::Gaussian { mean, deviation } => {
+                let q = gaussian(&mesh.q, mean[0], deviation[0], false, "q")?;
+                let v = gaussian(&mesh.v, mean[1], deviation[1], false, "v")?;
+                products(&q, &v)
+            }
+        };
+        Ok(Self {
+            mesh: mesh.clone(),
+            cells,
+        })
     }
 
     /// A start given in code as a density p(q, v), sampled at the cell centres.
@@ -144,13 +162,13 @@ impl Density {
     }
 
     /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
-    pub fn distance(&self, weights: &Weights, generator: &Generator) -> f64 {
-        self.sum_active(generator, |i, j, p| (p - weights.at(i, j)).abs())
+    pub fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
+        self.sum_active(columns, |i, j, p| (p - weights.at(i, j)).abs())
     }
 
     /// Relative entropy, the sum of P ln(P/w) over the positive cells: falls to 0 at the stationary law.
-    pub fn relative_entropy(&self, weights: &Weights, generator: &Generator) -> f64 {
-        self.sum_active(generator, |i, j, p| {
+    pub fn relative_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
+        self.sum_active(columns, |i, j, p| {
             if p > 0.0 {
                 p * (p / weights.at(i, j)).ln()
             } else {
@@ -160,21 +178,46 @@ impl Density {
     }
 
     /// Sum of w g^2, g = P/w: never grows under the exact equation, nor under the central schemes.
-    pub fn quadratic_entropy(&self, weights: &Weights, generator: &Generator) -> f64 {
-        self.sum_active(generator, |i, j, p| p * (p / weights.at(i, j)))
+    pub fn quadratic_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
+        self.sum_active(columns, |i, j, p| p * (p / weights.at(i, j)))
     }
 
-    fn sum_active(&self, generator: &Generator, f: impl Fn(usize, usize, f64) -> f64) -> f64 {
-        let [nq, nv] = self.mesh.cells();
-        (0..nq)
-            .map(|i| {
-                generator
-                    .active(i)
-                    .map(|j| f(i, j, self.cells[i * nv + j]))
-                    .sum::<f64>()
-            })
-            .sum()
+    fn sum_active(&self, columns: &[Range<usize>], f: impl Fn(usize, usize, f64) -> f64) -> f64 {
+        let nv = self.mesh.v.len();
+        let column = |(i, range): (usize, &Range<usize>)| -> f64 {
+            range.clone().map(|j| f(i, j, self.cells[i * nv + j])).sum()
+        };
+        columns.iter().enumerate().map(column).sum()
     }
+
+    /// The bound-preserving option: negative cells are set to 0 and the others scaled to the same mass.
+    /// Keeps the mass and the stationary law, which has no negative cell; the change in L1, which is
+    /// returned, is twice the negative mass.
+    pub fn clip(&mut self) -> f64 {
+        let mass = self.mass();
+        let negative = self.negative_mass();
+        if negative > 0.0 {
+            let scale = mass / (mass + negative);
+            for p in &mut self.cells {
+                *p = p.max(0.0) * scale;
+            }
+        }
+        2.0 * negative
+    }
+}
+
+fn no_mesh_holds_rest() -> Error {
+    Error::not_available(
+        "initial.kind = \"rest\" for the Fokker-Planck solver",
+        "a \"gaussian\" start with a small deviation",
+    )
+}
+
+/// q_i v_j, row-major.
+fn products(q: &[f64], v: &[f64]) -> Vec<f64> {
+    q.iter()
+        .flat_map(|q| v.iter().map(move |v| q * v))
+        .collect()
 }
 
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times

@@ -31,7 +31,7 @@ impl Domain {
         let lowest = contact.lowest_potential().unwrap_or(0.0);
         let outside = |level: f64| {
             // P(v^2/2 > level - U) of a Gaussian velocity of variance T.
-            let stationary = law.expect_to(1e-6, |q| {
+            let stationary = law.expect_to(1e-3, |q| {
                 let left = level - (contact.potential(q) - lowest);
                 libm::erfc((left.max(0.0) / t).sqrt())
             });
@@ -39,8 +39,13 @@ impl Domain {
                 .value
                 .max(start_outside(oscillator, initial, lowest + level))
         };
-        let mut high = 2.0 * t;
-        while outside(high) > neglected {
+        // ln P(H > level) falls nearly in proportion to the level: its secant, in a bracket.
+        let excess = |level: f64| (outside(level) / neglected).max(1e-300).ln();
+        let (mut low, mut above) = (0.0, -neglected.ln());
+        let mut high = (above + 2.0) * t;
+        let mut below = excess(high);
+        while below > 0.0 {
+            (low, above) = (high, below);
             high *= 1.5;
             if !high.is_finite() {
                 let what = "no energy level holds the start".to_string();
@@ -49,14 +54,25 @@ impl Domain {
                     help: "a start nearer to equilibrium".into(),
                 });
             }
+            below = excess(high);
         }
-        let mut low = high / 1.5;
-        while high / low > 1.002 {
-            let middle = 0.5 * (low + high);
-            if outside(middle) > neglected {
-                low = middle
+        for round in 0..60 {
+            if high - low <= 0.002 * high {
+                break;
+            }
+            let secant = low + (high - low) * above / (above - below);
+            // Just beyond the secant's root, so that both ends close in; halves where it crawls.
+            let beyond = secant + 0.0009 * high * if round % 2 == 0 { 1.0 } else { -1.0 };
+            let middle = if round % 8 == 7 {
+                0.5 * (low + high)
             } else {
-                high = middle
+                beyond.clamp(low + 0.05 * (high - low), high - 0.05 * (high - low))
+            };
+            let here = excess(middle);
+            if here > 0.0 {
+                (low, above) = (middle, here);
+            } else {
+                (high, below) = (middle, here);
             }
         }
         let (left, right) = contact.turning_points(high).unwrap_or((0.0, 0.0));

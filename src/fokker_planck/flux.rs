@@ -130,6 +130,9 @@ pub struct Weights {
     /// The same for the Maxwell density, against which friction and diffusion act; equal to `v` for the
     /// Gibbs measure.
     pub maxwell: Vec<f64>,
+    /// Density p_cut at which the stream function of a central scheme is cut; 0 where it is not.
+    cut: f64,
+    area: [Vec<f64>; 2],
 }
 
 impl Weights {
@@ -169,7 +172,17 @@ impl Weights {
             Measure::Gibbs(_) => maxwell.clone(),
             Measure::Liouville => centred(&mesh.v, &|_| 1.0),
         };
-        let it = Self { q, v, maxwell };
+        let area = [mesh.q.slopes().to_vec(), mesh.v.slopes().to_vec()];
+        let mut it = Self {
+            q,
+            v,
+            maxwell,
+            cut: 0.0,
+            area,
+        };
+        if drift != Drift::Upwind && matches!(measure, Measure::Gibbs(_)) {
+            it.cut = it.largest_near_edge(drift.half_width());
+        }
         let smallest = |x: &[f64]| x.iter().copied().fold(f64::INFINITY, f64::min);
         let lowest = smallest(&it.q)
             .min(smallest(&it.v))
@@ -182,9 +195,31 @@ impl Weights {
         Ok(it)
     }
 
-    /// w of cell (i, j).
+    /// w of cell (i, j). In the rim of a central scheme, where p_s < p_cut, it is held at p_cut/e: the
+    /// steep tail beyond the last streamline carries no answer, and would only stiffen the transport.
     pub fn at(&self, i: usize, j: usize) -> f64 {
-        self.q[i] * self.v[j]
+        let floor = self.cut * (-1f64).exp() * self.area[0][i] * self.area[1][j];
+        (self.q[i] * self.v[j]).max(floor)
+    }
+
+    /// Whether cell (i, j) lies in the rim, p_s <= p_cut: no streamline passes it.
+    pub fn in_rim(&self, i: usize, j: usize) -> bool {
+        self.q[i] * self.v[j] <= self.cut * self.area[0][i] * self.area[1][j]
+    }
+
+    /// Largest density within `half` cells of the edge of the box.
+    fn largest_near_edge(&self, half: usize) -> f64 {
+        let (m, n) = (self.q.len(), self.v.len());
+        let mut largest: f64 = 0.0;
+        for i in 0..m {
+            for j in 0..n {
+                if i < half || i + half >= m || j < half || j + half >= n {
+                    let area = self.area[0][i] * self.area[1][j];
+                    largest = largest.max(self.q[i] * self.v[j] / area);
+                }
+            }
+        }
+        largest
     }
 }
 

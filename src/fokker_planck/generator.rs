@@ -104,6 +104,9 @@ impl Generator {
                 help: "a start nearer to the stationary law, or a higher tolerance".into(),
             });
         }
+        if drift != Drift::Upwind {
+            check_tail(mesh, &weights, &active, drift)?;
+        }
         let conductance = conductance(oscillator, mesh, drift);
         let tilt = weights
             .v
@@ -150,6 +153,11 @@ impl Generator {
     /// The cells of q-column i that hold unknowns.
     pub fn active(&self, i: usize) -> Range<usize> {
         self.active[i].clone()
+    }
+
+    /// [`Generator::active`] of every q-column.
+    pub fn columns(&self) -> &[Range<usize>] {
+        &self.active
     }
 
     /// Number of unknowns.
@@ -456,28 +464,10 @@ impl Generator {
         }
     }
 
-    /// Whether each unknown lies in the rim, where the cut stream function is zero: p_s there is below
-    /// its largest value within half a stencil of the edge of the box.
+    /// Whether each unknown lies in the rim, beyond the last streamline.
     pub fn rim(&self) -> Vec<bool> {
-        let [nq, nv] = self.mesh.cells();
-        let half = if self.drift == Drift::Upwind {
-            0
-        } else {
-            self.drift.half_width()
-        };
-        let area = |i: usize, j: usize| self.mesh.q.slopes()[i] * self.mesh.v.slopes()[j];
-        let density = |i: usize, j: usize| self.weights.at(i, j) / area(i, j);
-        let mut cut: f64 = 0.0;
-        for i in 0..nq {
-            for j in 0..nv {
-                if i < half || i + half >= nq || j < half || j + half >= nv {
-                    cut = cut.max(density(i, j));
-                }
-            }
-        }
-        (0..nq)
-            .flat_map(|i| self.active(i).map(move |j| density(i, j) <= cut))
-            .collect()
+        let column = |i: usize| self.active(i).map(move |j| self.weights.in_rim(i, j));
+        (0..self.mesh.q.len()).flat_map(column).collect()
     }
 
     /// Couples each rim cell to its neighbours at the rate [`RIM_RATE`].
@@ -851,6 +841,47 @@ fn difference<const K: usize, const N: usize>(s: &[f64; K], x: &[f64]) -> [f64; 
         }
     }
     sum
+}
+
+/// Refuses a mesh on which p_s falls by more than a factor e^{3.5} from one cell to the next anywhere
+/// within the streamlines. A wide stencil reaches over several such cells: it keeps its stability, but
+/// neither its order nor a useful step (a hundredth of the transport's at e^6 a cell, measured).
+fn check_tail(mesh: &Mesh, weights: &Weights, active: &[Range<usize>], drift: Drift) -> Result<()> {
+    /// Largest change of ln p_s per cell.
+    const STEEPEST: f64 = 3.5;
+    let [nq, nv] = mesh.cells();
+    let density = |i: usize, j: usize| {
+        (weights.q[i] * weights.v[j] / (mesh.q.slopes()[i] * mesh.v.slopes()[j])).ln()
+    };
+    let mut steepest = [0.0f64; 2];
+    for (i, column) in active.iter().enumerate() {
+        for j in column.clone().filter(|j| !weights.in_rim(i, *j)) {
+            if i + 1 < nq && !weights.in_rim(i + 1, j) {
+                steepest[0] = steepest[0].max((density(i + 1, j) - density(i, j)).abs());
+            }
+            if j + 1 < nv && !weights.in_rim(i, j + 1) {
+                steepest[1] = steepest[1].max((density(i, j + 1) - density(i, j)).abs());
+            }
+        }
+    }
+    if steepest.iter().all(|s| *s <= STEEPEST) {
+        return Ok(());
+    }
+    let needed = |n: usize, s: f64| (n as f64 * (1.1 * s / STEEPEST).max(1.0)).ceil();
+    Err(Error::Mesh {
+        what: format!(
+            "with method.cells = [{nq}, {nv}], ln p_s falls by up to {:.1} per cell along q and {:.1} along \
+             v, and drift of order {} carries {STEEPEST}",
+            steepest[0],
+            steepest[1],
+            drift.order()
+        ),
+        help: format!(
+            "about [{}, {}] cells, or a higher tolerance",
+            needed(nq, steepest[0]),
+            needed(nv, steepest[1])
+        ),
+    })
 }
 
 /// The contiguous range of cells per column that exchange anything with a neighbour.

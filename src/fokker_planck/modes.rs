@@ -84,7 +84,8 @@ pub fn decay_rates(
                 .map(|other| distance(mode, other))
                 .fold(f64::INFINITY, f64::min);
             // Believed only if the other mesh knows it, to half a percent: modes of the box move.
-            (nearest < 5e-3 * mode.re.hypot(mode.im)).then(|| DecayRate {
+            let believed = nearest < 5e-3 * mode.re.hypot(mode.im);
+            believed.then_some(DecayRate {
                 error: mode.error + nearest,
                 ..*mode
             })
@@ -249,7 +250,9 @@ fn near(matrix: &CsMat<f64>, shift: C) -> Result<Vec<(C, Vec<C>)>> {
 fn normalise(x: &mut [C]) -> f64 {
     let norm = x.iter().map(C::norm_sqr).sum::<f64>().sqrt();
     if norm > 0.0 {
-        x.iter_mut().for_each(|x| *x /= norm);
+        for x in x.iter_mut() {
+            *x /= norm;
+        }
     }
     norm
 }

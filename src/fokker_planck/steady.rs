@@ -114,7 +114,9 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
         let before = x.clone();
         lu.solve(&mut x)?;
         let mass: f64 = x.iter().sum();
-        x.iter_mut().for_each(|p| *p /= mass);
+        for p in &mut x {
+            *p /= mass;
+        }
         let now = x.iter().zip(&before).map(|(a, b)| (a - b).abs()).sum();
         // Settled when rounding no longer lets the change fall.
         if now < 1e-13 || (now < 1e-9 && now > 0.5 * change) {

@@ -1,0 +1,125 @@
+//! The flow map: time per point and pass, on one core and on all; and case H of the peers, set-up
+//! included.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::fokker_planck::domain::Domain;
+use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings, Splitting};
+use vibroimpact::fokker_planck::interpolation::Order;
+use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
+use vibroimpact::initial::Initial;
+use vibroimpact::oscillator::Oscillator;
+
+fn oscillator() -> Oscillator {
+    Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).expect("the paper's level")
+}
+
+fn start() -> Initial {
+    Initial::gaussian([0.0, 0.0], [0.3, 0.3]).expect("a deviation above 0")
+}
+
+fn mesh(oscillator: &Oscillator, neglected: f64, [nq, nv]: [usize; 2]) -> Mesh {
+    let domain = Domain::closed(oscillator, &start(), neglected).expect("a box");
+    let t = oscillator.temperature();
+    Mesh {
+        q: Axis::displacement(oscillator.contact(), t, domain.q, nq, 1).expect("enough cells"),
+        v: Axis::velocity(domain.v[1], nv, 1).expect("enough cells"),
+    }
+}
+
+fn pools() -> [(&'static str, ThreadPool); 2] {
+    let pool = |n| {
+        ThreadPoolBuilder::new()
+            .num_threads(n)
+            .build()
+            .expect("threads")
+    };
+    [("one core", pool(1)), ("all cores", pool(0))]
+}
+
+/// Elements are mesh points times passes.
+fn passes(c: &mut Criterion) {
+    let oscillator = oscillator();
+    let mut group = c.benchmark_group("flow map, points x passes");
+    group.sample_size(20);
+    for cells in [[80, 60], [128, 96], [256, 192], [512, 384]] {
+        let mesh = mesh(&oscillator, 1e-6, cells);
+        for order in Order::ALL {
+            for (name, pool) in pools() {
+                let settings = Settings {
+                    order,
+                    ..Settings::default()
+                };
+                let mut flow = FlowMap::new(&oscillator, &mesh, settings).expect("a propagator");
+                let mut density = flow.start(&start()).expect("a start the mesh holds");
+                // The first interval builds the maps.
+                flow.advance(&mut density, 20.0).expect("an interval");
+                let before = flow.progress().passes;
+                flow.advance(&mut density, 20.0).expect("an interval");
+                let passes = flow.progress().passes - before;
+                group.throughput(Throughput::Elements((mesh.len() * passes) as u64));
+                let id = format!("{order:?} {name}");
+                group.bench_function(BenchmarkId::new(id, mesh.len()), |b| {
+                    b.iter(|| pool.install(|| flow.advance(&mut density, 20.0)));
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
+/// From nothing to the density at t = 50, on one core. L1 errors 6e-4, 4e-5 and 4e-6.
+fn case_h(c: &mut Criterion) {
+    let oscillator = oscillator();
+    let pool = &pools()[0].1;
+    let mut group = c.benchmark_group("case H, t = 50, set-up included");
+    for (error, cells, neglected, order, splitting, step) in [
+        (
+            "6e-4",
+            [60, 44],
+            3e-5,
+            Order::Sixth,
+            Splitting::EvenThree,
+            1.5,
+        ),
+        (
+            "4e-5",
+            [64, 48],
+            1e-5,
+            Order::Eighth,
+            Splitting::EvenFive,
+            1.1,
+        ),
+        (
+            "4e-6",
+            [100, 76],
+            1e-6,
+            Order::Eighth,
+            Splitting::EvenFive,
+            0.6,
+        ),
+    ] {
+        group.bench_function(error, |b| {
+            b.iter(|| {
+                pool.install(|| {
+                    let mesh = mesh(&oscillator, neglected, cells);
+                    let settings = Settings {
+                        order,
+                        splitting,
+                        step,
+                        positive: false,
+                    };
+                    let mut flow = FlowMap::new(&oscillator, &mesh, settings)?;
+                    let mut density = flow.start(&start())?;
+                    flow.advance(&mut density, 50.0)?;
+                    Ok::<_, vibroimpact::Error>(density)
+                })
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, passes, case_h);
+criterion_main!(benches);

@@ -1,0 +1,1144 @@
+//! Transport by the exact flow, noise by the exact Ornstein-Uhlenbeck step: the fastest accurate
+//! transient of a weakly damped oscillator.
+//!
+//! The ratio g = p/p_s is carried unchanged along the undamped motion, g <- g o Phi_{-tau}, and averaged
+//! along v by friction with noise, a Gaussian average in closed form. Both keep g = 1. Between them a
+//! near-integrable splitting (McLachlan, BIT 35, 258, 1995; Laskar and Robutel, Celest. Mech. Dyn.
+//! Astron. 80, 39, 2001): Gauss quadrature of the noise along the motion, error O(zeta tau^n + zeta^2
+//! tau^2), so a step spans a good part of a period. There is no bound on the step from the mesh.
+//!
+//! Seen from the moving point, noise adds up along the orbit; the splittings of Gauss type are a
+//! composite rule for that integral. The even one is the trapezoidal rule, one pass of the motion a
+//! step, whose only error of note comes from the ends of the interval and is corrected there.
+//!
+//! In space g is a spline through its values at the cell centres ([`Order`]). One pass over the mesh
+//! carries g along the motion; the matrix that then averages it along v also turns the result into the
+//! spline coefficients of the next pass.
+//!
+//! - Edge: departure points outside the box take the value of g at the nearest centre, as does the
+//!   average along v; g = 1 stays. Orbits that do not close inside the box hold no unknowns: along each
+//!   row g continues as a constant beyond them. For a contact without a stationary law, where g is the
+//!   density p itself, nothing comes in from outside and what leaves is lost.
+//! - Mass: interpolation keeps it to its own error. A constant is added to g that keeps it exactly;
+//!   constants pass unchanged through every part of a step, so one addition at the end is the same as
+//!   one in every step. The raw defect is reported: a free measure of the interpolation error.
+//! - Short steps: where a pass moves most points by less than a tenth of a cell the shortest waves along
+//!   q are not damped, and thousands of such passes let them grow to 1e-3 and more. A step is bounded by
+//!   accuracy, not by stability; it should not be far below that bound.
+//! - Sign: no linear scheme of this order is positive. The negative mass is reported;
+//!   [`Settings::positive`] clips it and rescales.
+
+use super::density::Density;
+use super::flux::{Drift, Measure, Weights};
+use super::interpolation::{self, Filter, Order, PANEL, Spline};
+use super::mesh::{Axis, Mesh};
+use super::ornstein_uhlenbeck;
+use super::trajectory::Motion;
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result, positive};
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// How an interval between outputs alternates the undamped motion H with friction and noise O. Seen
+/// from the moving point, noise adds up along the orbit, and the splitting is a quadrature of that
+/// integral: the parts of O are its weights, those of H the gaps between its nodes. All parts are
+/// forward in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Splitting {
+    /// H(1/2) O(1) H(1/2): Strang, the midpoint rule. Error O(zeta tau^2).
+    TwoTwo,
+    /// H(c1) O(1/2) H(c2) O(1/2) H(c1), c1 = 1/2 - sqrt3/6, c2 = sqrt3/3: Gauss. Error O(zeta tau^4 +
+    /// zeta^2 tau^2).
+    FourTwo,
+    /// H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1), c1 = 1/2 - sqrt15/10, c2 = sqrt15/10: Gauss.
+    /// Error O(zeta tau^6 + zeta^2 tau^2).
+    SixTwo,
+    /// H(1) O(1) H(1) O(1) ..., one pass a step: the trapezoidal rule, which on orbits that return
+    /// converges faster than any order, with one corrected node at either end of the interval (Alpert,
+    /// SIAM J. Sci. Comput. 20, 1551, 1999). Error O(zeta tau^3) once, from the ends, + O(zeta^2 tau^2).
+    EvenThree,
+    /// As `EvenThree`, with two corrected nodes: error O(zeta tau^5) once + O(zeta^2 tau^2).
+    EvenFive,
+}
+
+/// Nodes and weights that replace those of the trapezoidal rule at one end of an interval, up to and
+/// without `first`; in steps.
+struct End {
+    nodes: &'static [f64],
+    weights: &'static [f64],
+    first: usize,
+}
+
+const THREE: End = End {
+    nodes: &[1.0 / 6.0],
+    weights: &[0.5],
+    first: 1,
+};
+const FIVE: End = End {
+    nodes: &[0.224_578_497_981_261_4, 1.013_719_374_359_164_1],
+    weights: &[0.554_078_164_360_637_2, 0.945_921_835_639_362_8],
+    first: 2,
+};
+
+impl Splitting {
+    /// Every choice.
+    pub const ALL: [Self; 5] = [
+        Self::TwoTwo,
+        Self::FourTwo,
+        Self::SixTwo,
+        Self::EvenThree,
+        Self::EvenFive,
+    ];
+
+    /// Nodes and weights, in units of tau, on an interval of `steps` steps.
+    fn quadrature(self, steps: usize) -> (Vec<f64>, Vec<f64>) {
+        let (nodes, weights): (&[f64], &[f64]) = match self {
+            Self::TwoTwo => (&[0.5], &[1.0]),
+            Self::FourTwo => (
+                &[0.211_324_865_405_187_1, 0.788_675_134_594_812_9],
+                &[0.5, 0.5],
+            ),
+            Self::SixTwo => (
+                &[0.112_701_665_379_258_3, 0.5, 0.887_298_334_620_741_7],
+                &[5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
+            ),
+            Self::EvenThree => return ends(&THREE, steps),
+            Self::EvenFive => return ends(&FIVE, steps),
+        };
+        let all = || (0..steps).flat_map(|k| nodes.iter().map(move |x| k as f64 + x));
+        (all().collect(), weights.repeat(steps))
+    }
+}
+
+/// The trapezoidal rule with corrected ends; (4,2) on an interval too short for both.
+fn ends(end: &End, steps: usize) -> (Vec<f64>, Vec<f64>) {
+    if steps < 2 * end.first {
+        return Splitting::FourTwo.quadrature(steps);
+    }
+    let (mut nodes, mut weights) = (end.nodes.to_vec(), end.weights.to_vec());
+    for k in end.first..=steps - end.first {
+        nodes.push(k as f64);
+        weights.push(1.0);
+    }
+    for (x, w) in end.nodes.iter().zip(end.weights).rev() {
+        nodes.push(steps as f64 - x);
+        weights.push(*w);
+    }
+    (nodes, weights)
+}
+
+/// How to propagate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Interpolation in space.
+    pub order: Order,
+    /// Splitting in time.
+    pub splitting: Splitting,
+    /// Longest step tau; each interval between outputs is divided into equal steps not above it.
+    pub step: f64,
+    /// Clip negative values at the end of every interval and rescale the rest to the same mass.
+    pub positive: bool,
+}
+
+impl Default for Settings {
+    /// Order 8, even steps of 1.
+    fn default() -> Self {
+        Self {
+            order: Order::Eighth,
+            splitting: Splitting::EvenFive,
+            step: 1.0,
+            positive: false,
+        }
+    }
+}
+
+impl Settings {
+    /// Longest useful step: a quarter of a period, beyond which the trapezoidal rule no longer sees the
+    /// second harmonic of the motion.
+    const LONGEST: f64 = 1.5;
+
+    /// Order 8 and even steps for an L1 error of about `tolerance` from the splitting, at any time, for
+    /// a start about as wide as half the stationary law; a narrower start needs a shorter step.
+    /// Measured for the Hertz law, zeta = 1e-4 to 0.2: 0.036 zeta tau^5 + min(2.2 zeta^2, 0.05 zeta)
+    /// tau^2.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a tolerance that is not positive.
+    pub fn to(tolerance: f64, oscillator: &Oscillator) -> Result<Self> {
+        positive("method.tolerance", tolerance)?;
+        let zeta = oscillator.zeta();
+        let first = (tolerance / (0.036 * zeta)).powf(0.2);
+        let second = (tolerance / (2.2 * zeta * zeta).min(0.05 * zeta)).sqrt();
+        Ok(Self {
+            step: first.min(second).min(Self::LONGEST),
+            ..Self::default()
+        })
+    }
+}
+
+/// What propagation did so far.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Progress {
+    /// Steps taken.
+    pub steps: usize,
+    /// Passes of the undamped motion over the mesh.
+    pub passes: usize,
+    /// Change of the mass by interpolation, before its correction: the sum of the absolute values over
+    /// the intervals. For a contact without a stationary law, the mass that left the box.
+    pub defect: f64,
+    /// Largest negative mass at the end of an interval, before any clipping.
+    pub negative: f64,
+}
+
+/// The propagator of an oscillator on a mesh.
+#[derive(Debug, Clone)]
+pub struct FlowMap {
+    contact: ContactLaw,
+    zeta: f64,
+    temperature: f64,
+    /// Whether g is taken against the stationary law, or against area.
+    stationary: bool,
+    mesh: Mesh,
+    weights: Weights,
+    settings: Settings,
+    spline: Spline,
+    /// Cells per q row on orbits that close inside the box.
+    active: Vec<Range<usize>>,
+    /// Number of active cells in the rows before.
+    offsets: Vec<usize>,
+    /// Values to coefficients along v, without noise.
+    open: Matrix,
+    /// Flow maps by their time.
+    maps: Vec<(f64, Map)>,
+    /// Matrices by their time.
+    matrices: Vec<(f64, Matrix)>,
+    schedule: Schedule,
+    progress: Progress,
+    buffers: Buffers,
+}
+
+/// Working space of a step.
+#[derive(Debug, Clone)]
+struct Buffers {
+    /// Values to coefficients along q.
+    filter: Filter,
+    /// g, nq x nv.
+    values: Vec<f64>,
+    /// Spline coefficients by groups of eight columns, nq x 8 each.
+    panels: Vec<f64>,
+    /// Spline coefficients with their margins, (nq + 2 margin) x stride.
+    coefficients: Vec<f64>,
+    stride: usize,
+}
+
+/// Where each active cell takes its value from, after one part of H.
+#[derive(Debug, Clone)]
+struct Map {
+    /// First coefficient of the stencil.
+    places: Vec<u32>,
+    /// Weights along q, then along v, per cell.
+    weights: Vec<f64>,
+}
+
+/// Places and weights of some rows of a map.
+type Part<'a> = (&'a mut [u32], &'a mut [f64]);
+
+/// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each.
+#[derive(Debug, Clone)]
+struct Matrix {
+    panels: Vec<f64>,
+    /// Per group the values that count: beyond them all entries are below rounding.
+    ranges: Vec<Range<usize>>,
+}
+
+/// An interval: H and O in turn, then a last H. Places in the lists of maps and matrices.
+#[derive(Debug, Clone)]
+struct Schedule {
+    duration: f64,
+    steps: usize,
+    parts: Vec<(usize, usize)>,
+    last: usize,
+}
+
+/// Entries of a matrix that count for nothing, over the largest one.
+const NEGLIGIBLE: f64 = 1e-20;
+/// Flow maps beyond which all are dropped before new ones are built: intervals of many lengths.
+const KEPT: usize = 24;
+/// Cells from which on the work of a stage is worth sharing between threads.
+const SHARED: usize = 6000;
+
+impl FlowMap {
+    /// The propagator of `oscillator` on `mesh`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a step that is not positive; [`Error::Mesh`] for fewer than eight cells in a
+    /// direction, or a box where the stationary law underflows.
+    pub fn new(oscillator: &Oscillator, mesh: &Mesh, settings: Settings) -> Result<Self> {
+        positive("method.step", settings.step)?;
+        let [nq, nv] = mesh.cells();
+        if nq.min(nv) < 8 {
+            return Err(Error::Mesh {
+                what: format!("{nq} x {nv} cells, and the stencil needs 8 in each direction"),
+                help: "more cells".into(),
+            });
+        }
+        let measure = Measure::of(oscillator)?;
+        let temperature = oscillator.temperature();
+        let weights = Weights::new(&measure, mesh, temperature, Drift::Order8)?;
+        let stationary = matches!(measure, Measure::Gibbs(_));
+        let contact = oscillator.contact().clone();
+        let active = active(&contact, mesh, stationary);
+        let mut offsets = vec![0];
+        for range in &active {
+            offsets.push(offsets[offsets.len() - 1] + range.len());
+        }
+        let margin = settings.order.margin();
+        // Order 6 reads two columns more than its stencil, with weight 0.
+        let stride = (nv + 2 * margin + 2).next_multiple_of(PANEL);
+        let open = Matrix::new(settings.order, nv, stride, None);
+        Ok(Self {
+            contact,
+            zeta: oscillator.zeta(),
+            temperature,
+            stationary,
+            mesh: mesh.clone(),
+            weights,
+            settings,
+            spline: Spline::new(settings.order),
+            active,
+            offsets,
+            open,
+            maps: Vec::new(),
+            matrices: Vec::new(),
+            schedule: Schedule {
+                duration: 0.0,
+                steps: 0,
+                parts: Vec::new(),
+                last: 0,
+            },
+            progress: Progress::default(),
+            buffers: Buffers {
+                filter: Filter::new(settings.order, nq),
+                values: vec![0.0; nq * nv],
+                panels: vec![0.0; nq * stride],
+                coefficients: vec![0.0; (nq + 2 * margin) * stride],
+                stride,
+            },
+        })
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The measure of the cells that g is taken against.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    /// The cells of each q-column on orbits that close inside the box: those that hold unknowns.
+    pub fn columns(&self) -> &[Range<usize>] {
+        &self.active
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Steps, mass defect and negative mass so far.
+    pub fn progress(&self) -> Progress {
+        self.progress
+    }
+
+    /// A start at the cell centres.
+    ///
+    /// # Errors
+    /// As [`Density::everywhere`].
+    pub fn start(&self, initial: &Initial) -> Result<Density> {
+        Density::everywhere(&self.mesh, &self.weights, initial)
+    }
+
+    /// g = P/w of a density on this mesh, row-major.
+    pub fn ratio(&self, density: &Density) -> Vec<f64> {
+        let mut g = density.cells().to_vec();
+        for (row, wq) in g.chunks_exact_mut(self.mesh.v.len()).zip(&self.weights.q) {
+            for (g, wv) in row.iter_mut().zip(&self.weights.v) {
+                *g /= wq * wv;
+            }
+        }
+        g
+    }
+
+    /// Propagates a density on this mesh over `duration`, in equal steps of at most [`Settings::step`].
+    /// Flow maps and matrices are built for the first interval that needs a step length, and kept.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a duration that is negative or not finite, or a density on another mesh.
+    pub fn advance(&mut self, density: &mut Density, duration: f64) -> Result<()> {
+        if !(duration.is_finite() && duration >= 0.0) {
+            let accepted = "a finite duration, not negative";
+            return Err(Error::invalid("output.times", duration, accepted));
+        }
+        if density.cells().len() != self.mesh.len() {
+            let [nq, nv] = self.mesh.cells();
+            let given = format!("{} cells", density.cells().len());
+            return Err(Error::invalid(
+                "the density",
+                given,
+                format!("one on {nq} x {nv} cells"),
+            ));
+        }
+        if duration == 0.0 {
+            return Ok(());
+        }
+        self.prepare(duration);
+        self.read(density);
+        let before = self.mass();
+        if self.shared() {
+            // Inside the pool for good: its queues are then the only ones used.
+            rayon::scope(|_| self.run(true));
+        } else {
+            self.run(false);
+        }
+        self.balance(before);
+        self.write(density);
+        Ok(())
+    }
+
+    /// Whether threads share the work of a stage.
+    fn shared(&self) -> bool {
+        self.mesh.len() >= SHARED && rayon::current_num_threads() > 1
+    }
+
+    /// The schedule of an interval, and the maps and matrices that it still lacks.
+    fn prepare(&mut self, duration: f64) {
+        if self.schedule.duration == duration {
+            return;
+        }
+        let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
+        let tau = duration / steps;
+        let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * tau * steps;
+        if self.maps.len() > KEPT {
+            self.maps.clear();
+            self.matrices.clear();
+        }
+        // Kept: what this interval may use again.
+        let (mut motions, mut noises): (Vec<f64>, Vec<f64>) = (
+            self.maps.iter().map(|m| m.0).collect(),
+            self.matrices.iter().map(|m| m.0).collect(),
+        );
+        let number = |list: &mut Vec<f64>, time: f64| {
+            let place = list.iter().position(|x| near(*x, time));
+            place.unwrap_or_else(|| {
+                list.push(time);
+                list.len() - 1
+            })
+        };
+        let mut before = 0.0;
+        let mut parts = Vec::with_capacity(nodes.len());
+        for (node, weight) in nodes.iter().zip(&weights) {
+            let motion = number(&mut motions, (node - before) * tau);
+            parts.push((motion, number(&mut noises, weight * tau)));
+            before = *node;
+        }
+        let last = number(&mut motions, (steps - before) * tau);
+        self.schedule = Schedule {
+            duration,
+            steps: steps as usize,
+            parts,
+            last,
+        };
+        let (order, n, stride) = (self.settings.order, self.mesh.v.len(), self.buffers.stride);
+        for time in &noises[self.matrices.len()..] {
+            let average = ornstein_uhlenbeck::average(
+                &self.mesh.v,
+                order,
+                2.0 * self.zeta * time,
+                self.temperature,
+                self.stationary,
+            );
+            self.matrices
+                .push((*time, Matrix::new(order, n, stride, Some(&average))));
+        }
+        let times = &motions[self.maps.len()..];
+        if !times.is_empty() {
+            let maps = self.maps(times);
+            self.maps.extend(times.iter().copied().zip(maps));
+        }
+    }
+
+    /// The flow maps of several times.
+    fn maps(&self, times: &[f64]) -> Vec<Map> {
+        /// Rows of cells traced together.
+        const ROWS: usize = 8;
+        let [nq, _] = self.mesh.cells();
+        let total = self.offsets[nq];
+        let stencil = self.stencil();
+        let mut sorted: Vec<usize> = (0..times.len()).collect();
+        sorted.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
+        let ascending: Vec<f64> = sorted.iter().map(|k| times[*k]).collect();
+        let mut maps: Vec<Map> = times
+            .iter()
+            .map(|_| Map {
+                places: vec![0; total],
+                weights: vec![0.0; total * stencil],
+            })
+            .collect();
+        // The part of every map that belongs to a group of rows.
+        let mut groups: Vec<(usize, Vec<Part>)> =
+            (0..nq).step_by(ROWS).map(|row| (row, Vec::new())).collect();
+        for map in &mut maps {
+            let (mut places, mut weights) = (&mut map.places[..], &mut map.weights[..]);
+            for (row, parts) in &mut groups {
+                let end = (*row + ROWS).min(nq);
+                let count = self.offsets[end] - self.offsets[*row];
+                let (p, rest) = places.split_at_mut(count);
+                places = rest;
+                let (w, rest) = weights.split_at_mut(count * stencil);
+                weights = rest;
+                parts.push((p, w));
+            }
+        }
+        let motion = Motion::new(&self.contact);
+        let trace = |(row, parts): &mut (usize, Vec<Part>)| {
+            let end = (*row + ROWS).min(nq);
+            let centres = (self.mesh.q.centres(), self.mesh.v.centres());
+            let starts: Vec<[f64; 2]> = (*row..end)
+                .flat_map(|i| {
+                    self.active[i]
+                        .clone()
+                        .map(move |j| [centres.0[i], centres.1[j]])
+                })
+                .collect();
+            let mut ends = vec![[0.0; 2]; starts.len() * ascending.len()];
+            motion.before(&starts, &ascending, &mut ends);
+            for (ends, k) in ends.chunks_exact(starts.len()).zip(&sorted) {
+                let (places, weights) = &mut parts[*k];
+                pulp::Arch::new().dispatch(Locate {
+                    it: self,
+                    ends,
+                    places,
+                    weights,
+                });
+            }
+        };
+        if self.shared() {
+            groups.par_iter_mut().for_each(trace);
+        } else {
+            groups.iter_mut().for_each(trace);
+        }
+        maps
+    }
+
+    /// Weights per cell: along q and along v.
+    fn stencil(&self) -> usize {
+        match self.settings.order {
+            Order::Fourth => 8,
+            Order::Sixth => 14,
+            Order::Eighth => 16,
+        }
+    }
+
+    /// The scheduled interval; from values to values.
+    fn run(&mut self, share: bool) {
+        let (order, nv) = (self.settings.order, self.mesh.v.len());
+        let (buffers, schedule) = (&mut self.buffers, &self.schedule);
+        let rows = (&self.active[..], &self.offsets[..]);
+        buffers.average(order, nv, &self.open, share);
+        for &(map, matrix) in &schedule.parts {
+            buffers.carry(order, nv, &self.maps[map].1, rows, share);
+            buffers.average(order, nv, &self.matrices[matrix].1, share);
+        }
+        buffers.carry(order, nv, &self.maps[schedule.last].1, rows, share);
+        self.progress.steps += schedule.steps;
+        self.progress.passes += schedule.parts.len() + 1;
+    }
+
+    fn read(&mut self, density: &Density) {
+        let nv = self.mesh.v.len();
+        let rows = density.cells().chunks_exact(nv);
+        let values = self.buffers.values.chunks_exact_mut(nv);
+        for ((row, g), wq) in rows.zip(values).zip(&self.weights.q) {
+            for ((p, g), wv) in row.iter().zip(g).zip(&self.weights.v) {
+                *g = p / (wq * wv);
+            }
+        }
+    }
+
+    fn write(&self, density: &mut Density) {
+        let nv = self.mesh.v.len();
+        let rows = density.cells_mut().chunks_exact_mut(nv);
+        let values = self.buffers.values.chunks_exact(nv);
+        for ((row, g), wq) in rows.zip(values).zip(&self.weights.q) {
+            for ((p, g), wv) in row.iter_mut().zip(g).zip(&self.weights.v) {
+                *p = g * (wq * wv);
+            }
+        }
+    }
+
+    /// Sum of w f(g).
+    fn sum(&self, f: impl Fn(f64) -> f64) -> f64 {
+        let nv = self.mesh.v.len();
+        let rows = self.buffers.values.chunks_exact(nv).zip(&self.weights.q);
+        let row =
+            |g: &[f64]| -> f64 { g.iter().zip(&self.weights.v).map(|(g, w)| f(*g) * w).sum() };
+        rows.map(|(g, wq)| wq * row(g)).sum()
+    }
+
+    fn mass(&self) -> f64 {
+        self.sum(|g| g)
+    }
+
+    /// Restores the mass and, if wanted, the sign.
+    fn balance(&mut self, before: f64) {
+        let defect = self.mass() - before;
+        self.progress.defect += defect.abs();
+        if self.stationary {
+            let constant = defect / self.sum(|_| 1.0);
+            for g in &mut self.buffers.values {
+                *g -= constant;
+            }
+        }
+        let negative = self.sum(|g| (-g).max(0.0));
+        self.progress.negative = self.progress.negative.max(negative);
+        if self.settings.positive && negative > 0.0 {
+            let mass = self.mass();
+            let factor = if mass > 0.0 {
+                mass / (mass + negative)
+            } else {
+                0.0
+            };
+            for g in &mut self.buffers.values {
+                *g = g.max(0.0) * factor;
+            }
+        }
+    }
+}
+
+/// Stencils of departure points.
+struct Locate<'a> {
+    it: &'a FlowMap,
+    ends: &'a [[f64; 2]],
+    places: &'a mut [u32],
+    weights: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Locate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let it = self.it;
+        let [nq, nv] = it.mesh.cells();
+        let (rows, size, stride) = (it.settings.order.points(), it.stencil(), it.buffers.stride);
+        let (q_axis, v_axis) = (Coordinate::of(&it.mesh.q), Coordinate::of(&it.mesh.v));
+        let cells = self.ends.iter().zip(self.places);
+        for ((end, place), weights) in cells.zip(self.weights.chunks_exact_mut(size)) {
+            let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
+            let (iq, fq) = Spline::place(xi, nq);
+            let (iv, fv) = Spline::place(eta, nv);
+            *place = (iq * stride + iv) as u32;
+            let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
+            if it.stationary || (inside(xi, nq) && inside(eta, nv)) {
+                weights[..rows].copy_from_slice(&it.spline.weights(fq)[..rows]);
+                weights[rows..].copy_from_slice(&it.spline.weights(fv)[..size - rows]);
+            }
+        }
+    }
+}
+
+impl Buffers {
+    /// values <- the spline, at the departure points.
+    fn carry(
+        &mut self,
+        order: Order,
+        nv: usize,
+        map: &Map,
+        (active, offsets): (&[Range<usize>], &[usize]),
+        share: bool,
+    ) {
+        /// Rows per task.
+        const ROWS: usize = 4;
+        let (coefficients, stride) = (&self.coefficients[..], self.stride);
+        let rows = |(group, values): (usize, &mut [f64])| {
+            pulp::Arch::new().dispatch(Carry {
+                order,
+                map,
+                active,
+                offsets,
+                first: group * ROWS,
+                coefficients,
+                stride,
+                nv,
+                values,
+            });
+        };
+        if share {
+            self.values
+                .par_chunks_mut(ROWS * nv)
+                .enumerate()
+                .for_each(rows);
+        } else {
+            self.values.chunks_mut(ROWS * nv).enumerate().for_each(rows);
+        }
+    }
+
+    /// coefficients <- those of the values, averaged along v by the matrix.
+    fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
+        let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
+        let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
+            pulp::Arch::new().dispatch(Average {
+                filter,
+                values,
+                nv,
+                matrix,
+                range: range.clone(),
+                panel,
+            });
+        };
+        let size = nv * PANEL;
+        if share {
+            let panels = self.panels.par_chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.par_chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
+        } else {
+            let panels = self.panels.chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
+        }
+        let (panels, margin) = (&self.panels[..], order.margin());
+        let row = |(k, row): (usize, &mut [f64])| {
+            let i = interpolation::reflected(k, margin, nq);
+            for (p, out) in row.chunks_exact_mut(PANEL).enumerate() {
+                let from = (p * nq + i) * PANEL;
+                out.copy_from_slice(&panels[from..from + PANEL]);
+            }
+        };
+        if share {
+            let rows = self.coefficients.par_chunks_mut(self.stride);
+            rows.enumerate().with_min_len(16).for_each(row);
+        } else {
+            self.coefficients
+                .chunks_mut(self.stride)
+                .enumerate()
+                .for_each(row);
+        }
+    }
+}
+
+/// Values of some rows from the spline. A type, since a closure would not be compiled for the CPU.
+struct Carry<'a> {
+    order: Order,
+    map: &'a Map,
+    active: &'a [Range<usize>],
+    offsets: &'a [usize],
+    first: usize,
+    coefficients: &'a [f64],
+    stride: usize,
+    nv: usize,
+    values: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Carry<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        match self.order {
+            Order::Fourth => self.rows::<4, 4, 8>(),
+            Order::Sixth => self.rows::<6, 8, 14>(),
+            Order::Eighth => self.rows::<8, 8, 16>(),
+        }
+    }
+}
+
+impl Carry<'_> {
+    #[inline(always)]
+    fn rows<const P: usize, const W: usize, const SIZE: usize>(self) {
+        let rows = self.values.chunks_exact_mut(self.nv);
+        for (i, row) in (self.first..).zip(rows) {
+            let (range, cells) = (self.active[i].clone(), self.offsets[i]..self.offsets[i + 1]);
+            let places = &self.map.places[cells.clone()];
+            let weights = &self.map.weights[cells.start * SIZE..cells.end * SIZE];
+            let out = &mut row[range.clone()];
+            gather::<P, W, SIZE>(places, weights, self.coefficients, self.stride, out);
+            let (first, last) = (row[range.start], row[range.end - 1]);
+            row[..range.start].fill(first);
+            row[range.end..].fill(last);
+        }
+    }
+}
+
+/// Coefficients of one group of columns.
+struct Average<'a> {
+    filter: &'a Filter,
+    values: &'a [f64],
+    nv: usize,
+    matrix: &'a [f64],
+    range: Range<usize>,
+    panel: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Average<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        product(self.values, self.nv, self.matrix, self.range, self.panel);
+        self.filter.apply(self.panel);
+    }
+}
+
+/// out_p = sum over P x W points around each place, weights (P along q, W along v) of SIZE per cell.
+#[inline(always)]
+fn gather<const P: usize, const W: usize, const SIZE: usize>(
+    places: &[u32],
+    weights: &[f64],
+    coefficients: &[f64],
+    stride: usize,
+    out: &mut [f64],
+) {
+    let cells = places.iter().zip(weights.chunks_exact(SIZE)).zip(out);
+    for ((place, weights), out) in cells {
+        let (along_q, along_v) = weights.split_at(P);
+        let from = &coefficients[*place as usize..];
+        let mut sum = [0.0f64; W];
+        for (r, w) in along_q.iter().enumerate() {
+            let row = &from[r * stride..r * stride + W];
+            for l in 0..W {
+                sum[l] = w.mul_add(row[l], sum[l]);
+            }
+        }
+        let mut pairs = [0.0f64; 4];
+        for l in 0..W {
+            pairs[l % 4] = sum[l].mul_add(along_v[l], pairs[l % 4]);
+        }
+        *out = (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]);
+    }
+}
+
+/// panel (rows x 8) = values (rows x n) times matrix (n x 8), within `range` of n.
+#[inline(always)]
+fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel: &mut [f64]) {
+    const ROWS: usize = 4;
+    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
+    let mut blocks = values.chunks_exact(ROWS * n);
+    let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
+    for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
+        let mut sum = [[0.0f64; PANEL]; ROWS];
+        let rows: [&[f64]; ROWS] =
+            std::array::from_fn(|r| &block[r * n + range.start..r * n + range.end]);
+        for (k, m) in matrix.chunks_exact(PANEL).enumerate() {
+            for r in 0..ROWS {
+                let g = rows[r][k];
+                for c in 0..PANEL {
+                    sum[r][c] = g.mul_add(m[c], sum[r][c]);
+                }
+            }
+        }
+        for (out, sum) in out.chunks_exact_mut(PANEL).zip(&sum) {
+            out.copy_from_slice(sum);
+        }
+    }
+    let rest = blocks.remainder().chunks_exact(n);
+    for (row, out) in rest.zip(outs.into_remainder().chunks_exact_mut(PANEL)) {
+        let mut sum = [0.0f64; PANEL];
+        for (g, m) in row[range.clone()].iter().zip(matrix.chunks_exact(PANEL)) {
+            for c in 0..PANEL {
+                sum[c] = g.mul_add(m[c], sum[c]);
+            }
+        }
+        out.copy_from_slice(&sum);
+    }
+}
+
+impl Matrix {
+    /// Coefficients of the averaged values, of values; without `average` those of the values themselves.
+    fn new(order: Order, n: usize, stride: usize, average: Option<&[f64]>) -> Self {
+        let margin = order.margin();
+        let width = n + 2 * margin;
+        // From values to coefficients.
+        let filter = interpolation::coefficients(order, n, None);
+        let dense = match average {
+            None => filter,
+            Some(average) => {
+                // Values to averaged values, then to coefficients.
+                let mut averaged = vec![0.0; n * n];
+                for (row, out) in average
+                    .chunks_exact(width)
+                    .zip(averaged.chunks_exact_mut(n))
+                {
+                    for (x, filter) in row.iter().zip(filter.chunks_exact(n)) {
+                        if *x != 0.0 {
+                            for (out, f) in out.iter_mut().zip(filter) {
+                                *out += x * f;
+                            }
+                        }
+                    }
+                }
+                interpolation::coefficients(order, n, Some(&averaged))
+            }
+        };
+        let mut panels = vec![0.0; stride * n];
+        for (k, row) in dense.chunks_exact(n).enumerate() {
+            let panel = &mut panels[k / PANEL * PANEL * n..];
+            for (j, x) in row.iter().enumerate() {
+                panel[j * PANEL + k % PANEL] = *x;
+            }
+        }
+        let ranges = panels
+            .chunks_exact(PANEL * n)
+            .map(|panel| {
+                let peak = panel.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+                let counts = |row: &[f64]| row.iter().any(|x| x.abs() > NEGLIGIBLE * peak);
+                let first = panel.chunks_exact(PANEL).position(counts).unwrap_or(0);
+                let last = panel.chunks_exact(PANEL).rposition(counts).unwrap_or(0);
+                first..last + 1
+            })
+            .collect();
+        Self { panels, ranges }
+    }
+}
+
+/// Mesh coordinate of a place, counted from the first centre.
+#[derive(Clone, Copy)]
+enum Coordinate<'a> {
+    Uniform { first: f64, inverse: f64 },
+    Mapped(&'a Axis),
+}
+
+impl<'a> Coordinate<'a> {
+    fn of(axis: &'a Axis) -> Self {
+        if axis.is_uniform() {
+            Self::Uniform {
+                first: axis.centres()[0],
+                inverse: 1.0 / axis.slopes()[0],
+            }
+        } else {
+            Self::Mapped(axis)
+        }
+    }
+
+    #[inline(always)]
+    fn locate(self, x: f64) -> f64 {
+        match self {
+            Self::Uniform { first, inverse } => (x - first) * inverse,
+            Self::Mapped(axis) => axis.locate(x) - 0.5,
+        }
+    }
+}
+
+/// Per q row the cells on orbits that stay within the outermost centres; at least the two slowest.
+fn active(contact: &ContactLaw, mesh: &Mesh, stationary: bool) -> Vec<Range<usize>> {
+    let (q, v) = (mesh.q.centres(), mesh.v.centres());
+    let [nq, nv] = mesh.cells();
+    if !stationary {
+        return vec![0..nv; nq];
+    }
+    let fastest = v[0].abs().min(v[nv - 1].abs());
+    let level = contact
+        .potential(q[0])
+        .min(contact.potential(q[nq - 1]))
+        .min(0.5 * fastest * fastest);
+    q.iter()
+        .map(|q| {
+            let reach = (2.0 * (level - contact.potential(*q))).max(0.0).sqrt();
+            let first = v.partition_point(|v| *v < -reach);
+            let last = v.partition_point(|v| *v <= reach);
+            let middle = v.partition_point(|v| *v < 0.0).clamp(1, nv - 1);
+            first.min(middle - 1)..last.max(middle + 1)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fokker_planck::domain::Domain;
+
+    fn mesh(oscillator: &Oscillator, initial: &Initial, cells: [usize; 2]) -> Mesh {
+        let domain = Domain::closed(oscillator, initial, 1e-7).unwrap();
+        let t = oscillator.temperature();
+        Mesh {
+            q: Axis::displacement(oscillator.contact(), t, domain.q, cells[0], 1).unwrap(),
+            v: Axis::velocity(domain.v[1], cells[1], 1).unwrap(),
+        }
+    }
+
+    fn start() -> Initial {
+        Initial::gaussian([0.5, 0.0], [0.5, 0.5]).unwrap()
+    }
+
+    #[test]
+    fn the_stationary_law_stays_on_any_mesh_with_any_splitting() {
+        for (h, contact) in [
+            (2e-3, ContactLaw::Hertz),
+            (0.3, ContactLaw::Hertz),
+            (2e-3, ContactLaw::Bilinear),
+            (1e-6, ContactLaw::Linear),
+        ] {
+            let oscillator = Oscillator::new(contact, 0.005, h).unwrap();
+            let mesh = mesh(&oscillator, &Initial::Stationary, [33, 26]);
+            for order in Order::ALL {
+                for splitting in Splitting::ALL {
+                    let settings = Settings {
+                        order,
+                        splitting,
+                        ..Settings::default()
+                    };
+                    let mut flow = FlowMap::new(&oscillator, &mesh, settings).unwrap();
+                    let mut density = flow.start(&Initial::Stationary).unwrap();
+                    flow.advance(&mut density, 200.0).unwrap();
+                    let g = flow.ratio(&density);
+                    let worst = g.iter().map(|g| (g - 1.0).abs()).fold(0.0, f64::max);
+                    assert!(worst < 1e-12, "{order:?} {splitting:?}: {worst:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mass_is_kept_to_rounding_and_its_raw_defect_is_the_interpolation_error() {
+        let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        for (cells, bound) in [([60, 44], 1e-4), ([90, 66], 3e-5), ([120, 88], 1e-5)] {
+            let mesh = mesh(&oscillator, &start(), cells);
+            let mut flow = FlowMap::new(&oscillator, &mesh, Settings::default()).unwrap();
+            let mut density = flow.start(&start()).unwrap();
+            let before = density.mass();
+            flow.advance(&mut density, 50.0).unwrap();
+            let change = (density.mass() - before).abs();
+            let defect = flow.progress().defect;
+            println!("{cells:?}: mass to {change:.1e}, raw defect {defect:.1e}");
+            assert!(change < 1e-13 && defect < bound);
+        }
+    }
+
+    #[test]
+    fn the_bits_do_not_depend_on_the_number_of_threads() {
+        let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        let mesh = mesh(&oscillator, &start(), [101, 83]);
+        assert!(mesh.len() >= SHARED);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let mut flow = FlowMap::new(&oscillator, &mesh, Settings::default()).unwrap();
+                let mut density = flow.start(&start()).unwrap();
+                flow.advance(&mut density, 7.0).unwrap();
+                density
+            })
+        };
+        let one = run(1);
+        for threads in [2, 3, 7] {
+            assert_eq!(one.cells(), run(threads).cells(), "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn output_times_are_hit_and_change_the_answer_by_the_splitting_error_only() {
+        let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        let mesh = mesh(&oscillator, &start(), [120, 88]);
+        let run = |parts: &[f64]| {
+            let mut flow = FlowMap::new(&oscillator, &mesh, Settings::default()).unwrap();
+            let mut density = flow.start(&start()).unwrap();
+            for part in parts {
+                flow.advance(&mut density, *part).unwrap();
+            }
+            density
+        };
+        let whole = run(&[20.0]);
+        let uneven: Vec<f64> = (1..=16).map(|k| 20.0 * f64::from(k) / 136.0).collect();
+        for parts in [
+            &[8.3, 11.7][..],
+            &[0.01, 0.3, 9.0, 0.0, 10.69],
+            &[2.5; 8],
+            &uneven,
+        ] {
+            let distance: f64 = run(parts)
+                .cells()
+                .iter()
+                .zip(whole.cells())
+                .map(|(a, b)| (a - b).abs())
+                .sum();
+            println!("{parts:?}: L1 {distance:.1e}");
+            assert!(distance < 3e-4);
+        }
+    }
+
+    #[test]
+    fn the_schedule_spends_exactly_its_interval_on_motion_and_on_noise() {
+        for splitting in Splitting::ALL {
+            for steps in 1..12 {
+                let (nodes, weights) = splitting.quadrature(steps);
+                let total: f64 = weights.iter().sum();
+                assert!(
+                    (total - steps as f64).abs() < 1e-12,
+                    "{splitting:?} {steps}"
+                );
+                assert!(weights.iter().all(|w| *w > 0.0));
+                assert!(nodes.windows(2).all(|w| w[0] < w[1]));
+                assert!(nodes[0] > 0.0 && nodes[nodes.len() - 1] < steps as f64);
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_edge_g_goes_on_as_a_constant_and_a_density_as_nothing() {
+        let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        // A box much too small: half of the stationary law lies outside.
+        let mesh = Mesh {
+            q: Axis::uniform(-1.2, 0.9, 30).unwrap(),
+            v: Axis::uniform(-0.8, 0.8, 24).unwrap(),
+        };
+        let mut flow = FlowMap::new(&oscillator, &mesh, Settings::default()).unwrap();
+        let mut density = flow
+            .start(&Initial::gaussian([0.2, 0.0], [0.2, 0.2]).unwrap())
+            .unwrap();
+        flow.advance(&mut density, 50.0).unwrap();
+        let g = flow.ratio(&density);
+        let (low, high) = g
+            .iter()
+            .fold((f64::MAX, f64::MIN), |(a, b), g| (a.min(*g), b.max(*g)));
+        println!("too small a box: g within [{low:.3}, {high:.3}]");
+        assert!(low > -0.1 && high < 20.0);
+
+        let free = Oscillator::new(ContactLaw::Free, 0.005, 2e-3).unwrap();
+        let mesh = Mesh {
+            q: Axis::uniform(-2.0, 2.0, 40).unwrap(),
+            v: Axis::uniform(-2.0, 2.0, 40).unwrap(),
+        };
+        let mut flow = FlowMap::new(&free, &mesh, Settings::default()).unwrap();
+        let mut density = flow
+            .start(&Initial::gaussian([0.0, 0.0], [0.3, 0.3]).unwrap())
+            .unwrap();
+        flow.advance(&mut density, 10.0).unwrap();
+        println!("thrown out of the box: mass {:.1e} left", density.mass());
+        assert!(density.mass().abs() < 1e-6);
+        assert!((flow.progress().defect - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_step_or_duration_that_makes_no_sense_is_refused_by_name() {
+        let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        let mesh = mesh(&oscillator, &start(), [60, 44]);
+        for step in [0.0, -1.0, f64::NAN] {
+            let settings = Settings {
+                step,
+                ..Settings::default()
+            };
+            let message = FlowMap::new(&oscillator, &mesh, settings)
+                .unwrap_err()
+                .to_string();
+            assert!(message.contains("method.step"), "{message}");
+        }
+        let mut flow = FlowMap::new(&oscillator, &mesh, Settings::default()).unwrap();
+        let mut density = flow.start(&start()).unwrap();
+        assert!(flow.advance(&mut density, -1.0).is_err());
+        assert!(flow.advance(&mut density, f64::NAN).is_err());
+        assert!(Settings::to(0.0, &oscillator).is_err());
+    }
+}

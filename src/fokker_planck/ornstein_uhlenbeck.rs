@@ -1,0 +1,233 @@
+//! Friction with noise over a time: the exact Ornstein-Uhlenbeck step as a matrix along v.
+//!
+//! p'(v') = integral of N(v'; a v, s^2) p(v) dv with a = e^{-2 zeta tau}, s^2 = T (1 - a^2). For the ratio
+//! g = p/e^{-beta v^2/2} it is again a Gaussian average, (O g)(v') = C N(m, d^2) applied to g, with
+//!
+//! ```text
+//! 1/d^2 = a^2/s^2 + beta,   m = d^2 a v'/s^2,   C = (d/s) exp(-(1/s^2 - beta - a^2 d^2/s^4) v'^2/2)
+//! ```
+//!
+//! so beta = 1/T gives m = a v', d = s, C = 1 (Mehler), and beta = 0 the density itself. The average is
+//! taken of the spline through g, exactly: panel by panel between knots.
+
+use super::interpolation::{Order, Spline};
+use super::mesh::Axis;
+
+/// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
+const REACH: f64 = 8.5;
+/// Widest panel of the 10-point rule, in deviations; its error there is below 1e-14.
+const PANEL: f64 = 1.4;
+/// Positive nodes and weights of the 10-point Gauss rule on [-1, 1].
+const GAUSS: [(f64, f64); 5] = [
+    (0.148_874_338_981_631_22, 0.295_524_224_714_752_87),
+    (0.433_395_394_129_247_2, 0.269_266_719_309_996_35),
+    (0.679_409_568_299_024_4, 0.219_086_362_515_982_04),
+    (0.865_063_366_688_984_5, 0.149_451_349_150_580_6),
+    (0.973_906_528_517_171_7, 0.066_671_344_308_688_14),
+];
+
+/// The average of a spline along `axis` over each node's Gaussian: from n + 2 margin coefficients to n
+/// values, row-major. For `cold` = beta > 0, g continues beyond the nodes as a constant and the rows
+/// are scaled to sum to 1; for beta = 0 it is 0 there.
+pub(crate) fn average(
+    axis: &Axis,
+    order: Order,
+    friction: f64,
+    temperature: f64,
+    stationary: bool,
+) -> Vec<f64> {
+    let n = axis.len();
+    let width = n + 2 * order.margin();
+    let spline = Spline::new(order);
+    let a = (-friction).exp();
+    let variance = -temperature * (-2.0 * friction).exp_m1();
+    let beta = if stationary { 1.0 / temperature } else { 0.0 };
+    let spread = 1.0 / (a * a / variance + beta);
+    let deviation = spread.sqrt();
+    let mut matrix = vec![0.0; n * width];
+    // On a symmetric axis the rows of negative v are those of positive v, reversed.
+    let symmetric = (0..n / 2).all(|j| {
+        (axis.centres()[j] + axis.centres()[n - 1 - j]).abs() <= 1e-13 * axis.centres()[n - 1]
+    });
+    let built = if symmetric { n.div_ceil(2) } else { n };
+    for (j, row) in matrix.chunks_exact_mut(width).take(built).enumerate() {
+        let v = axis.centres()[j];
+        let mean = spread * a * v / variance;
+        let exponent = 1.0 / variance - beta - a * a * spread / (variance * variance);
+        let scale = if stationary {
+            1.0
+        } else {
+            (deviation / variance.sqrt()) * (-0.5 * exponent * v * v).exp()
+        };
+        pulp::Arch::new().dispatch(Gauss {
+            axis,
+            spline: &spline,
+            order,
+            mean,
+            deviation,
+            clamped: stationary,
+            row,
+        });
+        let sum: f64 = row.iter().sum();
+        let scale = if stationary { 1.0 / sum } else { scale };
+        for x in row {
+            *x *= scale;
+        }
+    }
+    for j in built..n {
+        let (below, row) = matrix.split_at_mut(j * width);
+        let mirror = &below[(n - 1 - j) * width..(n - j) * width];
+        for (x, y) in row[..width].iter_mut().zip(mirror.iter().rev()) {
+            *x = *y;
+        }
+    }
+    matrix
+}
+
+/// Adds the average over N(mean, deviation^2) to `row`. A type, since a closure would not be compiled
+/// for the CPU.
+struct Gauss<'a> {
+    axis: &'a Axis,
+    spline: &'a Spline,
+    order: Order,
+    mean: f64,
+    deviation: f64,
+    clamped: bool,
+    row: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Gauss<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self {
+            axis,
+            spline,
+            order,
+            mean,
+            deviation,
+            clamped,
+            row,
+        } = self;
+        let n = axis.len();
+        let centres = axis.centres();
+        let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
+        let mut add = |xi: f64, weight: f64| {
+            let (first, place) = Spline::place(xi, n);
+            let weights = spline.weights(place);
+            for (x, w) in row[first..].iter_mut().zip(&weights[..order.points()]) {
+                *x = weight.mul_add(*w, *x);
+            }
+        };
+        if clamped {
+            let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
+            if low < centres[0] {
+                add(0.0, tail(mean - centres[0]));
+            }
+            if high > centres[n - 1] {
+                add((n - 1) as f64, tail(centres[n - 1] - mean));
+            }
+        }
+        let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
+        let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
+        // Knots lie on the nodes: the degree is odd.
+        let start = centres.partition_point(|v| *v <= low).max(1) - 1;
+        for k in start..n - 1 {
+            let (a, b) = (centres[k].max(low), centres[k + 1].min(high));
+            if a >= b {
+                if centres[k] > high {
+                    break;
+                }
+                continue;
+            }
+            let parts = ((b - a) / (PANEL * deviation)).ceil().max(1.0);
+            let half = 0.5 * (b - a) / parts;
+            for part in 0..parts as usize {
+                let middle = a + half * (2 * part + 1) as f64;
+                let both = GAUSS.iter().flat_map(|(x, w)| [(-x, *w), (*x, *w)]);
+                for (x, weight) in both {
+                    let v = middle + half * x;
+                    let z = (v - mean) / deviation;
+                    let xi = match uniform {
+                        Some(inverse) => k as f64 + (v - centres[k]) * inverse,
+                        None => axis.locate(v) - 0.5,
+                    };
+                    let xi = xi.clamp(k as f64, (k + 1) as f64);
+                    add(xi, weight * half * norm * (-0.5 * z * z).exp());
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest error of the averaged f against `exact`, on the inner half of the axis.
+    fn error(
+        (temperature, friction): (f64, f64),
+        stationary: bool,
+        n: usize,
+        f: impl Fn(f64) -> f64,
+        exact: impl Fn(f64) -> f64,
+    ) -> f64 {
+        let axis = Axis::uniform(-6.0, 6.0, n).unwrap();
+        let order = Order::Eighth;
+        let width = n + 2 * order.margin();
+        let matrix = average(&axis, order, friction, temperature, stationary);
+        let values: Vec<f64> = axis.centres().iter().map(|v| f(*v)).collect();
+        let filter = super::super::interpolation::coefficients(order, n, None);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let coefficients: Vec<f64> = filter
+            .chunks_exact(n)
+            .map(|row| dot(row, &values))
+            .collect();
+        let averaged = matrix
+            .chunks_exact(width)
+            .map(|row| dot(row, &coefficients));
+        averaged
+            .zip(axis.centres())
+            .filter(|(_, v)| v.abs() < 3.0)
+            .map(|(got, v)| (got - exact(*v)).abs())
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn hermite_polynomials_decay_at_their_own_rates() {
+        // He_n(v/sqrt T) is multiplied by e^{-n 2 zeta tau} (Mehler); cut to the box by the spline alone.
+        for friction in [1e-3f64, 0.02, 0.5] {
+            let t = 0.25f64;
+            let third = |v: f64| {
+                let z = v / t.sqrt();
+                z * z * z - 3.0 * z
+            };
+            let decay = (-3.0 * friction).exp();
+            let error = error((t, friction), true, 96, third, |v| decay * third(v));
+            println!("friction {friction}: third mode to {error:.1e}");
+            assert!(error < 1e-7);
+        }
+    }
+
+    #[test]
+    fn a_gaussian_density_spreads_as_ornstein_and_uhlenbeck_say() {
+        for friction in [1e-3f64, 0.02, 0.5] {
+            let (t, mean, variance) = (0.5f64, 0.7f64, 0.09f64);
+            let gauss = |v: f64, m: f64, s: f64| {
+                (-0.5 * (v - m) * (v - m) / s).exp() / (std::f64::consts::TAU * s).sqrt()
+            };
+            let a = (-friction).exp();
+            let later = variance * a * a + t * (1.0 - a * a);
+            let start = |v: f64| gauss(v, mean, variance);
+            let exact = |v: f64| gauss(v, mean * a, later);
+            let errors = [96, 192].map(|n| error((t, friction), false, n, start, exact));
+            let order = (errors[0] / errors[1]).log2();
+            println!(
+                "friction {friction}: {:.1e} and {:.1e}, order {order:.1}",
+                errors[0], errors[1]
+            );
+            assert!(errors[0] < 1e-4 && order > 7.5);
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Histograms: densities with confidence bands, and the Dirac mass beside them.
+
+use super::statistics::proportion;
+use crate::estimate::{Estimate, Origin};
+
+/// A density averaged over the bins between `edges`, one standard error on every bin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Histogram {
+    /// Ends of the bins, ascending; one more than there are bins.
+    pub edges: Vec<f64>,
+    /// Mean density over each bin.
+    pub density: Vec<Estimate>,
+    /// Probability outside the bins, the Dirac mass not counted.
+    pub outside: Estimate,
+    /// Probability of the Dirac mass at the force of flight; None where the law has none.
+    pub dirac: Option<Estimate>,
+}
+
+/// Equal bins.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bins {
+    low: f64,
+    width: f64,
+    count: usize,
+}
+
+impl Bins {
+    pub(super) fn new(low: f64, high: f64, count: usize) -> Self {
+        let width = (high - low) / count as f64;
+        Self { low, width, count }
+    }
+
+    /// Doubles that hold one histogram: every bin, then the outside, then the Dirac mass.
+    pub(super) fn slots(self) -> usize {
+        self.count + 2
+    }
+
+    /// The slot of a value.
+    #[inline(always)]
+    pub(super) fn slot(self, x: f64) -> usize {
+        let place = (x - self.low) / self.width;
+        if place >= 0.0 && place < self.count as f64 {
+            place as usize
+        } else {
+            self.count
+        }
+    }
+
+    /// The slot of the Dirac mass.
+    pub(super) fn dirac(self) -> usize {
+        self.count + 1
+    }
+
+    fn edges(self) -> Vec<f64> {
+        (0..=self.count)
+            .map(|k| self.low + self.width * k as f64)
+            .collect()
+    }
+
+    /// A histogram of the probability in each slot.
+    pub(super) fn histogram(
+        self,
+        has_dirac: bool,
+        probability: impl Fn(usize) -> Estimate,
+    ) -> Histogram {
+        Histogram {
+            edges: self.edges(),
+            density: (0..self.count)
+                .map(|k| probability(k).scaled(1.0 / self.width))
+                .collect(),
+            outside: probability(self.count),
+            dirac: has_dirac.then(|| probability(self.dirac())),
+        }
+    }
+}
+
+/// Counts of independent samples.
+#[derive(Debug, Clone)]
+pub(super) struct Counts {
+    hits: Vec<f64>,
+    total: f64,
+}
+
+impl Counts {
+    pub(super) fn new(bins: Bins) -> Self {
+        Self {
+            hits: vec![0.0; bins.slots()],
+            total: 0.0,
+        }
+    }
+
+    pub(super) fn hit(&mut self, slot: usize) {
+        self.hits[slot] += 1.0;
+        self.total += 1.0;
+    }
+
+    pub(super) fn add(&mut self, more: &Self) {
+        for (a, b) in self.hits.iter_mut().zip(&more.hits) {
+            *a += b;
+        }
+        self.total += more.total;
+    }
+
+    /// The histogram with binomial errors.
+    pub(super) fn histogram(&self, bins: Bins, has_dirac: bool) -> Histogram {
+        bins.histogram(has_dirac, |slot| {
+            if self.total > 0.0 {
+                proportion(self.hits[slot], self.total)
+            } else {
+                Estimate::new(0.0, 0.0, Origin::Sampling)
+            }
+        })
+    }
+}
+
+/// Hits in each slot, batch by batch: the errors hold for samples that follow one another closely, too.
+#[derive(Debug, Clone)]
+pub(super) struct BatchCounts {
+    batches: f64,
+    /// Sums over batches of all samples and of their square.
+    total: f64,
+    total_square: f64,
+    /// Sums over batches of the hits of a slot, of their square, and of their product with all samples.
+    hits: Vec<[f64; 3]>,
+}
+
+impl BatchCounts {
+    pub(super) fn new(bins: Bins) -> Self {
+        Self {
+            batches: 0.0,
+            total: 0.0,
+            total_square: 0.0,
+            hits: vec![[0.0; 3]; bins.slots()],
+        }
+    }
+
+    /// The hits of one batch.
+    pub(super) fn push(&mut self, hits: &[u32]) {
+        let total: f64 = hits.iter().map(|hits| f64::from(*hits)).sum();
+        self.batches += 1.0;
+        self.total += total;
+        self.total_square += total * total;
+        for (sums, hits) in self.hits.iter_mut().zip(hits) {
+            let hits = f64::from(*hits);
+            for (sum, more) in sums.iter_mut().zip([hits, hits * hits, hits * total]) {
+                *sum += more;
+            }
+        }
+    }
+
+    pub(super) fn add(&mut self, more: &Self) {
+        self.batches += more.batches;
+        self.total += more.total;
+        self.total_square += more.total_square;
+        for (a, b) in self
+            .hits
+            .iter_mut()
+            .flatten()
+            .zip(more.hits.iter().flatten())
+        {
+            *a += b;
+        }
+    }
+
+    /// The histogram: hits over samples, the error from the scatter of the batches about that ratio, and
+    /// never below that of a few hits.
+    pub(super) fn histogram(&self, bins: Bins, has_dirac: bool) -> Histogram {
+        bins.histogram(has_dirac, |slot| {
+            if self.total == 0.0 {
+                return Estimate::new(0.0, 0.0, Origin::Sampling);
+            }
+            let [hits, square, product] = self.hits[slot];
+            let share = hits / self.total;
+            let scatter = square - 2.0 * share * product + share * share * self.total_square;
+            let scatter = (scatter.max(0.0) * self.batches / (self.batches - 1.0)).sqrt();
+            let few = (hits + 1.0).min(4.0).sqrt();
+            Estimate::new(share, scatter.max(few) / self.total, Origin::Sampling)
+        })
+    }
+}

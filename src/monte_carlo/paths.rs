@@ -1,0 +1,131 @@
+//! Paths at their starts, each drawn from its own stream.
+
+use super::noise::{self, LANES, Purpose, Streams};
+use super::scheme::Group;
+use super::signal::{Band, Cosines, Signal};
+use super::{Noise, Scheme};
+use crate::error::Result;
+use crate::initial::Initial;
+use crate::oscillator::{DisplacementSampler, Oscillator};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// Where path k of a seed starts and what drives it.
+pub(super) struct Paths {
+    seed: u64,
+    initial: Initial,
+    sampler: Option<DisplacementSampler>,
+    noise: Noise,
+    level: f64,
+    step: f64,
+    /// The scheme takes the excitation at t = 0 too.
+    whole_steps: bool,
+    /// Starts below this are drawn again.
+    lowest: f64,
+}
+
+impl Paths {
+    pub(super) fn new(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        seed: u64,
+        noise: Noise,
+        scheme: Scheme,
+        step: f64,
+    ) -> Result<Self> {
+        let sampler = match initial {
+            Initial::Stationary => Some(oscillator.displacement_law()?.sampler()),
+            _ => None,
+        };
+        Ok(Self {
+            seed,
+            initial: *initial,
+            sampler,
+            noise,
+            level: oscillator.h(),
+            step,
+            whole_steps: scheme == Scheme::CentralDifference,
+            lowest: f64::NEG_INFINITY,
+        })
+    }
+
+    /// The same paths, a stationary start taken given that q is at least `lowest`.
+    pub(super) fn given_above(mut self, lowest: f64) -> Self {
+        self.lowest = lowest;
+        self
+    }
+
+    /// Paths `first` to `first + LANES - 1`.
+    pub(super) fn group(&self, first: u64) -> Group {
+        let mut it = Group {
+            q: [0.0; LANES],
+            v: [0.0; LANES],
+            excitation: [0.0; LANES],
+            streams: Streams::new(self.seed, first),
+            signal: None,
+        };
+        for lane in 0..LANES {
+            (it.q[lane], it.v[lane]) = self.start(first.wrapping_add(lane as u64));
+        }
+        match self.noise {
+            Noise::White if self.whole_steps => {
+                it.streams.normals(&mut it.excitation, &mut [0.0; LANES]);
+            }
+            Noise::White => {}
+            Noise::Cosines { count, band } => {
+                let cosines = Cosines::new(self.seed, first, count, band, self.level);
+                it.signal = Some(Signal::Cosines(Box::new(cosines)));
+            }
+            Noise::Band { band } => {
+                let band = Band::new(self.seed, first, band, self.level, self.step);
+                it.signal = Some(Signal::Band(Box::new(band)));
+            }
+        }
+        it
+    }
+
+    fn start(&self, path: u64) -> (f64, f64) {
+        let bytes = noise::seed_bytes(self.seed, path, Purpose::Start);
+        let mut rng = Xoshiro256PlusPlus::from_seed(bytes);
+        match (self.initial, &self.sampler) {
+            (Initial::Gaussian { mean, deviation }, _) => {
+                let [q, v] = [0, 1].map(|k| {
+                    let normal: f64 = StandardNormal.sample(&mut rng);
+                    mean[k] + deviation[k] * normal
+                });
+                (q, v)
+            }
+            (_, Some(sampler)) => loop {
+                let (q, v) = sampler.sample_state(&mut rng);
+                if q >= self.lowest {
+                    break (q, v);
+                }
+            },
+            _ => (0.0, 0.0),
+        }
+    }
+}
+
+/// The highest frequency a path meets: the root of the stiffness at the outer turning point of an
+/// energy few paths exceed.
+pub(super) fn highest_frequency(oscillator: &Oscillator, initial: &Initial) -> f64 {
+    let contact = oscillator.contact();
+    let mut rise = 5.0 * oscillator.temperature();
+    let mut outer: f64 = 0.0;
+    if let Initial::Gaussian { mean, deviation } = initial {
+        let (q, v) = (
+            mean[0].abs() + 2.0 * deviation[0],
+            mean[1].abs() + 2.0 * deviation[1],
+        );
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        let level = contact.potential(q).max(contact.potential(-q)) - lowest;
+        rise = rise.max(0.5 * v * v + level.max(0.0));
+        outer = q;
+    }
+    if let Some((_, right)) = contact.turning_points(rise) {
+        outer = outer.max(right);
+    }
+    let stiffness = [0.0, 0.5 * outer, outer].map(|q| contact.stiffness(q));
+    stiffness.into_iter().fold(0.0, f64::max).sqrt()
+}

@@ -1,0 +1,257 @@
+use super::super::events::Deaf;
+use super::super::law::Hertz;
+use super::super::noise::LANES;
+use super::*;
+use crate::contact::ContactLaw;
+use rayon::prelude::*;
+
+/// Noise of the finest level, in `units` equal pieces a finest step, so that every coarser Ornstein-
+/// Uhlenbeck step is made of whole pieces: common random numbers at all levels.
+struct Pieces {
+    normals: Vec<Lanes>,
+    /// Decay over one piece.
+    decay: f64,
+}
+
+impl Pieces {
+    fn new(stream: u64, count: usize, decay: f64) -> Self {
+        let mut streams = Streams::new(77, stream * LANES as u64);
+        let mut normals = vec![[0.0; LANES]; count + count % 2];
+        for pair in normals.chunks_exact_mut(2) {
+            let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
+            streams.normals(&mut a, &mut b);
+            (pair[0], pair[1]) = (a, b);
+        }
+        Self { normals, decay }
+    }
+
+    /// The standard normals of the step made of pieces `first` to `first + count - 1`.
+    fn step(&self, first: usize, count: usize) -> Lanes {
+        let (mut sum, mut variance) = ([0.0; LANES], 0.0);
+        for piece in &self.normals[first..first + count] {
+            for lane in 0..LANES {
+                sum[lane] = self.decay * sum[lane] + piece[lane];
+            }
+            variance = self.decay * self.decay * variance + 1.0;
+        }
+        sum.map(|x| x / variance.sqrt())
+    }
+}
+
+/// `count` steps from (q, v) with the excitation of the start.
+fn kernel<K: Kernel>(
+    kernel: K,
+    (mut q, mut v, first): (Lanes, Lanes, Lanes),
+    noise: impl Fn(usize) -> Lanes,
+    count: usize,
+) -> (Lanes, Lanes) {
+    let mut kick: Lanes = std::array::from_fn(|lane| kernel.kick(Hertz, q[lane], first[lane]));
+    for k in 0..count {
+        let normal = noise(k);
+        for lane in 0..LANES {
+            let old = (q[lane], v[lane], kick[lane]);
+            (q[lane], v[lane], kick[lane]) = kernel.step(Hertz, old, normal[lane]);
+        }
+    }
+    (q, v)
+}
+
+/// v^2 and \[q < -3/2\] at t = 6, from Gaussian starts about (1, 0), with steps of `coarse`, `coarse`/2, ...
+fn levels(
+    scheme: Scheme,
+    it: &Oscillator,
+    coarse: f64,
+    levels: u32,
+    group: u64,
+) -> Vec<[Lanes; 2]> {
+    let end = 6.0;
+    let finest = 1usize << (levels - 1);
+    let steps = (end / coarse).round() as usize;
+    // Pieces in a step of the finest level, and in each Ornstein-Uhlenbeck step.
+    let (units, parts): (usize, &[usize]) = match scheme {
+        Scheme::Splitting42 => (2, &[1, 1]),
+        Scheme::Splitting62 => (18, &[5, 8, 5]),
+        _ => (1, &[1]),
+    };
+    let piece = coarse / (finest * units) as f64;
+    // Central differences and Euler take sums of Wiener increments.
+    let wiener = matches!(scheme, Scheme::CentralDifference | Scheme::EulerMaruyama);
+    let decay = if wiener {
+        1.0
+    } else {
+        (-2.0 * it.zeta() * piece).exp()
+    };
+    let pieces = Pieces::new(2 * group, steps * finest * units, decay);
+    let mut start = Streams::new(78, group * LANES as u64);
+    let (mut q0, mut v0) = ([0.0; LANES], [0.0; LANES]);
+    start.normals(&mut q0, &mut v0);
+    let (mut first, mut unused) = ([0.0; LANES], [0.0; LANES]);
+    start.normals(&mut first, &mut unused);
+    q0 = q0.map(|z| 1.0 + 0.4 * z);
+    v0 = v0.map(|z| 0.4 * z);
+    (0..levels)
+        .map(|level| {
+            let join = finest >> level;
+            let step = coarse / f64::from(1u32 << level);
+            let (mut q, mut v) = (q0, v0);
+            let count = steps << level;
+            let splitting = |motions: &[f64]| {
+                let (mut q, mut v, mut force) = (q0, v0, q0.map(|q| Hertz.force(q)));
+                let mut first = 0;
+                for _ in 0..count {
+                    for (k, motion) in motions.iter().enumerate() {
+                        Flow::new(motion * step, 1.3).advance(
+                            Hertz,
+                            (&mut q, &mut v, &mut force),
+                            0.0,
+                            &mut Deaf,
+                        );
+                        if let Some(part) = parts.get(k) {
+                            let normal = pieces.step(first, part * join);
+                            let (decay, spread) =
+                                ornstein_uhlenbeck(it, (part * join) as f64 * piece);
+                            for lane in 0..LANES {
+                                v[lane] = decay * v[lane] + spread * normal[lane];
+                            }
+                            first += part * join;
+                        }
+                    }
+                }
+                (q, v)
+            };
+            let noise = |k: usize| pieces.step(k * join, join);
+            (q, v) = match Coefficients::new(scheme, it, step, 1.3) {
+                Coefficients::ExponentialHeun(_) => (q, v),
+                Coefficients::Baoab(it) => kernel(it, (q, v, first), noise, count),
+                Coefficients::EulerMaruyama(it) => kernel(it, (q, v, first), noise, count),
+                Coefficients::CentralDifference(it) => kernel(it, (q, v, first), noise, count),
+                Coefficients::Splitting42(_) => {
+                    let c = 3f64.sqrt() / 6.0;
+                    splitting(&[0.5 - c, 2.0 * c, 0.5 - c])
+                }
+                Coefficients::Splitting62(_) => {
+                    let c = 15f64.sqrt() / 10.0;
+                    splitting(&[0.5 - c, c, c, 0.5 - c])
+                }
+            };
+            [v.map(|v| v * v), q.map(|q| f64::from(u8::from(q < -1.5)))]
+        })
+        .collect()
+}
+
+/// Differences of E\[v^2\] and P(loss) between neighbouring steps, with standard errors.
+fn differences(
+    scheme: Scheme,
+    zeta: f64,
+    coarse: f64,
+    count: u32,
+    groups: u64,
+) -> [Vec<(f64, f64)>; 2] {
+    let temperature = 0.628_318_530_717_958_6;
+    let h = temperature * 2.0 * zeta / std::f64::consts::PI;
+    let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+    let per_group: Vec<Vec<[[f64; 2]; 2]>> = (0..groups)
+        .into_par_iter()
+        .map(|group| {
+            let values = levels(scheme, &it, coarse, count, group);
+            let pairs = values.windows(2);
+            pairs
+                .map(|pair| {
+                    [0, 1].map(|what| {
+                        let d: Vec<f64> = (0..LANES)
+                            .map(|lane| pair[0][what][lane] - pair[1][what][lane])
+                            .collect();
+                        [d.iter().sum(), d.iter().map(|d| d * d).sum()]
+                    })
+                })
+                .collect()
+        })
+        .collect();
+    let n = groups as f64 * LANES as f64;
+    [0, 1].map(|what| {
+        (0..count as usize - 1)
+            .map(|level| {
+                let sum: f64 = per_group.iter().map(|g| g[level][what][0]).sum();
+                let square: f64 = per_group.iter().map(|g| g[level][what][1]).sum();
+                let mean = sum / n;
+                (mean, ((square / n - mean * mean) / n).sqrt())
+            })
+            .collect()
+    })
+}
+
+#[test]
+fn each_scheme_has_its_weak_order_in_the_velocity_and_in_the_loss_of_contact() {
+    // Scheme, zeta, coarsest step, groups, and the order of E[v^2] that is accepted.
+    for (scheme, zeta, coarse, groups, least, most) in [
+        (Scheme::EulerMaruyama, 0.005, 0.1, 6_000, 0.8, 1.5),
+        (Scheme::CentralDifference, 0.005, 0.4, 20_000, 1.7, 2.3),
+        (Scheme::Baoab, 0.005, 0.4, 20_000, 1.7, 2.3),
+        // The velocity of central differences has a term of order zeta step.
+        (Scheme::CentralDifference, 0.1, 0.4, 20_000, 0.8, 1.7),
+        (Scheme::Baoab, 0.1, 0.4, 20_000, 1.7, 2.3),
+        // So accurate that only steps of half a period show an error; below, it drowns in the noise.
+        (Scheme::Splitting42, 0.1, 3.0, 30_000, 3.0, f64::INFINITY),
+        (Scheme::Splitting62, 0.1, 3.0, 6_000, 0.5, f64::INFINITY),
+    ] {
+        let [square, loss] = differences(scheme, zeta, coarse, 3, groups);
+        let order = |d: &[(f64, f64)]| (d[0].0 / d[1].0).abs().log2();
+        for (name, d) in [("E[v^2]", &square), ("P(loss)", &loss)] {
+            println!(
+                "{scheme}, zeta {zeta}: {name} differs by {:.1e} ± {:.0e} from step {coarse} to its half, \
+                 then by {:.1e} ± {:.0e}: order {:.2}",
+                d[0].0,
+                d[0].1,
+                d[1].0,
+                d[1].1,
+                order(d)
+            );
+        }
+        let order = order(&square);
+        assert!(order > least && order < most, "{scheme}: {order}");
+        if matches!(scheme, Scheme::Splitting42 | Scheme::Splitting62) {
+            let (difference, error) = square[1];
+            assert!(
+                difference.abs() < 1e-3 + 4.0 * error,
+                "{scheme}: {difference}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_exponential_scheme_has_the_exact_noise_of_friction_alone() {
+    // Over any step, the noise of (q, v) without force is that of many short steps.
+    for zeta in [1e-4, 0.3, 30.0] {
+        let it = Oscillator::new(ContactLaw::Free, zeta, 0.01).unwrap();
+        for step in [1e-3, 0.04 / zeta, 3.0] {
+            let one = ExponentialHeun::new(&it, step);
+            let n = 1 << 12;
+            let part = ExponentialHeun::new(&it, step / f64::from(n));
+            let variance = |it: &ExponentialHeun| {
+                [
+                    it.along * it.along + it.across * it.across,
+                    it.along * it.spread,
+                    it.spread * it.spread,
+                ]
+            };
+            let [qq, qv, vv] = variance(&part);
+            let mut sum = [0.0; 3];
+            for _ in 0..n {
+                let [a, b, c] = sum;
+                let (f, d) = (part.f1, part.decay);
+                sum = [
+                    a + 2.0 * f * b + f * f * c + qq,
+                    d * (b + f * c) + qv,
+                    d * d * c + vv,
+                ];
+            }
+            let got = variance(&one);
+            let worst = (0..3)
+                .map(|k| (got[k] / sum[k] - 1.0).abs())
+                .fold(0.0, f64::max);
+            println!("zeta {zeta}, step {step}: {worst:.1e}");
+            assert!(worst < 1e-9);
+        }
+    }
+}

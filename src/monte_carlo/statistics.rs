@@ -1,0 +1,317 @@
+//! Streamed statistics: power sums about a fixed centre, added in a fixed order, and the moments with
+//! their standard errors.
+
+use super::histogram::Bins;
+use super::law::Law;
+use crate::contact::ContactLaw;
+use crate::estimate::{Estimate, Origin};
+use crate::moments::Moments;
+
+/// A centre and a unit near the mean and the deviation, so that power sums neither cancel nor
+/// overflow.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Frame {
+    centre: f64,
+    /// One over the unit.
+    inverse: f64,
+}
+
+impl Frame {
+    /// The frame of a first sample.
+    fn of(sample: &[f64]) -> Self {
+        let n = sample.len() as f64;
+        let centre = sample.iter().sum::<f64>() / n;
+        let widest = sample
+            .iter()
+            .map(|x| (x - centre).abs())
+            .fold(0.0, f64::max);
+        let unit = (sample
+            .iter()
+            .map(|x| ((x - centre) / widest).powi(2))
+            .sum::<f64>()
+            / n)
+            .sqrt()
+            * widest;
+        let inverse = if unit.is_finite() && unit > f64::MIN_POSITIVE {
+            1.0 / unit
+        } else {
+            1.0
+        };
+        Self { centre, inverse }
+    }
+
+    #[inline(always)]
+    fn apply(self, x: f64) -> f64 {
+        (x - self.centre) * self.inverse
+    }
+}
+
+/// The frames of q, v, N and H at one time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Frames([Frame; 4]);
+
+impl Frames {
+    /// The frames of the states (q, v) of the first paths.
+    pub(super) fn of<L: Law>(law: L, q: &[f64], v: &[f64]) -> Self {
+        let force: Vec<f64> = q.iter().map(|&q| law.force(q)).collect();
+        let energy: Vec<f64> = q
+            .iter()
+            .zip(v)
+            .map(|(&q, &v)| 0.5 * v * v + law.potential(q))
+            .collect();
+        Self([
+            Frame::of(q),
+            Frame::of(v),
+            Frame::of(&force),
+            Frame::of(&energy),
+        ])
+    }
+
+    /// Bins for the densities of q, v and N: eight units to the left of the centre, where flight has its
+    /// exponential tail, six to the right; N from the force of flight on.
+    pub(super) fn bins<L: Law>(&self, law: L, count: usize) -> [Bins; 3] {
+        let [q, v, force, _] = self.0;
+        let reach = |frame: Frame, units: f64| frame.centre + units / frame.inverse;
+        let lowest = if law.loss().is_finite() {
+            law.force(law.loss())
+        } else {
+            reach(force, -6.0)
+        };
+        [
+            Bins::new(reach(q, -8.0), reach(q, 6.0), count),
+            Bins::new(reach(v, -6.0), reach(v, 6.0), count),
+            Bins::new(lowest, reach(force, 6.0).max(lowest + 1e-9), count),
+        ]
+    }
+}
+
+/// Sums of powers of (q, v, N, H) in their frames over the paths at one time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    count: f64,
+    q: [f64; 4],
+    v: [f64; 4],
+    /// Sums of q v, q^2 v, q v^2, q^2 v^2.
+    qv: [f64; 4],
+    force: [f64; 8],
+    energy: [f64; 2],
+    lost: f64,
+}
+
+/// Doubles in [`Sums`] next to the count.
+const TERMS: usize = 23;
+
+/// Sums taken side by side, so that they vectorise.
+const WIDTH: usize = 8;
+
+impl Sums {
+    /// The sums over the states (q, v) of some paths.
+    #[inline(always)]
+    pub(super) fn of<L: Law>(law: L, frames: &Frames, q: &[f64], v: &[f64]) -> Self {
+        let mut sums = [[0.0; WIDTH]; TERMS];
+        let whole = q.len() - q.len() % WIDTH;
+        for (q, v) in q[..whole]
+            .chunks_exact(WIDTH)
+            .zip(v[..whole].chunks_exact(WIDTH))
+        {
+            for lane in 0..WIDTH {
+                let terms = terms(law, frames, q[lane], v[lane]);
+                for k in 0..TERMS {
+                    sums[k][lane] += terms[k];
+                }
+            }
+        }
+        for (lane, (q, v)) in q[whole..].iter().zip(&v[whole..]).enumerate() {
+            let terms = terms(law, frames, *q, *v);
+            for k in 0..TERMS {
+                sums[k][lane] += terms[k];
+            }
+        }
+        let s: [f64; TERMS] = sums.map(|lanes| lanes.iter().sum());
+        Self {
+            count: q.len() as f64,
+            q: std::array::from_fn(|k| s[k]),
+            v: std::array::from_fn(|k| s[4 + k]),
+            qv: std::array::from_fn(|k| s[8 + k]),
+            force: std::array::from_fn(|k| s[12 + k]),
+            energy: [s[20], s[21]],
+            lost: s[22],
+        }
+    }
+
+    /// Adds the sums of more paths in the same frames.
+    pub(super) fn add(&mut self, more: &Self) {
+        let pairs = [
+            (&mut self.q[..], &more.q[..]),
+            (&mut self.v[..], &more.v[..]),
+            (&mut self.qv[..], &more.qv[..]),
+            (&mut self.force[..], &more.force[..]),
+            (&mut self.energy[..], &more.energy[..]),
+        ];
+        for (mine, theirs) in pairs {
+            for (a, b) in mine.iter_mut().zip(theirs) {
+                *a += b;
+            }
+        }
+        self.count += more.count;
+        self.lost += more.lost;
+    }
+
+    /// The moments with one standard error each, by the delta method (influence functions): first
+    /// order in 1/sqrt(paths).
+    pub(super) fn moments(&self, contact: &ContactLaw, frames: &Frames) -> Moments {
+        let n = self.count;
+        let [fq, fv, fn_, fh] = frames.0;
+        let (q, v) = (central(&self.q, n), central(&self.v, n));
+        let force = central(&self.force, n);
+        let energy = central(&self.energy, n);
+        let [std, skewness, kurtosis] = shape(&force, n);
+        Moments {
+            mean_q: mean(&q, n, fq),
+            var_q: variance(&q, n, fq),
+            mean_v: mean(&v, n, fv),
+            var_v: variance(&v, n, fv),
+            cov_qv: self.covariance(fq, fv),
+            mean_force: mean(&force, n, fn_),
+            std_force: std.scaled(1.0 / fn_.inverse),
+            skewness_force: skewness,
+            kurtosis_force: kurtosis,
+            mean_energy: mean(&energy, n, fh),
+            contact_loss_probability: contact.loss_point().map(|_| proportion(self.lost, n)),
+        }
+    }
+
+    fn covariance(&self, fq: Frame, fv: Frame) -> Estimate {
+        let n = self.count;
+        let e = |x: f64| x / n;
+        let [q1, q2, ..] = self.q.map(e);
+        let [v1, v2, ..] = self.v.map(e);
+        let [qv, qqv, qvv, qqvv] = self.qv.map(e);
+        let covariance = qv - q1 * v1;
+        // E[(q - Eq)^2 (v - Ev)^2].
+        let square = qqvv - 2.0 * v1 * qqv + v1 * v1 * q2 - 2.0 * q1 * qvv
+            + 4.0 * q1 * v1 * qv
+            + q1 * q1 * v2
+            - 3.0 * q1 * q1 * v1 * v1;
+        let error = ((square - covariance * covariance).max(0.0) / n).sqrt();
+        let unit = 1.0 / (fq.inverse * fv.inverse);
+        sampled(covariance * n / (n - 1.0), error).scaled(unit)
+    }
+}
+
+/// What one path adds to the sums.
+#[inline(always)]
+fn terms<L: Law>(law: L, frames: &Frames, q: f64, v: f64) -> [f64; TERMS] {
+    let [fq, fv, fn_, fh] = frames.0;
+    let force = fn_.apply(law.force(q));
+    let energy = fh.apply(0.5 * v * v + law.potential(q));
+    let lost = if q < law.loss() { 1.0 } else { 0.0 };
+    let (q, v) = (fq.apply(q), fv.apply(v));
+    let (qq, vv, f2) = (q * q, v * v, force * force);
+    let f4 = f2 * f2;
+    [
+        q,
+        qq,
+        qq * q,
+        qq * qq,
+        v,
+        vv,
+        vv * v,
+        vv * vv,
+        q * v,
+        qq * v,
+        q * vv,
+        qq * vv,
+        force,
+        f2,
+        f2 * force,
+        f4,
+        f4 * force,
+        f4 * f2,
+        f4 * f2 * force,
+        f4 * f4,
+        energy,
+        energy * energy,
+        lost,
+    ]
+}
+
+/// Raw moments E\[x^k\] in a frame (index 0 is the mean) and central moments (index k is order k).
+struct Central<const K: usize> {
+    mean: f64,
+    /// Central moments of order 1 to K: `order[k - 1]`.
+    order: [f64; K],
+}
+
+/// Central moments from power sums, by the binomial theorem; the frame keeps |mean| below a few
+/// tenths, so nothing cancels.
+fn central<const K: usize>(sums: &[f64; K], n: f64) -> Central<K> {
+    let raw = |k: usize| if k == 0 { 1.0 } else { sums[k - 1] / n };
+    let mean = raw(1);
+    let order = std::array::from_fn(|index| {
+        let k = index + 1;
+        let (mut sum, mut binomial) = (0.0, 1.0);
+        for j in 0..=k {
+            sum += binomial * raw(k - j) * (-mean).powi(j as i32);
+            binomial *= (k - j) as f64 / (j + 1) as f64;
+        }
+        if k % 2 == 0 { sum.max(0.0) } else { sum }
+    });
+    Central { mean, order }
+}
+
+fn sampled(value: f64, error: f64) -> Estimate {
+    Estimate::new(value, error, Origin::Sampling)
+}
+
+/// The mean; its error is sqrt(variance/n).
+fn mean<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
+    let unit = 1.0 / frame.inverse;
+    sampled(
+        frame.centre + c.mean * unit,
+        (c.order[1] / (n - 1.0)).sqrt() * unit,
+    )
+}
+
+/// The unbiased variance; its error is sqrt((m4 - m2^2)/n).
+fn variance<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
+    let (m2, m4) = (c.order[1], c.order[3]);
+    let error = ((m4 - m2 * m2).max(0.0) / n).sqrt();
+    sampled(m2 * n / (n - 1.0), error).scaled(frame.inverse.powi(-2))
+}
+
+/// Standard deviation, skewness and kurtosis; the influence functions, with x = (N - E N)/std, are
+/// (x^2 - 1)/2, x^3 - 3x - s - (3s/2)(x^2 - 1) and x^4 - 4 s x - k - 2k (x^2 - 1).
+fn shape(c: &Central<8>, n: f64) -> [Estimate; 3] {
+    let variance = c.order[1];
+    let std = variance.sqrt();
+    // Moments of x: m(1) = 0, m(2) = 1.
+    let m = |k: usize| c.order[k - 1] / std.powi(k as i32);
+    let (s, k) = (m(3), m(4));
+    let error = |square: f64| (square.max(0.0) / n).sqrt();
+    let std_error = if variance > 0.0 {
+        error(0.25 * (k - 1.0)) * std
+    } else {
+        0.0
+    };
+    // E[(x^3 - 3x - s - a (x^2 - 1))^2], a = 3s/2.
+    let a = 1.5 * s;
+    let skewness = m(6) - 6.0 * k + 9.0 - s * s + a * a * (k - 1.0) - 2.0 * a * (m(5) - 4.0 * s);
+    // E[(x^4 - 4 s x - k - b (x^2 - 1))^2], b = 2k.
+    let b = 2.0 * k;
+    let kurtosis =
+        m(8) + 16.0 * s * s - k * k + b * b * (k - 1.0) - 8.0 * s * m(5) - 2.0 * b * (m(6) - k)
+            + 8.0 * b * s * s;
+    [
+        sampled((variance * n / (n - 1.0)).sqrt(), std_error),
+        sampled(s, error(skewness)),
+        sampled(k, error(kurtosis)),
+    ]
+}
+
+/// A proportion `hits` of `n`. Its error is the deviation of the posterior under a uniform prior,
+/// sqrt((k+1)(n-k+1)/((n+2)^2 (n+3))): the binomial error for many hits, and 1/n, not 0, for none.
+pub(super) fn proportion(hits: f64, n: f64) -> Estimate {
+    let error = ((hits + 1.0) * (n - hits + 1.0) / (n + 3.0)).sqrt() / (n + 2.0);
+    sampled(hits / n, error)
+}

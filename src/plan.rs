@@ -1,0 +1,536 @@
+//! A plan: what a scene needs computed, and nothing else. Data that can be printed, costed and tested
+//! before anything runs.
+
+use crate::error::{Error, Result};
+use crate::fokker_planck::{self, Settings, Task};
+use crate::monte_carlo::{self, EnsembleSettings};
+use crate::results::{Agreement, Results, StationaryNumbers, peak_memory};
+use crate::scene::{self, Scene, num};
+use crate::stationary::Stationary;
+use std::time::Instant;
+
+/// The stages of a scene: optional parts, each there only because an output needs it.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    scene: Scene,
+    settings: Settings,
+    stages: Vec<Stage>,
+}
+
+/// One part of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stage {
+    /// Which part.
+    pub part: Part,
+    /// The outputs that need it, as keys of the scene.
+    pub needed_by: Vec<&'static str>,
+    /// What it will cost.
+    pub cost: Cost,
+}
+
+/// The parts a plan can have, in the order they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// The closed form (21)-(30).
+    Stationary,
+    /// The transient of the Fokker-Planck equation.
+    Transient,
+    /// Its steady state on the mesh.
+    Steady,
+    /// The slowest eigenvalues of L.
+    DecayRates,
+    /// The ensemble of paths.
+    MonteCarlo,
+}
+
+impl Part {
+    /// The name in tables and in results.json.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stationary => "stationary",
+            Self::Transient => "transient",
+            Self::Steady => "steady",
+            Self::DecayRates => "decay_rates",
+            Self::MonteCarlo => "monte_carlo",
+        }
+    }
+}
+
+/// The expected cost of a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cost {
+    /// How it will be computed, and why so.
+    pub method: String,
+    /// Cells in q and v; None without a mesh.
+    pub cells: Option<[usize; 2]>,
+    /// Time steps, of each path for an ensemble.
+    pub steps: u64,
+    /// Bytes.
+    pub memory_bytes: u64,
+    /// Seconds on this machine, roughly.
+    pub seconds: f64,
+}
+
+/// Told about a run as it goes; every method may be left as it is.
+pub trait Watch: Sync {
+    /// A part begins.
+    fn begins(&self, _part: Part) {}
+
+    /// A part is done to this fraction.
+    fn progress(&self, _part: Part, _fraction: f64) {}
+
+    /// A part has ended; `results` hold it and all before it.
+    ///
+    /// # Errors
+    /// Whatever is returned ends the run.
+    fn ends(&self, _part: Part, _results: &Results) -> Result<()> {
+        Ok(())
+    }
+}
+
+struct Nobody;
+impl Watch for Nobody {}
+
+/// Steps beyond which a scene is taken for a slip of the pen.
+const MOST_STEPS: u64 = 10_000_000_000;
+
+impl Plan {
+    /// The plan of a scene. Computes nothing but sizes.
+    ///
+    /// # Errors
+    /// Whatever [`Scene::check`] finds, and sizes beyond the memory the scene allows.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        scene.check()?;
+        let mut plan = Self {
+            scene: scene.clone(),
+            settings: Settings {
+                method: scene.method.transient,
+                drift: scene.method.drift,
+                time: scene.method.time,
+                cells: scene.method.cells,
+                step: scene.method.step,
+                tolerance: scene.accuracy.tolerance,
+                max_memory: scene.accuracy.max_memory,
+                max_seconds: scene.accuracy.max_seconds,
+            },
+            stages: Vec::new(),
+        };
+        let outputs = &scene.outputs;
+        if outputs.stationary {
+            plan.add(Part::Stationary, &[("outputs.stationary", true)])?;
+        }
+        if outputs.transient() {
+            let why = [
+                ("outputs.moments_at", !outputs.moments_at.is_empty()),
+                ("outputs.density_at", !outputs.density_at.is_empty()),
+            ];
+            plan.add(Part::Transient, &why)?;
+        }
+        if outputs.steady {
+            plan.add(Part::Steady, &[("outputs.steady", true)])?;
+        }
+        if outputs.decay_rates > 0 {
+            plan.add(Part::DecayRates, &[("outputs.decay_rates", true)])?;
+        }
+        if scene.monte_carlo.is_some() {
+            plan.add(Part::MonteCarlo, &[("monte_carlo", true)])?;
+        }
+        Ok(plan)
+    }
+
+    fn add(&mut self, part: Part, why: &[(&'static str, bool)]) -> Result<()> {
+        let cost = self.cost(part)?;
+        self.check_cost(part, &cost)?;
+        self.stages.push(Stage {
+            part,
+            needed_by: why
+                .iter()
+                .filter(|(_, asked)| *asked)
+                .map(|(key, _)| *key)
+                .collect(),
+            cost,
+        });
+        Ok(())
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The stages in the order they run.
+    pub fn stages(&self) -> &[Stage] {
+        &self.stages
+    }
+
+    /// Whether the plan has this part.
+    pub fn has(&self, part: Part) -> bool {
+        self.stages.iter().any(|stage| stage.part == part)
+    }
+
+    /// The last time anything is asked for.
+    fn until(&self) -> f64 {
+        let outputs = &self.scene.outputs;
+        outputs.moments_at.last().max(outputs.density_at.last())
+    }
+
+    fn ensemble_settings(&self) -> Option<EnsembleSettings> {
+        self.scene.monte_carlo.as_ref().map(|it| EnsembleSettings {
+            paths: it.paths,
+            seed: it.seed,
+            scheme: it.scheme,
+            step: it.step,
+            noise: match it.noise {
+                scene::Noise::White => monte_carlo::Noise::White,
+                scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
+                    count: cosines.try_into().unwrap_or(u32::MAX),
+                    band,
+                },
+            },
+            ..EnsembleSettings::default()
+        })
+    }
+
+    // ---- the joins to the numerics: sizes here, calls in `compute` ----
+
+    fn cost(&self, part: Part) -> Result<Cost> {
+        let task = match part {
+            Part::Stationary => {
+                return Ok(Cost {
+                    method: "closed form by adaptive quadrature".into(),
+                    cells: None,
+                    steps: 0,
+                    memory_bytes: 1 << 16,
+                    seconds: 1e-3,
+                });
+            }
+            Part::MonteCarlo => return self.ensemble_cost(),
+            Part::Transient => Task::Transient {
+                until: self.until(),
+            },
+            Part::Steady => Task::Steady,
+            Part::DecayRates => Task::DecayRates,
+        };
+        let Scene {
+            oscillator,
+            initial,
+            ..
+        } = &self.scene;
+        let (it, method) = fokker_planck::cost(oscillator, initial, task, &self.settings)?;
+        Ok(Cost {
+            method,
+            cells: Some(it.cells),
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        })
+    }
+
+    fn ensemble_cost(&self) -> Result<Cost> {
+        let settings = self.ensemble_settings().unwrap_or_default();
+        let Scene {
+            oscillator,
+            initial,
+            outputs,
+            ..
+        } = &self.scene;
+        let (scheme, step) = monte_carlo::scheme_and_step(oscillator, initial, &settings)?;
+        let steps = (outputs.moments_at.last() / step).ceil();
+        let threads = rayon::current_num_threads() as f64;
+        Ok(Cost {
+            method: format!("{} paths, {scheme}, step {}", settings.paths, num(step)),
+            cells: None,
+            steps: steps as u64,
+            memory_bytes: (threads * 1e6) as u64,
+            // One step of one path of a splitting takes about 40 ns, of the plain schemes 4.
+            seconds: 40e-9 * settings.paths as f64 * steps / threads,
+        })
+    }
+
+    /// Compute one part into `results`.
+    fn compute(
+        &self,
+        part: Part,
+        results: &mut Results,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<()> {
+        let Scene {
+            oscillator,
+            initial,
+            outputs,
+            ..
+        } = &self.scene;
+        let mut settings = self.settings.clone();
+        settings.max_seconds -= results.run.wall_seconds;
+        match part {
+            Part::Stationary => {
+                let law = Stationary::of(oscillator)?;
+                results.stationary = Some(StationaryNumbers::of(&law));
+            }
+            Part::Transient => {
+                let (moments_at, density_at) =
+                    (outputs.moments_at.list(), outputs.density_at.list());
+                // One run passes through the times of both.
+                let mut times = [moments_at.as_slice(), &density_at].concat();
+                times.sort_by(f64::total_cmp);
+                times.dedup();
+                let mut it = fokker_planck::transient(
+                    oscillator,
+                    initial,
+                    &times,
+                    &density_at,
+                    &settings,
+                    progress,
+                )?;
+                keep_times(&mut it, &moments_at);
+                results.run.warnings.extend(it.warnings.iter().cloned());
+                results.transient = Some(it);
+            }
+            Part::Steady => {
+                let it = fokker_planck::steady(oscillator, &settings)?;
+                results.run.warnings.extend(it.warnings.iter().cloned());
+                results.steady = Some(it);
+            }
+            Part::DecayRates => {
+                let count = outputs.decay_rates;
+                results.decay_rates =
+                    Some(fokker_planck::decay_rates(oscillator, count, &settings)?);
+            }
+            Part::MonteCarlo => {
+                if let Some(settings) = self.ensemble_settings() {
+                    let times = outputs.moments_at.list();
+                    let it = monte_carlo::run(oscillator, initial, &times, &settings, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.agreement = results.transient.as_ref().and_then(|a| {
+                        Agreement::of((&a.times, &a.moments), (&it.times, &it.moments))
+                    });
+                    results.monte_carlo = Some(it);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    // ---- end of the joins ----
+
+    fn check_cost(&self, part: Part, cost: &Cost) -> Result<()> {
+        let ensemble = part == Part::MonteCarlo;
+        if cost.steps > MOST_STEPS {
+            let (key, value) = match (ensemble, self.scene.method.step) {
+                (true, _) => (
+                    "monte_carlo.step",
+                    self.scene.monte_carlo.as_ref().and_then(|it| it.step),
+                ),
+                (false, step) => ("method.step", step),
+            };
+            let (key, value) = value.map_or(("outputs", self.until()), |step| (key, step));
+            let accepted = format!(
+                "at most {MOST_STEPS:.0e} steps, and this takes {:.1e}",
+                cost.steps as f64
+            );
+            return Err(Error::invalid(key, num(value), accepted));
+        }
+        let limit = self.scene.accuracy.max_memory;
+        if cost.memory_bytes > limit {
+            let need = format!(
+                "the {} stage would need {}; accuracy.max_memory = {}",
+                part.name(),
+                bytes(cost.memory_bytes),
+                bytes(limit)
+            );
+            return Err(match self.scene.method.cells {
+                Some([q, v]) if cost.cells.is_some() => {
+                    Error::invalid("method.cells", format!("[{q}, {v}]"), need)
+                }
+                _ => Error::invalid("accuracy.max_memory", bytes(limit), need),
+            });
+        }
+        if let (Part::Transient, Some([q, v])) = (part, cost.cells) {
+            let count = self.scene.outputs.density_at.list().len();
+            let size = 8.0 * q as f64 * v as f64 * count as f64;
+            if size > limit as f64 {
+                let accepted = format!(
+                    "densities that fit accuracy.max_memory = {}; these take {}",
+                    bytes(limit),
+                    bytes(size as u64)
+                );
+                return Err(Error::invalid(
+                    "outputs.density_at",
+                    format!("{count} times"),
+                    accepted,
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Run every stage; `watch` is told as it goes.
+    ///
+    /// # Errors
+    /// The first error of a stage or of `watch`. Results of the stages before it have been shown to
+    /// `watch`.
+    pub fn run(&self, watch: &dyn Watch) -> Result<Results> {
+        let start = Instant::now();
+        let mut results = Results::empty(&self.scene);
+        for (k, stage) in self.stages.iter().enumerate() {
+            let limit = self.scene.accuracy.max_seconds;
+            results.run.wall_seconds = start.elapsed().as_secs_f64();
+            if results.run.wall_seconds > limit {
+                return Err(Error::Limit {
+                    key: "accuracy.max_seconds",
+                    limit: num(limit),
+                    what: format!("the {} stage had not begun", stage.part.name()),
+                });
+            }
+            let part = stage.part;
+            watch.begins(part);
+            let begin = Instant::now();
+            self.compute(part, &mut results, &|fraction| {
+                watch.progress(part, fraction);
+            })?;
+            results
+                .run
+                .stages
+                .push((part.name(), begin.elapsed().as_secs_f64()));
+            results.run.wall_seconds = start.elapsed().as_secs_f64();
+            results.run.peak_memory_bytes = peak_memory();
+            let open: Vec<&str> = self.stages[k + 1..]
+                .iter()
+                .map(|it| it.part.name())
+                .collect();
+            if open.is_empty() {
+                watch.ends(part, &results)?;
+            } else {
+                let warning = format!("unfinished: {} had not ended yet", open.join(", "));
+                results.run.warnings.push(warning);
+                watch.ends(part, &results)?;
+                results.run.warnings.pop();
+            }
+        }
+        Ok(results)
+    }
+
+    /// Run every stage, telling nobody.
+    ///
+    /// # Errors
+    /// The first error of a stage.
+    pub fn run_quietly(&self) -> Result<Results> {
+        self.run(&Nobody)
+    }
+}
+
+/// Leave the numbers of these times only.
+fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
+    fn keep<T>(items: &mut Vec<T>, kept: &[bool]) {
+        let mut kept = kept.iter();
+        items.retain(|_| kept.next().copied().unwrap_or(true));
+    }
+    let kept: Vec<bool> = it.times.iter().map(|t| times.contains(t)).collect();
+    keep(&mut it.times, &kept);
+    keep(&mut it.moments, &kept);
+    keep(&mut it.mass, &kept);
+    keep(&mut it.lowest_density, &kept);
+    keep(&mut it.relative_entropy, &kept);
+    keep(&mut it.distance, &kept);
+}
+
+/// A size in the unit a person would use.
+pub fn bytes(bytes: u64) -> String {
+    let mut size = bytes as f64;
+    for unit in ["B", "kB", "MB", "GB", "TB", "PB"] {
+        if size < 999.5 {
+            let digits = usize::from(size < 9.95 && unit != "B");
+            return format!("{size:.digits$} {unit}");
+        }
+        size /= 1e3;
+    }
+    format!("{size:.1e} EB")
+}
+
+/// A time in the unit a person would use.
+pub fn seconds(seconds: f64) -> String {
+    if seconds < 1e-3 {
+        format!("{:.0} us", seconds * 1e6)
+    } else if seconds < 1.0 {
+        format!("{:.0} ms", seconds * 1e3)
+    } else if seconds < 100.0 {
+        format!("{seconds:.1} s")
+    } else if seconds < 1e4 {
+        format!("{:.0} min", seconds / 60.0)
+    } else if seconds < 1e9 {
+        format!("{:.0} h", seconds / 3600.0)
+    } else {
+        format!("{:.0e} a", seconds / 3.156e7)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::initial::Initial;
+    use crate::oscillator::Oscillator;
+    use crate::scene::{MonteCarlo, Outputs, Times};
+
+    fn scene() -> Scene {
+        Scene::new(Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap())
+    }
+
+    #[test]
+    fn a_stationary_scene_builds_no_mesh_and_draws_no_path() {
+        let plan = Plan::of(&scene()).unwrap();
+        assert_eq!(plan.stages().len(), 1);
+        assert!(plan.has(Part::Stationary) && plan.stages()[0].cost.cells.is_none());
+        let results = plan.run_quietly().unwrap();
+        assert!(results.transient.is_none() && results.monte_carlo.is_none());
+        assert!(results.run.wall_seconds < 1.0);
+    }
+
+    #[test]
+    fn every_stage_is_there_only_for_an_output_that_asks() {
+        let mut scene = scene();
+        scene.initial = Initial::gaussian([0.0; 2], [0.3; 2]).unwrap();
+        scene.outputs = Outputs {
+            moments_at: Times::List(vec![1.0]),
+            ..Outputs::nothing()
+        };
+        let plan = Plan::of(&scene).unwrap();
+        assert_eq!(plan.stages().len(), 1);
+        assert_eq!(plan.stages()[0].needed_by, ["outputs.moments_at"]);
+        scene.outputs.density_at = Times::List(vec![2.0]);
+        scene.monte_carlo = Some(MonteCarlo::default());
+        let plan = Plan::of(&scene).unwrap();
+        assert_eq!(
+            plan.stages()[0].needed_by,
+            ["outputs.moments_at", "outputs.density_at"]
+        );
+        assert!(plan.has(Part::MonteCarlo) && !plan.has(Part::Stationary));
+    }
+
+    #[test]
+    fn a_mesh_beyond_the_memory_is_refused_before_anything_is_built() {
+        let mut scene = scene();
+        scene.outputs.steady = true;
+        scene.method.cells = Some([1_000_000_000, 1_000_000_000]);
+        let message = Plan::of(&scene).unwrap_err().to_string();
+        assert!(
+            message.contains("method.cells") && message.contains("max_memory"),
+            "{message}"
+        );
+        scene.method.cells = None;
+        scene.accuracy.max_memory = 1000;
+        let message = Plan::of(&scene).unwrap_err().to_string();
+        assert!(
+            message.contains("accuracy.max_memory = 1.0 kB"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn sizes_and_times_read_like_a_person_s() {
+        assert_eq!(bytes(8_000_000_000), "8.0 GB");
+        assert_eq!(bytes(65_536), "66 kB");
+        assert_eq!(seconds(0.0042), "4 ms");
+        assert_eq!(seconds(600.0), "10 min");
+    }
+}

@@ -1,0 +1,227 @@
+//! Numbers as files: JSON, CSV with units in the header, NumPy arrays.
+
+use super::File;
+use crate::error::{Error, Result};
+use crate::estimate::Estimate;
+use crate::fokker_planck::Snapshot;
+use crate::moments::Moments;
+use crate::results::Results;
+use crate::stationary::Stationary;
+use ndarray::arr0;
+use ndarray_npy::{NpzWriter, WriteNpzError};
+use std::fmt::Write;
+use std::io::Cursor;
+use std::path::PathBuf;
+
+/// The file that holds every number of a run.
+pub const RESULTS: &str = "results.json";
+
+/// Unit of a number, by its name in results.json: every quantity is dimensionless, (6)-(8), and its
+/// unit here is what one of it is on the rig. u = 2 z_s/3, W = Omega, F = static load.
+fn unit(name: &str) -> &'static str {
+    match name {
+        "mean_q" => "u",
+        "var_q" => "u^2",
+        "mean_v" => "u W",
+        "var_v" => "(u W)^2",
+        "cov_qv" => "u^2 W",
+        "mean_force" | "std_force" => "F",
+        "mean_energy" => "(u W)^2 m",
+        "loss_rate" => "W",
+        "mean_flight" => "1/W",
+        _ => "1",
+    }
+}
+
+/// A number as it reads back exactly; empty where it does not exist.
+fn field(x: f64) -> String {
+    if x.is_finite() {
+        format!("{x:?}")
+    } else {
+        String::new()
+    }
+}
+
+fn fields(it: Option<Estimate>) -> String {
+    let it = it.filter(|it| it.value.is_finite());
+    it.map_or(",".into(), |it| {
+        format!("{},{}", field(it.value), field(it.error))
+    })
+}
+
+/// A time as part of a file name: 5, 0.5, 1e-7.
+pub fn time_name(t: f64) -> String {
+    let text = format!("{t:?}");
+    text.strip_suffix(".0").unwrap_or(&text).to_owned()
+}
+
+/// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
+///
+/// # Errors
+/// Where there is no stationary law.
+pub fn stationary(results: &Results) -> Result<Vec<File>> {
+    let Some(numbers) = &results.stationary else {
+        return Ok(Vec::new());
+    };
+    let law = Stationary::of(&results.scene.oscillator)?;
+    let mut table = String::from("name,value,error,unit\n");
+    for (name, number) in numbers.iter() {
+        let _ = writeln!(table, "{name},{},{}", fields(number), unit(name));
+    }
+    let t = results.scene.oscillator.temperature();
+    let (low, high) = results
+        .contact()
+        .turning_points(18.0 * t)
+        .unwrap_or((0.0, 0.0));
+    let mut by_q = String::from("q [u],p_q [1/u]\n");
+    let mut by_force = String::from("N [F],p_N without its Dirac mass [1/F],P(N <= this) [1]\n");
+    for q in grid(low, high) {
+        let _ = writeln!(by_q, "{},{}", field(q), field(law.density_q(q)));
+    }
+    let bottom = results.contact().force(low);
+    for force in grid(bottom, results.contact().force(high)) {
+        let (density, below) = (law.density_force(force), law.distribution_force(force));
+        let _ = writeln!(
+            by_force,
+            "{},{},{}",
+            field(force),
+            field(density),
+            field(below)
+        );
+    }
+    let mut by_v = String::from("v [u W],p_v [1/(u W)]\n");
+    for v in grid(-6.0 * t.sqrt(), 6.0 * t.sqrt()) {
+        let _ = writeln!(by_v, "{},{}", field(v), field(law.density_v(v)));
+    }
+    Ok(vec![
+        File::text("stationary.csv", table),
+        File::text("stationary_q.csv", by_q),
+        File::text("stationary_v.csv", by_v),
+        File::text("stationary_force.csv", by_force),
+    ])
+}
+
+fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {
+    (0..=400).map(move |k| low + (high - low) * f64::from(k) / 400.0)
+}
+
+fn moments_csv(
+    times: &[f64],
+    moments: &[Moments],
+    more: &[(&str, Vec<Option<Estimate>>)],
+) -> String {
+    let mut table = String::from("t [1/W]");
+    let names = Moments::default().named().map(|(name, _)| name);
+    for name in names.into_iter().chain(more.iter().map(|(name, _)| *name)) {
+        let unit = unit(name);
+        let _ = write!(table, ",{name} [{unit}],{name} error [{unit}]");
+    }
+    table.push('\n');
+    for (k, (t, moments)) in times.iter().zip(moments).enumerate() {
+        table += &field(*t);
+        for (_, number) in moments.named() {
+            let _ = write!(table, ",{}", fields(number));
+        }
+        for (_, curve) in more {
+            let _ = write!(table, ",{}", fields(curve.get(k).copied().flatten()));
+        }
+        table.push('\n');
+    }
+    table
+}
+
+/// Files of the transient: moments, and the densities asked for.
+///
+/// # Errors
+/// [`Error::Io`] for an array that cannot be packed.
+pub fn transient(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.transient else {
+        return Ok(Vec::new());
+    };
+    let mut files = Vec::new();
+    if !it.times.is_empty() {
+        let some = |curve: &[Estimate]| curve.iter().copied().map(Some).collect();
+        let more = [
+            ("mass", some(&it.mass)),
+            ("lowest_density", some(&it.lowest_density)),
+            ("relative_entropy", it.relative_entropy.clone()),
+            ("l1_distance", it.distance.clone()),
+        ];
+        files.push(File::text(
+            "moments.csv",
+            moments_csv(&it.times, &it.moments, &more),
+        ));
+    }
+    for snapshot in &it.densities {
+        let name = format!("density_{}.npz", time_name(snapshot.t));
+        files.push(density(name, snapshot)?);
+    }
+    Ok(files)
+}
+
+/// Files of the steady state on the mesh.
+///
+/// # Errors
+/// [`Error::Io`] for an array that cannot be packed.
+pub fn steady(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.steady else {
+        return Ok(Vec::new());
+    };
+    let mut files = vec![density("steady.npz".into(), &it.density)?];
+    if !it.approach.is_empty() {
+        let mut table = String::from("t [1/W],L1 distance to the closed form [1]\n");
+        for (t, distance) in &it.approach {
+            let _ = writeln!(table, "{},{}", field(*t), field(*distance));
+        }
+        files.push(File::text("approach.csv", table));
+    }
+    Ok(files)
+}
+
+/// The decay rates.
+pub fn decay_rates(results: &Results) -> Vec<File> {
+    let Some(rates) = &results.decay_rates else {
+        return Vec::new();
+    };
+    let mut table = String::from("re [W],im [W],error [W]\n");
+    for rate in rates {
+        let _ = writeln!(
+            table,
+            "{},{},{}",
+            field(rate.re),
+            field(rate.im),
+            field(rate.error)
+        );
+    }
+    vec![File::text("decay_rates.csv", table)]
+}
+
+/// The moments of the ensemble.
+pub fn monte_carlo(results: &Results) -> Vec<File> {
+    let moments = results.monte_carlo.as_ref();
+    let table = moments.map(|it| moments_csv(&it.times, &it.moments, &[]));
+    table
+        .map(|table| File::text("monte_carlo.csv", table))
+        .into_iter()
+        .collect()
+}
+
+/// p\[q, v\] with q, v and t, as numpy.load reads it.
+fn density(name: String, snapshot: &Snapshot) -> Result<File> {
+    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
+        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+        // C order whatever the layout in memory.
+        npz.add_array("p", &snapshot.p.as_standard_layout())?;
+        npz.add_array("q", &snapshot.q)?;
+        npz.add_array("v", &snapshot.v)?;
+        npz.add_array("t", &arr0(snapshot.t))?;
+        Ok(npz.finish()?.into_inner())
+    };
+    match pack() {
+        Ok(bytes) => Ok(File { name, bytes }),
+        Err(error) => Err(Error::Io {
+            path: PathBuf::from(name),
+            source: std::io::Error::other(error.to_string()),
+        }),
+    }
+}

@@ -1,0 +1,180 @@
+//! The output folder: files appear in it whole or not at all.
+
+use super::File;
+use super::data::RESULTS;
+use crate::error::{Error, Result};
+use std::ffi::OsStr;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A folder that one run writes into.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// Held until the run ends, so that a second run does not write into the same folder.
+    lock: fs::File,
+    /// Outermost folder that had to be made.
+    made: Option<PathBuf>,
+}
+
+/// What to do with a folder that exists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// Refuse it.
+    Refuse,
+    /// Take it if its results.json is one of ours, or if it is empty.
+    ReplaceOurs,
+    /// Take it whatever it holds; only files named as ours are replaced.
+    Force,
+}
+
+const LOCK: &str = ".vibroimpact.lock";
+
+/// Whether a file of that name is one of ours, to be removed before a new run.
+fn is_ours(name: &OsStr) -> bool {
+    let Some(name) = name.to_str() else {
+        return false;
+    };
+    let listed = [
+        RESULTS,
+        "report.html",
+        "scene.toml",
+        "stationary.csv",
+        "stationary_q.csv",
+        "stationary_v.csv",
+        "stationary_force.csv",
+        "moments.csv",
+        "monte_carlo.csv",
+        "decay_rates.csv",
+        "approach.csv",
+        "steady.npz",
+        "steady.svg",
+        "force.svg",
+        "moments.svg",
+        "approach.svg",
+        "snapshots.svg",
+    ];
+    let density = name.starts_with("density_")
+        && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));
+    let half = name.starts_with('.') && Path::new(name).extension() == Some(OsStr::new("part"));
+    listed.contains(&name) || density || half
+}
+
+/// Whether the folder's results.json is one that this program wrote.
+fn holds_our_results(path: &Path) -> bool {
+    let text = fs::read_to_string(path.join(RESULTS)).unwrap_or_default();
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    json["scene"].is_object() && json["run"]["version"].is_string()
+}
+
+impl Folder {
+    /// Make the folder, or take it over as `existing` allows: earlier results of ours in it are removed,
+    /// anything else is left alone.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a folder that is not to be taken; [`Error::Io`] where it cannot be made or
+    /// written.
+    pub fn open(path: &Path, existing: Existing) -> Result<Self> {
+        let shown = path.display();
+        if path.exists() && !path.is_dir() {
+            let accepted = "the name of a folder; this is a file";
+            return Err(Error::invalid("--out", shown, accepted));
+        }
+        if path.exists() {
+            let empty = || fs::read_dir(path).is_ok_and(|mut it| it.next().is_none());
+            let (taken, accepted) = match existing {
+                Existing::Force => (true, ""),
+                Existing::Refuse => (
+                    false,
+                    "a folder that does not exist yet, or --force to replace what is in it",
+                ),
+                Existing::ReplaceOurs => (
+                    empty() || holds_our_results(path),
+                    "a folder with a results.json of ours; this one has other things in it: give \
+                     --out, or --force to write here all the same",
+                ),
+            };
+            if !taken {
+                return Err(Error::invalid("--out", shown, accepted));
+            }
+        }
+        let io = |source| Error::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let missing = path
+            .ancestors()
+            .take_while(|it| !it.as_os_str().is_empty() && !it.exists());
+        let made = missing.last().map(Path::to_owned);
+        fs::create_dir_all(path).map_err(io)?;
+        let lock = fs::File::create(path.join(LOCK)).map_err(io)?;
+        if let Err(fs::TryLockError::WouldBlock) = lock.try_lock() {
+            let accepted = "a folder that no other run is writing into";
+            return Err(Error::invalid("--out", shown, accepted));
+        }
+        for entry in fs::read_dir(path).map_err(io)?.flatten() {
+            if is_ours(&entry.file_name()) && entry.file_type().is_ok_and(|it| it.is_file()) {
+                fs::remove_file(entry.path()).map_err(io)?;
+            }
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            lock,
+            made,
+        })
+    }
+
+    /// Take back everything: for a run that was refused before its first result.
+    pub fn discard(self) {
+        let Some(made) = self.made.clone() else {
+            for entry in fs::read_dir(&self.path).into_iter().flatten().flatten() {
+                if is_ours(&entry.file_name()) {
+                    let _ = fs::remove_file(entry.path());
+                }
+            }
+            return;
+        };
+        drop(self);
+        let _ = fs::remove_dir_all(made);
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Write files: each beside its place first, then renamed into it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the system refuses.
+    pub fn write(&self, files: &[File]) -> Result<()> {
+        for file in files {
+            let target = self.path.join(&file.name);
+            let beside = self.path.join(format!(".{}.part", file.name));
+            let written = (|| {
+                let mut it = fs::File::create(&beside)?;
+                it.write_all(&file.bytes)?;
+                it.sync_data()?;
+                drop(it);
+                fs::rename(&beside, &target)
+            })();
+            written.map_err(|source| {
+                let _ = fs::remove_file(&beside);
+                Error::Io {
+                    path: target,
+                    source,
+                }
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Best effort: a lock file left behind is taken over by the next run.
+        let _ = self.lock.unlock();
+        let _ = fs::remove_file(self.path.join(LOCK));
+    }
+}

@@ -1,0 +1,83 @@
+//! report.html: table, pictures, settings and warnings in one file that needs nothing else.
+
+use super::{File, data, plot, terminal};
+use crate::error::Result;
+use crate::results::Results;
+use std::fmt::Write;
+
+/// The file.
+pub const NAME: &str = "report.html";
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:1000px;margin:2em auto;\
+padding:0 1em;color:#191919;background:#fff}\
+pre{font:13px/1.45 ui-monospace,'DejaVu Sans Mono',monospace;overflow-x:auto;background:#f7f7f5;\
+padding:1em;border-radius:6px}\
+svg{max-width:100%;height:auto}figure{margin:1.5em 0}\
+figcaption{color:#555;font-size:14px}.warning{border-left:4px solid #d55e00;padding-left:1em}";
+
+/// The page.
+///
+/// # Errors
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
+pub fn page(results: &Results) -> Result<String> {
+    let title = escaped(&results.scene.title);
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n\
+         <title>{title} - vibroimpact</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
+         <h1>{title}</h1>\n"
+    );
+    for warning in &results.run.warnings {
+        let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
+    }
+    let table = escaped(&terminal::table(results, false));
+    let _ = writeln!(page, "<pre>{table}</pre>");
+    for (file, words) in pictures(results)? {
+        let svg = String::from_utf8_lossy(&file.bytes);
+        let name = escaped(&file.name);
+        let _ = writeln!(
+            page,
+            "<figure>{svg}<figcaption>{words} ({name})</figcaption></figure>"
+        );
+    }
+    let scene = escaped(&results.scene.to_toml());
+    let _ = writeln!(
+        page,
+        "<h2>The scene, every default filled in</h2>\n<pre>{scene}</pre>\n\
+         <p>Save it as scene.toml and run it again with <code>vibroimpact run scene.toml</code>. \
+         Every number, with its error, stands in {}.</p>\n</body>\n</html>",
+        data::RESULTS
+    );
+    Ok(page)
+}
+
+fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
+    let mut all = Vec::new();
+    let mut put = |file: Option<File>, words| all.extend(file.map(|file| (file, words)));
+    put(
+        plot::force(results)?,
+        "Density of the force, linear and logarithmic",
+    );
+    put(plot::moments(results)?, "Moments against time");
+    put(plot::approach(results)?, "Approach to the stationary law");
+    put(
+        plot::steady(results)?,
+        "Steady state on the mesh, with its marginals",
+    );
+    let mut densities = plot::densities(results)?;
+    // One sheet says it all; single snapshots are in their own files.
+    let sheet = densities.iter().position(|it| it.name == "snapshots.svg");
+    let kept = sheet
+        .map(|k| densities.swap_remove(k))
+        .or_else(|| densities.pop());
+    put(kept, "Density of displacement and velocity");
+    Ok(all)
+}
+
+/// Text that HTML takes as text.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

@@ -1,0 +1,585 @@
+//! The table on the terminal: 80 columns, readable by a stranger.
+
+use crate::estimate::Estimate;
+use crate::moments::Moments;
+use crate::plan::{Part, Plan, bytes, seconds};
+use crate::results::{Results, distance};
+use std::fmt::Write;
+
+const WIDTH: usize = 80;
+
+/// Name in results.json, symbol, and what it is.
+const ROWS: &[(&str, &str, &str)] = &[
+    ("mean_q", "E[q]", "displacement"),
+    ("var_q", "Var q", "its variance"),
+    ("mean_v", "E[v]", "velocity"),
+    ("var_v", "Var v", "its variance"),
+    ("cov_qv", "Cov qv", "their covariance"),
+    ("mean_force", "E[N]", "force"),
+    ("std_force", "std N", "its deviation"),
+    ("skewness_force", "skew N", "its skewness"),
+    ("kurtosis_force", "kurt N", "3 if Gaussian"),
+    ("mean_energy", "E[H]", "energy"),
+    ("contact_loss_probability", "P(loss)", "out of contact"),
+    ("log10_contact_loss_probability", "log10 P", "its logarithm"),
+    ("loss_rate", "nu", "losses per time"),
+    ("mean_flight", "P/nu", "mean flight"),
+];
+
+/// The numbers whose course in time is printed.
+const COURSE: [&str; 4] = [
+    "mean_q",
+    "std_force",
+    "mean_energy",
+    "contact_loss_probability",
+];
+
+/// Times printed of each; all are in the files.
+const TIMES: usize = 6;
+
+/// `value ± error` in 17 columns: the value to the digit after the first of its error.
+pub fn cell(it: Option<Estimate>) -> String {
+    let Some(Estimate { value, error, .. }) = it.filter(|it| it.value.is_finite()) else {
+        return "-".into();
+    };
+    let (size, plain) = (value.abs().max(error), value.abs().max(error) >= 1e-4);
+    if value == 0.0 && error == 0.0 {
+        return "0 exactly".into();
+    }
+    if !plain || size >= 1e5 {
+        let text = |digits: usize| format!("{value:.digits$e} ± {error:.0e}");
+        // Exponents of three digits leave room for fewer digits before them.
+        return [2, 1]
+            .map(text)
+            .into_iter()
+            .find(|it| it.chars().count() <= 17)
+            .unwrap_or(text(0));
+    }
+    let digits = if error > 0.0 {
+        (1.0 - error.log10().floor()).clamp(0.0, 6.0) as usize
+    } else {
+        6
+    };
+    // Never more than nine characters before the sign of the error.
+    let digits = digits.min(6usize.saturating_sub(size.log10().floor().max(0.0) as usize));
+    let error = if error == 0.0 {
+        "0".into()
+    } else {
+        format!("{error:.0e}")
+    };
+    let room = 14usize.saturating_sub(error.len());
+    let fits = |digits: &usize| format!("{value:.digits$}").len() <= room;
+    let digits = (0..=digits).rev().find(fits).unwrap_or(0);
+    let number = format!("{value:.digits$}");
+    // Nothing is left of a value far below its error: no sign either.
+    let nothing = number.bytes().all(|c| matches!(c, b'-' | b'0' | b'.'));
+    let number = if nothing {
+        number.trim_start_matches('-')
+    } else {
+        &number
+    };
+    format!("{number} ± {error}")
+}
+
+/// Text broken at blanks into lines of at most `width` columns.
+fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let last = lines.len() - 1;
+        let room = lines[last].chars().count() + 1 + word.chars().count() <= width;
+        if lines[last].is_empty() {
+            lines[last].push_str(word);
+        } else if room {
+            lines[last].push(' ');
+            lines[last].push_str(word);
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines
+}
+
+/// At most `TIMES` of `count` indices, spread evenly, the last among them.
+fn spread(count: usize) -> Vec<usize> {
+    let most = TIMES.min(count);
+    (1..=most).map(|k| (k * count).div_ceil(most) - 1).collect()
+}
+
+struct Table {
+    text: String,
+    colour: bool,
+}
+
+impl Table {
+    fn line(&mut self, line: impl AsRef<str>) {
+        self.text.push_str(line.as_ref().trim_end());
+        self.text.push('\n');
+    }
+
+    fn heading(&mut self, line: impl AsRef<str>) {
+        self.line("");
+        let line = line.as_ref();
+        if self.colour {
+            self.line(format!("\u{1b}[1m{line}\u{1b}[0m"));
+        } else {
+            self.line(line);
+        }
+    }
+
+    fn paragraph(&mut self, first: &str, text: &str) {
+        let indent = first.chars().count();
+        for (k, line) in wrap(text, WIDTH - indent).into_iter().enumerate() {
+            let lead = if k == 0 {
+                first.to_owned()
+            } else {
+                " ".repeat(indent)
+            };
+            self.line(lead + &line);
+        }
+    }
+}
+
+/// The results as a table of at most 80 columns; `colour` adds bold headings.
+pub fn table(results: &Results, colour: bool) -> String {
+    let mut table = Table {
+        text: String::new(),
+        colour,
+    };
+    head(&mut table, results);
+    stationary(&mut table, results);
+    deterministic(&mut table, results);
+    course(&mut table, results);
+    physical(&mut table, results);
+    foot(&mut table, results);
+    table.text
+}
+
+fn head(table: &mut Table, results: &Results) {
+    let oscillator = &results.scene.oscillator;
+    let title: String = results.scene.title.chars().take(50).collect();
+    let name = format!("vibroimpact {}: {title}", env!("CARGO_PKG_VERSION"));
+    if table.colour {
+        table.line(format!("\u{1b}[1m{name}\u{1b}[0m"));
+    } else {
+        table.line(name);
+    }
+    let text = format!(
+        "{} contact, damping ratio zeta = {}, input level h = {}, T = {:.6}",
+        oscillator.contact().name(),
+        brief(oscillator.zeta()),
+        brief(oscillator.h()),
+        oscillator.temperature()
+    );
+    table.paragraph("", &text);
+    table.line("All numbers dimensionless; each is printed with its error (\"value ± error\").");
+}
+
+/// A number of the scene as it was typed, or to a few digits if that is long.
+fn brief(x: f64) -> String {
+    let exact = format!("{x:?}");
+    if exact.len() <= 8 {
+        exact.strip_suffix(".0").unwrap_or(&exact).to_owned()
+    } else if (1e-3..1e4).contains(&x.abs()) {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.2e}")
+    }
+}
+
+fn many(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// The last moments with their time.
+fn last<'a>(times: &'a [f64], moments: &'a [Moments]) -> Option<(f64, &'a Moments)> {
+    Some((*times.last()?, moments.last()?))
+}
+
+fn named(moments: Option<&Moments>, name: &str) -> Option<Estimate> {
+    let all = moments?.named();
+    all.into_iter().find(|(it, _)| *it == name)?.1
+}
+
+/// Closed form, steady state on the mesh, Fokker-Planck or Monte Carlo at the last time: whatever there
+/// is, up to three columns.
+fn stationary(table: &mut Table, results: &Results) {
+    let transient = results
+        .transient
+        .as_ref()
+        .and_then(|it| last(&it.times, &it.moments));
+    let sampled = results
+        .monte_carlo
+        .as_ref()
+        .and_then(|it| last(&it.times, &it.moments));
+    let steady = results.steady_moments();
+    let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
+    let closed = results.stationary.as_ref();
+    if closed.is_some() {
+        columns.push(("closed form".into(), "(21)-(30)", None));
+    }
+    if let Some(moments) = &steady {
+        columns.push(("steady state".into(), "on the mesh", Some(moments)));
+    }
+    if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
+        columns.push(("Fokker-Planck".into(), "", Some(moments)));
+        let last = columns.len() - 1;
+        columns[last].0 = format!("mesh, t = {}", brief(t));
+    }
+    if let Some((t, moments)) = sampled {
+        columns.push((
+            format!("paths, t = {}", brief(t)),
+            "Monte Carlo",
+            Some(moments),
+        ));
+    }
+    if columns.is_empty() {
+        return;
+    }
+    let title = match (closed.is_some() || steady.is_some(), columns.len()) {
+        (true, 1) => "STATIONARY MOTION",
+        (true, _) => "STATIONARY MOTION, side by side",
+        _ => "AT THE LAST TIME",
+    };
+    let mut heads = [format!("{title:<26}"), " ".repeat(26)];
+    for (first, second, _) in &columns {
+        let _ = write!(heads[0], "{first:>18}");
+        let _ = write!(heads[1], "{second:>18}");
+    }
+    // A title longer than its column would push the others aside.
+    if title.chars().count() > 25 {
+        table.heading(title);
+        table.line(format!("{:<26}{}", "", &heads[0][title.len()..]));
+    } else {
+        table.heading(&heads[0]);
+    }
+    table.line(&heads[1]);
+    for (name, symbol, words) in ROWS {
+        let cells: Vec<Option<Estimate>> = columns
+            .iter()
+            .map(|(_, _, moments)| match moments {
+                None => closed.and_then(|it| it.get(name)),
+                moments => named(*moments, name),
+            })
+            .collect();
+        if cells.iter().all(Option::is_none) {
+            continue;
+        }
+        let mut line = format!("{symbol:<8} {words:<17}");
+        for it in cells {
+            let _ = write!(line, " {:>17}", cell(it));
+        }
+        table.line(line);
+    }
+}
+
+fn deterministic(table: &mut Table, results: &Results) {
+    let transient = results.transient.as_ref();
+    let end = transient.and_then(|it| it.times.last().copied().zip(it.distance.last().copied()?));
+    if let Some((t, distance)) = end
+        && distance.value > 0.02
+    {
+        let text = format!(
+            "at t = {} the motion is not stationary yet: {:.2} of its probability is still to be \
+             moved",
+            brief(t),
+            0.5 * distance.value
+        );
+        table.line("");
+        table.paragraph("note: ", &text);
+    }
+    if let Some(it) = &results.steady {
+        let [nq, nv] = it.method.cells;
+        let text = format!(
+            "{nq} x {nv} cells, {}: L1 distance to the closed form {:.1e}, residual {:.1e}",
+            it.method.name, it.l1_error.value, it.residual
+        );
+        table.line("");
+        table.paragraph("steady state: ", &text);
+    }
+    if let Some(rates) = results.decay_rates.as_ref().filter(|it| !it.is_empty()) {
+        let rates: Vec<String> = rates
+            .iter()
+            .map(|rate| {
+                let re = cell(Some(Estimate {
+                    value: rate.re,
+                    error: rate.error,
+                    ..Estimate::default()
+                }));
+                if rate.im == 0.0 {
+                    re
+                } else {
+                    format!("{re} {:+.4}i", rate.im)
+                }
+            })
+            .collect();
+        table.line("");
+        table.paragraph("decay rates:  ", &rates.join(";  "));
+    }
+}
+
+fn course(table: &mut Table, results: &Results) {
+    let (deterministic, sampled) = (results.transient.as_ref(), results.monte_carlo.as_ref());
+    let empty: (&[f64], &[Moments]) = (&[], &[]);
+    let (times, moments) = deterministic.map_or(empty, |it| (&it.times, &it.moments));
+    let paths = sampled.map_or(empty, |it| (&it.times, &it.moments));
+    if times.is_empty() {
+        return;
+    }
+    let heads = if sampled.is_some() {
+        ["Monte Carlo", "z"]
+    } else {
+        ["", ""]
+    };
+    table.heading(format!(
+        "{:<36}{:>17} {:>17}{:>7}",
+        "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
+    ));
+    for name in COURSE {
+        let Some((_, symbol, words)) = ROWS.iter().find(|(it, ..)| *it == name) else {
+            continue;
+        };
+        if named(moments.last(), name).is_none() {
+            continue;
+        }
+        for (n, k) in spread(times.len()).into_iter().enumerate() {
+            let t = times[k];
+            let here = named(moments.get(k), name);
+            let there = paths.0.iter().position(|it| *it == t);
+            let there = there.and_then(|k| named(paths.1.get(k), name));
+            let z = here.zip(there).and_then(|(a, b)| distance(a, b));
+            let (symbol, words) = if n == 0 { (*symbol, *words) } else { ("", "") };
+            let time = format!("t = {}", brief(t));
+            let mut line = format!("{symbol:<8} {words:<15}{time:>12}{:>17}", cell(here));
+            if sampled.is_some() {
+                let z = z.map_or(String::new(), |z| format!("{z:.1}"));
+                let _ = write!(line, " {:>17}{z:>7}", cell(there));
+            }
+            table.line(line);
+        }
+    }
+    if let Some(it) = deterministic {
+        let [nq, nv] = it.method.cells;
+        let text = format!(
+            "{}, {nq} x {nv} cells, {} of {}",
+            it.method.name,
+            many(it.method.steps, "step"),
+            brief(it.method.step)
+        );
+        table.line("");
+        table.paragraph("Fokker-Planck: ", &text);
+    }
+    if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
+        let text = format!(
+            "{}, {} paths, {} of {}; errors are one standard error",
+            it.scheme,
+            scene.paths,
+            many(it.steps, "step"),
+            brief(it.step)
+        );
+        table.paragraph("Monte Carlo:   ", &text);
+    }
+    if let Some(it) = &results.agreement {
+        let text = format!(
+            "z = |difference| / error is at most {:.1} ({} at t = {}) over {} pairs of numbers; \
+             chance alone would give about {:.1}",
+            it.worst,
+            it.worst_of,
+            brief(it.t),
+            it.compared,
+            it.expected_worst
+        );
+        table.paragraph("agreement:     ", &text);
+    }
+}
+
+fn physical(table: &mut Table, results: &Results) {
+    let Some(rig) = &results.scene.rig else {
+        return;
+    };
+    table.heading(format!(
+        "ON THE RIG of {} N, {} Hz, {:.3} um",
+        rig.static_load(),
+        rig.frequency(),
+        rig.static_compression() * 1e6
+    ));
+    for (name, number) in results.physical(rig) {
+        let (name, unit) = match name {
+            "force_psd_n2_per_hz" => ("excitation, one-sided", "N^2/Hz"),
+            "mass_kg" => ("moving mass", "kg"),
+            "period_ms" => ("period", "ms"),
+            "memory_s" => ("memory 1/(2 zeta)", "s"),
+            "std_force_n" => ("deviation of the force", "N"),
+            "mean_displacement_um" => ("mean displacement", "um"),
+            "std_displacement_um" => ("its deviation", "um"),
+            "std_velocity_mm_per_s" => ("deviation of velocity", "mm/s"),
+            "losses_per_second" => ("losses of contact", "1/s"),
+            "mean_flight_ms" => ("mean flight", "ms"),
+            other => (other, ""),
+        };
+        table.line(format!("{name:<26} {:>17} {unit}", cell(Some(number))));
+    }
+}
+
+fn foot(table: &mut Table, results: &Results) {
+    let run = &results.run;
+    let stages: Vec<String> = run
+        .stages
+        .iter()
+        .map(|(name, time)| format!("{name} {}", seconds(*time)))
+        .collect();
+    let memory = run
+        .peak_memory_bytes
+        .map_or(String::new(), |it| format!(", {}", bytes(it)));
+    let threads = if run.threads == 1 {
+        "thread"
+    } else {
+        "threads"
+    };
+    let text = format!(
+        "{} in all ({}; {} {threads}{memory})",
+        seconds(run.wall_seconds),
+        stages.join(", "),
+        run.threads
+    );
+    table.line("");
+    table.paragraph("time: ", &text);
+    for warning in &run.warnings {
+        table.paragraph("warning: ", warning);
+    }
+}
+
+/// A plan as a table of at most 80 columns.
+pub fn plan(plan: &Plan) -> String {
+    let mut table = Table {
+        text: String::new(),
+        colour: false,
+    };
+    let scene = plan.scene();
+    let oscillator = &scene.oscillator;
+    table.paragraph(
+        "",
+        &format!(
+            "{}: {} contact, zeta = {}, h = {}, T = {:.6}",
+            scene.title,
+            oscillator.contact().name(),
+            brief(oscillator.zeta()),
+            brief(oscillator.h()),
+            oscillator.temperature()
+        ),
+    );
+    table.line("");
+    table.line(format!(
+        "{:<12}{:>13}{:>9}{:>9}{:>9}  needed by",
+        "stage", "cells", "steps", "memory", "time"
+    ));
+    for stage in plan.stages() {
+        let cost = &stage.cost;
+        let cells = cost
+            .cells
+            .map_or("no mesh".into(), |[q, v]| format!("{q} x {v}"));
+        table.line(format!(
+            "{:<12}{:>13}{:>9}{:>9}{:>9}  {}",
+            stage.part.name(),
+            cells,
+            cost.steps,
+            bytes(cost.memory_bytes),
+            seconds(cost.seconds),
+            stage.needed_by.join(", ").replace("outputs.", "")
+        ));
+    }
+    table.line("");
+    for stage in plan.stages() {
+        table.paragraph(&format!("{:<14}", stage.part.name()), &stage.cost.method);
+    }
+    table.line("");
+    let memory = plan
+        .stages()
+        .iter()
+        .map(|it| it.cost.memory_bytes)
+        .max()
+        .unwrap_or(0);
+    let time: f64 = plan.stages().iter().map(|it| it.cost.seconds).sum();
+    let text = format!(
+        "in all: about {} and {} on {} threads; allowed: {} and {}",
+        seconds(time),
+        bytes(memory),
+        rayon::current_num_threads(),
+        seconds(scene.accuracy.max_seconds),
+        bytes(scene.accuracy.max_memory)
+    );
+    table.paragraph("", &text);
+    let left_out: Vec<&str> = [
+        (Part::Stationary, "closed form"),
+        (Part::Transient, "transient"),
+        (Part::Steady, "steady state"),
+        (Part::DecayRates, "decay rates"),
+        (Part::MonteCarlo, "paths"),
+    ]
+    .into_iter()
+    .filter(|(part, _)| !plan.has(*part))
+    .map(|(_, what)| what)
+    .collect();
+    if !left_out.is_empty() {
+        table.paragraph("not asked for, not computed: ", &left_out.join(", "));
+    }
+    if time > scene.accuracy.max_seconds {
+        let text = "expected to stop at accuracy.max_seconds with exit status 3";
+        table.paragraph("warning: ", text);
+    }
+    table.text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::Origin;
+    use crate::scene::text::{BUILT_IN, SceneText};
+
+    #[test]
+    fn the_plan_of_every_built_in_scene_fits_80_columns_and_says_what_it_leaves_out() {
+        for (name, text) in BUILT_IN {
+            let text = SceneText::parse(name, text, &[]).unwrap();
+            let text = plan(&Plan::of(text.scene()).unwrap());
+            assert!(
+                text.lines().all(|line| line.chars().count() <= 80),
+                "{text}"
+            );
+            let all = *name == "default";
+            assert_eq!(
+                text.contains("not asked for, not computed:"),
+                !all,
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_cell_shows_the_value_to_the_digit_of_its_error_and_fits() {
+        let cell = |value: f64, error: f64| cell(Some(Estimate::new(value, error, Origin::Space)));
+        assert_eq!(cell(-0.164_547_9, 1e-14), "-0.164548 ± 1e-14");
+        assert_eq!(cell(-0.1641, 2.8e-3), "-0.1641 ± 3e-3");
+        assert_eq!(cell(1.7725e-17, 4e-29), "1.77e-17 ± 4e-29");
+        assert_eq!(cell(f64::NAN, 0.0), "-");
+        assert_eq!(cell(0.0, 0.0), "0 exactly");
+        assert_eq!(cell(-1288.9, 1e-10), "-1288.900 ± 1e-10");
+        for value in [0.0, 1.0, -3.25, 99_999.9, -1e300, 1e-300, -94.247_779] {
+            for error in [0.0, 1e-300, 1e-14, 3e-3, 20.0, 1e9] {
+                let text = cell(value, error);
+                assert!(text.chars().count() <= 17, "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_times_shown_are_spread_and_end_with_the_last() {
+        assert_eq!(spread(0), Vec::<usize>::new());
+        assert_eq!(spread(3), [0, 1, 2]);
+        assert_eq!(spread(600), [99, 199, 299, 399, 499, 599]);
+    }
+
+    #[test]
+    fn long_text_is_broken_at_blanks() {
+        let lines = wrap(&"word ".repeat(40), 30);
+        assert!(lines.iter().all(|line| line.chars().count() <= 30) && lines.len() == 7);
+    }
+}

@@ -1,0 +1,514 @@
+//! What a run answers: every number with its error, under the names of results.json.
+
+use crate::contact::ContactLaw;
+use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::{DecayRate, Method, Snapshot, Steady, Transient};
+use crate::json::Json;
+use crate::moments::{Moments, RawMoments};
+use crate::monte_carlo::EnsembleResult;
+use crate::quadrature;
+use crate::rig::Rig;
+use crate::scene::Scene;
+use crate::stationary::Stationary;
+use std::f64::consts::SQRT_2;
+
+/// The answers of a run. What was not asked for is None.
+#[derive(Debug, Clone)]
+pub struct Results {
+    /// The scene that was run.
+    pub scene: Scene,
+    /// The closed form (21)-(30).
+    pub stationary: Option<StationaryNumbers>,
+    /// The transient of the Fokker-Planck equation.
+    pub transient: Option<Transient>,
+    /// Its steady state on the mesh.
+    pub steady: Option<Steady>,
+    /// The slowest eigenvalues of L.
+    pub decay_rates: Option<Vec<DecayRate>>,
+    /// The transient by sampling.
+    pub monte_carlo: Option<EnsembleResult>,
+    /// How well the two transients agree.
+    pub agreement: Option<Agreement>,
+    /// How the run went.
+    pub run: RunRecord,
+}
+
+/// Every number of the stationary law, by its name in results.json.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StationaryNumbers {
+    named: Vec<(&'static str, Option<Estimate>)>,
+}
+
+impl StationaryNumbers {
+    /// All numbers of a stationary law.
+    pub fn of(law: &Stationary) -> Self {
+        let named = vec![
+            ("mean_q", Some(law.mean_q())),
+            ("var_q", Some(law.var_q())),
+            ("mean_v", Some(law.moment_v(1))),
+            ("var_v", Some(law.moment_v(2))),
+            ("mean_force", Some(law.mean_force())),
+            ("std_force", Some(law.std_force())),
+            ("skewness_force", Some(law.skewness_force())),
+            ("kurtosis_force", Some(law.kurtosis_force())),
+            ("mean_energy", Some(law.mean_energy())),
+            ("contact_loss_probability", law.contact_loss_probability()),
+            (
+                "log10_contact_loss_probability",
+                law.log10_contact_loss_probability(),
+            ),
+            ("loss_rate", law.loss_rate()),
+            ("mean_flight", law.mean_flight()),
+        ];
+        Self { named }
+    }
+
+    /// Name and number, in the order of results.json; None for a number that does not exist.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
+        self.named.iter().copied()
+    }
+
+    /// The number of that name.
+    pub fn get(&self, name: &str) -> Option<Estimate> {
+        self.named.iter().find(|(it, _)| *it == name)?.1
+    }
+}
+
+/// The distance between two independent answers, in units of their errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    /// Largest |a - b| / sqrt(error_a^2 + error_b^2) over all names and times both have.
+    pub worst: f64,
+    /// Its name.
+    pub worst_of: &'static str,
+    /// Its time.
+    pub t: f64,
+    /// Expected largest of that many |standard normals|, were they independent.
+    pub expected_worst: f64,
+    /// How many were compared.
+    pub compared: usize,
+}
+
+impl Agreement {
+    /// Agreement of two sets of moments at times; None where nothing can be compared.
+    pub fn of(
+        (times_a, a): (&[f64], &[Moments]),
+        (times_b, b): (&[f64], &[Moments]),
+    ) -> Option<Self> {
+        let mut worst: Option<(f64, &'static str, f64)> = None;
+        let mut compared = 0;
+        for (t, a) in times_a.iter().zip(a) {
+            let Some(k) = times_b
+                .iter()
+                .position(|it| it == t)
+                .filter(|k| *k < b.len())
+            else {
+                continue;
+            };
+            for ((name, a), (_, b)) in a.named().into_iter().zip(b[k].named()) {
+                if let (Some(a), Some(b)) = (a, b)
+                    && let Some(z) = distance(a, b)
+                {
+                    compared += 1;
+                    if worst.is_none_or(|(worst, ..)| z > worst) {
+                        worst = Some((z, name, *t));
+                    }
+                }
+            }
+        }
+        worst.map(|(worst, worst_of, t)| Self {
+            worst,
+            worst_of,
+            t,
+            expected_worst: expected_largest(compared),
+            compared,
+        })
+    }
+}
+
+/// |a - b| / sqrt(error_a^2 + error_b^2); None without an error or a number.
+pub fn distance(a: Estimate, b: Estimate) -> Option<f64> {
+    let z = (a.value - b.value).abs() / a.error.hypot(b.error);
+    z.is_finite().then_some(z)
+}
+
+/// Expected largest of `n` independent |standard normals|: the integral of 1 - erf(x/sqrt 2)^n.
+pub fn expected_largest(n: usize) -> f64 {
+    let beyond = |x: f64| 1.0 - libm::erf(x / SQRT_2).powf(n as f64);
+    if n == 0 {
+        return 0.0;
+    }
+    quadrature::integrate(beyond, &[0.0, 1.0, 2.0, 4.0, 6.0, 9.0], 1e-9).value
+}
+
+/// How a run went.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RunRecord {
+    /// From the first stage to the last.
+    pub wall_seconds: f64,
+    /// Each finished stage with its time.
+    pub stages: Vec<(&'static str, f64)>,
+    /// Largest memory the process held; None where the system does not tell.
+    pub peak_memory_bytes: Option<u64>,
+    /// Threads.
+    pub threads: usize,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+impl Results {
+    /// Nothing computed yet.
+    pub fn empty(scene: &Scene) -> Self {
+        Self {
+            scene: scene.clone(),
+            stationary: None,
+            transient: None,
+            steady: None,
+            decay_rates: None,
+            monte_carlo: None,
+            agreement: None,
+            run: RunRecord {
+                threads: rayon::current_num_threads(),
+                ..RunRecord::default()
+            },
+        }
+    }
+
+    /// The whole of results.json.
+    pub fn json(&self) -> Json {
+        let oscillator = &self.scene.oscillator;
+        let mut all = Json::object([
+            ("scene", self.scene.resolved()),
+            (
+                "oscillator",
+                Json::object([
+                    ("temperature", Json::from(oscillator.temperature())),
+                    ("noise", Json::from(oscillator.noise())),
+                    ("contact", Json::from(oscillator.contact().name())),
+                    ("zeta", Json::from(oscillator.zeta())),
+                    ("h", Json::from(oscillator.h())),
+                    ("loss_point", Json::from(oscillator.contact().loss_point())),
+                ]),
+            ),
+        ]);
+        if let Some(it) = &self.stationary {
+            all.push(
+                "stationary",
+                Json::object(it.iter().map(|(name, number)| (name, Json::from(number)))),
+            );
+        }
+        if let Some(it) = &self.transient {
+            all.push("transient", transient_json(it));
+        }
+        if let Some(it) = &self.steady {
+            let pairs = [
+                ("l1_error", Json::from(it.l1_error)),
+                ("residual", Json::from(it.residual)),
+                ("method", method_json(&it.method)),
+            ];
+            all.push("steady", Json::object(pairs));
+        }
+        if let Some(rates) = &self.decay_rates {
+            let rates = rates.iter().map(|rate| {
+                Json::object([
+                    ("re", Json::from(rate.re)),
+                    ("im", Json::from(rate.im)),
+                    ("error", Json::from(rate.error)),
+                ])
+            });
+            all.push("decay_rates", Json::List(rates.collect()));
+        }
+        if let Some(it) = &self.monte_carlo {
+            all.push("monte_carlo", self.monte_carlo_json(it));
+        }
+        if let Some(it) = &self.agreement {
+            all.push(
+                "agreement",
+                Json::object([
+                    ("worst", Json::from(it.worst)),
+                    ("worst_of", Json::from(it.worst_of)),
+                    ("t", Json::from(it.t)),
+                    ("expected_worst", Json::from(it.expected_worst)),
+                    ("compared", Json::from(it.compared)),
+                ]),
+            );
+        }
+        if let Some(rig) = &self.scene.rig {
+            all.push("rig", self.rig_json(rig));
+        }
+        all.push("run", self.run.json());
+        all
+    }
+
+    fn monte_carlo_json(&self, it: &EnsembleResult) -> Json {
+        let settings = self.scene.monte_carlo.as_ref();
+        let mut transient = moments_json(&it.times, &it.moments);
+        transient.push(
+            "method",
+            Json::object([
+                ("name", Json::from(it.scheme.name())),
+                ("paths", Json::from(settings.map(|it| it.paths))),
+                ("seed", Json::from(settings.map(|it| it.seed))),
+                ("step", Json::from(it.step)),
+                ("steps", Json::from(it.steps)),
+                ("path_steps", Json::from(it.path_steps)),
+            ]),
+        );
+        Json::object([("transient", transient)])
+    }
+
+    /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14).
+    pub fn physical(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
+        let exact = Estimate::closed_form;
+        let mut all = vec![
+            (
+                "force_psd_n2_per_hz",
+                exact(rig.force_psd_from_level(self.scene.oscillator.h())),
+            ),
+            ("mass_kg", exact(rig.mass())),
+            ("period_ms", exact(1e3 / rig.frequency())),
+            (
+                "memory_s",
+                exact(rig.seconds(0.5 / self.scene.oscillator.zeta())),
+            ),
+        ];
+        let Some(law) = &self.stationary else {
+            return all;
+        };
+        let micrometre = (rig.compression(1.0) - rig.compression(0.0)) * 1e6;
+        let per_second = 1.0 / rig.seconds(1.0);
+        let root = |x: Estimate| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt());
+        let mut put = |name, number: Option<Estimate>| {
+            if let Some(number) = number {
+                all.push((name, number));
+            }
+        };
+        put(
+            "std_force_n",
+            law.get("std_force").map(|x| x.scaled(rig.newtons(1.0))),
+        );
+        put(
+            "mean_displacement_um",
+            law.get("mean_q").map(|x| x.scaled(micrometre)),
+        );
+        put(
+            "std_displacement_um",
+            law.get("var_q").map(|x| root(x).scaled(micrometre)),
+        );
+        let velocity = rig.velocity(1.0) * 1e3;
+        put(
+            "std_velocity_mm_per_s",
+            law.get("var_v").map(|x| root(x).scaled(velocity)),
+        );
+        put(
+            "losses_per_second",
+            law.get("loss_rate").map(|x| x.scaled(per_second)),
+        );
+        let millisecond = rig.seconds(1.0) * 1e3;
+        put(
+            "mean_flight_ms",
+            law.get("mean_flight").map(|x| x.scaled(millisecond)),
+        );
+        all
+    }
+
+    fn rig_json(&self, rig: &Rig) -> Json {
+        let numbers = self.physical(rig);
+        Json::object(
+            numbers
+                .into_iter()
+                .map(|(name, number)| (name, Json::from(number))),
+        )
+    }
+
+    /// Moments of the steady state on the mesh. Their error is that of the sum over cells, seen on the
+    /// closed form with the same cells, and their difference to it.
+    pub fn steady_moments(&self) -> Option<Moments> {
+        let snapshot = &self.steady.as_ref()?.density;
+        let law = Stationary::of(&self.scene.oscillator).ok()?;
+        let exact = StationaryNumbers::of(&law);
+        let p_s = |q: f64, v: f64| law.density(q, v);
+        let meshed = snapshot_moments(snapshot, self.contact(), |i, j| snapshot.p[[i, j]])?;
+        let summed = snapshot_moments(snapshot, self.contact(), |i, j| {
+            p_s(snapshot.q[i], snapshot.v[j])
+        })?;
+        let mut moments = meshed;
+        let summed = summed.named();
+        for (number, (name, summed)) in moments.each_mut().into_iter().zip(summed) {
+            if let (Some(number), Some(summed)) = (number, summed) {
+                let exact = exact.get(name).map_or(0.0, |it| it.value);
+                let error = (number.value - summed.value).abs() + (summed.value - exact).abs();
+                *number = Estimate::new(number.value, error, Origin::Space);
+            }
+        }
+        Some(moments)
+    }
+
+    /// The contact law of the scene.
+    pub fn contact(&self) -> &ContactLaw {
+        self.scene.oscillator.contact()
+    }
+}
+
+impl RunRecord {
+    /// The run section of results.json.
+    pub fn json(&self) -> Json {
+        let stages = self.stages.iter().map(|(name, seconds)| {
+            Json::object([
+                ("name", Json::from(*name)),
+                ("wall_seconds", Json::from(*seconds)),
+            ])
+        });
+        Json::object([
+            ("wall_seconds", Json::from(self.wall_seconds)),
+            ("stages", Json::List(stages.collect())),
+            ("peak_memory_bytes", Json::from(self.peak_memory_bytes)),
+            ("threads", Json::from(self.threads)),
+            ("version", Json::from(env!("CARGO_PKG_VERSION"))),
+            ("warnings", Json::from(self.warnings.clone())),
+        ])
+    }
+}
+
+/// Largest memory this process held so far, in bytes; None where the system does not tell.
+pub fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
+/// Widths of cells from their centres, exact for equal cells and of second order for graded ones.
+pub fn widths(centres: &[f64]) -> Vec<f64> {
+    let n = centres.len();
+    (0..n)
+        .map(|k| match (k, n) {
+            (_, 0 | 1) => 1.0,
+            (0, _) => centres[1] - centres[0],
+            (k, n) if k + 1 == n => centres[k] - centres[k - 1],
+            (k, _) => 0.5 * (centres[k + 1] - centres[k - 1]),
+        })
+        .collect()
+}
+
+/// Moments of a density given in the cells of a snapshot, by the midpoint rule.
+fn snapshot_moments(
+    cells: &Snapshot,
+    contact: &ContactLaw,
+    density: impl Fn(usize, usize) -> f64,
+) -> Option<Moments> {
+    let (q, v) = (cells.q.as_slice()?, cells.v.as_slice()?);
+    if q.is_empty() || v.is_empty() {
+        return None;
+    }
+    let (dq, dv) = (widths(q), widths(v));
+    let mut raw = RawMoments::default();
+    for (i, q) in q.iter().enumerate() {
+        // Sums along v first: 1, v, v^2.
+        let mut sum = [0.0; 3];
+        for (j, v) in v.iter().enumerate() {
+            let mass = density(i, j) * dq[i] * dv[j];
+            sum[0] += mass;
+            sum[1] += mass * v;
+            sum[2] += mass * v * v;
+        }
+        let force = contact.force(*q);
+        raw.mass += sum[0];
+        raw.q += q * sum[0];
+        raw.qq += q * q * sum[0];
+        raw.v += sum[1];
+        raw.vv += sum[2];
+        raw.qv += q * sum[1];
+        for (n, raw) in raw.force.iter_mut().enumerate() {
+            *raw += force.powi(n as i32 + 1) * sum[0];
+        }
+        raw.potential += contact.potential(*q) * sum[0];
+        if contact.loss_point().is_some_and(|loss| *q < loss) {
+            raw.lost += sum[0];
+        }
+    }
+    Some(raw.moments(contact))
+}
+
+/// `{"value": [...], "error": [...]}`.
+fn curve(points: impl Iterator<Item = Option<Estimate>>) -> Json {
+    // Where there is no value there is no error either.
+    let pair = |it: Option<Estimate>| {
+        let it = it.filter(|it| it.value.is_finite());
+        it.map_or((f64::NAN, f64::NAN), |it| (it.value, it.error))
+    };
+    let (values, errors): (Vec<f64>, Vec<f64>) = points.map(pair).unzip();
+    Json::object([
+        ("value", Json::numbers(values)),
+        ("error", Json::numbers(errors)),
+    ])
+}
+
+fn moments_json(times: &[f64], moments: &[Moments]) -> Json {
+    let mut json = Json::object([("t", Json::numbers(times.iter().copied()))]);
+    for (k, (name, _)) in Moments::default().named().into_iter().enumerate() {
+        json.push(name, curve(moments.iter().map(|it| it.named()[k].1)));
+    }
+    json
+}
+
+fn transient_json(it: &Transient) -> Json {
+    let mut json = moments_json(&it.times, &it.moments);
+    json.push("mass", curve(it.mass.iter().map(|x| Some(*x))));
+    json.push(
+        "lowest_density",
+        curve(it.lowest_density.iter().map(|x| Some(*x))),
+    );
+    json.push(
+        "relative_entropy",
+        curve(it.relative_entropy.iter().copied()),
+    );
+    json.push("l1_distance", curve(it.distance.iter().copied()));
+    json.push("method", method_json(&it.method));
+    json
+}
+
+fn method_json(it: &Method) -> Json {
+    Json::object([
+        ("name", Json::from(it.name.as_str())),
+        ("reason", Json::from(it.reason.as_str())),
+        ("cells", Json::from(it.cells.to_vec())),
+        ("unknowns", Json::from(it.unknowns)),
+        ("domain", Json::numbers(it.domain)),
+        ("step", Json::from(it.step)),
+        ("steps", Json::from(it.steps)),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_expected_largest_of_many_normals_is_the_known_one() {
+        // E|Z| = sqrt(2/pi), E max(|Z1|, |Z2|) = 2/sqrt(pi); 1000: Gumbel within a few percent.
+        assert!((expected_largest(1) - 0.797_884_560_8).abs() < 1e-8);
+        assert!((expected_largest(2) - 2.0 / std::f64::consts::PI.sqrt()).abs() < 1e-8);
+        let many = expected_largest(1000);
+        assert!((3.3..3.6).contains(&many), "{many}");
+        assert_eq!(expected_largest(0), 0.0);
+    }
+
+    #[test]
+    fn agreement_adds_the_errors_in_quadrature_and_takes_the_worst_over_common_times() {
+        let at = |mean: f64, error: f64| Moments {
+            mean_q: Estimate::new(mean, error, Origin::Space),
+            ..Moments::default()
+        };
+        let a = [at(0.0, 3.0), at(1.0, 3.0), at(9.0, 3.0)];
+        let b = [at(0.0, 4.0), at(11.0, 4.0)];
+        let it = Agreement::of((&[1.0, 2.0, 3.0], &a), (&[1.0, 2.0], &b)).unwrap();
+        assert_eq!(
+            (it.worst, it.worst_of, it.t, it.compared),
+            (2.0, "mean_q", 2.0, 2)
+        );
+        assert!(Agreement::of((&[1.0], &a[..1]), (&[5.0], &b[..1])).is_none());
+    }
+}

@@ -1,0 +1,745 @@
+//! A scene: what is to be computed, as a plain value.
+//!
+//! ```
+//! use vibroimpact::contact::ContactLaw;
+//! use vibroimpact::oscillator::Oscillator;
+//! use vibroimpact::plan::Plan;
+//! use vibroimpact::scene::Scene;
+//!
+//! let scene = Scene::new(Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?);
+//! let results = Plan::of(&scene)?.run_quietly()?;
+//! let stationary = results.stationary.unwrap();
+//! let loss = stationary.get("contact_loss_probability").unwrap();
+//! assert!((loss.value - 0.0724556).abs() < 1e-7);
+//! # Ok::<(), vibroimpact::Error>(())
+//! ```
+//!
+//! A file in TOML is one way to get one: see [`text::SceneText`].
+
+pub mod text;
+
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result, finite, positive};
+use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
+use crate::initial::Initial;
+use crate::json::Json;
+use crate::monte_carlo::Scheme;
+use crate::oscillator::Oscillator;
+use crate::rig::Rig;
+use std::fmt::Write;
+
+/// What is to be computed. Every field has the meaning of the scene file's key of the same name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// A line of text; it names the output folder.
+    pub title: String,
+    /// Contact law, damping and noise.
+    pub oscillator: Oscillator,
+    /// The rig, if results are wanted in newtons, micrometres, hertz and seconds too.
+    pub rig: Option<Rig>,
+    /// Where the motion starts.
+    pub initial: Initial,
+    /// What is asked for; nothing else is computed.
+    pub outputs: Outputs,
+    /// The same by sampling.
+    pub monte_carlo: Option<MonteCarlo>,
+    /// How accurate, and within what time and memory.
+    pub accuracy: Accuracy,
+    /// Choices that are otherwise made automatically.
+    pub method: MethodChoice,
+}
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outputs {
+    /// The closed form (21)-(30).
+    pub stationary: bool,
+    /// Transient moments at these times.
+    pub moments_at: Times,
+    /// p(q, v) at these times.
+    pub density_at: Times,
+    /// L p = 0 on the mesh.
+    pub steady: bool,
+    /// How many of the slowest eigenvalues of L.
+    pub decay_rates: usize,
+    /// One-sided spectrum.
+    pub spectrum: Option<SpectrumRequest>,
+    /// Survival until the first loss of contact, up to this time.
+    pub first_loss: Option<f64>,
+    /// Losses of contact in a window of this length (seconds with a rig, else dimensionless time).
+    pub crossings: Option<f64>,
+}
+
+impl Default for Outputs {
+    /// The stationary law alone.
+    fn default() -> Self {
+        Self {
+            stationary: true,
+            ..Self::nothing()
+        }
+    }
+}
+
+impl Outputs {
+    /// Nothing at all, to start from.
+    pub fn nothing() -> Self {
+        Self {
+            stationary: false,
+            moments_at: Times::none(),
+            density_at: Times::none(),
+            steady: false,
+            decay_rates: 0,
+            spectrum: None,
+            first_loss: None,
+            crossings: None,
+        }
+    }
+
+    /// Whether anything evolves in time.
+    pub fn transient(&self) -> bool {
+        !self.moments_at.is_empty() || !self.density_at.is_empty()
+    }
+}
+
+/// Output times.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Times {
+    /// These times, ascending.
+    List(Vec<f64>),
+    /// `every`, 2 `every`, ... up to `until`.
+    Every {
+        /// The distance between times, and the first.
+        every: f64,
+        /// No time is later.
+        until: f64,
+    },
+}
+
+impl Times {
+    /// More times than this are refused: a results file is meant to be read.
+    pub const MOST: usize = 20_000;
+    /// The latest time accepted.
+    pub const LATEST: f64 = 1e9;
+
+    /// No times.
+    pub fn none() -> Self {
+        Self::List(Vec::new())
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        matches!(self, Self::List(times) if times.is_empty())
+    }
+
+    /// The times.
+    pub fn list(&self) -> Vec<f64> {
+        match self {
+            Self::List(times) => times.clone(),
+            Self::Every { every, until } => {
+                let count = (until / every * (1.0 + 1e-12)).floor().max(0.0);
+                (1..=count.min(Self::MOST as f64) as u32)
+                    .map(|k| round(f64::from(k) * every))
+                    .collect()
+            }
+        }
+    }
+
+    /// The last time; 0 without one.
+    pub fn last(&self) -> f64 {
+        self.list().last().copied().unwrap_or(0.0)
+    }
+
+    fn check(&self, key: &str) -> Result<()> {
+        let most = || format!("at most {} times", Self::MOST);
+        match self {
+            Self::Every { every, until } => {
+                let part = |name: &str| format!("{key}.{name}");
+                positive(&part("every"), *every)?;
+                positive(&part("until"), *until)?;
+                if *until > Self::LATEST {
+                    let accepted = format!("a time up to {:e}", Self::LATEST);
+                    return Err(Error::invalid(part("until"), num(*until), accepted));
+                }
+                if *until < *every {
+                    let accepted = format!("a time of at least {key}.every = {}", num(*every));
+                    return Err(Error::invalid(part("until"), num(*until), accepted));
+                }
+                if until / every > Self::MOST as f64 {
+                    return Err(Error::invalid(part("every"), num(*every), most()));
+                }
+            }
+            Self::List(times) => {
+                if times.len() > Self::MOST {
+                    let count = format!("a list of {} times", times.len());
+                    return Err(Error::invalid(key, count, most()));
+                }
+                for (k, t) in times.iter().enumerate() {
+                    let item = || format!("{key}[{k}]");
+                    if !(*t >= 0.0 && *t <= Self::LATEST) {
+                        let accepted = format!("a time from 0 to {:e}", Self::LATEST);
+                        return Err(Error::invalid(item(), num(*t), accepted));
+                    }
+                    if k > 0 && *t <= times[k - 1] {
+                        let accepted = format!(
+                            "ascending times without repeats; the one before is {}",
+                            num(times[k - 1])
+                        );
+                        return Err(Error::invalid(item(), num(*t), accepted));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn json(&self) -> Json {
+        match self {
+            Self::List(times) => Json::numbers(times.iter().copied()),
+            Self::Every { every, until } => {
+                Json::object([("every", Json::from(*every)), ("until", Json::from(*until))])
+            }
+        }
+    }
+}
+
+/// A one-sided spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpectrumRequest {
+    /// Up to this circular frequency.
+    pub until: f64,
+    /// Of the force or of the displacement.
+    pub quantity: Quantity,
+}
+
+/// What a spectrum is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Quantity {
+    /// N = G(q).
+    #[default]
+    Force,
+    /// q.
+    Displacement,
+}
+
+/// The ensemble of paths.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MonteCarlo {
+    /// Number of paths.
+    pub paths: u64,
+    /// Seed; path k draws from stream k of it.
+    pub seed: u64,
+    /// One step of a path.
+    pub scheme: Scheme,
+    /// White, or a sum of cosines.
+    pub noise: Noise,
+    /// Time step; None is an automatic choice.
+    pub step: Option<f64>,
+    /// Length of long records.
+    pub duration: Option<f64>,
+}
+
+impl Default for MonteCarlo {
+    fn default() -> Self {
+        Self {
+            paths: 100_000,
+            seed: 1,
+            scheme: Scheme::default(),
+            noise: Noise::White,
+            step: None,
+            duration: None,
+        }
+    }
+}
+
+/// The excitation of a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Noise {
+    /// White noise, (10).
+    White,
+    /// A sum of cosines, (31)-(33).
+    Cosines {
+        /// How many.
+        cosines: u64,
+        /// Their highest circular frequency.
+        band: f64,
+    },
+}
+
+/// How accurate, and within what time and memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Accuracy {
+    /// For every deterministic number, relative to its natural scale.
+    pub tolerance: f64,
+    /// Seconds after which a run stops with a reason.
+    pub max_seconds: f64,
+    /// Bytes beyond which nothing is begun.
+    pub max_memory: u64,
+}
+
+impl Default for Accuracy {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-3,
+            max_seconds: 600.0,
+            max_memory: 8_000_000_000,
+        }
+    }
+}
+
+/// Choices that are otherwise made automatically.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MethodChoice {
+    /// Finite volumes or the flow map.
+    pub transient: Option<TransientMethod>,
+    /// Interpolation on the faces.
+    pub drift: Option<Drift>,
+    /// Time scheme.
+    pub time: Option<TimeScheme>,
+    /// Cells in q and in v.
+    pub cells: Option<[usize; 2]>,
+    /// Time step.
+    pub step: Option<f64>,
+}
+
+/// A key of the scene format whose computation does not exist yet.
+struct NotYet {
+    key: &'static str,
+    asked: fn(&Scene) -> bool,
+    instead: &'static str,
+}
+
+/// Everything the scene format knows and this version cannot compute. A line goes when its computation
+/// comes.
+const NOT_YET: &[NotYet] = &[
+    NotYet {
+        key: "outputs.spectrum",
+        asked: |scene| scene.outputs.spectrum.is_some(),
+        instead: "leave it out",
+    },
+    NotYet {
+        key: "outputs.first_loss",
+        asked: |scene| scene.outputs.first_loss.is_some(),
+        instead: "leave it out; outputs.stationary gives the rate of loss",
+    },
+    NotYet {
+        key: "outputs.crossings",
+        asked: |scene| scene.outputs.crossings.is_some(),
+        instead: "leave it out; outputs.stationary gives the rate of loss and the mean flight",
+    },
+    NotYet {
+        key: "initial.kind",
+        asked: |scene| scene.initial == Initial::Rest && scene.outputs.transient(),
+        instead: "a transient from rest (the default start) needs [initial] kind = \"gaussian\" \
+                  with a small deviation, as 0.3, for now",
+    },
+    NotYet {
+        key: "monte_carlo.duration",
+        asked: |scene| matches!(&scene.monte_carlo, Some(it) if it.duration.is_some()),
+        instead: "leave it out; outputs.moments_at gives an ensemble",
+    },
+    NotYet {
+        key: "monte_carlo",
+        asked: |scene| scene.monte_carlo.is_some() && scene.outputs.moments_at.is_empty(),
+        instead: "statistics of long records are to come; outputs.moments_at gives an ensemble",
+    },
+];
+
+impl Scene {
+    /// The stationary law of `oscillator`, and nothing else.
+    pub fn new(oscillator: Oscillator) -> Self {
+        Self {
+            title: "untitled".into(),
+            oscillator,
+            rig: None,
+            initial: Initial::Rest,
+            outputs: Outputs::default(),
+            monte_carlo: None,
+            accuracy: Accuracy::default(),
+            method: MethodChoice::default(),
+        }
+    }
+
+    /// Everything that can be said against the scene without computing.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], [`Error::NotAvailable`] or [`Error::NoStationaryLaw`], each naming the key.
+    pub fn check(&self) -> Result<()> {
+        self.check_title()?;
+        self.check_initial()?;
+        self.check_outputs()?;
+        self.check_monte_carlo()?;
+        self.check_accuracy()?;
+        for gap in NOT_YET {
+            if (gap.asked)(self) {
+                return Err(Error::not_available(gap.key, gap.instead));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_title(&self) -> Result<()> {
+        let printable = !self.title.chars().any(char::is_control);
+        if printable && self.title.chars().count() <= 200 {
+            Ok(())
+        } else {
+            let shown: String = self.title.chars().take(60).collect();
+            let accepted = "one line of at most 200 characters";
+            Err(Error::invalid("title", format!("{shown:?}"), accepted))
+        }
+    }
+
+    fn check_initial(&self) -> Result<()> {
+        match self.initial {
+            Initial::Gaussian { mean, deviation } => {
+                for k in 0..2 {
+                    finite(&format!("initial.mean[{k}]"), mean[k])?;
+                    positive(&format!("initial.deviation[{k}]"), deviation[k])?;
+                }
+            }
+            Initial::Stationary if !self.oscillator.contact().is_confining() => {
+                return Err(self.no_law("initial.kind", "\"stationary\""));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn no_law(&self, key: &str, value: &str) -> Error {
+        let contact = self.oscillator.contact().name();
+        let accepted = format!(
+            "nothing that needs a stationary law: the contact law \"{contact}\" never confines the \
+             motion and has none"
+        );
+        Error::invalid(key, value, accepted)
+    }
+
+    fn check_outputs(&self) -> Result<()> {
+        let outputs = &self.outputs;
+        if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
+            let accepted = "at least one output: stationary, moments_at, density_at, steady or \
+                            decay_rates";
+            return Err(Error::invalid("outputs", "nothing", accepted));
+        }
+        if !self.oscillator.contact().is_confining() {
+            for (key, asked) in [
+                ("outputs.stationary", outputs.stationary),
+                ("outputs.steady", outputs.steady),
+            ] {
+                if asked {
+                    return Err(self.no_law(key, "true"));
+                }
+            }
+            if outputs.decay_rates > 0 {
+                let count = outputs.decay_rates.to_string();
+                return Err(self.no_law("outputs.decay_rates", &count));
+            }
+        }
+        outputs.moments_at.check("outputs.moments_at")?;
+        outputs.density_at.check("outputs.density_at")?;
+        if outputs.decay_rates > 100 {
+            return Err(Error::invalid(
+                "outputs.decay_rates",
+                outputs.decay_rates,
+                "a whole number from 0 to 100",
+            ));
+        }
+        if let Some(spectrum) = outputs.spectrum {
+            positive("outputs.spectrum.until", spectrum.until)?;
+        }
+        if let Some(until) = outputs.first_loss {
+            positive("outputs.first_loss.until", until)?;
+        }
+        if let Some(window) = outputs.crossings {
+            positive("outputs.crossings.window", window)?;
+        }
+        Ok(())
+    }
+
+    fn check_monte_carlo(&self) -> Result<()> {
+        let Some(it) = &self.monte_carlo else {
+            return Ok(());
+        };
+        if !(2..=1_000_000_000_000).contains(&it.paths) {
+            let accepted = "a whole number from 2 to 1e12";
+            return Err(Error::invalid("monte_carlo.paths", it.paths, accepted));
+        }
+        if let Noise::Cosines { cosines, band } = it.noise {
+            if cosines == 0 || cosines > 1_000_000 {
+                let accepted = "a whole number from 1 to 1e6";
+                return Err(Error::invalid(
+                    "monte_carlo.noise.cosines",
+                    cosines,
+                    accepted,
+                ));
+            }
+            positive("monte_carlo.noise.band", band)?;
+        }
+        if let Some(step) = it.step {
+            positive("monte_carlo.step", step)?;
+        }
+        if let Some(duration) = it.duration {
+            positive("monte_carlo.duration", duration)?;
+        }
+        Ok(())
+    }
+
+    fn check_accuracy(&self) -> Result<()> {
+        let Accuracy {
+            tolerance,
+            max_seconds,
+            max_memory,
+        } = self.accuracy;
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            let accepted = "a number between 0 and 1";
+            return Err(Error::invalid(
+                "accuracy.tolerance",
+                num(tolerance),
+                accepted,
+            ));
+        }
+        positive("accuracy.max_seconds", max_seconds)?;
+        if max_memory == 0 {
+            let accepted = "a size above 0, as \"8 GB\"";
+            return Err(Error::invalid("accuracy.max_memory", max_memory, accepted));
+        }
+        if let Some(cells) = self.method.cells {
+            for (k, cells) in cells.into_iter().enumerate() {
+                if cells < 4 {
+                    let key = format!("method.cells[{k}]");
+                    return Err(Error::invalid(key, cells, "a whole number of at least 4"));
+                }
+            }
+        }
+        if let Some(step) = self.method.step {
+            positive("method.step", step)?;
+        }
+        Ok(())
+    }
+
+    /// The scene with every default filled in, section by section: as JSON for results.json, as TOML by
+    /// [`Scene::to_toml`].
+    pub fn resolved(&self) -> Json {
+        let mut all = Json::object([("title", Json::from(self.title.as_str()))]);
+        all.push(
+            "oscillator",
+            Json::object([
+                ("contact", Json::from(self.oscillator.contact().name())),
+                ("zeta", Json::from(self.oscillator.zeta())),
+                ("h", Json::from(self.oscillator.h())),
+            ]),
+        );
+        if let Some(rig) = &self.rig {
+            all.push(
+                "rig",
+                Json::object([
+                    ("static_load", Json::from(rig.static_load())),
+                    ("frequency", Json::from(rig.frequency())),
+                    ("static_compression", Json::from(rig.static_compression())),
+                ]),
+            );
+        }
+        let mut initial = Json::object([("kind", Json::from(self.initial.name()))]);
+        if let Initial::Gaussian { mean, deviation } = self.initial {
+            initial.push("mean", Json::numbers(mean));
+            initial.push("deviation", Json::numbers(deviation));
+        }
+        all.push("initial", initial);
+        all.push("outputs", self.resolved_outputs());
+        if let Some(it) = &self.monte_carlo {
+            all.push("monte_carlo", resolved_monte_carlo(it));
+        }
+        all.push(
+            "accuracy",
+            Json::object([
+                ("tolerance", Json::from(self.accuracy.tolerance)),
+                ("max_seconds", Json::from(self.accuracy.max_seconds)),
+                ("max_memory", Json::from(self.accuracy.max_memory)),
+            ]),
+        );
+        let choice = &self.method;
+        let mut method = Json::object([
+            ("transient", name_of(TRANSIENT, choice.transient)),
+            ("drift", drift_json(choice.drift)),
+            ("time", name_of(TIME, choice.time)),
+        ]);
+        if let Some(cells) = choice.cells {
+            method.push("cells", cells.to_vec());
+        }
+        if let Some(step) = choice.step {
+            method.push("step", step);
+        }
+        all.push("method", method);
+        all
+    }
+
+    fn resolved_outputs(&self) -> Json {
+        let outputs = &self.outputs;
+        let mut json = Json::object([
+            ("stationary", Json::from(outputs.stationary)),
+            ("moments_at", outputs.moments_at.json()),
+            ("density_at", outputs.density_at.json()),
+            ("steady", Json::from(outputs.steady)),
+            ("decay_rates", Json::from(outputs.decay_rates)),
+        ]);
+        if let Some(it) = outputs.spectrum {
+            let quantity = match it.quantity {
+                Quantity::Force => "force",
+                Quantity::Displacement => "displacement",
+            };
+            let pairs = [
+                ("until", Json::from(it.until)),
+                ("quantity", quantity.into()),
+            ];
+            json.push("spectrum", Json::object(pairs));
+        }
+        if let Some(until) = outputs.first_loss {
+            json.push("first_loss", Json::object([("until", Json::from(until))]));
+        }
+        if let Some(window) = outputs.crossings {
+            json.push("crossings", Json::object([("window", Json::from(window))]));
+        }
+        json
+    }
+
+    /// The resolved scene as a scene file: the same run again.
+    pub fn to_toml(&self) -> String {
+        let Json::Object(sections) = self.resolved() else {
+            return String::new();
+        };
+        let mut text = String::new();
+        for (key, value) in sections {
+            if let Json::Object(pairs) = value {
+                let _ = writeln!(text, "\n[{key}]");
+                for (key, value) in pairs {
+                    let _ = writeln!(text, "{key} = {}", toml_value(&value));
+                }
+            } else {
+                let _ = writeln!(text, "{key} = {}", toml_value(&value));
+            }
+        }
+        text
+    }
+
+    /// A folder name made from the title: letters, digits, '.', '_' and '-' stay, everything else
+    /// becomes '-'.
+    pub fn folder(&self) -> String {
+        let mut name = String::new();
+        for c in self.title.chars() {
+            if c.is_alphanumeric() || matches!(c, '.' | '_') {
+                name.push(c);
+            } else if !name.ends_with('-') {
+                name.push('-');
+            }
+        }
+        // Neither hidden, nor "..", nor longer than a file system takes (255 bytes).
+        let name = name.trim_matches(['-', '.']);
+        let short: String = name.chars().take(60).collect();
+        if short.is_empty() {
+            "untitled".into()
+        } else {
+            short
+        }
+    }
+}
+
+/// A number as a person would type it: no 300 digits for 1e300.
+pub(crate) fn num(x: f64) -> String {
+    format!("{x:?}")
+}
+
+/// To 13 significant digits: 3 times 0.1 is 0.3.
+fn round(x: f64) -> f64 {
+    format!("{x:.12e}").parse().unwrap_or(x)
+}
+
+fn toml_value(value: &Json) -> String {
+    match value {
+        Json::Object(pairs) => {
+            let pairs: Vec<String> = pairs
+                .iter()
+                .map(|(key, value)| format!("{key} = {}", toml_value(value)))
+                .collect();
+            format!("{{ {} }}", pairs.join(", "))
+        }
+        // Strings, numbers and flat lists read the same in both.
+        other => other.to_string(),
+    }
+}
+
+fn resolved_monte_carlo(it: &MonteCarlo) -> Json {
+    let noise = match it.noise {
+        Noise::White => Json::from("white"),
+        Noise::Cosines { cosines, band } => {
+            Json::object([("cosines", Json::from(cosines)), ("band", Json::from(band))])
+        }
+    };
+    let mut json = Json::object([
+        ("paths", Json::from(it.paths)),
+        ("seed", Json::from(it.seed)),
+        ("scheme", name_of(SCHEMES, Some(it.scheme))),
+        ("noise", noise),
+    ]);
+    if let Some(step) = it.step {
+        json.push("step", step);
+    }
+    if let Some(duration) = it.duration {
+        json.push("duration", duration);
+    }
+    json
+}
+
+/// Names of [`Scheme`] in scenes.
+const SCHEMES: &[(&str, Scheme)] = &[
+    ("auto", Scheme::Auto),
+    ("central_difference", Scheme::CentralDifference),
+    ("baoab", Scheme::Baoab),
+    ("splitting_4_2", Scheme::Splitting42),
+    ("splitting_6_2", Scheme::Splitting62),
+    ("euler_maruyama", Scheme::EulerMaruyama),
+    ("exponential_heun", Scheme::ExponentialHeun),
+];
+
+/// Names of [`TransientMethod`] in scenes.
+const TRANSIENT: &[(&str, TransientMethod)] = &[
+    ("finite_volume", TransientMethod::FiniteVolume),
+    ("flow_map", TransientMethod::FlowMap),
+];
+
+/// Names of [`TimeScheme`] in scenes.
+const TIME: &[(&str, TimeScheme)] = &[
+    ("backward_euler", TimeScheme::BackwardEuler),
+    ("implicit", TimeScheme::Implicit),
+    ("imex", TimeScheme::Imex),
+    ("explicit", TimeScheme::Explicit),
+];
+
+/// Orders of [`Drift`] in scenes; "upwind" stands beside them.
+const ORDERS: &[(u64, Drift)] = &[
+    (2, Drift::Order2),
+    (4, Drift::Order4),
+    (6, Drift::Order6),
+    (8, Drift::Order8),
+];
+
+fn name_of<T: PartialEq>(names: &[(&str, T)], value: Option<T>) -> Json {
+    let name = value.and_then(|value| names.iter().find(|(_, it)| *it == value));
+    Json::from(name.map_or("auto", |(name, _)| name))
+}
+
+fn drift_json(drift: Option<Drift>) -> Json {
+    match drift {
+        None => Json::from("auto"),
+        Some(drift) => ORDERS
+            .iter()
+            .find(|(_, it)| *it == drift)
+            .map_or(Json::from("upwind"), |(order, _)| Json::from(*order)),
+    }
+}
+
+/// The contact laws a scene file can name.
+const CONTACTS: &[(&str, ContactLaw)] = &[
+    ("hertz", ContactLaw::Hertz),
+    ("bilinear", ContactLaw::Bilinear),
+    ("linear", ContactLaw::Linear),
+    ("free", ContactLaw::Free),
+];

@@ -1,0 +1,659 @@
+//! The flow map against closed forms, reference values and itself on finer meshes.
+
+use std::time::Instant;
+use vibroimpact::contact::{ContactLaw, Restoring};
+use vibroimpact::fokker_planck::density::Density;
+use vibroimpact::fokker_planck::difference::lagrange;
+use vibroimpact::fokker_planck::domain::Domain;
+use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings, Splitting};
+use vibroimpact::fokker_planck::flux::Drift;
+use vibroimpact::fokker_planck::interpolation::Order;
+use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
+use vibroimpact::fokker_planck::observables::Observables;
+use vibroimpact::gaussian::Gaussian;
+use vibroimpact::initial::Initial;
+use vibroimpact::moments::Moments;
+use vibroimpact::oscillator::Oscillator;
+
+/// The mesh for a start, with at most `neglected` outside.
+fn mesh(oscillator: &Oscillator, initial: &Initial, neglected: f64, [nq, nv]: [usize; 2]) -> Mesh {
+    let domain = Domain::closed(oscillator, initial, neglected).unwrap();
+    let t = oscillator.temperature();
+    Mesh {
+        q: Axis::displacement(oscillator.contact(), t, domain.q, nq, 1).unwrap(),
+        v: Axis::velocity(domain.v[1], nv, 1).unwrap(),
+    }
+}
+
+fn settings(order: Order, splitting: Splitting, step: f64) -> Settings {
+    Settings {
+        order,
+        splitting,
+        step,
+        positive: false,
+    }
+}
+
+/// A propagated density with its propagator.
+struct Run {
+    flow: FlowMap,
+    density: Density,
+}
+
+fn run(oscillator: &Oscillator, initial: &Initial, mesh: &Mesh, how: Settings, t: f64) -> Run {
+    let mut flow = FlowMap::new(oscillator, mesh, how).unwrap();
+    let mut density = flow.start(initial).unwrap();
+    flow.advance(&mut density, t).unwrap();
+    Run { flow, density }
+}
+
+impl Run {
+    fn moments(&self, oscillator: &Oscillator) -> Moments {
+        let weights = self.flow.weights();
+        let mesh = self.flow.mesh();
+        let observables = Observables::new(oscillator, mesh, Drift::Order8, weights).unwrap();
+        let raw = observables.raw(&self.flow.ratio(&self.density));
+        raw.moments(oscillator.contact())
+    }
+
+    /// L1 distance to a run on a finer mesh, whose g is interpolated to these centres.
+    fn distance(&self, fine: &Run) -> f64 {
+        let (here, there) = (self.flow.mesh(), fine.flow.mesh());
+        let g = fine.flow.ratio(&fine.density);
+        let nv = there.v.len();
+        let stencil = |axis: &Axis, x: f64| {
+            let (xi, n) = (axis.locate(x), axis.len());
+            if xi < 0.5 || xi > n as f64 - 0.5 {
+                return None;
+            }
+            let first = ((xi - 0.5).floor().max(3.0) as usize - 3).min(n - 8);
+            let mut weights = [0.0; 8];
+            lagrange(first as f64 + 0.5, xi, &mut weights);
+            Some((first, weights))
+        };
+        let columns: Vec<_> = here
+            .v
+            .centres()
+            .iter()
+            .map(|v| stencil(&there.v, *v))
+            .collect();
+        let mut sum = 0.0;
+        for (i, q) in here.q.centres().iter().enumerate() {
+            let row = stencil(&there.q, *q);
+            for (j, column) in columns.iter().enumerate() {
+                let mut value = 0.0;
+                if let (Some((a, wq)), Some((b, wv))) = (&row, column) {
+                    for (r, x) in wq.iter().enumerate() {
+                        for (c, y) in wv.iter().enumerate() {
+                            value += x * y * g[(a + r) * nv + b + c];
+                        }
+                    }
+                }
+                let p = self.density.cells()[i * here.v.len() + j];
+                sum += (p - value * self.flow.weights().at(i, j)).abs();
+            }
+        }
+        sum
+    }
+
+    /// L1 distance to a density known everywhere.
+    fn error(&self, p: impl Fn(f64, f64) -> f64) -> f64 {
+        let Mesh { q, v } = self.flow.mesh();
+        let cells = self.density.cells().chunks_exact(v.len()).enumerate();
+        cells
+            .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, cell)| (i, j, *cell)))
+            .map(|(i, j, cell)| {
+                let area = q.slopes()[i] * v.slopes()[j];
+                (cell - p(q.centres()[i], v.centres()[j]) * area).abs()
+            })
+            .sum()
+    }
+}
+
+fn hertz(zeta: f64, h: f64) -> Oscillator {
+    Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap()
+}
+
+fn gaussian(mean: [f64; 2], deviation: [f64; 2]) -> Initial {
+    Initial::gaussian(mean, deviation).unwrap()
+}
+
+/// ln2 of the ratio.
+fn rate(coarse: f64, fine: f64) -> f64 {
+    (coarse / fine).log2()
+}
+
+#[test]
+#[allow(clippy::approx_constant)]
+fn scene_a_has_the_moments_of_the_independent_prototype() {
+    let oscillator = hertz(0.005, 2e-3);
+    let start = gaussian([1.0, 0.0], [0.4, 0.4]);
+    let mesh = mesh(&oscillator, &start, 1e-9, [200, 130]);
+    let how = settings(Order::Eighth, Splitting::SixTwo, 0.25);
+    // E[q], E[N], std N, skew N, E[H], E[v^2], each good to its last digit.
+    let table = [
+        (
+            5.0,
+            [
+                -0.223_621, -0.125_884, 0.479_410, -0.023_99, 0.733_349, 1.093_982,
+            ],
+        ),
+        (
+            10.0,
+            [
+                -1.087_70, -0.752_841, 0.287_26, 1.482_4, 0.726_840, 0.279_520,
+            ],
+        ),
+        (
+            20.0,
+            [
+                0.493_075, 0.634_542, 0.677_46, -0.392_60, 0.722_197, 0.636_632,
+            ],
+        ),
+    ];
+    let mut it = run(&oscillator, &start, &mesh, how, 0.0);
+    let mut now = 0.0;
+    for (t, row) in table {
+        it.flow.advance(&mut it.density, t - now).unwrap();
+        now = t;
+        let m = it.moments(&oscillator);
+        let got = [
+            m.mean_q.value,
+            m.mean_force.value,
+            m.std_force.value,
+            m.skewness_force.value,
+            m.mean_energy.value,
+            m.var_v.value + m.mean_v.value * m.mean_v.value,
+        ];
+        println!("t = {t}: {got:.6?}");
+        for (got, expected) in got.iter().zip(row) {
+            assert!((got - expected).abs() < 5e-5, "{got} {expected}");
+        }
+    }
+    let lost = it
+        .moments(&oscillator)
+        .contact_loss_probability
+        .unwrap()
+        .value;
+    println!("loss probability {lost:.6}");
+    assert!((lost - 0.030_26).abs() < 1e-5);
+}
+
+#[test]
+fn the_prototype_s_errors_at_t_30_are_met() {
+    let oscillator = hertz(0.005, 2e-3);
+    let start = gaussian([1.0, 0.0], [0.2, 0.2]);
+    let fine = mesh(&oscillator, &start, 1e-10, [420, 300]);
+    let fine = run(
+        &oscillator,
+        &start,
+        &fine,
+        settings(Order::Eighth, Splitting::SixTwo, 0.4),
+        30.0,
+    );
+    let reference = fine.moments(&oscillator);
+    let square = |m: &Moments| m.var_v.value + m.mean_v.value * m.mean_v.value;
+    println!(
+        "E[v^2] {:.7}, E[H] {:.9}, E[q] {:.7}, lost {:.6}",
+        square(&reference),
+        reference.mean_energy.value,
+        reference.mean_q.value,
+        reference.contact_loss_probability.unwrap().value
+    );
+    assert!((square(&reference) - 0.478_537_7).abs() < 1e-6);
+    assert!((reference.mean_energy.value - 0.610_695_431).abs() < 1e-6);
+    assert!((reference.mean_q.value + 0.695_234_7).abs() < 3e-6);
+    for (n, neglected, splitting, step, l1, moment) in [
+        (100, 3e-6, Splitting::SixTwo, 2.0, 4e-4, 2e-5),
+        (100, 1e-5, Splitting::EvenFive, 0.7, 4e-4, 2e-5),
+        (150, 1e-6, Splitting::SixTwo, 1.0, 1e-4, 3e-6),
+        (150, 1e-6, Splitting::EvenFive, 0.3, 1e-4, 3e-6),
+    ] {
+        let mesh = mesh(&oscillator, &start, neglected, [n, n]);
+        let clock = Instant::now();
+        let how = settings(Order::Eighth, splitting, step);
+        let it = run(&oscillator, &start, &mesh, how, 30.0);
+        let seconds = clock.elapsed().as_secs_f64();
+        let error = it.distance(&fine);
+        let change = (square(&it.moments(&oscillator)) - square(&reference)).abs();
+        println!(
+            "{n} x {n}, {splitting:?}, tau = {step}: L1 {error:.1e}, E[v^2] to {change:.1e}, {:.0} ms",
+            1e3 * seconds
+        );
+        assert!(error < l1 && change < moment);
+    }
+}
+
+#[test]
+fn a_linear_oscillator_follows_its_gaussian() {
+    // Orders in the mesh width, against the closed form.
+    let oscillator = Oscillator::new(ContactLaw::Linear, 1e-4, 4e-5).unwrap();
+    let start = gaussian([1.0, 0.0], [0.6, 0.6]);
+    let exact = Gaussian::of(&oscillator, &start)
+        .unwrap()
+        .after(&oscillator, 20.0)
+        .unwrap();
+    for (order, cells, level) in [
+        (Order::Fourth, [50, 80], 1e-3),
+        (Order::Sixth, [40, 64], 3e-5),
+        (Order::Eighth, [34, 54], 1e-5),
+    ] {
+        let error = |n: usize| {
+            let mesh = mesh(&oscillator, &start, 1e-11, [n, n]);
+            let how = settings(order, Splitting::SixTwo, 0.8);
+            run(&oscillator, &start, &mesh, how, 20.0).error(|q, v| exact.density(q, v))
+        };
+        let (coarse, fine) = (error(cells[0]), error(cells[1]));
+        let measured = (coarse / fine).ln() / (cells[1] as f64 / cells[0] as f64).ln();
+        println!("{order:?}: L1 {coarse:.2e}, {fine:.2e}, order {measured:.1}");
+        assert!(measured > order.points() as f64 - 0.8 && fine < level);
+    }
+}
+
+#[test]
+fn splittings_have_their_orders_in_the_step() {
+    // Small zeta shows the first power of zeta alone; the closed form of G = q.
+    let oscillator = Oscillator::new(ContactLaw::Linear, 1e-4, 4e-5).unwrap();
+    let start = gaussian([1.0, 0.0], [0.4, 0.4]);
+    let mesh = mesh(&oscillator, &start, 1e-12, [200, 200]);
+    let t = 12.0;
+    let exact = Gaussian::of(&oscillator, &start)
+        .unwrap()
+        .after(&oscillator, t)
+        .unwrap();
+    for (splitting, steps, order, level) in [
+        (Splitting::TwoTwo, [1.0, 0.5], 2.0, 2e-5),
+        (Splitting::FourTwo, [1.5, 0.75], 4.0, 3e-6),
+        (Splitting::SixTwo, [2.0, 1.0], 6.0, 1e-6),
+        (Splitting::EvenThree, [0.8, 0.4], 3.0, 1e-5),
+        (Splitting::EvenFive, [1.2, 0.6], 5.0, 1e-6),
+    ] {
+        let errors = steps.map(|step| {
+            let how = settings(Order::Eighth, splitting, step);
+            run(&oscillator, &start, &mesh, how, t).error(|q, v| exact.density(q, v))
+        });
+        let measured = rate(errors[0], errors[1]);
+        println!(
+            "{splitting:?}: L1 {:.2e}, {:.2e}, order {measured:.1}",
+            errors[0], errors[1]
+        );
+        assert!(measured > order - 0.6 && errors[1] < level, "{measured}");
+    }
+    // The second power of zeta: order 2 whatever the splitting.
+    let damped = Oscillator::new(ContactLaw::Linear, 0.1, 0.04).unwrap();
+    let exact = Gaussian::of(&damped, &start)
+        .unwrap()
+        .after(&damped, t)
+        .unwrap();
+    let errors = [1.0, 0.5].map(|step| {
+        let how = settings(Order::Eighth, Splitting::SixTwo, step);
+        run(&damped, &start, &mesh, how, t).error(|q, v| exact.density(q, v))
+    });
+    let measured = rate(errors[0], errors[1]);
+    println!(
+        "zeta = 0.1: L1 {:.2e}, {:.2e}, order {measured:.1}",
+        errors[0], errors[1]
+    );
+    assert!((measured - 2.0).abs() < 0.3 && errors[1] < 3e-4);
+}
+
+#[test]
+fn a_body_in_free_flight_follows_its_gaussian() {
+    let oscillator = Oscillator::new(ContactLaw::Free, 0.05, 0.02).unwrap();
+    let start = gaussian([1.0, 0.5], [0.3, 0.2]);
+    let t = 3.0;
+    let exact = Gaussian::of(&oscillator, &start)
+        .unwrap()
+        .after(&oscillator, t)
+        .unwrap();
+    let domain = Domain::swept(&oscillator, &start, t, 1e-12).unwrap();
+    let errors = [90, 180].map(|n| {
+        let mesh = Mesh {
+            q: Axis::uniform(domain.q[0], domain.q[1], n).unwrap(),
+            v: Axis::uniform(domain.v[0], domain.v[1], n).unwrap(),
+        };
+        let how = settings(Order::Eighth, Splitting::SixTwo, 0.1);
+        let it = run(&oscillator, &start, &mesh, how, t);
+        println!("{n}: mass lost {:.1e}", it.flow.progress().defect);
+        it.error(|q, v| exact.density(q, v))
+    });
+    println!("free flight: L1 {:.1e}, {:.1e}", errors[0], errors[1]);
+    assert!(errors[0] < 1e-5 && errors[1] < 1e-5);
+}
+
+/// Moments in units of their natural scales: sqrt(T), T, 1 for the force and its shape.
+fn scaled(oscillator: &Oscillator, run: &Run) -> Vec<(&'static str, f64)> {
+    let m = run.moments(oscillator);
+    let t = oscillator.temperature();
+    let spread = m.var_q.value.sqrt();
+    vec![
+        ("mean_q", m.mean_q.value / spread),
+        ("var_q", m.var_q.value / (spread * spread)),
+        ("mean_v", m.mean_v.value / t.sqrt()),
+        ("var_v", m.var_v.value / t),
+        ("mean_force", m.mean_force.value / m.std_force.value),
+        ("std_force", m.std_force.value / m.std_force.value.max(1.0)),
+        ("mean_energy", m.mean_energy.value / t),
+        ("lost", m.contact_loss_probability.map_or(0.0, |p| p.value)),
+    ]
+}
+
+#[test]
+fn every_level_and_damping_is_resolved_at_t_20() {
+    for (name, oscillator, start, cells, fine, tau) in [
+        (
+            "bilinear",
+            Oscillator::new(ContactLaw::Bilinear, 0.005, 2e-3).unwrap(),
+            gaussian([0.5, 0.0], [0.4, 0.4]),
+            [140, 100],
+            [320, 220],
+            0.7,
+        ),
+        (
+            "h = 1e-6",
+            hertz(0.005, 1e-6),
+            gaussian([0.0, 0.01], [0.01, 0.01]),
+            [60, 60],
+            [150, 150],
+            0.7,
+        ),
+        (
+            "h = 0.3",
+            hertz(0.005, 0.3),
+            gaussian([-30.0, 0.0], [10.0, 8.0]),
+            [300, 150],
+            [600, 300],
+            0.5,
+        ),
+        (
+            "zeta = 1e-3",
+            hertz(1e-3, 4e-4),
+            gaussian([0.5, 0.0], [0.4, 0.4]),
+            [130, 100],
+            [280, 220],
+            1.0,
+        ),
+        (
+            "zeta = 1e-4",
+            hertz(1e-4, 4e-5),
+            gaussian([0.5, 0.0], [0.4, 0.4]),
+            [160, 130],
+            [320, 260],
+            1.0,
+        ),
+    ] {
+        let how = settings(Order::Eighth, Splitting::EvenFive, tau);
+        let coarse_mesh = mesh(&oscillator, &start, 1e-8, cells);
+        let coarse = run(&oscillator, &start, &coarse_mesh, how, 20.0);
+        let fine_mesh = mesh(&oscillator, &start, 1e-10, fine);
+        let how = settings(Order::Eighth, Splitting::SixTwo, tau);
+        let fine = run(&oscillator, &start, &fine_mesh, how, 20.0);
+        let pairs = scaled(&oscillator, &coarse)
+            .into_iter()
+            .zip(scaled(&oscillator, &fine));
+        let (moment, worst) = pairs
+            .map(|((name, a), (_, b))| (name, (a - b).abs()))
+            .fold(("", 0.0), |a, b| if b.1 > a.1 { b } else { a });
+        println!(
+            "{name}: L1 {:.1e}, moments to {worst:.1e} ({moment}), defect {:.1e}",
+            coarse.distance(&fine),
+            coarse.flow.progress().defect
+        );
+        assert!(worst < 1e-4);
+    }
+}
+
+#[test]
+fn at_a_low_level_the_contact_is_a_linear_spring() {
+    let start = gaussian([0.002, 0.0], [0.001, 0.001]);
+    let hertz = hertz(0.005, 1e-8);
+    let linear = Oscillator::new(ContactLaw::Linear, 0.005, 1e-8).unwrap();
+    let exact = Gaussian::of(&linear, &start)
+        .unwrap()
+        .after(&linear, 20.0)
+        .unwrap();
+    let mesh = mesh(&hertz, &start, 1e-10, [70, 70]);
+    let it = run(&hertz, &start, &mesh, Settings::default(), 20.0);
+    let error = it.error(|q, v| exact.density(q, v));
+    println!("h = 1e-8: L1 to the linear law {error:.1e}");
+    // The cubic term of U is q/9 of the quadratic one: a phase of some 1e-3 after three periods.
+    assert!(error < 1e-2);
+}
+
+#[test]
+fn the_stationary_law_is_approached_at_the_slowest_rate_and_reached() {
+    let oscillator = hertz(0.005, 2e-3);
+    let start = gaussian([0.0, 0.0], [0.4, 0.4]);
+    let mesh = mesh(&oscillator, &start, 1e-8, [120, 96]);
+    let mut flow = FlowMap::new(&oscillator, &mesh, Settings::default()).unwrap();
+    let mut density = flow.start(&start).unwrap();
+    let mut last = f64::NAN;
+    let mut seconds = Vec::new();
+    for k in 1..=8 {
+        let clock = Instant::now();
+        flow.advance(&mut density, 250.0).unwrap();
+        seconds.push(clock.elapsed().as_secs_f64());
+        let distance: f64 = density
+            .cells()
+            .iter()
+            .enumerate()
+            .map(|(c, p)| (p - flow.weights().at(c / 96, c % 96)).abs())
+            .sum();
+        let decay = (last / distance).ln() / 250.0;
+        println!("t = {}: L1 {distance:.2e}, rate {decay:.6}", 250 * k);
+        if k == 3 || k == 4 {
+            assert!((decay - 0.008_834).abs() < 3e-5);
+        }
+        last = distance;
+    }
+    println!("seconds per 250: {seconds:.3?}");
+    assert!(last < 1e-6);
+}
+
+#[test]
+fn the_mass_correction_costs_no_accuracy() {
+    // Without it the error of E[H] and of the density would carry the raw defect.
+    let oscillator = hertz(0.005, 2e-3);
+    let start = gaussian([0.0, 0.0], [0.4, 0.4]);
+    let fine = mesh(&oscillator, &start, 1e-9, [220, 160]);
+    let how = settings(Order::Sixth, Splitting::EvenFive, 0.8);
+    let fine = run(
+        &oscillator,
+        &start,
+        &fine,
+        Settings {
+            order: Order::Eighth,
+            ..how
+        },
+        50.0,
+    );
+    for cells in [[60, 44], [90, 66]] {
+        let mesh = mesh(&oscillator, &start, 1e-7, cells);
+        let it = run(&oscillator, &start, &mesh, how, 50.0);
+        let (error, defect) = (it.distance(&fine), it.flow.progress().defect);
+        // Give the defect back.
+        let mut without = Run {
+            flow: it.flow.clone(),
+            density: it.density.clone(),
+        };
+        let best = [-defect, defect]
+            .map(|d| {
+                let w = it.flow.weights();
+                let cells = without
+                    .density
+                    .cells_mut()
+                    .iter_mut()
+                    .zip(it.density.cells());
+                for (c, (p, old)) in cells.enumerate() {
+                    *p = old + d * w.at(c / mesh.v.len(), c % mesh.v.len());
+                }
+                without.distance(&fine)
+            })
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        println!("{cells:?}: L1 {error:.2e} with, {best:.2e} without, raw defect {defect:.1e}");
+        assert!(error < best + defect);
+    }
+}
+
+#[test]
+fn clipping_leaves_no_negative_value_and_costs_no_more_than_there_was() {
+    let oscillator = hertz(2e-4, 8e-5);
+    // Weak noise and 1.6 cells a deviation, so that there is something to clip.
+    let start = gaussian([1.0, 0.0], [0.2, 0.2]);
+    let fine_mesh = mesh(&oscillator, &start, 1e-9, [300, 220]);
+    let coarse_mesh = mesh(&oscillator, &start, 1e-6, [130, 76]);
+    let how = settings(Order::Eighth, Splitting::EvenFive, 1.0);
+    for t in [3.0, 10.0] {
+        let fine = run(&oscillator, &start, &fine_mesh, how, t);
+        let raw = run(&oscillator, &start, &coarse_mesh, how, t);
+        let clipped = run(
+            &oscillator,
+            &start,
+            &coarse_mesh,
+            Settings {
+                positive: true,
+                ..how
+            },
+            t,
+        );
+        let errors = [raw.distance(&fine), clipped.distance(&fine)];
+        let negative = raw.density.negative_mass();
+        println!(
+            "t = {t}: L1 {:.2e} raw, {:.2e} clipped; negative mass {negative:.1e}",
+            errors[0], errors[1]
+        );
+        assert_eq!(clipped.density.negative_mass(), 0.0);
+        assert!((clipped.density.mass() - raw.density.mass()).abs() < 1e-13);
+        assert!(errors[1] <= errors[0] + 2.1 * negative);
+    }
+}
+
+#[test]
+fn case_h_meets_its_errors() {
+    // The case of the peers: start at rest in the mean, deviation 0.3, t = 50, set-up included.
+    let oscillator = hertz(0.005, 2e-3);
+    let start = gaussian([0.0, 0.0], [0.3, 0.3]);
+    let fine = mesh(&oscillator, &start, 1e-10, [260, 200]);
+    let how = settings(Order::Eighth, Splitting::SixTwo, 0.7);
+    let fine = run(&oscillator, &start, &fine, how, 50.0);
+    let reference = fine.moments(&oscillator);
+    assert!((reference.var_v.value + reference.mean_v.value.powi(2) - 0.296_67).abs() < 1e-5);
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap();
+    for (cells, neglected, order, splitting, step, bound) in [
+        (
+            [60, 44],
+            3e-5,
+            Order::Sixth,
+            Splitting::EvenThree,
+            1.5,
+            1e-3,
+        ),
+        (
+            [64, 48],
+            1e-5,
+            Order::Eighth,
+            Splitting::EvenFive,
+            1.1,
+            7e-5,
+        ),
+        (
+            [100, 76],
+            1e-6,
+            Order::Eighth,
+            Splitting::EvenFive,
+            0.6,
+            5e-6,
+        ),
+    ] {
+        let (mut best, mut error) = (f64::INFINITY, 0.0);
+        for _ in 0..5 {
+            let clock = Instant::now();
+            let it = one.install(|| {
+                let mesh = mesh(&oscillator, &start, neglected, cells);
+                run(
+                    &oscillator,
+                    &start,
+                    &mesh,
+                    settings(order, splitting, step),
+                    50.0,
+                )
+            });
+            best = best.min(clock.elapsed().as_secs_f64());
+            error = it.distance(&fine);
+        }
+        println!(
+            "{cells:?}, {order:?}, {splitting:?}, {step}: L1 {error:.1e}, {:.2} ms",
+            1e3 * best
+        );
+        assert!(error < bound);
+    }
+}
+
+#[test]
+fn the_automatic_step_keeps_its_tolerance() {
+    for (zeta, start) in [
+        (1e-3, gaussian([0.5, 0.0], [0.4, 0.4])),
+        (0.005, gaussian([0.0, 0.0], [0.3, 0.3])),
+        (0.005, gaussian([1.0, 0.0], [0.4, 0.4])),
+        (0.03, gaussian([1.0, 0.0], [0.4, 0.4])),
+        (0.2, gaussian([1.0, 0.0], [0.4, 0.4])),
+    ] {
+        // T as at the paper's h = 2e-3.
+        let oscillator = hertz(zeta, 0.4 * zeta);
+        let mesh = mesh(&oscillator, &start, 1e-8, [170, 130]);
+        let step = if zeta < 0.01 { 0.5 } else { 0.15 };
+        let reference = settings(Order::Eighth, Splitting::SixTwo, step);
+        let reference = run(&oscillator, &start, &mesh, reference, 20.0);
+        for tolerance in [1e-3, 1e-4] {
+            let how = Settings::to(tolerance, &oscillator).unwrap();
+            let it = run(&oscillator, &start, &mesh, how, 20.0);
+            let cells = it.density.cells().iter().zip(reference.density.cells());
+            let error: f64 = cells.map(|(a, b)| (a - b).abs()).sum();
+            println!(
+                "zeta = {zeta}, tolerance {tolerance:.0e}: step {:.3}, L1 {error:.1e}",
+                how.step
+            );
+            assert!(error < 1.5 * tolerance);
+        }
+    }
+}
+
+/// Line contact of two cylinders, from code: force ~ compression^(10/9).
+#[derive(Debug)]
+struct Line;
+impl Restoring for Line {
+    fn name(&self) -> &'static str {
+        "line"
+    }
+    fn force(&self, q: f64) -> f64 {
+        (1.0 + 0.9 * q).max(0.0).powf(10.0 / 9.0) - 1.0
+    }
+    fn loss_point(&self) -> Option<f64> {
+        Some(-1.0 / 0.9)
+    }
+}
+
+#[test]
+fn a_contact_law_from_code_balances_its_energy() {
+    // d/dt E[H] = pi h - 2 zeta E[v^2], over a tenth of a period by Simpson's rule.
+    let oscillator = Oscillator::new(ContactLaw::custom(Line).unwrap(), 0.005, 2e-3).unwrap();
+    let start = gaussian([0.5, 0.0], [0.4, 0.4]);
+    let mesh = mesh(&oscillator, &start, 1e-8, [140, 100]);
+    let how = settings(Order::Eighth, Splitting::EvenFive, 0.7);
+    let mut it = run(&oscillator, &start, &mesh, how, 10.0);
+    let mut seen = vec![it.moments(&oscillator)];
+    for _ in 0..2 {
+        it.flow.advance(&mut it.density, 0.3).unwrap();
+        seen.push(it.moments(&oscillator));
+    }
+    let square = |m: &Moments| m.var_v.value + m.mean_v.value * m.mean_v.value;
+    let mean = (square(&seen[0]) + 4.0 * square(&seen[1]) + square(&seen[2])) / 6.0;
+    let gained = seen[2].mean_energy.value - seen[0].mean_energy.value;
+    let expected = 0.6 * (oscillator.noise() - 2.0 * oscillator.zeta() * mean);
+    println!("line contact: energy gained {gained:.8}, by balance {expected:.8}");
+    assert!((gained - expected).abs() < 3e-6);
+}

@@ -1,0 +1,1004 @@
+//! The program end to end: every command, every exit status, bad scenes with their messages, folders.
+
+use proptest::prelude::*;
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use vibroimpact::plan::{Part, Plan, Watch};
+use vibroimpact::report::folder::{Existing, Folder};
+use vibroimpact::results::Results;
+use vibroimpact::scene::text::{BUILT_IN, SceneText};
+use vibroimpact::{Error, report};
+
+/// An empty folder of this test's own.
+fn room(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn program(room: &Path) -> Command {
+    let mut it = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+    it.current_dir(room)
+        .env("LC_ALL", "C.UTF-8")
+        .env("NO_COLOR", "1");
+    it
+}
+
+fn call(room: &Path, arguments: &[&str]) -> Output {
+    program(room).args(arguments).output().unwrap()
+}
+
+fn out(it: &Output) -> String {
+    String::from_utf8(it.stdout.clone()).unwrap()
+}
+
+fn err(it: &Output) -> String {
+    String::from_utf8(it.stderr.clone()).unwrap()
+}
+
+/// Checks the exit status, that nobody panicked, and returns both outputs.
+fn expect(status: i32, room: &Path, arguments: &[&str]) -> (String, String) {
+    let it = call(room, arguments);
+    let (out, err) = (out(&it), err(&it));
+    assert_eq!(
+        it.status.code(),
+        Some(status),
+        "{arguments:?}\n{out}\n{err}"
+    );
+    assert!(
+        !err.contains("panicked") && !err.contains("RUST_BACKTRACE"),
+        "{err}"
+    );
+    (out, err)
+}
+
+fn results(folder: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.join("results.json")).unwrap()).unwrap()
+}
+
+/// Every kind of output on a mesh and with paths that take no time.
+const SMALL: &str = r#"
+title = "small"
+[oscillator]
+zeta = 0.05
+h = 0.02
+[rig]
+static_load = 110
+frequency = 232
+static_compression = 7e-6
+[initial]
+kind = "gaussian"
+mean = [0.0, 0.0]
+deviation = [0.8, 0.8]
+[outputs]
+stationary = true
+moments_at = [0.5, 1, 2]
+density_at = [1, 2]
+steady = true
+decay_rates = 1
+[monte_carlo]
+paths = 200
+[method]
+drift = "upwind"
+cells = [64, 48]
+"#;
+
+fn small_room(name: &str) -> PathBuf {
+    let room = room(name);
+    fs::write(room.join("small.toml"), SMALL).unwrap();
+    room
+}
+
+#[test]
+fn a_run_leaves_a_table_of_80_columns_and_whole_files() {
+    let room = small_room("sections");
+    let (table, err) = expect(0, &room, &["run", "small.toml"]);
+    assert!(err.is_empty(), "{err}");
+    assert!(
+        table.lines().all(|line| line.chars().count() <= 80),
+        "{table}"
+    );
+    for word in [
+        "STATIONARY MOTION",
+        "closed form",
+        "Monte Carlo",
+        "agreement",
+        "time:",
+        "ON THE RIG",
+    ] {
+        assert!(table.contains(word), "{word}: {table}");
+    }
+    let folder = room.join("results/small");
+    for file in [
+        "results.json",
+        "report.html",
+        "scene.toml",
+        "stationary.csv",
+        "stationary_q.csv",
+        "stationary_v.csv",
+        "stationary_force.csv",
+        "moments.csv",
+        "monte_carlo.csv",
+        "density_1.npz",
+        "density_2.npz",
+        "density_1.svg",
+        "snapshots.svg",
+        "steady.npz",
+        "steady.svg",
+        "moments.svg",
+        "force.svg",
+        "approach.svg",
+        "decay_rates.csv",
+    ] {
+        assert!(folder.join(file).is_file(), "{file}");
+    }
+    for entry in fs::read_dir(&folder).unwrap() {
+        let entry = entry.unwrap();
+        let name = entry.file_name().into_string().unwrap();
+        assert!(!name.starts_with('.'), "{name} is left over");
+        if Path::new(&name).extension().is_some_and(|it| it == "svg") {
+            assert!(entry.metadata().unwrap().len() < 300_000, "{name}");
+        }
+    }
+    // What is in the folder runs again to the same scene.
+    let scene = fs::read_to_string(folder.join("scene.toml")).unwrap();
+    let again = SceneText::parse("scene.toml", &scene, &[]).unwrap();
+    assert_eq!(
+        again.scene(),
+        SceneText::parse("small.toml", SMALL, &[]).unwrap().scene()
+    );
+    let html = fs::read_to_string(folder.join("report.html")).unwrap();
+    let outside = html.replace("http://www.w3.org/2000/svg", "");
+    assert!(!outside.contains("http") && html.matches("<svg").count() >= 4);
+}
+
+#[test]
+fn results_json_has_every_section_and_name_of_its_contract() {
+    let room = small_room("json");
+    expect(0, &room, &["run", "small.toml", "-q"]);
+    let folder = room.join("results/small");
+    let all = results(&folder);
+    let number = |it: &Value| it["value"].is_f64() && it["error"].is_f64();
+    for name in [
+        "mean_q",
+        "var_q",
+        "mean_v",
+        "var_v",
+        "mean_force",
+        "std_force",
+        "skewness_force",
+        "kurtosis_force",
+        "contact_loss_probability",
+        "log10_contact_loss_probability",
+        "loss_rate",
+        "mean_flight",
+    ] {
+        assert!(
+            number(&all["stationary"][name]),
+            "{name}: {}",
+            all["stationary"]
+        );
+    }
+    let moments = [
+        "mean_q",
+        "var_q",
+        "mean_v",
+        "var_v",
+        "cov_qv",
+        "mean_force",
+        "std_force",
+        "skewness_force",
+        "kurtosis_force",
+        "mean_energy",
+        "contact_loss_probability",
+    ];
+    let transient = &all["transient"];
+    let ensemble = &all["monte_carlo"]["transient"];
+    for section in [transient, ensemble] {
+        assert_eq!(section["t"], serde_json::json!([0.5, 1.0, 2.0]));
+        for name in moments {
+            for part in ["value", "error"] {
+                assert_eq!(section[name][part].as_array().unwrap().len(), 3, "{name}");
+            }
+        }
+        assert!(section["method"]["name"].is_string() && section["method"]["steps"].is_u64());
+    }
+    for name in ["mass", "lowest_density", "relative_entropy"] {
+        assert_eq!(
+            transient[name]["value"].as_array().unwrap().len(),
+            3,
+            "{name}"
+        );
+    }
+    assert_eq!(transient["method"]["cells"].as_array().unwrap().len(), 2);
+    assert!(number(&all["steady"]["l1_error"]) && all["steady"]["method"]["name"].is_string());
+    // On so coarse a mesh no mode is found twice.
+    assert!(all["decay_rates"].is_array());
+    for name in ["worst", "t", "expected_worst"] {
+        assert!(all["agreement"][name].is_f64(), "{name}");
+    }
+    assert!(moments.contains(&all["agreement"]["worst_of"].as_str().unwrap()));
+    assert!(all["oscillator"]["temperature"].is_f64() && all["oscillator"]["noise"].is_f64());
+    assert!(number(&all["rig"]["std_force_n"]), "{}", all["rig"]);
+    let run = &all["run"];
+    assert!(run["wall_seconds"].is_f64() && run["threads"].is_u64() && run["warnings"].is_array());
+    assert_eq!(run["version"], env!("CARGO_PKG_VERSION"));
+    let stages: Vec<&str> = run["stages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        stages,
+        [
+            "stationary",
+            "transient",
+            "steady",
+            "decay_rates",
+            "monte_carlo"
+        ]
+    );
+    assert_eq!(all["scene"]["monte_carlo"]["seed"], 1);
+    assert!(!run["warnings"].to_string().contains("unfinished"));
+}
+
+#[test]
+fn what_is_not_asked_for_is_absent() {
+    let room = room("absent");
+    fs::write(
+        room.join("a.toml"),
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n",
+    )
+    .unwrap();
+    expect(0, &room, &["run", "a.toml", "--quiet"]);
+    let all = results(&room.join("results/a"));
+    for name in [
+        "transient",
+        "steady",
+        "decay_rates",
+        "monte_carlo",
+        "agreement",
+        "rig",
+        "spectrum",
+    ] {
+        assert!(all.get(name).is_none(), "{name}");
+    }
+    let loss = all["stationary"]["contact_loss_probability"]["value"]
+        .as_f64()
+        .unwrap();
+    assert!((loss - 0.072_455_645_955).abs() < 1e-11, "{loss}");
+    assert!(!room.join("results/a/moments.csv").exists());
+}
+
+#[test]
+fn a_number_that_does_not_exist_is_null() {
+    let room = room("null");
+    fs::write(
+        room.join("a.toml"),
+        "[oscillator]\ncontact = \"linear\"\nzeta = 0.005\nh = 2e-3\n",
+    )
+    .unwrap();
+    expect(0, &room, &["run", "a.toml", "-q"]);
+    let text = fs::read_to_string(room.join("results/a/results.json")).unwrap();
+    assert!(!text.contains("NaN") && !text.contains("inf"));
+    let all = results(&room.join("results/a"));
+    assert!(all["stationary"]["contact_loss_probability"].is_null());
+    assert!(all["stationary"].get("loss_rate").is_some());
+}
+
+#[test]
+fn the_plan_is_printed_and_nothing_is_computed() {
+    let room = small_room("plan");
+    let (text, _) = expect(0, &room, &["plan", "small.toml"]);
+    for word in [
+        "stationary",
+        "transient",
+        "64 x 48",
+        "needed by",
+        "moments_at",
+        "allowed",
+    ] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+    let (text, _) = expect(0, &room, &["plan", "stationary"]);
+    assert!(
+        text.contains("no mesh") && text.contains("not asked for, not computed"),
+        "{text}"
+    );
+    let (text, _) = expect(0, &room, &["plan"]);
+    assert!(text.contains("default"), "{text}");
+    assert!(!room.join("results").exists());
+}
+
+#[test]
+fn the_built_in_scenes_are_listed_and_printed_verbatim() {
+    let room = room("built-in");
+    let (list, _) = expect(0, &room, &["scenes"]);
+    for (name, text) in BUILT_IN {
+        assert!(list.contains(name), "{name}");
+        let (printed, _) = expect(0, &room, &["scenes", name]);
+        assert_eq!(printed, *text, "{name}");
+    }
+    let (_, err) = expect(2, &room, &["scenes", "defalt"]);
+    assert!(err.contains("did you mean default?"), "{err}");
+}
+
+#[test]
+fn every_built_in_scene_runs_when_its_size_is_cut() {
+    let room = room("all");
+    for (name, text) in BUILT_IN {
+        let mut arguments = vec!["run", name, "-q"];
+        if text.contains("decay_rates") {
+            arguments.extend(["--set", "outputs.decay_rates=0"]);
+        }
+        if text.contains("moments_at") {
+            arguments.extend(["--set", "outputs.moments_at=[0.1,0.2]"]);
+        }
+        if text.contains("density_at") {
+            arguments.extend(["--set", "outputs.density_at=[0.1]"]);
+        }
+        if text.contains("[monte_carlo]") {
+            arguments.extend(["--set", "monte_carlo.paths=20"]);
+        }
+        expect(0, &room, &arguments);
+        assert!(
+            room.join("results")
+                .join(name)
+                .join("report.html")
+                .is_file(),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn commands_and_arguments_that_do_not_exist_are_refused_with_status_2() {
+    let room = room("commands");
+    for (arguments, word) in [
+        (&["validate"][..], "not available yet"),
+        (&["validate", "table-4", "--out", "x"], "not available yet"),
+        (&["precision", "--calibrate"], "not available yet"),
+        (&["stability"], "not available yet"),
+        (&["rnu"], "rnu"),
+        (&["run", "--threads", "0"], "0"),
+        (&["run", "--threads", "x"], "x"),
+        (&["run", "--speed"], "--speed"),
+        (&["run", "no-such.toml"], "cannot be read"),
+        (&["run", "a.toml", "b.toml"], "b.toml"),
+        (&["run", "."], "is a folder"),
+        (&["run", "--set", "oscillator.h=-1"], "oscillator.h = -1"),
+        (&["run", "--set", "oscillator.hh=1"], "did you mean h?"),
+        (&["run", "--set", "h"], "KEY=VALUE"),
+    ] {
+        let (_, err) = expect(2, &room, arguments);
+        assert!(err.contains(word), "{arguments:?}: {err}");
+    }
+    fs::write(room.join("small.toml"), SMALL).unwrap();
+    let narrow = "initial.deviation=[1e-3,1e-3]";
+    let sets = [
+        "run",
+        "small.toml",
+        "--set",
+        narrow,
+        "--set",
+        "method.drift=8",
+    ];
+    let (_, err) = expect(
+        2,
+        &room,
+        &[&sets[..], &["--set", "outputs.stationary=false"]].concat(),
+    );
+    assert!(err.contains("initial.deviation"), "{err}");
+    fs::write(room.join("latin.toml"), b"title = \"\xe9\"").unwrap();
+    let (_, err) = expect(2, &room, &["run", "latin.toml"]);
+    assert!(err.contains("not UTF-8: byte 9"), "{err}");
+    assert!(!room.join("results").exists());
+}
+
+#[test]
+fn help_and_version_are_there() {
+    let room = room("help");
+    let (text, _) = expect(0, &room, &["--help"]);
+    assert!(text.contains("scenes") && text.contains("plan"), "{text}");
+    let (text, _) = expect(0, &room, &["--version"]);
+    assert!(text.contains(env!("CARGO_PKG_VERSION")), "{text}");
+}
+
+#[test]
+fn an_output_folder_that_exists_is_refused_unless_forced_and_foreign_files_stay() {
+    let room = small_room("out");
+    expect(0, &room, &["run", "small.toml", "--out", "here", "-q"]);
+    let (_, err) = expect(2, &room, &["run", "small.toml", "--out", "here"]);
+    assert!(
+        err.contains("--out = here") && err.contains("--force"),
+        "{err}"
+    );
+    fs::write(room.join("here/notes.txt"), "mine").unwrap();
+    fs::write(room.join("here/density_9.npz"), "old").unwrap();
+    expect(
+        0,
+        &room,
+        &["run", "small.toml", "--out", "here", "--force", "--quiet"],
+    );
+    assert_eq!(
+        fs::read_to_string(room.join("here/notes.txt")).unwrap(),
+        "mine"
+    );
+    assert!(
+        !room.join("here/density_9.npz").exists(),
+        "an earlier run's density is left"
+    );
+    fs::write(room.join("file"), "x").unwrap();
+    let (_, err) = expect(2, &room, &["run", "small.toml", "--out", "file", "--force"]);
+    assert!(err.contains("this is a file"), "{err}");
+}
+
+#[test]
+fn the_default_folder_is_replaced_if_it_is_ours_and_refused_if_it_is_not() {
+    let room = small_room("replace");
+    for _ in 0..2 {
+        expect(
+            0,
+            &room,
+            &["run", "small.toml", "-q", "--set", "title=../a b/c"],
+        );
+    }
+    assert!(room.join("results/a-b-c/results.json").is_file());
+    fs::create_dir_all(room.join("results/small")).unwrap();
+    fs::write(room.join("results/small/results.json"), "{}").unwrap();
+    let (_, err) = expect(2, &room, &["run", "small.toml"]);
+    assert!(err.contains("a results.json of ours"), "{err}");
+    assert_eq!(
+        fs::read_to_string(room.join("results/small/results.json")).unwrap(),
+        "{}"
+    );
+    expect(0, &room, &["run", "small.toml", "-q", "--force"]);
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_ends_with_status_1_before_anything_is_computed() {
+    let room = small_room("unwritable");
+    fs::write(room.join("file"), "x").unwrap();
+    let start = Instant::now();
+    let huge = "monte_carlo.paths=100000000000";
+    let (table, err) = expect(
+        1,
+        &room,
+        &["run", "small.toml", "--out", "file/sub", "--set", huge],
+    );
+    assert!(table.is_empty() && err.contains("file/sub"), "{err}");
+    assert!(start.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn a_limit_of_time_ends_with_status_3_and_names_its_key() {
+    let room = small_room("limit");
+    let (_, err) = expect(
+        3,
+        &room,
+        &["run", "small.toml", "--set", "accuracy.max_seconds=1e-9"],
+    );
+    assert!(err.contains("accuracy.max_seconds"), "{err}");
+    let all = results(&room.join("results/small"));
+    assert!(
+        all["run"]["warnings"][0]
+            .as_str()
+            .unwrap()
+            .contains("unfinished")
+    );
+}
+
+#[test]
+fn quiet_prints_nothing() {
+    let room = small_room("quiet");
+    let (out, err) = expect(0, &room, &["run", "small.toml", "--quiet"]);
+    assert!(out.is_empty() && err.is_empty(), "{out}{err}");
+}
+
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let room = small_room("pipe");
+    for arguments in [
+        &["scenes", "default"][..],
+        &["run", "small.toml", "--force"],
+    ] {
+        let mut child = program(&room)
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let it = child.wait_with_output().unwrap();
+        assert_eq!((it.status.code(), err(&it)), (Some(0), String::new()));
+    }
+}
+
+/// A watch that fails when a part has ended, after its files are there.
+struct Fails<'a>(&'a Folder, Part);
+
+impl Watch for Fails<'_> {
+    fn ends(&self, part: Part, results: &Results) -> Result<(), Error> {
+        self.0.write(&report::after(part, results)?)?;
+        if part == self.1 {
+            return Err(Error::invalid("test", "failure", "nothing"));
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn files_of_finished_stages_stay_whole_when_a_later_stage_fails() {
+    let room = room("later");
+    let text = SceneText::parse("small.toml", SMALL, &[]).unwrap();
+    let folder = Folder::open(&room.join("out"), Existing::Refuse).unwrap();
+    let plan = Plan::of(text.scene()).unwrap();
+    plan.run(&Fails(&folder, Part::Transient)).unwrap_err();
+    let all = results(&room.join("out"));
+    assert!(all["transient"].is_object() && all.get("steady").is_none());
+    let warning = all["run"]["warnings"].to_string();
+    assert!(
+        warning.contains("unfinished: steady, decay_rates, monte_carlo"),
+        "{warning}"
+    );
+    assert!(room.join("out/moments.csv").is_file() && room.join("out/density_2.npz").is_file());
+}
+
+#[test]
+fn a_killed_run_leaves_whole_files_and_two_runs_do_not_share_a_folder() {
+    let room = small_room("killed");
+    let mut child = program(&room)
+        .args(["run", "small.toml", "--set", "monte_carlo.paths=2000000000"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let folder = room.join("results/small");
+    let start = Instant::now();
+    while !folder.join("decay_rates.csv").exists() {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "the stages before do not end"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let (_, err) = expect(2, &room, &["run", "small.toml", "--force"]);
+    assert!(err.contains("no other run is writing into"), "{err}");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let all = results(&folder);
+    assert!(all["transient"].is_object() && all.get("monte_carlo").is_none());
+    assert!(all["run"]["warnings"].to_string().contains("unfinished"));
+    expect(0, &room, &["run", "small.toml", "-q"]);
+    assert!(results(&folder)["monte_carlo"].is_object());
+}
+
+#[test]
+fn numpy_reads_every_array() {
+    let room = small_room("numpy");
+    expect(0, &room, &["run", "small.toml", "-q"]);
+    let script = "import numpy as n, glob\n\
+        files = sorted(glob.glob('results/small/*.npz'))\n\
+        assert len(files) == 3, files\n\
+        for f in files:\n\
+        \x20   z = n.load(f)\n\
+        \x20   p, q, v = z['p'], z['q'], z['v']\n\
+        \x20   assert p.dtype == n.float64 and p.flags['C_CONTIGUOUS'], f\n\
+        \x20   assert p.shape == (len(q), len(v)) and z['t'].shape == (), f\n\
+        \x20   mass = n.trapezoid(n.trapezoid(p, v, axis=1), q)\n\
+        \x20   assert abs(mass - 1) < 0.05, mass\n\
+        print('read', len(files))";
+    let python = Command::new("python3")
+        .current_dir(&room)
+        .args(["-c", script])
+        .output();
+    match python {
+        Ok(it) if it.status.success() => println!("numpy: {}", out(&it)),
+        Ok(it) if err(&it).contains("No module named") => println!("skipped: no numpy here"),
+        Ok(it) => panic!("{}", err(&it)),
+        Err(_) => println!("skipped: no python3 here"),
+    }
+}
+
+/// Scenes that are wrong, by name. What the program says about each stands in bad_scenes.txt.
+const BAD: &[(&str, &str)] = &[
+    ("empty", ""),
+    ("not TOML", "[oscillator\nzeta = 0.005"),
+    ("value missing", "[oscillator]\nzeta = \nh = 2e-3"),
+    (
+        "key twice",
+        "[oscillator]\nzeta = 0.005\nzeta = 0.006\nh = 2e-3",
+    ),
+    ("section misspelt", "[oscilator]\nzeta = 0.005\nh = 2e-3"),
+    ("key misspelt", "[oscillator]\nzetta = 0.005\nh = 2e-3"),
+    ("zeta missing", "[oscillator]\nh = 2e-3"),
+    ("h missing", "[oscillator]\nzeta = 0.005"),
+    ("zeta zero", "[oscillator]\nzeta = 0\nh = 2e-3"),
+    ("zeta negative", "[oscillator]\nzeta = -0.005\nh = 2e-3"),
+    ("h not a number", "[oscillator]\nzeta = 0.005\nh = nan"),
+    ("h infinite", "[oscillator]\nzeta = 0.005\nh = inf"),
+    ("h as text", "[oscillator]\nzeta = 0.005\nh = \"2e-3\""),
+    (
+        "contact misspelt",
+        "[oscillator]\ncontact = \"herz\"\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "contact not text",
+        "[oscillator]\ncontact = 1\nzeta = 0.005\nh = 2e-3",
+    ),
+    ("oscillator not a table", "oscillator = 3"),
+    (
+        "h and force_psd",
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\nforce_psd = 0.17",
+    ),
+    (
+        "force_psd without rig",
+        "[oscillator]\nzeta = 0.005\nforce_psd = 0.17",
+    ),
+    (
+        "force_psd negative",
+        "[oscillator]\nzeta = 0.005\nforce_psd = -1\n[rig]\nstatic_load = 110\nfrequency = 232\nstatic_compression = 7e-6",
+    ),
+    (
+        "rig incomplete",
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n[rig]\nstatic_load = 110",
+    ),
+    (
+        "rig load zero",
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n[rig]\nstatic_load = 0\nfrequency = 232\nstatic_compression = 7e-6",
+    ),
+    (
+        "title of two lines",
+        "title = \"a\\nb\"\n[oscillator]\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "title a number",
+        "title = 3\n[oscillator]\nzeta = 0.005\nh = 2e-3",
+    ),
+    ("deviation missing", "@[initial]\nkind = \"gaussian\""),
+    ("deviation negative", "@[initial]\ndeviation = [0.3, -0.3]"),
+    (
+        "mean of three",
+        "@[initial]\nmean = [0, 0, 0]\ndeviation = [1, 1]",
+    ),
+    (
+        "mean not numbers",
+        "@[initial]\nmean = [\"a\", 0]\ndeviation = [1, 1]",
+    ),
+    ("mean at rest", "@[initial]\nkind = \"rest\"\nmean = [0, 0]"),
+    ("times descending", "@[outputs]\nmoments_at = [1, 3, 2]"),
+    ("times twice", "@[outputs]\nmoments_at = [1, 1]"),
+    ("time negative", "@[outputs]\ndensity_at = [-1]"),
+    ("time infinite", "@[outputs]\nmoments_at = [1, inf]"),
+    ("times as number", "@[outputs]\nmoments_at = 5"),
+    (
+        "times too many",
+        "@[outputs]\nmoments_at = { every = 1e-6, until = 50 }",
+    ),
+    (
+        "times never",
+        "@[outputs]\nmoments_at = { every = 5, until = 1 }",
+    ),
+    ("until missing", "@[outputs]\nmoments_at = { every = 5 }"),
+    (
+        "every misspelt",
+        "@[outputs]\nmoments_at = { evry = 5, until = 10 }",
+    ),
+    ("nothing asked", "@[outputs]\nstationary = false"),
+    ("steady as number", "@[outputs]\nsteady = 1"),
+    ("too many rates", "@[outputs]\ndecay_rates = 1000"),
+    ("half a rate", "@[outputs]\ndecay_rates = 1.5"),
+    (
+        "free without outputs",
+        "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "free and steady",
+        "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nsteady = true",
+    ),
+    (
+        "free from stationary",
+        "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[initial]\nkind = \"stationary\"\n[outputs]\nmoments_at = [1]",
+    ),
+    (
+        "no paths",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\npaths = 0",
+    ),
+    (
+        "negative paths",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\npaths = -5",
+    ),
+    (
+        "scheme misspelt",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nscheme = \"boaab\"",
+    ),
+    (
+        "step zero",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nstep = 0",
+    ),
+    ("tolerance one", "@[accuracy]\ntolerance = 1"),
+    ("tolerance negative", "@[accuracy]\ntolerance = -1e-3"),
+    ("no time", "@[accuracy]\nmax_seconds = 0"),
+    ("memory in words", "@[accuracy]\nmax_memory = \"much\""),
+    (
+        "no cells",
+        "@[outputs]\nsteady = true\n[method]\ncells = [0, 100]",
+    ),
+    (
+        "cells negative",
+        "@[outputs]\nsteady = true\n[method]\ncells = [160, -100]",
+    ),
+    (
+        "three cells",
+        "@[outputs]\nsteady = true\n[method]\ncells = [160, 100, 3]",
+    ),
+    (
+        "cells beyond memory",
+        "@[outputs]\nsteady = true\n[method]\ncells = [1_000_000_000, 100]",
+    ),
+    ("drift of order 3", "@[method]\ndrift = 3"),
+    (
+        "unknown method",
+        "@[method]\ntransient = \"finite_element\"",
+    ),
+    (
+        "steps without end",
+        "@[outputs]\nmoments_at = [1e6]\n[method]\nstep = 1e-300",
+    ),
+    ("spectrum", "@[outputs]\nspectrum = { until = 4.0 }"),
+    ("first loss", "@[outputs]\nfirst_loss = { until = 200 }"),
+    ("crossings", "@[outputs]\ncrossings = { window = 20 }"),
+    (
+        "cosines",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nnoise = { cosines = 400, band = 8.0 }",
+    ),
+    ("flow map", "@[method]\ntransient = \"flow_map\""),
+    ("implicit time", "@[method]\ntime = \"implicit\""),
+    (
+        "euler",
+        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nscheme = \"euler_maruyama\"",
+    ),
+    ("long records", "@[monte_carlo]\npaths = 10"),
+];
+
+/// Put before the scenes above that start with '@'.
+const GOOD: &str = "[oscillator]\nzeta = 0.005\nh = 2e-3\n[initial]\nkind = \"gaussian\"\ndeviation = [0.3, 0.3]\n";
+
+#[test]
+fn every_bad_scene_is_refused_with_the_message_on_record() {
+    let room = room("bad");
+    let mut messages = String::new();
+    for (name, text) in BAD {
+        let text = match text.strip_prefix('@') {
+            Some(rest) if rest.starts_with("[initial]") => {
+                format!("[oscillator]\nzeta = 0.005\nh = 2e-3\n{rest}\n[outputs]\nmoments_at = [1]")
+            }
+            Some(rest) => format!("{GOOD}{rest}"),
+            None => (*text).to_owned(),
+        };
+        fs::write(room.join("scene.toml"), &text).unwrap();
+        let (out, err) = expect(2, &room, &["run", "scene.toml"]);
+        assert!(out.is_empty(), "{name}: {out}");
+        let lines: Vec<&str> = err.lines().map(str::trim_end).collect();
+        let _ = writeln!(
+            messages,
+            "## {name}\n{}\n",
+            lines.join("\n").trim_matches('\n')
+        );
+    }
+    assert!(
+        !room.join("results").exists(),
+        "a bad scene left something behind"
+    );
+    let messages = messages.replace(env!("CARGO_PKG_VERSION"), "VERSION");
+    let record = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bad_scenes.txt");
+    if std::env::var_os("UPDATE_MESSAGES").is_some() {
+        fs::write(&record, &messages).unwrap();
+    }
+    let recorded = fs::read_to_string(&record).unwrap().replace('\r', "");
+    for (ours, theirs) in messages.split("## ").zip(recorded.split("## ")) {
+        assert_eq!(
+            ours, theirs,
+            "UPDATE_MESSAGES=1 cargo test records the new message"
+        );
+    }
+    assert_eq!(messages.len(), recorded.len());
+    println!("{} bad scenes", BAD.len());
+}
+
+/// Parse and plan: an answer or a message, never a panic.
+fn taken(text: &str, set: &[String]) -> bool {
+    match SceneText::parse("random.toml", text, set) {
+        Ok(text) => match Plan::of(text.scene()) {
+            Ok(plan) => !report::terminal::plan(&plan).is_empty(),
+            Err(error) => text.explain(&error).to_string().is_empty(),
+        },
+        Err(error) => {
+            let report = format!("{:?}", miette::Report::new(error));
+            assert!(!report.is_empty());
+            false
+        }
+    }
+}
+
+/// A value of any type, sensible or not.
+fn value() -> impl Strategy<Value = String> {
+    let fixed = prop::sample::select(vec![
+        "0",
+        "1",
+        "-1",
+        "5",
+        "1e5",
+        "2e-3",
+        "0.005",
+        "nan",
+        "inf",
+        "-inf",
+        "1e300",
+        "-1e-300",
+        "1e999",
+        "99999999999999999999999999",
+        "true",
+        "false",
+        "\"auto\"",
+        "\"hertz\"",
+        "\"free\"",
+        "\"linear\"",
+        "\"gaussian\"",
+        "\"rest\"",
+        "\"stationary\"",
+        "\"8 GB\"",
+        "\"\"",
+        "[]",
+        "[1, 2]",
+        "[2, 1]",
+        "[0.3, 0.3]",
+        "[160, 100]",
+        "[1, \"a\"]",
+        "[[1]]",
+        "{}",
+        "{ every = 1, until = 5 }",
+        "{ every = 1e-9, until = 1e9 }",
+        "{ until = 4 }",
+        "{ cosines = 3, band = 1 }",
+        "2024-01-01",
+        "0x10",
+        "1_000",
+        "'\\u0000'",
+        "\"\u{202e}\"",
+    ]);
+    prop_oneof![
+        8 => fixed.prop_map(str::to_owned),
+        1 => any::<f64>().prop_map(|x| format!("{x:?}")),
+        1 => any::<i64>().prop_map(|n| n.to_string()),
+    ]
+}
+
+const SECTIONS: &[(&str, &[&str])] = &[
+    ("oscillator", &["contact", "zeta", "h", "force_psd"]),
+    ("rig", &["static_load", "frequency", "static_compression"]),
+    ("initial", &["kind", "mean", "deviation"]),
+    (
+        "outputs",
+        &[
+            "stationary",
+            "moments_at",
+            "density_at",
+            "steady",
+            "decay_rates",
+            "spectrum",
+            "first_loss",
+            "crossings",
+        ],
+    ),
+    (
+        "monte_carlo",
+        &["paths", "seed", "scheme", "noise", "step", "duration"],
+    ),
+    ("accuracy", &["tolerance", "max_seconds", "max_memory"]),
+    ("method", &["transient", "drift", "time", "cells", "step"]),
+];
+
+/// `section.key = value` of a key that exists.
+fn entry() -> impl Strategy<Value = String> {
+    (0..SECTIONS.len(), 0..100usize, value()).prop_map(|(section, key, value)| {
+        let (section, keys) = SECTIONS[section];
+        format!("{section}.{}={value}", keys[key % keys.len()])
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 3500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_values_for_any_keys_give_a_plan_or_a_message(
+        entries in prop::collection::vec(entry(), 0..6),
+        title in any::<String>(),
+    ) {
+        let mut set = entries;
+        set.push(format!("title={title}"));
+        taken(GOOD, &set);
+        taken(&set.join("\n"), &[]);
+    }
+
+    #[test]
+    fn mutated_and_truncated_scenes_give_a_plan_or_a_message(
+        which in 0..BUILT_IN.len(),
+        cut in 0.0..1.0f64,
+        at in 0.0..1.0f64,
+        with in any::<char>(),
+        whole in any::<bool>(),
+    ) {
+        let text: Vec<char> = BUILT_IN[which].1.chars().collect();
+        let mut text = if whole { text } else { text[..(cut * text.len() as f64) as usize].to_vec() };
+        if !text.is_empty() {
+            let at = (at * text.len() as f64) as usize;
+            text[at] = with;
+        }
+        taken(&text.into_iter().collect::<String>(), &[]);
+    }
+
+    #[test]
+    fn any_text_at_all_gives_a_message(text in any::<String>(), set in any::<String>()) {
+        taken(&text, &[]);
+        taken(GOOD, &[set]);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_is_planned_runs_to_files_or_a_message(
+        contact in prop::sample::select(vec!["hertz", "bilinear", "linear", "free"]),
+        zeta in -3.0..1.0f64,
+        temperature in -6.0..4.0f64,
+        mean in -3.0..3.0f64,
+        deviation in -4.0..1.0f64,
+        cells in (8..24usize, 8..24usize),
+        times in prop::collection::btree_set(1..40u8, 0..3),
+        asked in any::<[bool; 3]>(),
+    ) {
+        let confines = contact != "free";
+        let (zeta, t) = (10f64.powf(zeta), 10f64.powf(temperature));
+        let times: Vec<f64> = times.into_iter().map(|it| 0.1 * f64::from(it)).collect();
+        let paths = if times.is_empty() { "" } else { "[monte_carlo]\npaths = 20\nstep = 0.1" };
+        let text = format!(
+            "[oscillator]\ncontact = \"{contact}\"\nzeta = {zeta:e}\nh = {:e}\n\
+             [initial]\nmean = [{mean}, 0]\ndeviation = [{:e}, 1]\n\
+             [outputs]\nstationary = {}\nsteady = {}\nmoments_at = {times:?}\ndensity_at = {times:?}\n\
+             decay_rates = {}\n[method]\ncells = [{}, {}]\n{paths}",
+            2.0 * zeta * t / std::f64::consts::PI, 10f64.powf(deviation),
+            asked[0] && confines, asked[1] && confines, u8::from(asked[2] && confines), cells.0, cells.1,
+        );
+        let Ok(text) = SceneText::parse("random.toml", &text, &[]) else { return Ok(()) };
+        let Ok(plan) = Plan::of(text.scene()) else { return Ok(()) };
+        let Ok(results) = plan.run_quietly() else { return Ok(()) };
+        for stage in plan.stages() {
+            for file in report::after(stage.part, &results).unwrap() {
+                prop_assert!(!file.bytes.is_empty());
+            }
+        }
+        let _: Value = serde_json::from_str(&results.json().to_string()).unwrap();
+        let table = report::terminal::table(&results, false);
+        prop_assert!(table.lines().all(|line| line.chars().count() <= 80), "{}", table);
+        report::at_the_end(&results).unwrap();
+    }
+}
+
+#[test]
+#[ignore = "for the gate: reads the file named by RESULTS_JSON"]
+fn the_results_json_named_by_the_environment_parses() {
+    let path = std::env::var("RESULTS_JSON").unwrap();
+    let all: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let loss = &all["stationary"]["contact_loss_probability"];
+    println!("P(contact lost) = {} ± {}", loss["value"], loss["error"]);
+    assert!((loss["value"].as_f64().unwrap() - 0.072_455_645_955).abs() < 1e-10);
+    assert!(!all["run"]["warnings"].to_string().contains("unfinished"));
+}
