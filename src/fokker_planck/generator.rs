@@ -184,10 +184,8 @@ impl Generator {
     pub fn weigh(&self, g: &[f64], cells: &mut [f64]) {
         let nv = self.mesh.v.len();
         for (i, column) in self.active.iter().enumerate() {
-            let range = i * nv + column.start..i * nv + column.end;
-            let along_v = self.weights.v[column.clone()].iter();
-            for ((p, g), v) in cells[range.clone()].iter_mut().zip(&g[range]).zip(along_v) {
-                *p = g * (self.weights.q[i] * v);
+            for j in column.clone() {
+                cells[i * nv + j] = g[i * nv + j] * self.weights.at(i, j);
             }
         }
     }

@@ -16,11 +16,11 @@ const LANES: usize = 8;
 /// One row of a block: its entries for all lanes.
 type Lanes = [f64; LANES];
 
-/// L D L^T of w_m + a S^T k S for every q-column, where B = -S^T k S/w_m on r = g tilt.
+/// L D L^T of w/tilt + a S^T k S for every q-column, w over its factor of the column, where
+/// B = -S^T k S/w on r = g tilt.
 pub(super) struct Banded {
     blocks: Vec<Block>,
-    /// The Maxwell weight times tilt, and 1/tilt, per v cell.
-    into: Vec<f64>,
+    /// 1/tilt per v cell.
     out: Vec<f64>,
     nv: usize,
 }
@@ -33,6 +33,8 @@ struct Block {
     rows: Range<usize>,
     /// Per row: 1/D, then the entries of L left of the diagonal, nearest first.
     factors: Vec<[Lanes; BANDS]>,
+    /// Per row: w over its factor of the column; 0 where there is no unknown.
+    weights: Vec<Lanes>,
 }
 
 impl Banded {
@@ -53,14 +55,17 @@ impl Banded {
             let mut identity = [[0.0; LANES]; BANDS];
             identity[0] = [1.0; LANES];
             let mut factors = vec![identity; rows.len()];
+            let mut held = vec![[0.0; LANES]; rows.len()];
             for lane in 0..columns {
                 let column = generator.active(first + lane);
                 let mut matrix = generator.diffusion_bands(first + lane);
-                for (bands, w) in matrix.iter_mut().zip(&weights.maxwell[column.clone()]) {
+                for (bands, j) in matrix.iter_mut().zip(column.clone()) {
+                    let w = weights.at(first + lane, j) / weights.q[first + lane];
+                    held[j - rows.start][lane] = w;
                     for entry in bands.iter_mut() {
                         *entry *= a;
                     }
-                    bands[0] += w;
+                    bands[0] += w / tilt[j];
                 }
                 factor(&mut matrix);
                 for (bands, row) in matrix.iter().zip(column.start - rows.start..) {
@@ -81,11 +86,10 @@ impl Banded {
                 columns,
                 rows,
                 factors,
+                weights: held,
             });
         }
-        let into = weights.maxwell.iter().zip(tilt).map(|(w, t)| w * t);
         Ok(Self {
-            into: into.collect(),
             out: tilt.iter().map(|t| 1.0 / t).collect(),
             blocks,
             nv,
@@ -109,14 +113,12 @@ impl Banded {
         let n = block.rows.len();
         let work = &mut work[..n];
         let g = &mut g[block.first * self.nv..(block.first + block.columns) * self.nv];
-        let (into, out) = (
-            &self.into[block.rows.clone()],
-            &self.out[block.rows.clone()],
-        );
+        let out = &self.out[block.rows.clone()];
         work.fill([0.0; LANES]);
         for (lane, column) in g.chunks_exact(self.nv).enumerate() {
-            for ((row, g), into) in work.iter_mut().zip(&column[block.rows.clone()]).zip(into) {
-                row[lane] = g * into;
+            let cells = column[block.rows.clone()].iter().zip(&block.weights);
+            for (row, (g, w)) in work.iter_mut().zip(cells) {
+                row[lane] = g * w[lane];
             }
         }
         // L y = b, then D^-1.
