@@ -286,7 +286,7 @@ impl FlowMap {
         }
         let measure = Measure::of(oscillator)?;
         let temperature = oscillator.temperature();
-        let weights = Weights::new(&measure, mesh, temperature, Drift::Order8)?;
+        let weights = Weights::new(&measure, mesh, temperature, Drift::Order8)?.without_rim();
         let stationary = matches!(measure, Measure::Gibbs(_));
         let contact = oscillator.contact().clone();
         let active = active(&contact, mesh, stationary);

@@ -202,6 +202,12 @@ impl Weights {
         (self.q[i] * self.v[j]).max(floor)
     }
 
+    /// The same weights for a scheme without a cut stream function: p_s everywhere, no rim.
+    #[must_use]
+    pub fn without_rim(self) -> Self {
+        Self { cut: 0.0, ..self }
+    }
+
     /// Whether cell (i, j) lies in the rim, p_s <= p_cut: no streamline passes it.
     pub fn in_rim(&self, i: usize, j: usize) -> bool {
         self.q[i] * self.v[j] <= self.cut * self.area[0][i] * self.area[1][j]
