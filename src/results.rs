@@ -77,10 +77,7 @@ impl StationaryNumbers {
         named.retain(|(name, _)| *name != "cov_qv");
         let lost = moments.contact_loss_probability;
         named.extend([
-            (
-                "log10_contact_loss_probability",
-                finite(lost.map(log10)),
-            ),
+            ("log10_contact_loss_probability", finite(lost.map(log10))),
             ("loss_rate", crossings.map(|it| it.loss_rate)),
             ("mean_flight", finite(crossings.map(|it| it.mean_flight))),
         ]);
@@ -192,10 +189,7 @@ impl Agreement {
 type Pair = (&'static str, Option<f64>, Estimate, Estimate);
 
 /// Pairs of the times and names both have.
-fn common(
-    (times_a, a): (&[f64], &[Moments]),
-    (times_b, b): (&[f64], &[Moments]),
-) -> Vec<Pair> {
+fn common((times_a, a): (&[f64], &[Moments]), (times_b, b): (&[f64], &[Moments])) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for (t, a) in times_a.iter().zip(a) {
         let same = times_b.iter().position(|it| it == t);
@@ -332,9 +326,8 @@ impl Results {
     /// scheme whose stationary law is exact.
     pub fn controlled(&self) -> bool {
         let white = |it: &crate::scene::MonteCarlo| it.noise == Noise::White;
-        let exact = |it: &RecordResult| {
-            matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62)
-        };
+        let exact =
+            |it: &RecordResult| matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62);
         self.scene.monte_carlo.as_ref().is_some_and(white)
             && self.records.as_ref().is_some_and(exact)
     }
@@ -467,7 +460,11 @@ impl Results {
                 exact(rig.seconds(0.5 / self.scene.oscillator.zeta())),
             ),
         ];
-        let window = self.scene.outputs.crossings.filter(|_| self.crossings.is_some());
+        let window = self
+            .scene
+            .outputs
+            .crossings
+            .filter(|_| self.crossings.is_some());
         all.extend(window.map(|window| ("window_s", exact(window))));
         let of = |name: &str| {
             let law = self.stationary.as_ref().and_then(|it| it.get(name));
@@ -521,7 +518,10 @@ impl Results {
                 "time_out_of_contact_s",
                 lost.map(|(share, window)| share.scaled(window)),
             ),
-            ("mean_impact_speed_mm_per_s", unit("mean_impact_speed", velocity)),
+            (
+                "mean_impact_speed_mm_per_s",
+                unit("mean_impact_speed", velocity),
+            ),
         ];
         let there = |(name, number): (_, Option<Estimate>)| Some((name, number?));
         all.into_iter().filter_map(there).collect()

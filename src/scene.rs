@@ -473,7 +473,10 @@ impl Scene {
             return Err(Error::invalid(key, num(window), accepted));
         }
         let contact = self.oscillator.contact();
-        let (key, value) = ("outputs.crossings", format!("{{ window = {} }}", num(window)));
+        let (key, value) = (
+            "outputs.crossings",
+            format!("{{ window = {} }}", num(window)),
+        );
         if !contact.is_confining() {
             return Err(self.no_law(key, &value));
         }
@@ -591,7 +594,10 @@ impl Scene {
         all.push("outputs", self.resolved_outputs());
         if let Some(it) = &self.monte_carlo {
             let duration = self.wants_records().then_some(MonteCarlo::DURATION);
-            all.push("monte_carlo", resolved_monte_carlo(it, it.duration.or(duration)));
+            all.push(
+                "monte_carlo",
+                resolved_monte_carlo(it, it.duration.or(duration)),
+            );
         }
         all.push(
             "accuracy",
