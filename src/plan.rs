@@ -264,7 +264,7 @@ impl Plan {
         let steps = (outputs.moments_at.last() / step).ceil();
         let threads = rayon::current_num_threads() as f64;
         Ok(Cost {
-            method: format!("{} paths, {scheme}, step {}", settings.paths, num(step)),
+            method: format!("{} paths, {scheme}, step {}", settings.paths, short(step)),
             cells: None,
             steps: steps as u64,
             memory_bytes: (threads * 1e6) as u64,
@@ -281,7 +281,7 @@ impl Plan {
                 "{} records, {}, step {}",
                 it.records,
                 it.scheme,
-                num(it.step)
+                short(it.step)
             ),
             cells: None,
             steps: it.steps,
@@ -361,6 +361,14 @@ impl Plan {
                     settings.max_seconds = max_seconds;
                     let it = monte_carlo::records(oscillator, &settings, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
+                    let losses = it.crossings.as_ref().map(|it| it.losses);
+                    if outputs.crossings.is_some() && losses == Some(0) {
+                        results.run.warnings.push(format!(
+                            "the records saw no loss of contact in a time of {:.1e}: its rate is known \
+                             from the closed form alone",
+                            it.duration
+                        ));
+                    }
                     results.records = Some(it);
                     results.agreement = results.agree();
                 }
@@ -501,6 +509,11 @@ fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
             band,
         },
     }
+}
+
+/// A number to four digits.
+fn short(x: f64) -> String {
+    num(format!("{x:.3e}").parse().unwrap_or(x))
 }
 
 /// One step of one path on one core, roughly, in seconds.

@@ -350,6 +350,13 @@ impl Results {
         Some((it, CrossingNumbers::sampled(it, time)))
     }
 
+    /// The time of flight in the long records, once a flight has been seen from loss to return.
+    pub fn sampled_flights(&self) -> Option<&Histogram> {
+        let (seen, _) = self.sampled_crossings()?;
+        let flown = seen.mean_flight.value.is_finite();
+        flown.then_some(&seen.flight_time)
+    }
+
     /// Everything sampled against everything computed otherwise.
     pub fn agree(&self) -> Option<Agreement> {
         let mut pairs = Vec::new();
@@ -433,7 +440,7 @@ impl Results {
             json.push(name, number);
         }
         // With noise in flight the law of its length is known from records alone.
-        let flights = seen.map(|it| &it.flight_time);
+        let flights = seen.and_then(|_| self.sampled_flights());
         let centres = flights.map(|it| Json::numbers(centres(it)));
         json.push("flight_time", centres);
         let density = flights.map(|it| curve(it.density.iter().map(|x| Some(*x))));

@@ -23,14 +23,13 @@ fn unit(name: &str) -> &'static str {
     match name {
         "mean_q" => "u",
         "var_q" => "u^2",
-        "mean_v" => "u W",
+        "mean_v" | "mean_impact_speed" => "u W",
         "var_v" => "(u W)^2",
         "cov_qv" => "u^2 W",
         "mean_force" | "std_force" => "F",
         "mean_energy" => "(u W)^2 m",
         "loss_rate" => "W",
         "mean_flight" => "1/W",
-        "mean_impact_speed" => "u W",
         _ => "1",
     }
 }
@@ -219,22 +218,20 @@ pub fn records(results: &Results) -> Vec<File> {
     }
     let mut files = vec![
         File::text("records.csv", table),
-        histogram("records_q.csv", "q", "u", &it.displacement),
-        histogram("records_v.csv", "v", "u W", &it.velocity),
-        histogram("records_force.csv", "N", "F", &it.force),
+        histogram("records_q.csv", "q", ["u", "1/u"], &it.displacement),
+        histogram("records_v.csv", "v", ["u W", "1/(u W)"], &it.velocity),
+        histogram("records_force.csv", "N", ["F", "1/F"], &it.force),
     ];
-    if let Some((seen, _)) = results.sampled_crossings() {
-        let flights = &seen.flight_time;
-        files.push(histogram("flights.csv", "flight", "1/W", flights));
+    if let Some(flights) = results.sampled_flights() {
+        files.push(histogram("flights.csv", "flight", ["1/W", "W"], flights));
     }
     files
 }
 
 /// A histogram, one bin a line; the Dirac mass is not in it.
-fn histogram(file: &str, name: &str, unit: &str, it: &Histogram) -> File {
-    let mut table = format!(
-        "{name} from [{unit}],{name} to [{unit}],density [1/({unit})],standard error [1/({unit})]\n"
-    );
+fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> File {
+    let mut table =
+        format!("{name} from [{unit}],{name} to [{unit}],density [{per}],standard error [{per}]\n");
     for (ends, density) in it.edges.windows(2).zip(&it.density) {
         let (from, to) = (field(ends[0]), field(ends[1]));
         let _ = writeln!(table, "{from},{to},{}", fields(Some(*density)));

@@ -1038,9 +1038,12 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         if curves.sampled.is_some() {
             legends.push((VERMILION, Mark::Dot, "long records, band: 95 %"));
         }
-        // Two lines about the Dirac mass take more room than one.
-        let two = curves.sampled.is_some() && curves.dirac.is_some();
-        let top = if two { 101.0 } else { 82.0 };
+        // Below what is said of the Dirac mass.
+        let top = match (curves.dirac, &curves.sampled) {
+            (None, _) => 62.0,
+            (Some(_), None) => 82.0,
+            (Some(_), Some(_)) => 101.0,
+        };
         for (k, (colour, mark, words)) in legends.into_iter().enumerate() {
             legend(area, (right, top + 19.0 * k as f64), colour, mark, words)?;
         }
@@ -1055,10 +1058,10 @@ pub fn force(results: &Results) -> Result<Option<File>> {
 /// # Errors
 /// [`Error::Io`] for a picture that cannot be drawn.
 pub fn flights(results: &Results) -> Result<Option<File>> {
-    let Some((seen, _)) = results.sampled_crossings() else {
+    let (Some((seen, _)), Some(it)) = (results.sampled_crossings(), results.sampled_flights())
+    else {
         return Ok(None);
     };
-    let it = &seen.flight_time;
     let contact = results.contact();
     let Some(fall) = contact.loss_point().map(|loss| -contact.force(loss)) else {
         return Ok(None);
@@ -1074,7 +1077,7 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
     let tops = centres(it).zip(&it.density).filter(|(t, _)| *t <= end);
     let tops = tops.map(|(_, p)| p.value + 1.96 * p.error);
     let most = tops.chain([free(scale)]).fold(0.0, f64::max);
-    if !(seen.losses > 1 && most.is_finite() && end.is_finite()) {
+    if !(most.is_finite() && end.is_finite()) {
         return Ok(None);
     }
     let panel = Panel {

@@ -45,8 +45,12 @@ pub fn cell(it: Option<Estimate>) -> String {
         return "-".into();
     };
     let (size, plain) = (value.abs().max(error), value.abs().max(error) >= 1e-4);
-    if value == 0.0 && error == 0.0 {
-        return "0 exactly".into();
+    if value == 0.0 {
+        return if error == 0.0 {
+            "0 exactly".into()
+        } else {
+            format!("0 ± {error:.0e}")
+        };
     }
     if !plain || size >= 1e5 {
         let text = |digits: usize| format!("{value:.digits$e} ± {error:.0e}");
