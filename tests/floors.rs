@@ -125,7 +125,7 @@ fn the_three_ways_to_answer_never_import_each_other() {
 fn a_foreign_crate_has_one_door() {
     for (door, names) in [
         ("sparse.rs", &["faer"][..]),
-        ("spectrum.rs", &["rustfft"]),
+        ("monte_carlo/signal.rs", &["rustfft"]),
         ("report/plot.rs", &["plotters"]),
         ("report/data.rs", &["ndarray_npy"]),
         ("scene/text.rs", &["toml", "strsim"]),

@@ -464,8 +464,8 @@ fn solver(generator: &Generator) -> Solver {
     }
 }
 
-/// The scheme in time that costs least on this mesh, with the reason. Costs are counted in generators
-/// applied, 5.5 ns a cell at order 8; the measurements are those of tests/time.rs.
+/// The scheme in time that costs least on this mesh, with the reason. Costs are counted in stages of the
+/// explicit scheme, 7 ns a cell at order 8; the measurements are those of tests/time.rs.
 pub fn time_scheme(
     oscillator: &Oscillator,
     generator: &Generator,
@@ -480,16 +480,16 @@ pub fn time_scheme(
     // 1.2 stages per unit of F dt + s dt at the longest step, up to twice that in a tall box.
     let tall = 1.0 + (0.1 * diffusion / transport).min(1.0);
     let explicit = 1.2 * (transport + 0.5 * diffusion * tall) * until;
-    // A step costs 31 generators; bound by transport, and while the start is smoothed by accuracy:
-    // 30 steps per unit of time at 1e-5, order 4.
-    let accuracy = 30.0 * (1e-5 / settings.tolerance).powf(0.25);
+    // A step costs 18 stages (119 ns a cell); bound by transport, and while the start is smoothed by accuracy:
+    // 15 steps per unit of time at 1e-5, order 4.
+    let accuracy = 15.0 * (1e-5 / settings.tolerance).powf(0.25);
     let bound = transport / 3.8;
-    let imex = 31.0 * (until * bound + until.min(5.0) * (accuracy - bound).max(0.0) + 50.0);
-    // A step costs 480 generators, a factorisation 800. About 60 steps and ten factorisations until the
+    let imex = 18.0 * (until * bound + until.min(5.0) * (accuracy - bound).max(0.0) + 50.0);
+    // A step costs 250 stages, a factorisation 800. About 60 steps and ten factorisations until the
     // step is that of the slow motion: 0.1 of its time 1 or 2 zeta at 1e-5, order 5.
     let finer = (1e-5 / settings.tolerance).powf(0.2);
     let slow = 0.1 * (2.0 * oscillator.zeta()).max(1.0) / finer;
-    let implicit = 480.0 * (60.0 * finer + until / slow) + 8000.0;
+    let implicit = 250.0 * (60.0 * finer + until / slow) + 8000.0;
     let costs = [
         (TimeScheme::Explicit, explicit),
         (TimeScheme::Imex, imex),
@@ -501,7 +501,7 @@ pub fn time_scheme(
     );
     let reason = format!(
         "{}: transport at a rate of {transport:.0}, friction and diffusion of {diffusion:.0} and steps of \
-         {slow:.1e} for accuracy make about {explicit:.1e} generators explicit, {imex:.1e} imex, \
+         {slow:.1e} for accuracy cost about {explicit:.1e} stages explicit, {imex:.1e} imex, \
          {implicit:.1e} implicit",
         best.name()
     );

@@ -17,6 +17,11 @@
 //! of its own and would carry slow modes of the box. There g is relaxed to its neighbours: symmetric and
 //! dissipative too, and without weight in any answer (the rim holds less than the neglected probability).
 
+#![allow(
+    clippy::inline_always,
+    reason = "the loops must be compiled inside the dispatch to be vectorised"
+)]
+
 use super::difference::{central, staggered};
 use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
 use super::mesh::Mesh;
@@ -179,10 +184,8 @@ impl Generator {
     pub fn weigh(&self, g: &[f64], cells: &mut [f64]) {
         let nv = self.mesh.v.len();
         for (i, column) in self.active.iter().enumerate() {
-            let range = i * nv + column.start..i * nv + column.end;
-            let along_v = self.weights.v[column.clone()].iter();
-            for ((p, g), v) in cells[range.clone()].iter_mut().zip(&g[range]).zip(along_v) {
-                *p = g * (self.weights.q[i] * v);
+            for j in column.clone() {
+                cells[i * nv + j] = g[i * nv + j] * self.weights.at(i, j);
             }
         }
     }
@@ -311,8 +314,8 @@ impl Generator {
                 out[j..j + LANES].copy_from_slice(&value);
                 j += LANES;
             }
-            for j in j..high {
-                [out[j]] = here.exchange::<1>(&halves, j);
+            for (j, out) in (j..high).zip(&mut out[j..high]) {
+                [*out] = here.exchange::<1>(&halves, j);
             }
         }
     }
@@ -786,8 +789,7 @@ impl<const K: usize> Row<'_, K> {
         };
         let (g, a, b) = (load(self.g, j), load(self.a, j), load(self.b, j));
         let mut sum = [0.0; N];
-        for l in 0..K {
-            let c = halves[l];
+        for (l, c) in halves.iter().enumerate() {
             let right = (load(self.a_right[l], j), load(self.g_right[l], j));
             let left = (load(self.a_left[l], j), load(self.g_left[l], j));
             let above = (load(self.b, j + l + 1), load(self.g, j + l + 1));
@@ -829,10 +831,10 @@ fn difference<const K: usize, const N: usize>(s: &[f64; K], x: &[f64]) -> [f64; 
         std::array::from_fn(|k| x[k])
     };
     let mut sum = [0.0; N];
-    for l in 0..K {
+    for (l, s) in s.iter().enumerate() {
         let (high, low) = (load(K + l), load(K - 1 - l));
         for k in 0..N {
-            sum[k] += s[l] * (high[k] - low[k]);
+            sum[k] += s * (high[k] - low[k]);
         }
     }
     sum

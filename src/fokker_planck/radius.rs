@@ -40,7 +40,9 @@ pub(super) fn largest(n: usize, kind: Kind, mut apply: impl FnMut(&[f64], &mut [
         if size <= f64::MIN_POSITIVE {
             break;
         }
-        now.iter_mut().for_each(|x| *x /= size);
+        for x in &mut now {
+            *x /= size;
+        }
         if !diagonal.is_empty() {
             beside.push(size);
             beta = size;
@@ -107,12 +109,12 @@ mod tests {
         };
         let found = largest(n, Kind::Symmetric, second);
         let exact = 2.0 + 2.0 * (PI / (n as f64 + 1.0)).cos();
-        println!("symmetric: {:.4} of {exact:.4}", found);
+        println!("symmetric: {found:.4} of {exact:.4}");
         assert!(found > exact && found < 1.03 * exact);
         let first = |x: &[f64], y: &mut [f64]| {
-            for k in 0..n {
+            for (k, y) in y.iter_mut().enumerate() {
                 let at = |k: Option<usize>| k.and_then(|k| x.get(k)).copied().unwrap_or(0.0);
-                y[k] = at(Some(k + 1)) - at(k.checked_sub(1));
+                *y = at(Some(k + 1)) - at(k.checked_sub(1));
             }
         };
         let found = largest(n, Kind::Antisymmetric, first);

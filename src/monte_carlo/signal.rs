@@ -1,7 +1,11 @@
 //! Band-limited excitations: the paper's sum of cosines, and the same spectrum by fast Fourier transform.
 
 use super::noise::{LANES, Lanes, Purpose, Streams, address, next};
+use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
+use std::fmt;
+use std::sync::Arc;
 
 /// A band-limited excitation of the paths that advance together, sampled at equal steps.
 #[derive(Debug, Clone)]
@@ -143,12 +147,12 @@ impl Cosines {
     }
 }
 
-/// Gaussian noise of two-sided density h up to a band limit, without end: segments of `2^LOG` samples by
+/// Gaussian noise of two-sided density h up to a band limit, without end: segments of 4096 samples by
 /// fast Fourier transform, each overlapping half of the one before under a window sin(pi n/N).
 ///
 /// It is exactly stationary: the two windows at any time make the correlation that of the band times
 /// cos(pi t/length of a segment), 1 within the correlation time of the noise.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(super) struct Band {
     streams: Streams,
     /// Real and imaginary part: two independent segments, samples by lanes.
@@ -160,16 +164,26 @@ pub(super) struct Band {
     place: usize,
     /// Which of `segments` comes next; 2 when both are used up.
     fresh: usize,
-    /// exp(2 pi i k/N), k < N/2.
-    twiddle: Vec<[f64; 2]>,
+    transform: Arc<dyn Fft<f64>>,
+    /// One lane on its way through the transform.
+    column: Vec<Complex<f64>>,
+    scratch: Vec<Complex<f64>>,
     /// Highest Fourier coefficient within the band, and the deviation of each.
     highest: usize,
     deviation: f64,
 }
 
+impl fmt::Debug for Band {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut it = f.debug_struct("Band");
+        it.field("highest", &self.highest)
+            .field("deviation", &self.deviation)
+            .finish_non_exhaustive()
+    }
+}
+
 impl Band {
-    const LOG: u32 = 12;
-    const SAMPLES: usize = 1 << Self::LOG;
+    const SAMPLES: usize = 4096;
 
     /// The excitation of paths `first` to `first + LANES - 1` at equal steps.
     pub(super) fn new(seed: u64, first: u64, band: f64, level: f64, step: f64) -> Self {
@@ -178,6 +192,7 @@ impl Band {
         let highest = ((band / resolution).floor() as usize).min(n / 2 - 1);
         // 2 highest + 1 coefficients carry the variance 2 h band.
         let deviation = (2.0 * level * band / (2 * highest + 1) as f64).sqrt();
+        let transform = FftPlanner::new().plan_fft_inverse(n);
         let mut it = Self {
             streams: Streams::for_purpose(seed, first, Purpose::Signal),
             segments: [vec![[0.0; LANES]; n], vec![[0.0; LANES]; n]],
@@ -185,12 +200,9 @@ impl Band {
             output: vec![[0.0; LANES]; n / 2],
             place: 0,
             fresh: 2,
-            twiddle: (0..n / 2)
-                .map(|k| {
-                    let (sin, cos) = (TAU * k as f64 / n as f64).sin_cos();
-                    [cos, sin]
-                })
-                .collect(),
+            column: Vec::with_capacity(n),
+            scratch: vec![Complex::default(); transform.get_inplace_scratch_len()],
+            transform,
             highest,
             deviation,
         };
@@ -242,37 +254,31 @@ impl Band {
         re.fill([0.0; LANES]);
         im.fill([0.0; LANES]);
         for k in 0..=2 * self.highest {
-            // 0, 1, ..., highest, -1, ..., -highest; bit-reversed for the transform.
+            // 0, 1, ..., highest, -1, ..., -highest.
             let place = if k <= self.highest {
                 k
             } else {
                 n - (k - self.highest)
             };
-            let place = place.reverse_bits() >> (usize::BITS - Self::LOG);
             self.streams.normals(&mut re[place], &mut im[place]);
             for lane in 0..LANES {
                 re[place][lane] *= self.deviation;
                 im[place][lane] *= self.deviation;
             }
         }
-        // Cooley and Tukey, Math. Comput. 19:297 (1965), radix 2, all lanes at once.
-        let mut size = 1;
-        while size < n {
-            let stride = n / (2 * size);
-            for block in (0..n).step_by(2 * size) {
-                for k in 0..size {
-                    let [cos, sin] = self.twiddle[k * stride];
-                    let (a, b) = (block + k, block + k + size);
-                    for lane in 0..LANES {
-                        let x = re[b][lane] * cos - im[b][lane] * sin;
-                        let y = re[b][lane] * sin + im[b][lane] * cos;
-                        (re[b][lane], im[b][lane]) = (re[a][lane] - x, im[a][lane] - y);
-                        re[a][lane] += x;
-                        im[a][lane] += y;
-                    }
-                }
+        // x_n = sum_k c_k exp(2 pi i k n/N), without normalisation.
+        for lane in 0..LANES {
+            let series = re
+                .iter()
+                .zip(&*im)
+                .map(|(re, im)| Complex::new(re[lane], im[lane]));
+            self.column.clear();
+            self.column.extend(series);
+            self.transform
+                .process_with_scratch(&mut self.column, &mut self.scratch);
+            for ((re, im), x) in re.iter_mut().zip(&mut *im).zip(&self.column) {
+                (re[lane], im[lane]) = (x.re, x.im);
             }
-            size *= 2;
         }
     }
 }

@@ -1,6 +1,11 @@
 //! The implicit part of a split step: (I - a B) g' = g with B friction and diffusion, which couples the
 //! cells of one q-column only. One symmetric banded factorisation per column, eight columns side by side.
 
+#![allow(
+    clippy::inline_always,
+    reason = "the loops must be compiled inside the dispatch to be vectorised"
+)]
+
 use crate::error::{Error, Result};
 use crate::fokker_planck::generator::{BANDS, Generator};
 use std::ops::Range;
@@ -14,8 +19,7 @@ type Lanes = [f64; LANES];
 /// L D L^T of w_m + a S^T k S for every q-column, where B = -S^T k S/w_m on r = g tilt.
 pub(super) struct Banded {
     blocks: Vec<Block>,
-    /// The Maxwell weight times tilt, and 1/tilt, per v cell.
-    into: Vec<f64>,
+    /// 1/tilt per v cell.
     out: Vec<f64>,
     nv: usize,
 }
@@ -26,6 +30,8 @@ struct Block {
     columns: usize,
     /// Cells along v that any of the columns holds.
     rows: Range<usize>,
+    /// Per row: the weight over its factor in q, w/q_i = w_m tilt.
+    into: Vec<Lanes>,
     /// Per row: 1/D, then the entries of L left of the diagonal, nearest first.
     factors: Vec<[Lanes; BANDS]>,
 }
@@ -48,12 +54,18 @@ impl Banded {
             let mut identity = [[0.0; LANES]; BANDS];
             identity[0] = [1.0; LANES];
             let mut factors = vec![identity; rows.len()];
+            let mut into = vec![[1.0; LANES]; rows.len()];
             for lane in 0..columns {
                 let column = generator.active(first + lane);
                 let mut matrix = generator.diffusion_bands(first + lane);
-                for (bands, w) in matrix.iter_mut().zip(&weights.maxwell[column.clone()]) {
-                    bands.iter_mut().for_each(|entry| *entry *= a);
-                    bands[0] += w;
+                for (bands, j) in matrix.iter_mut().zip(column.clone()) {
+                    for entry in bands.iter_mut() {
+                        *entry *= a;
+                    }
+                    // Not the product of weights itself: in the rim w is held above it.
+                    let w = weights.at(first + lane, j) / weights.q[first + lane];
+                    into[j - rows.start][lane] = w;
+                    bands[0] += w / tilt[j];
                 }
                 factor(&mut matrix);
                 for (bands, row) in matrix.iter().zip(column.start - rows.start..) {
@@ -73,12 +85,11 @@ impl Banded {
                 first,
                 columns,
                 rows,
+                into,
                 factors,
             });
         }
-        let into = weights.maxwell.iter().zip(tilt).map(|(w, t)| w * t);
         Ok(Self {
-            into: into.collect(),
             out: tilt.iter().map(|t| 1.0 / t).collect(),
             blocks,
             nv,
@@ -102,14 +113,12 @@ impl Banded {
         let n = block.rows.len();
         let work = &mut work[..n];
         let g = &mut g[block.first * self.nv..(block.first + block.columns) * self.nv];
-        let (into, out) = (
-            &self.into[block.rows.clone()],
-            &self.out[block.rows.clone()],
-        );
+        let out = &self.out[block.rows.clone()];
         work.fill([0.0; LANES]);
         for (lane, column) in g.chunks_exact(self.nv).enumerate() {
-            for ((row, g), into) in work.iter_mut().zip(&column[block.rows.clone()]).zip(into) {
-                row[lane] = g * into;
+            let column = &column[block.rows.clone()];
+            for ((row, g), into) in work.iter_mut().zip(column).zip(&block.into) {
+                row[lane] = g * into[lane];
             }
         }
         // L y = b, then D^-1.

@@ -115,13 +115,9 @@ impl Chebyshev {
 
     /// L1 norm of w g.
     fn norm(generator: &Generator, g: &[f64]) -> f64 {
-        let weights = generator.weights();
-        let nv = weights.v.len();
-        let row = |g: &[f64]| -> f64 { g.iter().zip(&weights.v).map(|(g, w)| (g * w).abs()).sum() };
-        g.chunks_exact(nv)
-            .zip(&weights.q)
-            .map(|(g, w)| row(g) * w)
-            .sum()
+        let inverse = generator.inverse_weights().iter();
+        let held = g.iter().zip(inverse).filter(|(_, inverse)| **inverse > 0.0);
+        held.map(|(g, inverse)| (g / inverse).abs()).sum()
     }
 
     /// One step from `start` to `sum`.

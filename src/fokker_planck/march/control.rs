@@ -165,7 +165,7 @@ impl March {
             let factor = (AIM * allowed / error.max(1e-300)).powf(1.0 / order);
             let ceiling = longest.min(self.scheme.longest_step());
             let smallest = 1e-12 * self.longest.max(dt);
-            if !(error <= allowed) && dt > smallest {
+            if (error > allowed || error.is_nan()) && dt > smallest {
                 density.cells_mut().copy_from_slice(&self.before);
                 self.wanted = dt * factor.clamp(0.1, 0.9);
                 self.refused += 1;

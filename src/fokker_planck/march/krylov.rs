@@ -212,7 +212,7 @@ impl<T: Number> Gmres<T> {
             };
             column[k] = T::real(c) * top + s * T::real(length);
             let next = -(s.conj() * right[k]);
-            right[k] = right[k] * T::real(c);
+            right[k] *= T::real(c);
             right.push(next);
             rotations.push((c, s));
             columns.push(column);

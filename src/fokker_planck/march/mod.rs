@@ -184,11 +184,9 @@ mod tests {
                 }
                 let n = errors.len();
                 let rate = (errors[n - 2] / errors[n - 1]).log2();
-                let shown = errors
-                    .iter()
-                    .map(|e| format!("{e:.1e} "))
-                    .collect::<String>();
-                println!("zeta = {zeta} {drift:?} {name}: {shown}rate {rate:.2} of {order}");
+                let shown: Vec<String> = errors.iter().map(|e| format!("{e:.1e}")).collect();
+                let shown = shown.join(" ");
+                println!("zeta = {zeta} {drift:?} {name}: {shown}, rate {rate:.2} of {order}");
                 assert!(rate > f64::from(order) - 0.3, "{name}");
                 let level = if order == 1 { 1e-3 } else { 2e-6 };
                 assert!(errors[n - 1] < level, "{name}");

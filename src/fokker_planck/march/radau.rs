@@ -1,7 +1,7 @@
 //! The Radau IIA scheme of order 5 for a linear equation.
 
 use super::Integrator;
-use super::resolvent::{Resolvent, Solver, System, together};
+use super::resolvent::{Resolvent, Solver, System};
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
 use num_complex::Complex;
@@ -31,7 +31,7 @@ pub struct Radau {
 const DENOMINATOR: [f64; 4] = [1.0, -3.0 / 5.0, 3.0 / 20.0, -1.0 / 60.0];
 
 /// Its real root.
-const REAL: f64 = 3.637_834_252_744_495_7;
+const REAL: f64 = 3.637_834_252_744_496;
 
 /// One of its complex roots.
 const COMPLEX: C = C::new(2.681_082_873_627_752, 3.050_430_199_247_410_5);
@@ -66,11 +66,18 @@ impl Radau {
         for (y, p) in self.y.iter_mut().zip(&self.start) {
             *y = C::new(*p, 0.0);
         }
-        together(
-            (&mut self.real, dt / REAL, &mut self.x),
-            (&mut self.complex, dt / COMPLEX, &mut self.y),
-            allowed,
-        )?;
+        let Self {
+            real,
+            complex,
+            x,
+            y,
+            ..
+        } = self;
+        let (first, second) = rayon::join(
+            || real.solve(dt / REAL, x, allowed),
+            || complex.solve(dt / COMPLEX, y, allowed),
+        );
+        first.and(second)?;
         let at = |z: C| {
             numerator
                 .iter()

@@ -6,7 +6,6 @@ use crate::error::Result;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
 use crate::sparse::Lu;
-use num_complex::Complex;
 use sprs::CsMat;
 use std::sync::Arc;
 
@@ -135,21 +134,4 @@ fn shifted<T: Number>(matrix: &CsMat<f64>, a: T) -> CsMat<T> {
         }
     }
     shifted
-}
-
-/// Two independent resolvents at once, one of them complex.
-pub(super) fn together(
-    real: (&mut Resolvent<f64>, f64, &mut [f64]),
-    complex: (
-        &mut Resolvent<Complex<f64>>,
-        Complex<f64>,
-        &mut [Complex<f64>],
-    ),
-    allowed: f64,
-) -> Result<()> {
-    let (a, b) = rayon::join(
-        || real.0.solve(real.1, real.2, allowed),
-        || complex.0.solve(complex.1, complex.2, allowed),
-    );
-    a.and(b)
 }

@@ -1,0 +1,145 @@
+//! What time costs: the generator per cell, factorisations and solves, and a unit of time per scheme.
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Duration;
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::fokker_planck::density::Density;
+use vibroimpact::fokker_planck::generator::Generator;
+use vibroimpact::fokker_planck::march::{Integrator, Radau, Solver};
+use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
+use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use vibroimpact::initial::Initial;
+use vibroimpact::oscillator::Oscillator;
+
+/// The contact at T = 0.63 in a box up to 11 T.
+fn generator(zeta: f64, cells: [usize; 2], drift: Drift) -> (Oscillator, Generator) {
+    let temperature = 0.63;
+    let h = 2.0 * zeta * temperature / std::f64::consts::PI;
+    let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+    let margin = drift.margin();
+    let (left, right) = it.contact().turning_points(11.0 * temperature).unwrap();
+    let q = Axis::displacement(it.contact(), temperature, [left, right], cells[0], margin);
+    let v = Axis::velocity((22.0 * temperature).sqrt(), cells[1], margin);
+    let mesh = Mesh {
+        q: q.unwrap(),
+        v: v.unwrap(),
+    };
+    let generator = Generator::new(&it, &mesh, drift).unwrap();
+    (it, generator)
+}
+
+fn start(generator: &Generator) -> Density {
+    let initial = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    Density::start(generator, &initial).unwrap()
+}
+
+/// Seconds of one call, the best of several rounds.
+fn seconds(mut call: impl FnMut()) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..7 {
+        let clock = std::time::Instant::now();
+        for _ in 0..50 {
+            call();
+        }
+        best = best.min(clock.elapsed().as_secs_f64() / 50.0);
+    }
+    best
+}
+
+/// Nanoseconds per cell of the generator beside those of reading g, a and b and writing the rate once.
+fn apply(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("generator");
+    for drift in Drift::ALL {
+        let (_, generator) = generator(0.005, [300, 300], drift);
+        let n = generator.mesh().len();
+        let g: Vec<f64> = (0..n).map(|k| (k % 17) as f64).collect();
+        let mut rate = vec![0.0; n];
+        let (a, b) = (g.clone(), g.clone());
+        let all = seconds(|| generator.apply(black_box(&g), &mut rate));
+        let memory = seconds(|| {
+            let sources = g.iter().zip(&a).zip(&b);
+            for (rate, ((g, a), b)) in rate.iter_mut().zip(black_box(sources)) {
+                *rate = g + a + b;
+            }
+        });
+        let per_cell = |seconds: f64| seconds / n as f64 * 1e9;
+        println!(
+            "{drift:?}: {:.2} ns per cell, {:.1} times a pass over the memory ({:.2} ns)",
+            per_cell(all),
+            all / memory,
+            per_cell(memory)
+        );
+        group.bench_function(BenchmarkId::new("apply", format!("{drift:?}")), |bencher| {
+            bencher.iter(|| generator.apply(black_box(&g), &mut rate));
+        });
+    }
+    group.finish();
+}
+
+/// The factorisation and a step of Radau IIA against the mesh, by LU and by preconditioned GMRES.
+fn solve(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("solve");
+    for n in [60, 90, 130] {
+        let (_, generator) = generator(5.0, [n, 3 * n / 4], Drift::Order8);
+        let cells = start(&generator).cells().to_vec();
+        for solver in [Solver::Direct, Solver::Krylov] {
+            let name = format!("{solver:?} {} unknowns", generator.unknowns());
+            if n < 100 || solver == Solver::Krylov {
+                group.bench_function(BenchmarkId::new("factor", &name), |bencher| {
+                    bencher.iter(|| {
+                        let mut scheme = Radau::new(&generator, solver);
+                        scheme.march(&mut cells.clone(), 0.5, 1e-6).unwrap();
+                    });
+                });
+                let mut scheme = Radau::new(&generator, solver);
+                group.bench_function(BenchmarkId::new("step", &name), |bencher| {
+                    bencher.iter(|| scheme.march(&mut cells.clone(), 0.5, 1e-6).unwrap());
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
+/// A unit of time at a tolerance of 1e-5, per scheme and damping.
+fn unit(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("unit of time at 1e-5");
+    let settings = Settings {
+        tolerance: 1e-5,
+        ..Settings::default()
+    };
+    for zeta in [0.005, 0.5, 5.0, 50.0] {
+        let (oscillator, generator) = generator(zeta, [90, 60], Drift::Order8);
+        let density = start(&generator);
+        println!(
+            "zeta = {zeta}: {}",
+            choice::time_scheme(&oscillator, &generator, &settings, 1.0).1
+        );
+        for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
+            let name = format!("zeta = {zeta}, {}", time.name());
+            group.bench_function(&name, |bencher| {
+                bencher.iter(|| {
+                    let mut march = choice::march(&oscillator, &generator, time, &settings, 1.0);
+                    let all = &mut |_: f64, _: &Density| Ok(true);
+                    march.advance(&mut density.clone(), 1.0, all).unwrap();
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+fn short() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(200))
+        .measurement_time(Duration::from_secs(1))
+}
+
+criterion_group! {
+    name = benches;
+    config = short();
+    targets = apply, solve, unit
+}
+criterion_main!(benches);
