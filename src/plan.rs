@@ -525,6 +525,7 @@ fn step_seconds(scheme: Scheme, noise: monte_carlo::Noise) -> f64 {
     let plain = match scheme {
         Scheme::Splitting42 | Scheme::Auto => 45e-9,
         Scheme::Splitting62 => 70e-9,
+        Scheme::ExponentialHeun => 20e-9,
         _ => 6e-9,
     };
     plain + 1.3e-9 * cosines

@@ -416,11 +416,11 @@ impl Document {
             scene.outputs = outputs;
         }
         scene.monte_carlo = Self::monte_carlo(&root)?;
-        let records = scene.wants_records();
+        let confines = scene.oscillator.contact().is_confining();
+        let records = scene.wants_records() && confines;
         if let Some(it) = scene.monte_carlo.as_mut().filter(|_| records) {
             it.duration.get_or_insert(MonteCarlo::DURATION);
         }
-        let confines = scene.oscillator.contact().is_confining();
         if !root.has("outputs") && scene.outputs.stationary && !confines {
             let at = self.find("oscillator.contact").map(|node| &node.at);
             let message =
