@@ -61,6 +61,11 @@ fn results(folder: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(folder.join("results.json")).unwrap()).unwrap()
 }
 
+/// The results of a run that goes on, if there are any yet.
+fn results_if(folder: &Path) -> Option<Value> {
+    serde_json::from_str(&fs::read_to_string(folder.join("results.json")).ok()?).ok()
+}
+
 /// Every kind of output on a mesh and with paths that take no time.
 const SMALL: &str = r#"
 title = "small"
@@ -809,6 +814,34 @@ fn records_that_saw_no_loss_say_so_and_leave_no_number_that_does_not_exist() {
     assert!(all["monte_carlo"]["stationary"]["log10_contact_loss_probability"].is_null());
     assert!(!room.join("results/long/flights.csv").exists());
     assert!(all["agreement"]["worst"].as_f64().unwrap() < 4.0);
+}
+
+#[test]
+fn killed_records_leave_the_whole_files_of_the_stages_before() {
+    let room = room("killed-records");
+    fs::write(room.join("long.toml"), RECORDS).unwrap();
+    let mut child = program(&room)
+        .args(["run", "long.toml", "--set", "monte_carlo.duration=1e10"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let folder = room.join("results/long");
+    let start = Instant::now();
+    while !results_if(&folder).is_some_and(|all| all["crossings"].is_object()) {
+        assert!(start.elapsed() < Duration::from_secs(60), "no crossings");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let all = results(&folder);
+    assert!(all["stationary"].is_object() && all.get("monte_carlo").is_none());
+    let warnings = all["run"]["warnings"].to_string();
+    assert!(
+        warnings.contains("unfinished: records had not ended yet"),
+        "{warnings}"
+    );
+    assert!(folder.join("crossings.csv").is_file() && !folder.join("records.csv").exists());
 }
 
 #[test]
