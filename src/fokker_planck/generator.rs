@@ -491,11 +491,12 @@ impl Generator {
     /// The spectral radius of the antisymmetric part of the generator, which is transport, and of its
     /// symmetric part, which is all that dissipates, by Lanczos' method with a margin of 2 %, 1/time.
     /// The numerical range in the inner product of the weights lies in the box \[-second, 0\] +
-    /// i \[-first, first\]. For upwind drift, whose transport dissipates, the bounds of
-    /// [`Generator::rates`].
+    /// i \[-first, first\]. For upwind drift, whose transport dissipates, from the
+    /// bounds of [`Generator::rates`].
     pub fn radii(&self) -> (f64, f64) {
         let MassFlux::Centres { .. } = self.flux else {
-            return self.rates();
+            let (transport, diffusion) = self.rates();
+            return (transport, transport + diffusion);
         };
         let root: Vec<f64> = self.inverse.iter().map(|x| x.sqrt()).collect();
         let mut g = vec![0.0; root.len()];
@@ -941,4 +942,54 @@ fn conductance(oscillator: &Oscillator, mesh: &Mesh, drift: Drift) -> Vec<f64> {
         noise * maxwell(v, t) / quadrature::integrate(inverse, &[low, v, high], 1e-12).value
     };
     (0..=n).map(face).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::fokker_planck::mesh::Axis;
+
+    #[test]
+    fn the_matrix_free_generator_is_its_matrix_at_every_order() {
+        for contact in [ContactLaw::Hertz, ContactLaw::Linear, ContactLaw::Free] {
+            let it = Oscillator::new(contact, 0.05, 0.02).unwrap();
+            let mesh = Mesh {
+                q: Axis::uniform(-4.0, 3.5, 61).unwrap(),
+                v: Axis::uniform(-3.0, 3.0, 75).unwrap(),
+            };
+            for drift in Drift::ALL {
+                let generator = Generator::new(&it, &mesh, drift).unwrap();
+                let g: Vec<f64> = (0..mesh.len())
+                    .map(|k| ((k * 7919) % 1009) as f64)
+                    .collect();
+                let (mut whole, mut parts) = (vec![0.0; g.len()], vec![0.0; g.len()]);
+                let mut other = parts.clone();
+                generator.apply(&g, &mut whole);
+                generator.apply_transport(&g, &mut parts);
+                generator.apply_diffusion(&g, &mut other);
+                let number = generator.numbering();
+                let mut product = vec![0.0; generator.unknowns()];
+                let matrix = generator.matrix();
+                for (cell, column) in number.iter().enumerate().filter(|(_, n)| **n != usize::MAX) {
+                    let p = g[cell] / generator.inverse_weights()[cell];
+                    for (row, value) in matrix.outer_view(*column).unwrap().iter() {
+                        product[row] += value * p;
+                    }
+                }
+                let (mut worst, mut size): (f64, f64) = (0.0, 0.0);
+                for (cell, n) in number.iter().enumerate() {
+                    let exact = if *n == usize::MAX { 0.0 } else { product[*n] };
+                    worst = worst.max((whole[cell] - exact).abs());
+                    worst = worst.max((parts[cell] + other[cell] - exact).abs());
+                    size = size.max(exact.abs());
+                }
+                println!(
+                    "{} {drift:?}: {worst:.1e} of {size:.1e}",
+                    it.contact().name()
+                );
+                assert!(worst < 1e-12 * size);
+            }
+        }
+    }
 }

@@ -284,6 +284,11 @@ impl Task<'_> {
         let outside = fine.domain.neglected.max(coarse.domain.neglected);
         let mut moments = Vec::new();
         let mut unmet: Option<(f64, &str, f64)> = None;
+        // The steps of both runs may err alike.
+        let timed = match self.way {
+            Way::Volumes(TimeScheme::BackwardEuler) | Way::FlowMap => 0.0,
+            Way::Volumes(_) => choice::TIME_SHARE * self.settings.tolerance,
+        };
         for (k, (here, other)) in fine.outputs.iter().zip(&coarse.outputs).enumerate() {
             let (mut now, scale) = (here.moments, scales.each(&here.moments));
             let names = now.named().map(|(name, _)| name);
@@ -295,7 +300,7 @@ impl Task<'_> {
                 // A settled run stays within its distance of (21); tails weigh ten scales.
                 let settled = fine.settled.map_or(0.0, |_| here.distance);
                 let tail = (100.0 * outside + 10.0 * settled) * scale[i];
-                let error = difference(k, i, number.value, other.value) + tail;
+                let error = difference(k, i, number.value, other.value) + tail + timed * scale[i];
                 *number = Estimate::new(number.value, error, Origin::Space);
                 let ratio = error / (self.settings.tolerance * scale[i]);
                 if ratio > unmet.map_or(1.0, |u| u.0) {

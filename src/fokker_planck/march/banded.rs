@@ -16,7 +16,8 @@ const LANES: usize = 8;
 /// One row of a block: its entries for all lanes.
 type Lanes = [f64; LANES];
 
-/// L D L^T of w_m + a S^T k S for every q-column, where B = -S^T k S/w_m on r = g tilt.
+/// L D L^T of w/tilt + a S^T k S for every q-column, w over its factor of the column, where
+/// B = -S^T k S/w on r = g tilt.
 pub(super) struct Banded {
     blocks: Vec<Block>,
     /// 1/tilt per v cell.
@@ -30,10 +31,10 @@ struct Block {
     columns: usize,
     /// Cells along v that any of the columns holds.
     rows: Range<usize>,
-    /// Per row: the weight over its factor in q, w/q_i = w_m tilt.
-    into: Vec<Lanes>,
     /// Per row: 1/D, then the entries of L left of the diagonal, nearest first.
     factors: Vec<[Lanes; BANDS]>,
+    /// Per row: w over its factor of the column; 0 where there is no unknown.
+    weights: Vec<Lanes>,
 }
 
 impl Banded {
@@ -54,17 +55,16 @@ impl Banded {
             let mut identity = [[0.0; LANES]; BANDS];
             identity[0] = [1.0; LANES];
             let mut factors = vec![identity; rows.len()];
-            let mut into = vec![[1.0; LANES]; rows.len()];
+            let mut held = vec![[0.0; LANES]; rows.len()];
             for lane in 0..columns {
                 let column = generator.active(first + lane);
                 let mut matrix = generator.diffusion_bands(first + lane);
                 for (bands, j) in matrix.iter_mut().zip(column.clone()) {
+                    let w = weights.at(first + lane, j) / weights.q[first + lane];
+                    held[j - rows.start][lane] = w;
                     for entry in bands.iter_mut() {
                         *entry *= a;
                     }
-                    // Not the product of weights itself: in the rim w is held above it.
-                    let w = weights.at(first + lane, j) / weights.q[first + lane];
-                    into[j - rows.start][lane] = w;
                     bands[0] += w / tilt[j];
                 }
                 factor(&mut matrix);
@@ -85,8 +85,8 @@ impl Banded {
                 first,
                 columns,
                 rows,
-                into,
                 factors,
+                weights: held,
             });
         }
         Ok(Self {
@@ -116,9 +116,9 @@ impl Banded {
         let out = &self.out[block.rows.clone()];
         work.fill([0.0; LANES]);
         for (lane, column) in g.chunks_exact(self.nv).enumerate() {
-            let column = &column[block.rows.clone()];
-            for ((row, g), into) in work.iter_mut().zip(column).zip(&block.into) {
-                row[lane] = g * into[lane];
+            let cells = column[block.rows.clone()].iter().zip(&block.weights);
+            for (row, (g, w)) in work.iter_mut().zip(cells) {
+                row[lane] = g * w[lane];
             }
         }
         // L y = b, then D^-1.

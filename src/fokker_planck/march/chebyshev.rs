@@ -116,8 +116,8 @@ impl Chebyshev {
     /// L1 norm of w g.
     fn norm(generator: &Generator, g: &[f64]) -> f64 {
         let inverse = generator.inverse_weights().iter();
-        let held = g.iter().zip(inverse).filter(|(_, inverse)| **inverse > 0.0);
-        held.map(|(g, inverse)| (g / inverse).abs()).sum()
+        let cells = g.iter().zip(inverse).filter(|(_, inverse)| **inverse > 0.0);
+        cells.map(|(g, inverse)| (g / inverse).abs()).sum()
     }
 
     /// One step from `start` to `sum`.
