@@ -3,9 +3,9 @@
 
 use crate::error::{Error, Result};
 use crate::fokker_planck::{self, Settings, Task};
-use crate::monte_carlo::{self, EnsembleSettings};
-use crate::results::{Agreement, Results, StationaryNumbers, peak_memory};
-use crate::scene::{self, Scene, num};
+use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme};
+use crate::results::{CrossingNumbers, Results, StationaryNumbers, peak_memory};
+use crate::scene::{self, MonteCarlo, Scene, num};
 use crate::stationary::Stationary;
 use std::time::Instant;
 
@@ -33,6 +33,8 @@ pub struct Stage {
 pub enum Part {
     /// The closed form (21)-(30).
     Stationary,
+    /// Losses of contact in a window, by Rice's formula.
+    Crossings,
     /// The transient of the Fokker-Planck equation.
     Transient,
     /// Its steady state on the mesh.
@@ -41,6 +43,8 @@ pub enum Part {
     DecayRates,
     /// The ensemble of paths.
     MonteCarlo,
+    /// Long records of the stationary motion.
+    Records,
 }
 
 impl Part {
@@ -48,10 +52,12 @@ impl Part {
     pub fn name(self) -> &'static str {
         match self {
             Self::Stationary => "stationary",
+            Self::Crossings => "crossings",
             Self::Transient => "transient",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
             Self::MonteCarlo => "monte_carlo",
+            Self::Records => "records",
         }
     }
 }
@@ -63,7 +69,7 @@ pub struct Cost {
     pub method: String,
     /// Cells in q and v; None without a mesh.
     pub cells: Option<[usize; 2]>,
-    /// Time steps, of each path for an ensemble.
+    /// Time steps, of each path or record for Monte Carlo.
     pub steps: u64,
     /// Bytes.
     pub memory_bytes: u64,
@@ -119,6 +125,9 @@ impl Plan {
         if outputs.stationary {
             plan.add(Part::Stationary, &[("outputs.stationary", true)])?;
         }
+        if outputs.crossings.is_some() {
+            plan.add(Part::Crossings, &[("outputs.crossings", true)])?;
+        }
         if outputs.transient() {
             let why = [
                 ("outputs.moments_at", !outputs.moments_at.is_empty()),
@@ -132,8 +141,17 @@ impl Plan {
         if outputs.decay_rates > 0 {
             plan.add(Part::DecayRates, &[("outputs.decay_rates", true)])?;
         }
-        if scene.monte_carlo.is_some() {
+        if scene.wants_paths() {
             plan.add(Part::MonteCarlo, &[("monte_carlo", true)])?;
+        }
+        if scene.wants_records() {
+            let (alone, crossings) = (!scene.wants_paths(), outputs.crossings.is_some());
+            let why = [
+                ("monte_carlo", alone),
+                ("outputs.crossings", crossings),
+                ("monte_carlo.duration", !alone && !crossings),
+            ];
+            plan.add(Part::Records, &why)?;
         }
         Ok(plan)
     }
@@ -180,14 +198,21 @@ impl Plan {
             seed: it.seed,
             scheme: it.scheme,
             step: it.step,
-            noise: match it.noise {
-                scene::Noise::White => monte_carlo::Noise::White,
-                scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
-                    count: cosines.try_into().unwrap_or(u32::MAX),
-                    band,
-                },
-            },
+            noise: noise(it),
+            max_seconds: self.settings.max_seconds,
             ..EnsembleSettings::default()
+        })
+    }
+
+    fn record_settings(&self) -> Option<RecordSettings> {
+        self.scene.monte_carlo.as_ref().map(|it| RecordSettings {
+            duration: it.duration.unwrap_or(MonteCarlo::DURATION),
+            seed: it.seed,
+            scheme: it.scheme,
+            step: it.step,
+            noise: noise(it),
+            max_seconds: self.settings.max_seconds,
+            ..RecordSettings::default()
         })
     }
 
@@ -195,7 +220,7 @@ impl Plan {
 
     fn cost(&self, part: Part) -> Result<Cost> {
         let task = match part {
-            Part::Stationary => {
+            Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
                     method: "closed form by adaptive quadrature".into(),
                     cells: None,
@@ -205,6 +230,7 @@ impl Plan {
                 });
             }
             Part::MonteCarlo => return self.ensemble_cost(),
+            Part::Records => return self.record_cost(),
             Part::Transient => Task::Transient {
                 until: self.until(),
             },
@@ -238,12 +264,29 @@ impl Plan {
         let steps = (outputs.moments_at.last() / step).ceil();
         let threads = rayon::current_num_threads() as f64;
         Ok(Cost {
-            method: format!("{} paths, {scheme}, step {}", settings.paths, num(step)),
+            method: format!("{} paths, {scheme}, step {}", settings.paths, short(step)),
             cells: None,
             steps: steps as u64,
             memory_bytes: (threads * 1e6) as u64,
-            // One step of one path of a splitting takes about 40 ns, of the plain schemes 4.
-            seconds: 40e-9 * settings.paths as f64 * steps / threads,
+            seconds: step_seconds(scheme, settings.noise) * settings.paths as f64 * steps / threads,
+        })
+    }
+
+    fn record_cost(&self) -> Result<Cost> {
+        let settings = self.record_settings().unwrap_or_default();
+        let it = monte_carlo::record_size(&self.scene.oscillator, &settings)?;
+        let threads = rayon::current_num_threads() as f64;
+        Ok(Cost {
+            method: format!(
+                "{} records, {}, step {}",
+                it.records,
+                it.scheme,
+                short(it.step)
+            ),
+            cells: None,
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: step_seconds(it.scheme, settings.noise) * it.path_steps as f64 / threads,
         })
     }
 
@@ -262,10 +305,17 @@ impl Plan {
         } = &self.scene;
         let mut settings = self.settings.clone();
         settings.max_seconds -= results.run.wall_seconds;
+        let max_seconds = settings.max_seconds;
         match part {
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
                 results.stationary = Some(StationaryNumbers::of(&law));
+            }
+            Part::Crossings => {
+                if let Some(time) = self.scene.crossings_window() {
+                    let law = Stationary::of(oscillator)?;
+                    results.crossings = Some(CrossingNumbers::of(&law, time));
+                }
             }
             Part::Transient => {
                 let (moments_at, density_at) =
@@ -297,14 +347,30 @@ impl Plan {
                     Some(fokker_planck::decay_rates(oscillator, count, &settings)?);
             }
             Part::MonteCarlo => {
-                if let Some(settings) = self.ensemble_settings() {
+                if let Some(mut settings) = self.ensemble_settings() {
+                    settings.max_seconds = max_seconds;
                     let times = outputs.moments_at.list();
                     let it = monte_carlo::run(oscillator, initial, &times, &settings, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
-                    results.agreement = results.transient.as_ref().and_then(|a| {
-                        Agreement::of((&a.times, &a.moments), (&it.times, &it.moments))
-                    });
                     results.monte_carlo = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::Records => {
+                if let Some(mut settings) = self.record_settings() {
+                    settings.max_seconds = max_seconds;
+                    let it = monte_carlo::records(oscillator, &settings, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    let losses = it.crossings.as_ref().map(|it| it.losses);
+                    if outputs.crossings.is_some() && losses == Some(0) {
+                        results.run.warnings.push(format!(
+                            "the records saw no loss of contact in a time of {:.1e}: its rate is known \
+                             from the closed form alone",
+                            it.duration
+                        ));
+                    }
+                    results.records = Some(it);
+                    results.agreement = results.agree();
                 }
             }
         }
@@ -314,16 +380,19 @@ impl Plan {
     // ---- end of the joins ----
 
     fn check_cost(&self, part: Part, cost: &Cost) -> Result<()> {
-        let ensemble = part == Part::MonteCarlo;
         if cost.steps > MOST_STEPS {
-            let (key, value) = match (ensemble, self.scene.method.step) {
-                (true, _) => (
-                    "monte_carlo.step",
-                    self.scene.monte_carlo.as_ref().and_then(|it| it.step),
-                ),
-                (false, step) => ("method.step", step),
+            let sampling = self.scene.monte_carlo.as_ref();
+            let (key, step) = match part {
+                Part::MonteCarlo | Part::Records => {
+                    ("monte_carlo.step", sampling.and_then(|it| it.step))
+                }
+                _ => ("method.step", self.scene.method.step),
             };
-            let (key, value) = value.map_or(("outputs", self.until()), |step| (key, step));
+            let otherwise = match (part, sampling.and_then(|it| it.duration)) {
+                (Part::Records, Some(duration)) => ("monte_carlo.duration", duration),
+                _ => ("outputs", self.until()),
+            };
+            let (key, value) = step.map_or(otherwise, |step| (key, step));
             let accepted = format!(
                 "at most {MOST_STEPS:.0e} steps, and this takes {:.1e}",
                 cost.steps as f64
@@ -385,8 +454,21 @@ impl Plan {
             let part = stage.part;
             watch.begins(part);
             let begin = Instant::now();
-            self.compute(part, &mut results, &|fraction| {
+            let computed = self.compute(part, &mut results, &|fraction| {
                 watch.progress(part, fraction);
+            });
+            // A stage knows only what the stages before it left of the time.
+            computed.map_err(|error| match error {
+                Error::Limit {
+                    key: key @ "accuracy.max_seconds",
+                    what,
+                    ..
+                } => Error::Limit {
+                    key,
+                    limit: num(limit),
+                    what,
+                },
+                other => other,
             })?;
             results
                 .run
@@ -417,6 +499,36 @@ impl Plan {
     pub fn run_quietly(&self) -> Result<Results> {
         self.run(&Nobody)
     }
+}
+
+fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
+    match it.noise {
+        scene::Noise::White => monte_carlo::Noise::White,
+        scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
+            count: cosines.try_into().unwrap_or(u32::MAX),
+            band,
+        },
+    }
+}
+
+/// A number to four digits.
+fn short(x: f64) -> String {
+    num(format!("{x:.3e}").parse().unwrap_or(x))
+}
+
+/// One step of one path on one core, roughly, in seconds.
+fn step_seconds(scheme: Scheme, noise: monte_carlo::Noise) -> f64 {
+    let cosines = match noise {
+        monte_carlo::Noise::Cosines { count, .. } => f64::from(count),
+        _ => 0.0,
+    };
+    let plain = match scheme {
+        Scheme::Splitting42 | Scheme::Auto => 45e-9,
+        Scheme::Splitting62 => 70e-9,
+        Scheme::ExponentialHeun => 20e-9,
+        _ => 6e-9,
+    };
+    plain + 1.3e-9 * cosines
 }
 
 /// Leave the numbers of these times only.

@@ -5,12 +5,12 @@ use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::{DecayRate, Method, Snapshot, Steady, Transient};
 use crate::json::Json;
 use crate::moments::{Moments, RawMoments};
-use crate::monte_carlo::EnsembleResult;
+use crate::monte_carlo::{Crossings, EnsembleResult, Histogram, RecordResult, Scheme};
 use crate::quadrature;
 use crate::rig::Rig;
-use crate::scene::Scene;
+use crate::scene::{Noise, Scene};
 use crate::stationary::Stationary;
-use std::f64::consts::SQRT_2;
+use std::f64::consts::{LN_10, SQRT_2};
 
 /// The answers of a run. What was not asked for is None.
 #[derive(Debug, Clone)]
@@ -19,6 +19,8 @@ pub struct Results {
     pub scene: Scene,
     /// The closed form (21)-(30).
     pub stationary: Option<StationaryNumbers>,
+    /// Losses of contact by Rice's formula.
+    pub crossings: Option<CrossingNumbers>,
     /// The transient of the Fokker-Planck equation.
     pub transient: Option<Transient>,
     /// Its steady state on the mesh.
@@ -27,7 +29,9 @@ pub struct Results {
     pub decay_rates: Option<Vec<DecayRate>>,
     /// The transient by sampling.
     pub monte_carlo: Option<EnsembleResult>,
-    /// How well the two transients agree.
+    /// Stationary statistics of long records.
+    pub records: Option<RecordResult>,
+    /// How well the sampled numbers agree with the others.
     pub agreement: Option<Agreement>,
     /// How the run went.
     pub run: RunRecord,
@@ -63,6 +67,70 @@ impl StationaryNumbers {
         Self { named }
     }
 
+    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
+    fn sampled(it: &RecordResult, moments: &Moments) -> Self {
+        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
+        let crossings = it.crossings.as_ref();
+        // What never happened has no logarithm and no length.
+        let finite = |number: Option<Estimate>| number.filter(|it| it.value.is_finite());
+        let mut named: Vec<_> = moments.named().to_vec();
+        named.retain(|(name, _)| *name != "cov_qv");
+        let lost = moments.contact_loss_probability;
+        named.extend([
+            ("log10_contact_loss_probability", finite(lost.map(log10))),
+            ("loss_rate", crossings.map(|it| it.loss_rate)),
+            ("mean_flight", finite(crossings.map(|it| it.mean_flight))),
+        ]);
+        Self { named }
+    }
+
+    /// Name and number, in the order of results.json; None for a number that does not exist.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
+        self.named.iter().copied()
+    }
+
+    /// The number of that name.
+    pub fn get(&self, name: &str) -> Option<Estimate> {
+        self.named.iter().find(|(it, _)| *it == name)?.1
+    }
+}
+
+/// Losses of contact in stationary motion, by their names in results.json.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossingNumbers {
+    named: Vec<(&'static str, Option<Estimate>)>,
+    /// Share of the time out of contact.
+    pub lost_share: Option<Estimate>,
+}
+
+impl CrossingNumbers {
+    /// By Rice's formula from the closed form, in a window of this dimensionless time.
+    pub fn of(law: &Stationary, time: f64) -> Self {
+        Self {
+            named: vec![
+                ("loss_rate", law.loss_rate()),
+                ("losses_in_window", law.losses_in(time)),
+                ("mean_flight", law.mean_flight()),
+                ("mean_impact_speed", law.mean_impact_speed()),
+            ],
+            lost_share: law.contact_loss_probability(),
+        }
+    }
+
+    /// As seen in long records.
+    pub fn sampled(it: &Crossings, time: f64) -> Self {
+        let finite = |number: Estimate| Some(number).filter(|it| it.value.is_finite());
+        Self {
+            named: vec![
+                ("loss_rate", Some(it.loss_rate)),
+                ("losses_in_window", Some(it.losses_in(time))),
+                ("mean_flight", finite(it.mean_flight)),
+                ("mean_impact_speed", finite(it.mean_impact_speed)),
+            ],
+            lost_share: Some(it.lost_share),
+        }
+    }
+
     /// Name and number, in the order of results.json; None for a number that does not exist.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
         self.named.iter().copied()
@@ -81,8 +149,8 @@ pub struct Agreement {
     pub worst: f64,
     /// Its name.
     pub worst_of: &'static str,
-    /// Its time.
-    pub t: f64,
+    /// Its time; None for a stationary number.
+    pub t: Option<f64>,
     /// Expected largest of that many |standard normals|, were they independent.
     pub expected_worst: f64,
     /// How many were compared.
@@ -91,28 +159,19 @@ pub struct Agreement {
 
 impl Agreement {
     /// Agreement of two sets of moments at times; None where nothing can be compared.
-    pub fn of(
-        (times_a, a): (&[f64], &[Moments]),
-        (times_b, b): (&[f64], &[Moments]),
-    ) -> Option<Self> {
-        let mut worst: Option<(f64, &'static str, f64)> = None;
+    pub fn of(a: (&[f64], &[Moments]), b: (&[f64], &[Moments])) -> Option<Self> {
+        Self::over(common(a, b))
+    }
+
+    /// Agreement of pairs of numbers, each with its name and time.
+    fn over(pairs: impl IntoIterator<Item = Pair>) -> Option<Self> {
+        let mut worst: Option<(f64, &'static str, Option<f64>)> = None;
         let mut compared = 0;
-        for (t, a) in times_a.iter().zip(a) {
-            let Some(k) = times_b
-                .iter()
-                .position(|it| it == t)
-                .filter(|k| *k < b.len())
-            else {
-                continue;
-            };
-            for ((name, a), (_, b)) in a.named().into_iter().zip(b[k].named()) {
-                if let (Some(a), Some(b)) = (a, b)
-                    && let Some(z) = distance(a, b)
-                {
-                    compared += 1;
-                    if worst.is_none_or(|(worst, ..)| z > worst) {
-                        worst = Some((z, name, *t));
-                    }
+        for (name, t, a, b) in pairs {
+            if let Some(z) = distance(a, b) {
+                compared += 1;
+                if worst.is_none_or(|(worst, ..)| z > worst) {
+                    worst = Some((z, name, t));
                 }
             }
         }
@@ -124,6 +183,24 @@ impl Agreement {
             compared,
         })
     }
+}
+
+/// Name, time if it has one, and two answers.
+type Pair = (&'static str, Option<f64>, Estimate, Estimate);
+
+/// Pairs of the times and names both have.
+fn common((times_a, a): (&[f64], &[Moments]), (times_b, b): (&[f64], &[Moments])) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    for (t, a) in times_a.iter().zip(a) {
+        let same = times_b.iter().position(|it| it == t);
+        let Some(b) = same.and_then(|k| b.get(k)) else {
+            continue;
+        };
+        for ((name, a), (_, b)) in a.named().into_iter().zip(b.named()) {
+            pairs.extend(a.zip(b).map(|(a, b)| (name, Some(*t), a, b)));
+        }
+    }
+    pairs
 }
 
 /// |a - b| / sqrt(error_a^2 + error_b^2); None without an error or a number.
@@ -162,10 +239,12 @@ impl Results {
         Self {
             scene: scene.clone(),
             stationary: None,
+            crossings: None,
             transient: None,
             steady: None,
             decay_rates: None,
             monte_carlo: None,
+            records: None,
             agreement: None,
             run: RunRecord {
                 threads: rayon::current_num_threads(),
@@ -197,6 +276,9 @@ impl Results {
                 Json::object(it.iter().map(|(name, number)| (name, Json::from(number)))),
             );
         }
+        if let Some(it) = &self.crossings {
+            all.push("crossings", self.crossings_json(it, None));
+        }
         if let Some(it) = &self.transient {
             all.push("transient", transient_json(it));
         }
@@ -218,8 +300,8 @@ impl Results {
             });
             all.push("decay_rates", Json::List(rates.collect()));
         }
-        if let Some(it) = &self.monte_carlo {
-            all.push("monte_carlo", self.monte_carlo_json(it));
+        if self.monte_carlo.is_some() || self.records.is_some() {
+            all.push("monte_carlo", self.monte_carlo_json());
         }
         if let Some(it) = &self.agreement {
             all.push(
@@ -240,21 +322,134 @@ impl Results {
         all
     }
 
-    fn monte_carlo_json(&self, it: &EnsembleResult) -> Json {
+    /// Whether the records obey the exact identities that control variates rest on: white noise, and a
+    /// scheme whose stationary law is exact.
+    pub fn controlled(&self) -> bool {
+        let white = |it: &crate::scene::MonteCarlo| it.noise == Noise::White;
+        let exact =
+            |it: &RecordResult| matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62);
+        self.scene.monte_carlo.as_ref().is_some_and(white)
+            && self.records.as_ref().is_some_and(exact)
+    }
+
+    /// The stationary numbers of the long records.
+    pub fn sampled_stationary(&self) -> Option<StationaryNumbers> {
+        let it = self.records.as_ref()?;
+        let moments = if self.controlled() {
+            &it.controlled
+        } else {
+            &it.moments
+        };
+        Some(StationaryNumbers::sampled(it, moments))
+    }
+
+    /// The crossings of the long records, if they are asked for and the scheme sees them.
+    pub fn sampled_crossings(&self) -> Option<(&Crossings, CrossingNumbers)> {
+        let time = self.scene.crossings_window()?;
+        let it = self.records.as_ref()?.crossings.as_ref()?;
+        Some((it, CrossingNumbers::sampled(it, time)))
+    }
+
+    /// The time of flight in the long records, once a flight has been seen from loss to return.
+    pub fn sampled_flights(&self) -> Option<&Histogram> {
+        let (seen, _) = self.sampled_crossings()?;
+        let flown = seen.mean_flight.value.is_finite();
+        flown.then_some(&seen.flight_time)
+    }
+
+    /// Everything sampled against everything computed otherwise.
+    pub fn agree(&self) -> Option<Agreement> {
+        let mut pairs = Vec::new();
+        if let (Some(a), Some(b)) = (&self.transient, &self.monte_carlo) {
+            pairs = common((&a.times, &a.moments), (&b.times, &b.moments));
+        }
+        let mut seen = Vec::new();
+        let mut put = |name, a: Option<Estimate>, b: Option<Estimate>| {
+            // The losses in a window are their rate under another name.
+            if name != "losses_in_window" && !seen.contains(&name) {
+                pairs.extend(a.zip(b).map(|(a, b)| (name, None, a, b)));
+                seen.push(name);
+            }
+        };
+        if let (Some(a), Some(b)) = (&self.stationary, self.sampled_stationary()) {
+            a.iter().for_each(|(name, a)| put(name, a, b.get(name)));
+        }
+        if let (Some(a), Some((_, b))) = (&self.crossings, self.sampled_crossings()) {
+            a.iter().for_each(|(name, a)| put(name, a, b.get(name)));
+        }
+        Agreement::over(pairs)
+    }
+
+    fn monte_carlo_json(&self) -> Json {
         let settings = self.scene.monte_carlo.as_ref();
-        let mut transient = moments_json(&it.times, &it.moments);
-        transient.push(
-            "method",
-            Json::object([
-                ("name", Json::from(it.scheme.name())),
-                ("paths", Json::from(settings.map(|it| it.paths))),
-                ("seed", Json::from(settings.map(|it| it.seed))),
-                ("step", Json::from(it.step)),
-                ("steps", Json::from(it.steps)),
-                ("path_steps", Json::from(it.path_steps)),
-            ]),
-        );
-        Json::object([("transient", transient)])
+        let mut all = Json::Object(Vec::new());
+        if let Some(it) = &self.monte_carlo {
+            let mut transient = moments_json(&it.times, &it.moments);
+            transient.push(
+                "method",
+                Json::object([
+                    ("name", Json::from(it.scheme.name())),
+                    ("paths", Json::from(settings.map(|it| it.paths))),
+                    ("seed", Json::from(settings.map(|it| it.seed))),
+                    ("step", Json::from(it.step)),
+                    ("steps", Json::from(it.steps)),
+                    ("path_steps", Json::from(it.path_steps)),
+                ]),
+            );
+            all.push("transient", transient);
+        }
+        if let (Some(it), Some(numbers)) = (&self.records, self.sampled_stationary()) {
+            let numbers = numbers.iter();
+            let mut stationary =
+                Json::object(numbers.map(|(name, number)| (name, Json::from(number))));
+            let [q, force, energy] = it.effective_samples;
+            stationary.push(
+                "method",
+                Json::object([
+                    ("name", Json::from(it.scheme.name())),
+                    ("records", Json::from(it.records)),
+                    ("seed", Json::from(settings.map(|it| it.seed))),
+                    ("duration", Json::from(it.duration)),
+                    ("step", Json::from(it.step)),
+                    ("steps", Json::from(it.path_steps / it.records.max(1))),
+                    ("path_steps", Json::from(it.path_steps)),
+                    ("batches", Json::from(it.batches)),
+                    ("batch_length", Json::from(it.batch_length)),
+                    (
+                        "effective_samples",
+                        Json::object([
+                            ("mean_q", Json::from(q)),
+                            ("mean_force", Json::from(force)),
+                            ("mean_energy", Json::from(energy)),
+                        ]),
+                    ),
+                    ("control_variates", Json::from(self.controlled())),
+                ]),
+            );
+            all.push("stationary", stationary);
+        }
+        if let Some((seen, numbers)) = self.sampled_crossings() {
+            all.push("crossings", self.crossings_json(&numbers, Some(seen)));
+        }
+        all
+    }
+
+    fn crossings_json(&self, numbers: &CrossingNumbers, seen: Option<&Crossings>) -> Json {
+        let mut json = Json::object([("window", Json::from(self.scene.outputs.crossings))]);
+        for (name, number) in numbers.iter() {
+            json.push(name, number);
+        }
+        // With noise in flight the law of its length is known from records alone.
+        let flights = seen.and_then(|_| self.sampled_flights());
+        let centres = flights.map(|it| Json::numbers(centres(it)));
+        json.push("flight_time", centres);
+        let density = flights.map(|it| curve(it.density.iter().map(|x| Some(*x))));
+        json.push("flight_density", density);
+        if let Some(it) = seen {
+            json.push("losses_seen", it.losses);
+            json.push("time_seen", it.time);
+        }
+        json
     }
 
     /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14).
@@ -272,53 +467,83 @@ impl Results {
                 exact(rig.seconds(0.5 / self.scene.oscillator.zeta())),
             ),
         ];
-        let Some(law) = &self.stationary else {
-            return all;
+        let window = self
+            .scene
+            .outputs
+            .crossings
+            .filter(|_| self.crossings.is_some());
+        all.extend(window.map(|window| ("window_s", exact(window))));
+        let of = |name: &str| {
+            let law = self.stationary.as_ref().and_then(|it| it.get(name));
+            law.or_else(|| self.crossings.as_ref()?.get(name))
         };
-        let micrometre = (rig.compression(1.0) - rig.compression(0.0)) * 1e6;
-        let per_second = 1.0 / rig.seconds(1.0);
-        let root = |x: Estimate| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt());
-        let mut put = |name, number: Option<Estimate>| {
-            if let Some(number) = number {
-                all.push((name, number));
-            }
-        };
-        put(
-            "std_force_n",
-            law.get("std_force").map(|x| x.scaled(rig.newtons(1.0))),
-        );
-        put(
-            "mean_displacement_um",
-            law.get("mean_q").map(|x| x.scaled(micrometre)),
-        );
-        put(
-            "std_displacement_um",
-            law.get("var_q").map(|x| root(x).scaled(micrometre)),
-        );
-        let velocity = rig.velocity(1.0) * 1e3;
-        put(
-            "std_velocity_mm_per_s",
-            law.get("var_v").map(|x| root(x).scaled(velocity)),
-        );
-        put(
-            "losses_per_second",
-            law.get("loss_rate").map(|x| x.scaled(per_second)),
-        );
-        let millisecond = rig.seconds(1.0) * 1e3;
-        put(
-            "mean_flight_ms",
-            law.get("mean_flight").map(|x| x.scaled(millisecond)),
-        );
+        let lost = self.crossings.as_ref().and_then(|it| it.lost_share);
+        all.extend(self.measured(rig, &of, lost));
         all
     }
 
+    /// The same numbers from long records, those of the rig itself left out.
+    pub fn physical_sampled(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
+        let law = self.sampled_stationary();
+        let crossings = self.sampled_crossings().map(|(_, numbers)| numbers);
+        let of = |name: &str| {
+            let number = law.as_ref().and_then(|it| it.get(name));
+            number.or_else(|| crossings.as_ref()?.get(name))
+        };
+        let lost = crossings.as_ref().and_then(|it| it.lost_share);
+        self.measured(rig, &of, lost)
+    }
+
+    /// What can be measured on the rig; `of` gives dimensionless numbers by name.
+    fn measured(
+        &self,
+        rig: &Rig,
+        of: &dyn Fn(&str) -> Option<Estimate>,
+        lost_share: Option<Estimate>,
+    ) -> Vec<(&'static str, Estimate)> {
+        let micrometre = (rig.compression(1.0) - rig.compression(0.0)) * 1e6;
+        let velocity = rig.velocity(1.0) * 1e3;
+        let millisecond = rig.seconds(1.0) * 1e3;
+        let root = |x: Estimate| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt());
+        let unit = |name: &str, unit: f64| of(name).map(|x| x.scaled(unit));
+        let lost = lost_share.zip(self.scene.outputs.crossings);
+        let all = [
+            ("std_force_n", unit("std_force", rig.newtons(1.0))),
+            ("mean_displacement_um", unit("mean_q", micrometre)),
+            (
+                "std_displacement_um",
+                of("var_q").map(|x| root(x).scaled(micrometre)),
+            ),
+            (
+                "std_velocity_mm_per_s",
+                of("var_v").map(|x| root(x).scaled(velocity)),
+            ),
+            ("losses_per_second", unit("loss_rate", 1e3 / millisecond)),
+            ("losses_in_window", of("losses_in_window")),
+            ("mean_flight_ms", unit("mean_flight", millisecond)),
+            (
+                "time_out_of_contact_s",
+                lost.map(|(share, window)| share.scaled(window)),
+            ),
+            (
+                "mean_impact_speed_mm_per_s",
+                unit("mean_impact_speed", velocity),
+            ),
+        ];
+        let there = |(name, number): (_, Option<Estimate>)| Some((name, number?));
+        all.into_iter().filter_map(there).collect()
+    }
+
     fn rig_json(&self, rig: &Rig) -> Json {
-        let numbers = self.physical(rig);
-        Json::object(
-            numbers
-                .into_iter()
-                .map(|(name, number)| (name, Json::from(number))),
-        )
+        let object = |numbers: Vec<(&'static str, Estimate)>| {
+            let numbers = numbers.into_iter();
+            Json::object(numbers.map(|(name, number)| (name, Json::from(number))))
+        };
+        let mut json = object(self.physical(rig));
+        if self.records.is_some() {
+            json.push("monte_carlo", object(self.physical_sampled(rig)));
+        }
+        json
     }
 
     /// Moments of the steady state on the mesh. Their error is that of the sum over cells, seen on the
@@ -432,6 +657,11 @@ fn snapshot_moments(
     Some(raw.moments(contact))
 }
 
+/// Middles of the bins of a histogram.
+pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {
+    it.edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]))
+}
+
 /// `{"value": [...], "error": [...]}`.
 fn curve(points: impl Iterator<Item = Option<Estimate>>) -> Json {
     // Where there is no value there is no error either.
@@ -507,7 +737,7 @@ mod tests {
         let it = Agreement::of((&[1.0, 2.0, 3.0], &a), (&[1.0, 2.0], &b)).unwrap();
         assert_eq!(
             (it.worst, it.worst_of, it.t, it.compared),
-            (2.0, "mean_q", 2.0, 2)
+            (2.0, "mean_q", Some(2.0), 2)
         );
         assert!(Agreement::of((&[1.0], &a[..1]), (&[5.0], &b[..1])).is_none());
     }

@@ -26,6 +26,7 @@ use crate::json::Json;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
+use std::f64::consts::TAU;
 use std::fmt::Write;
 
 /// What is to be computed. Every field has the meaning of the scene file's key of the same name.
@@ -234,8 +235,13 @@ pub struct MonteCarlo {
     pub noise: Noise,
     /// Time step; None is an automatic choice.
     pub step: Option<f64>,
-    /// Length of long records.
+    /// Length of long records, dimensionless, all together; None is [`MonteCarlo::DURATION`].
     pub duration: Option<f64>,
+}
+
+impl MonteCarlo {
+    /// Length of long records unless the scene says otherwise: the paper's 1e5 periods.
+    pub const DURATION: f64 = TAU * 1e5;
 }
 
 impl Default for MonteCarlo {
@@ -322,25 +328,10 @@ const NOT_YET: &[NotYet] = &[
         instead: "leave it out; outputs.stationary gives the rate of loss",
     },
     NotYet {
-        key: "outputs.crossings",
-        asked: |scene| scene.outputs.crossings.is_some(),
-        instead: "leave it out; outputs.stationary gives the rate of loss and the mean flight",
-    },
-    NotYet {
         key: "initial.kind",
         asked: |scene| scene.initial == Initial::Rest && scene.outputs.transient(),
         instead: "a transient from rest (the default start) needs [initial] kind = \"gaussian\" \
                   with a small deviation, as 0.3, for now",
-    },
-    NotYet {
-        key: "monte_carlo.duration",
-        asked: |scene| matches!(&scene.monte_carlo, Some(it) if it.duration.is_some()),
-        instead: "leave it out; outputs.moments_at gives an ensemble",
-    },
-    NotYet {
-        key: "monte_carlo",
-        asked: |scene| scene.monte_carlo.is_some() && scene.outputs.moments_at.is_empty(),
-        instead: "statistics of long records are to come; outputs.moments_at gives an ensemble",
     },
 ];
 
@@ -357,6 +348,25 @@ impl Scene {
             accuracy: Accuracy::default(),
             method: MethodChoice::default(),
         }
+    }
+
+    /// Whether moments of an ensemble of paths are asked for.
+    pub fn wants_paths(&self) -> bool {
+        self.monte_carlo.is_some() && !self.outputs.moments_at.is_empty()
+    }
+
+    /// Whether long records are asked for: by Monte Carlo without times, for crossings, or by their
+    /// duration.
+    pub fn wants_records(&self) -> bool {
+        let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
+        let it = self.monte_carlo.as_ref();
+        it.is_some_and(|it| asked(it) || self.outputs.moments_at.is_empty())
+    }
+
+    /// The window of [`Outputs::crossings`] as a dimensionless time.
+    pub fn crossings_window(&self) -> Option<f64> {
+        let window = self.outputs.crossings?;
+        Some(self.rig.map_or(window, |rig| rig.time(window)))
     }
 
     /// Everything that can be said against the scene without computing.
@@ -416,8 +426,8 @@ impl Scene {
     fn check_outputs(&self) -> Result<()> {
         let outputs = &self.outputs;
         if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
-            let accepted = "at least one output: stationary, moments_at, density_at, steady or \
-                            decay_rates";
+            let accepted = "at least one output: stationary, moments_at, density_at, steady, \
+                            decay_rates or crossings";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if !self.oscillator.contact().is_confining() {
@@ -450,7 +460,33 @@ impl Scene {
             positive("outputs.first_loss.until", until)?;
         }
         if let Some(window) = outputs.crossings {
-            positive("outputs.crossings.window", window)?;
+            self.check_crossings(window)?;
+        }
+        Ok(())
+    }
+
+    fn check_crossings(&self, window: f64) -> Result<()> {
+        let key = "outputs.crossings.window";
+        positive(key, window)?;
+        if window > Times::LATEST {
+            let accepted = format!("a window up to {:e}", Times::LATEST);
+            return Err(Error::invalid(key, num(window), accepted));
+        }
+        let contact = self.oscillator.contact();
+        let (key, value) = (
+            "outputs.crossings",
+            format!("{{ window = {} }}", num(window)),
+        );
+        if !contact.is_confining() {
+            return Err(self.no_law(key, &value));
+        }
+        if contact.loss_point().is_none() {
+            let accepted = format!(
+                "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{}\" holds on \
+                 for ever",
+                contact.name()
+            );
+            return Err(Error::invalid(key, value, accepted));
         }
         Ok(())
     }
@@ -479,6 +515,17 @@ impl Scene {
         }
         if let Some(duration) = it.duration {
             positive("monte_carlo.duration", duration)?;
+        }
+        if self.wants_records() && !self.oscillator.contact().is_confining() {
+            if let Some(duration) = it.duration {
+                return Err(self.no_law("monte_carlo.duration", &num(duration)));
+            }
+            let accepted = format!(
+                "at least one time: [monte_carlo] without moments_at is for stationary records, and the \
+                 contact law \"{}\" never confines the motion",
+                self.oscillator.contact().name()
+            );
+            return Err(Error::invalid("outputs.moments_at", "[]", accepted));
         }
         Ok(())
     }
@@ -546,7 +593,11 @@ impl Scene {
         all.push("initial", initial);
         all.push("outputs", self.resolved_outputs());
         if let Some(it) = &self.monte_carlo {
-            all.push("monte_carlo", resolved_monte_carlo(it));
+            let duration = self.wants_records().then_some(MonteCarlo::DURATION);
+            all.push(
+                "monte_carlo",
+                resolved_monte_carlo(it, it.duration.or(duration)),
+            );
         }
         all.push(
             "accuracy",
@@ -666,7 +717,7 @@ fn toml_value(value: &Json) -> String {
     }
 }
 
-fn resolved_monte_carlo(it: &MonteCarlo) -> Json {
+fn resolved_monte_carlo(it: &MonteCarlo, duration: Option<f64>) -> Json {
     let noise = match it.noise {
         Noise::White => Json::from("white"),
         Noise::Cosines { cosines, band } => {
@@ -682,7 +733,7 @@ fn resolved_monte_carlo(it: &MonteCarlo) -> Json {
     if let Some(step) = it.step {
         json.push("step", step);
     }
-    if let Some(duration) = it.duration {
+    if let Some(duration) = duration {
         json.push("duration", duration);
     }
     json

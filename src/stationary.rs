@@ -198,6 +198,14 @@ impl Stationary {
         ))
     }
 
+    /// Mean speed at the return to contact, sqrt(pi T/2): the velocity at a crossing has the Rayleigh law,
+    /// and returns are losses seen backwards in time. None for a law that cannot lose contact.
+    pub fn mean_impact_speed(&self) -> Option<Estimate> {
+        self.contact().loss_point()?;
+        let value = (0.25 * TAU * self.temperature()).sqrt();
+        Some(Estimate::closed_form(value))
+    }
+
     /// Mean number of losses of contact in a dimensionless time.
     pub fn losses_in(&self, time: f64) -> Option<Estimate> {
         self.loss_rate().map(|rate| rate.scaled(time))

@@ -61,6 +61,11 @@ fn results(folder: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(folder.join("results.json")).unwrap()).unwrap()
 }
 
+/// The results of a run that goes on, if there are any yet.
+fn results_if(folder: &Path) -> Option<Value> {
+    serde_json::from_str(&fs::read_to_string(folder.join("results.json")).ok()?).ok()
+}
+
 /// Every kind of output on a mesh and with paths that take no time.
 const SMALL: &str = r#"
 title = "small"
@@ -579,6 +584,294 @@ fn a_killed_run_leaves_whole_files_and_two_runs_do_not_share_a_folder() {
     assert!(results(&folder)["monte_carlo"].is_object());
 }
 
+/// Records and crossings that take no time.
+const RECORDS: &str = r#"
+title = "long"
+[oscillator]
+zeta = 0.05
+h = 0.02
+[rig]
+static_load = 110
+frequency = 232
+static_compression = 7e-6
+[outputs]
+stationary = true
+crossings = { window = 20 }
+[monte_carlo]
+duration = 5e4
+"#;
+
+#[test]
+fn long_records_stand_beside_the_closed_form_with_their_errors() {
+    let room = room("records");
+    fs::write(room.join("long.toml"), RECORDS).unwrap();
+    let (table, err) = expect(0, &room, &["run", "long.toml"]);
+    assert!(err.is_empty(), "{err}");
+    assert!(
+        table.lines().all(|line| line.chars().count() <= 80),
+        "{table}"
+    );
+    for word in [
+        "closed form      long records",
+        "LOSSES OF CONTACT",
+        "agreement",
+        "mean flight",
+        "the window is 20 s",
+    ] {
+        assert!(table.contains(word), "{word}: {table}");
+    }
+    let folder = room.join("results/long");
+    for file in [
+        "records.csv",
+        "records_q.csv",
+        "records_v.csv",
+        "records_force.csv",
+        "crossings.csv",
+        "flights.csv",
+        "flights.svg",
+        "force.svg",
+    ] {
+        assert!(folder.join(file).is_file(), "{file}");
+    }
+    let csv = fs::read_to_string(folder.join("records_force.csv")).unwrap();
+    assert!(csv.starts_with("N from [F],N to [F],density [1/F],standard error [1/F]\n"));
+    assert_eq!(csv.lines().count(), 101);
+    assert!(
+        fs::read_to_string(folder.join("force.svg"))
+            .unwrap()
+            .contains("long records")
+    );
+    let all = results(&folder);
+    assert!(all.get("transient").is_none() && all["monte_carlo"].get("transient").is_none());
+    // Every stationary number agrees with the closed form, and no error is idle.
+    let sampled = &all["monte_carlo"]["stationary"];
+    let mut compared = 0;
+    for (name, exact) in all["stationary"].as_object().unwrap() {
+        let (a, b) = (&exact["value"], &sampled[name]["value"]);
+        let error = sampled[name]["error"].as_f64().unwrap();
+        let z = (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() / error;
+        println!("{name}: {b} ± {error:.1e}, z = {z:.2}");
+        assert!(z < 4.0 && error < 0.5, "{name}");
+        compared += 1;
+    }
+    assert_eq!(compared, 13);
+    let method = &sampled["method"];
+    assert!(method["effective_samples"]["mean_energy"].as_f64().unwrap() > 100.0);
+    assert!(method["batches"].is_u64() && method["batch_length"].is_f64());
+    assert_eq!(method["control_variates"], true);
+    assert!(all["agreement"]["t"].is_null() && all["agreement"]["compared"] == 14);
+    assert!(all["agreement"]["worst"].as_f64().unwrap() < 4.0);
+    // The scene in the folder runs again to the same numbers.
+    expect(
+        0,
+        &room,
+        &["run", "results/long/scene.toml", "--out", "again", "-q"],
+    );
+    assert_eq!(
+        results(&room.join("again"))["monte_carlo"],
+        all["monte_carlo"]
+    );
+}
+
+#[test]
+fn losses_of_contact_follow_rice_and_are_counted_in_a_window_of_seconds() {
+    let room = room("crossings");
+    fs::write(room.join("long.toml"), RECORDS).unwrap();
+    expect(0, &room, &["run", "long.toml", "-q"]);
+    let all = results(&room.join("results/long"));
+    let value = |it: &Value| it["value"].as_f64().unwrap();
+    let (exact, seen) = (&all["crossings"], &all["monte_carlo"]["crossings"]);
+    // T = 0.628...: nu = 0.03646636, P/nu = sqrt(2 pi T), 20 s are 20 * 2 pi 232.
+    assert!((value(&exact["loss_rate"]) - 0.036_466_36).abs() < 1e-8);
+    let window = 20.0 * std::f64::consts::TAU * 232.0;
+    let losses = value(&exact["losses_in_window"]);
+    assert!(
+        (losses / (0.036_466_36 * window) - 1.0).abs() < 1e-6,
+        "{losses}"
+    );
+    assert!((value(&exact["mean_flight"]) - 1.986_918).abs() < 1e-6);
+    assert!(exact["flight_time"].is_null() && exact["flight_density"].is_null());
+    for name in [
+        "loss_rate",
+        "losses_in_window",
+        "mean_flight",
+        "mean_impact_speed",
+    ] {
+        let (a, b) = (value(&exact[name]), value(&seen[name]));
+        let error = seen[name]["error"].as_f64().unwrap();
+        println!("{name}: {a} by Rice, {b} ± {error:.1e} in records");
+        assert!((a - b).abs() < 4.0 * error && error < 0.05 * a, "{name}");
+    }
+    // The density of the time of flight integrates to one and has the mean flight for a mean.
+    let numbers = |it: &Value| -> Vec<f64> {
+        it.as_array()
+            .unwrap()
+            .iter()
+            .map(|x| x.as_f64().unwrap())
+            .collect()
+    };
+    let (t, p) = (
+        numbers(&seen["flight_time"]),
+        numbers(&seen["flight_density"]["value"]),
+    );
+    assert_eq!(numbers(&seen["flight_density"]["error"]).len(), t.len());
+    let width = t[1] - t[0];
+    let mass: f64 = p.iter().sum::<f64>() * width;
+    let mean: f64 = t.iter().zip(&p).map(|(t, p)| t * p * width).sum();
+    println!("flights: mass {mass}, mean {mean}");
+    assert!((mass - 1.0).abs() < 1e-3);
+    assert!((mean / value(&seen["mean_flight"]) - 1.0).abs() < 0.02);
+    let rig = &all["rig"];
+    let flight = value(&exact["mean_flight"]) * 1e3 / (std::f64::consts::TAU * 232.0);
+    assert!((value(&rig["mean_flight_ms"]) / flight - 1.0).abs() < 1e-12);
+    assert_eq!(rig["losses_in_window"], exact["losses_in_window"]);
+    let out = value(&rig["time_out_of_contact_s"]);
+    assert!(
+        (out / (20.0 * value(&all["stationary"]["contact_loss_probability"])) - 1.0).abs() < 1e-12
+    );
+    assert!(rig["monte_carlo"]["mean_flight_ms"]["error"].is_f64());
+    // Without a rig the window is a dimensionless time, and without records there is Rice alone.
+    let text = "[oscillator]\nzeta = 0.05\nh = 0.02\n[outputs]\ncrossings = { window = 20 }";
+    fs::write(room.join("bare.toml"), text).unwrap();
+    expect(0, &room, &["run", "bare.toml", "-q"]);
+    let bare = results(&room.join("results/bare"));
+    let losses = value(&bare["crossings"]["losses_in_window"]);
+    assert!((losses / (20.0 * 0.036_466_36) - 1.0).abs() < 1e-6);
+    for name in ["stationary", "monte_carlo", "agreement", "rig"] {
+        assert!(bare.get(name).is_none(), "{name}");
+    }
+}
+
+#[test]
+fn only_what_asks_for_records_gets_them() {
+    let room = room("asked");
+    let base = "[oscillator]\nzeta = 0.05\nh = 0.02\n[initial]\ndeviation = [0.8, 0.8]\n";
+    for (name, rest, parts) in [
+        ("alone", "[monte_carlo]\n", &["stationary", "records"][..]),
+        (
+            "off",
+            "[outputs]\nstationary = false\n[monte_carlo]\n",
+            &["records"],
+        ),
+        (
+            "paths",
+            "[outputs]\nmoments_at = [1]\n[monte_carlo]\n",
+            &["transient", "monte_carlo"],
+        ),
+        (
+            "both",
+            "[outputs]\nmoments_at = [1]\n[monte_carlo]\nduration = 1e4\n",
+            &["transient", "monte_carlo", "records"],
+        ),
+        (
+            "crossings",
+            "[outputs]\nmoments_at = [1]\ncrossings = { window = 3 }\n[monte_carlo]\n",
+            &["crossings", "transient", "monte_carlo", "records"],
+        ),
+        (
+            "rice",
+            "[outputs]\ncrossings = { window = 3 }\n",
+            &["crossings"],
+        ),
+    ] {
+        let text = SceneText::parse(name, &format!("{base}{rest}"), &[]).unwrap();
+        let plan = Plan::of(text.scene()).unwrap();
+        let names: Vec<&str> = plan.stages().iter().map(|it| it.part.name()).collect();
+        assert_eq!(names, parts, "{name}");
+        let records = plan.stages().iter().find(|it| it.part == Part::Records);
+        if let Some(it) = records {
+            assert!(it.cost.steps > 0 && it.cost.memory_bytes > 0 && it.cost.seconds > 0.0);
+            assert!(!it.needed_by.is_empty(), "{name}");
+        }
+        let again = SceneText::parse(name, &text.scene().to_toml(), &[]).unwrap();
+        let again = Plan::of(again.scene()).unwrap();
+        assert_eq!(again.stages(), plan.stages(), "{name}");
+    }
+    let (text, _) = expect(0, &room, &["plan", "table-3"]);
+    for word in [
+        "records",
+        "crossings",
+        "monte_carlo, crossings",
+        "splitting_4_2",
+    ] {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+}
+
+#[test]
+fn records_that_saw_no_loss_say_so_and_leave_no_number_that_does_not_exist() {
+    let room = room("rare");
+    fs::write(room.join("long.toml"), RECORDS).unwrap();
+    let rare = ["run", "long.toml", "--set", "oscillator.h=1e-4"];
+    let (table, _) = expect(0, &room, &rare);
+    let words = table.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words.contains("saw no loss of contact"), "{table}");
+    let all = results(&room.join("results/long"));
+    let seen = &all["monte_carlo"]["crossings"];
+    assert_eq!(seen["loss_rate"]["value"], 0.0);
+    assert!(seen["loss_rate"]["error"].as_f64().unwrap() > 0.0);
+    assert!(seen["mean_flight"].is_null() && seen["flight_density"].is_null());
+    assert!(all["monte_carlo"]["stationary"]["log10_contact_loss_probability"].is_null());
+    assert!(!room.join("results/long/flights.csv").exists());
+    assert!(all["agreement"]["worst"].as_f64().unwrap() < 4.0);
+}
+
+#[test]
+fn killed_records_leave_the_whole_files_of_the_stages_before() {
+    let room = room("killed-records");
+    fs::write(room.join("long.toml"), RECORDS).unwrap();
+    let mut child = program(&room)
+        .args(["run", "long.toml", "--set", "monte_carlo.duration=1e10"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let folder = room.join("results/long");
+    let start = Instant::now();
+    while !results_if(&folder).is_some_and(|all| all["crossings"].is_object()) {
+        assert!(start.elapsed() < Duration::from_secs(60), "no crossings");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let all = results(&folder);
+    assert!(all["stationary"].is_object() && all.get("monte_carlo").is_none());
+    let warnings = all["run"]["warnings"].to_string();
+    assert!(
+        warnings.contains("unfinished: records had not ended yet"),
+        "{warnings}"
+    );
+    assert!(folder.join("crossings.csv").is_file() && !folder.join("records.csv").exists());
+}
+
+#[test]
+fn records_and_paths_stop_at_the_limit_of_time_and_leave_whole_files() {
+    let room = small_room("late");
+    fs::write(room.join("long.toml"), RECORDS).unwrap();
+    for (scene, size) in [
+        ("long", "monte_carlo.duration=1e10"),
+        ("small", "monte_carlo.paths=1000000000"),
+    ] {
+        let start = Instant::now();
+        let file = format!("{scene}.toml");
+        let limit = "accuracy.max_seconds=2";
+        let (_, err) = expect(3, &room, &["run", &file, "--set", size, "--set", limit]);
+        assert!(err.contains("accuracy.max_seconds = 2.0"), "{err}");
+        assert!(
+            start.elapsed() < Duration::from_secs(30),
+            "{:?}",
+            start.elapsed()
+        );
+        let folder = room.join("results").join(scene);
+        let all = results(&folder);
+        assert!(all["stationary"].is_object() && all.get("monte_carlo").is_none());
+        for entry in fs::read_dir(&folder).unwrap() {
+            let name = entry.unwrap().file_name();
+            assert!(!name.to_string_lossy().ends_with(".part"), "{name:?}");
+        }
+    }
+}
+
 #[test]
 fn numpy_reads_every_array() {
     let room = small_room("numpy");
@@ -753,18 +1046,39 @@ const BAD: &[(&str, &str)] = &[
     ),
     ("spectrum", "@[outputs]\nspectrum = { until = 4.0 }"),
     ("first loss", "@[outputs]\nfirst_loss = { until = 200 }"),
-    ("crossings", "@[outputs]\ncrossings = { window = 20 }"),
+    ("crossings by number", "@[outputs]\ncrossings = 20"),
+    ("crossings without window", "@[outputs]\ncrossings = {}"),
+    ("no window", "@[outputs]\ncrossings = { window = 0 }"),
     (
-        "cosines",
-        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nnoise = { cosines = 400, band = 8.0 }",
+        "window without end",
+        "@[outputs]\ncrossings = { window = 1e10 }",
     ),
-    ("flow map", "@[method]\ntransient = \"flow_map\""),
-    ("implicit time", "@[method]\ntime = \"implicit\""),
     (
-        "euler",
-        "@[outputs]\nmoments_at = [1]\n[monte_carlo]\nscheme = \"euler_maruyama\"",
+        "crossings of a linear oscillator",
+        "[oscillator]\ncontact = \"linear\"\nzeta = 0.005\nh = 2e-3\n[outputs]\ncrossings = { window = 20 }",
     ),
-    ("long records", "@[monte_carlo]\npaths = 10"),
+    (
+        "crossings in free fall",
+        "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\ncrossings = { window = 20 }",
+    ),
+    ("no duration", "@[monte_carlo]\nduration = 0"),
+    ("duration without end", "@[monte_carlo]\nduration = 1e15"),
+    (
+        "steps of records without end",
+        "@[monte_carlo]\nstep = 1e-300",
+    ),
+    (
+        "cosines with another scheme",
+        "@[monte_carlo]\nscheme = \"baoab\"\nnoise = { cosines = 400, band = 8.0 }",
+    ),
+    (
+        "records in free fall",
+        "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\ndensity_at = [1]\n[monte_carlo]\npaths = 10",
+    ),
+    (
+        "duration in free fall",
+        "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nduration = 10",
+    ),
 ];
 
 /// Put before the scenes above that start with '@'.
@@ -866,6 +1180,7 @@ fn value() -> impl Strategy<Value = String> {
         "{ every = 1, until = 5 }",
         "{ every = 1e-9, until = 1e9 }",
         "{ until = 4 }",
+        "{ window = 20 }",
         "{ cosines = 3, band = 1 }",
         "2024-01-01",
         "0x10",
@@ -963,17 +1278,23 @@ proptest! {
         deviation in -4.0..1.0f64,
         cells in (8..24usize, 8..24usize),
         times in prop::collection::btree_set(1..40u8, 0..3),
-        asked in any::<[bool; 3]>(),
+        asked in any::<[bool; 5]>(),
     ) {
         let confines = contact != "free";
         let (zeta, t) = (10f64.powf(zeta), 10f64.powf(temperature));
         let times: Vec<f64> = times.into_iter().map(|it| 0.1 * f64::from(it)).collect();
-        let paths = if times.is_empty() { "" } else { "[monte_carlo]\npaths = 20\nstep = 0.1" };
+        let loses = confines && contact != "linear";
+        let crossings = if asked[3] && loses { "crossings = { window = 10 }" } else { "" };
+        let paths = match (times.is_empty(), asked[4] && confines) {
+            (_, true) => "[monte_carlo]\npaths = 20\nstep = 0.1\nduration = 200",
+            (true, _) => "",
+            (false, _) => "[monte_carlo]\npaths = 20\nstep = 0.1",
+        };
         let text = format!(
             "[oscillator]\ncontact = \"{contact}\"\nzeta = {zeta:e}\nh = {:e}\n\
              [initial]\nmean = [{mean}, 0]\ndeviation = [{:e}, 1]\n\
              [outputs]\nstationary = {}\nsteady = {}\nmoments_at = {times:?}\ndensity_at = {times:?}\n\
-             decay_rates = {}\n[method]\ncells = [{}, {}]\n{paths}",
+             decay_rates = {}\n{crossings}\n[method]\ncells = [{}, {}]\n{paths}",
             2.0 * zeta * t / std::f64::consts::PI, 10f64.powf(deviation),
             asked[0] && confines, asked[1] && confines, u8::from(asked[2] && confines), cells.0, cells.1,
         );

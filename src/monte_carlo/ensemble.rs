@@ -62,7 +62,8 @@ pub struct Densities {
 /// # Errors
 /// [`Error::Invalid`] for fewer than 2 paths, a step that is not positive, a noise that does not suit
 /// the scheme, times that are negative, not finite or not ascending; [`Error::NoStationaryLaw`] for a
-/// stationary start that does not exist; [`Error::Limit`] for more steps than can be counted.
+/// stationary start that does not exist; [`Error::Limit`] for more steps than can be counted, and where
+/// `max_seconds` are over.
 pub fn run(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -71,15 +72,17 @@ pub fn run(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<EnsembleResult> {
     let plan = Plan::new(oscillator, initial, times, settings)?;
+    let progress = &Progress::new(plan.path_steps, progress).within(settings.max_seconds);
     let ensemble = Ensemble {
         plan: &plan,
-        progress: &Progress::new(plan.path_steps, progress),
+        progress,
     };
     let Sampled {
         frames,
         sums,
         counts,
     } = law::dispatch(oscillator.contact(), ensemble);
+    progress.in_time()?;
     let lossy = oscillator.contact().loss_point().is_some();
     let densities = counts
         .iter()
@@ -290,6 +293,9 @@ impl WithLaw for Ensemble<'_> {
                 let mut sums = vec![Sums::default(); plan.intervals.len()];
                 let mut counts = empty();
                 for block in blocks {
+                    if self.progress.late() {
+                        break;
+                    }
                     self.block(law, block, |k, q, v| {
                         let sum = Sum {
                             law,

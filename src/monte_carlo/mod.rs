@@ -46,13 +46,14 @@ pub use ensemble::{Densities, EnsembleResult, run};
 pub use events::Crossings;
 pub use first_loss::{FirstLossResult, first_loss};
 pub use histogram::Histogram;
-pub use records::{RecordResult, RecordSettings, records};
+pub use records::{RecordResult, RecordSettings, RecordSize, record_size, records};
 pub use scheme::Scheme;
 
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
 
 /// Size, seed and scheme of an ensemble.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,6 +70,8 @@ pub struct EnsembleSettings {
     pub noise: Noise,
     /// Bins of the densities at every output time; 0 for none.
     pub bins: usize,
+    /// Seconds after which the run gives up with [`Error::Limit`].
+    pub max_seconds: f64,
 }
 
 impl Default for EnsembleSettings {
@@ -80,6 +83,7 @@ impl Default for EnsembleSettings {
             step: None,
             noise: Noise::White,
             bins: 0,
+            max_seconds: f64::INFINITY,
         }
     }
 }
@@ -171,10 +175,13 @@ fn check_bins(bins: usize, least: usize) -> Result<usize> {
     ))
 }
 
-/// Reports a fraction from any thread, a few hundred times in all.
+/// Reports a fraction from any thread, a few hundred times in all, and watches the clock.
 struct Progress<'a> {
     total: u64,
     done: AtomicU64,
+    start: Instant,
+    max_seconds: f64,
+    late: AtomicBool,
     report: &'a (dyn Fn(f64) + Sync),
 }
 
@@ -183,8 +190,39 @@ impl<'a> Progress<'a> {
         Self {
             total: total.max(1),
             done: AtomicU64::new(0),
+            start: Instant::now(),
+            max_seconds: f64::INFINITY,
+            late: AtomicBool::new(false),
             report,
         }
+    }
+
+    /// The same with a limit of time.
+    fn within(mut self, max_seconds: f64) -> Self {
+        self.max_seconds = max_seconds;
+        self
+    }
+
+    /// Whether the limit of time is behind; whoever asks stops.
+    fn late(&self) -> bool {
+        let late = self.start.elapsed().as_secs_f64() > self.max_seconds;
+        if late {
+            self.late.store(true, Ordering::Relaxed);
+        }
+        late
+    }
+
+    /// An error if anybody stopped early.
+    fn in_time(&self) -> Result<()> {
+        if !self.late.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let done = self.done.load(Ordering::Relaxed) as f64 / self.total as f64;
+        Err(Error::Limit {
+            key: "accuracy.max_seconds",
+            limit: self.max_seconds.to_string(),
+            what: format!("{:.0} % of the paths were done", 100.0 * done),
+        })
     }
 
     fn add(&self, work: u64) {

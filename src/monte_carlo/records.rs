@@ -33,6 +33,8 @@ pub struct RecordSettings {
     pub noise: Noise,
     /// Bins of every histogram.
     pub bins: usize,
+    /// Seconds after which the records give up with [`Error::Limit`].
+    pub max_seconds: f64,
 }
 
 impl Default for RecordSettings {
@@ -44,6 +46,7 @@ impl Default for RecordSettings {
             step: None,
             noise: Noise::White,
             bins: 100,
+            max_seconds: f64::INFINITY,
         }
     }
 }
@@ -92,19 +95,23 @@ pub struct RecordResult {
 ///
 /// # Errors
 /// [`Error::NoStationaryLaw`] for a contact that does not confine; [`Error::Invalid`] for a duration or
-/// step that is not positive, no bins, or a noise that does not suit the scheme.
+/// step that is not positive or that together make more steps than can be counted, no bins, or a noise
+/// that does not suit the scheme; [`Error::Limit`] where `max_seconds` are over.
 pub fn records(
     oscillator: &Oscillator,
     settings: &RecordSettings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<RecordResult> {
     let plan = Plan::new(oscillator, settings)?;
-    let work = plan.groups * (plan.batches + plan.burn_in);
+    let size = &plan.size;
+    let work = size.groups * (size.batches + size.burn_in);
+    let progress = &Progress::new(work, progress).within(settings.max_seconds);
     let run = Records {
         plan: &plan,
-        progress: &Progress::new(work, progress),
+        progress,
     };
     let sums = law::dispatch(oscillator.contact(), run);
+    progress.in_time()?;
     let contact = oscillator.contact();
     let batches = sums.means.count() as u64;
     let mut warnings = Vec::new();
@@ -117,9 +124,9 @@ pub fn records(
             memory(oscillator)
         ));
     }
-    let (step, frequency) = (plan.step, plan.frequency);
+    let (step, frequency) = (size.step, size.frequency);
     warnings.extend(scheme::bias_warning(
-        plan.scheme,
+        size.scheme,
         oscillator,
         step,
         frequency,
@@ -130,15 +137,15 @@ pub fn records(
         warnings.push(format!(
             "the records are not finite: the step {} is too long for the scheme {}; leave \
              monte_carlo.step out to have one chosen",
-            plan.step, plan.scheme
+            size.step, size.scheme
         ));
     }
     let lossy = contact.loss_point().is_some();
-    if lossy && !plan.scheme.locates_crossings() {
+    if lossy && !size.scheme.locates_crossings() {
         warnings.push(format!(
             "losses of contact are not counted: the scheme {} does not locate them; ask for \
              monte_carlo.scheme = \"splitting_4_2\", whose steps are short under strong friction",
-            plan.scheme
+            size.scheme
         ));
     }
     Ok(RecordResult {
@@ -146,9 +153,9 @@ pub fn records(
         controlled: sums.means.controlled_moments(contact, &plan.units),
         effective_samples,
         batches,
-        batch_length: plan.batch_length,
-        records: plan.groups * LANES as u64,
-        duration: batches as f64 * plan.batch_length,
+        batch_length: size.batch_length,
+        records: size.records(),
+        duration: batches as f64 * size.batch_length,
         displacement: sums.counts[0].histogram(plan.bins[0], false),
         velocity: sums.counts[1].histogram(plan.bins[1], false),
         force: sums.counts[2].histogram(plan.bins[2], lossy),
@@ -157,9 +164,9 @@ pub fn records(
             .as_ref()
             .zip(plan.flights)
             .map(|(sums, bins)| sums.crossings(bins)),
-        step: plan.step,
-        scheme: plan.scheme,
-        path_steps: work * plan.samples * plan.steps * LANES as u64,
+        step: size.step,
+        scheme: size.scheme,
+        path_steps: size.path_steps(),
         warnings,
     })
 }
@@ -169,10 +176,44 @@ fn memory(oscillator: &Oscillator) -> f64 {
     (0.5 / oscillator.zeta()).max(2.0 * oscillator.zeta())
 }
 
-/// Everything fixed before the first step.
-struct Plan {
-    paths: Paths,
-    coefficients: Coefficients,
+/// How much work records are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordSize {
+    /// The scheme, never [`Scheme::Auto`].
+    pub scheme: Scheme,
+    /// The step.
+    pub step: f64,
+    /// Number of records.
+    pub records: u64,
+    /// Steps of each.
+    pub steps: u64,
+    /// Steps of all.
+    pub path_steps: u64,
+    /// Bytes, roughly.
+    pub memory: u64,
+}
+
+/// The size of the records that [`records`] would make.
+///
+/// # Errors
+/// As [`records`], but for a missing stationary law.
+pub fn record_size(oscillator: &Oscillator, settings: &RecordSettings) -> Result<RecordSize> {
+    let size = Size::new(oscillator, settings)?;
+    let records = size.records();
+    // Counts of each of five histograms by lane, and their sums.
+    let bins = settings.bins as u64 + 2;
+    Ok(RecordSize {
+        scheme: size.scheme,
+        step: size.step,
+        records,
+        steps: size.path_steps() / records,
+        path_steps: size.path_steps(),
+        memory: size.groups * 5 * bins * (4 * LANES as u64 + 24),
+    })
+}
+
+/// How the records are cut.
+struct Size {
     scheme: Scheme,
     step: f64,
     frequency: f64,
@@ -184,19 +225,13 @@ struct Plan {
     /// Batches thrown away.
     burn_in: u64,
     batch_length: f64,
-    units: Units,
-    /// For q, v and N.
-    bins: [Bins; 3],
-    flights: Option<FlightBins>,
 }
 
-impl Plan {
+impl Size {
     fn new(oscillator: &Oscillator, settings: &RecordSettings) -> Result<Self> {
         let duration = positive("monte_carlo.duration", settings.duration)?;
         check_bins(settings.bins, 1)?;
-        let law = oscillator.displacement_law()?;
-        let initial = Initial::Stationary;
-        let frequency = highest_frequency(oscillator, &initial);
+        let frequency = highest_frequency(oscillator, &Initial::Stationary);
         let scheme = resolve(
             settings.scheme,
             settings.noise,
@@ -213,8 +248,8 @@ impl Plan {
             let accepted = format!("at most pi/step = {:.4}", std::f64::consts::PI / step);
             return Err(Error::invalid("monte_carlo.noise.band", band, accepted));
         }
-        let memory = memory(oscillator);
         // Samples closer than this tell nothing new.
+        let memory = memory(oscillator);
         let steps = (0.01 * memory.clamp(50.0, 1e9) / step).round().max(1.0);
         let spacing = steps * step;
         let longest = (20.0 * memory / spacing).ceil();
@@ -224,13 +259,61 @@ impl Plan {
         let samples = (duration / (groups * lanes * spacing)).ceil().max(1.0);
         let batches = (samples / longest).floor().max(1.0);
         let samples = (samples / batches).ceil();
-        if groups * batches * samples * steps > 1e15 {
-            return Err(Error::Limit {
-                key: "monte_carlo.step",
-                limit: step.to_string(),
-                what: format!("{:e} steps", groups * batches * samples * steps),
-            });
+        let all = groups * batches * samples * steps;
+        // Not a number where the step or the duration leaves the range of doubles.
+        if all.is_nan() || all > 1e15 {
+            let (key, value) = match settings.step {
+                Some(step) => ("monte_carlo.step", step),
+                None => ("monte_carlo.duration", duration),
+            };
+            let accepted = format!(
+                "at most 1e16 steps in all; a duration of {duration:?} in steps of {step:?} takes more"
+            );
+            return Err(Error::invalid(key, format!("{value:?}"), accepted));
         }
+        Ok(Self {
+            scheme,
+            step,
+            frequency,
+            groups: groups as u64,
+            batches: batches as u64,
+            samples: samples as u64,
+            steps: steps as u64,
+            burn_in: u64::from(settings.noise != Noise::White),
+            batch_length: samples * spacing,
+        })
+    }
+
+    fn records(&self) -> u64 {
+        self.groups * LANES as u64
+    }
+
+    fn path_steps(&self) -> u64 {
+        self.records() * (self.batches + self.burn_in) * self.samples * self.steps
+    }
+}
+
+/// Everything fixed before the first step.
+struct Plan {
+    size: Size,
+    paths: Paths,
+    coefficients: Coefficients,
+    units: Units,
+    /// For q, v and N.
+    bins: [Bins; 3],
+    flights: Option<FlightBins>,
+}
+
+impl Plan {
+    fn new(oscillator: &Oscillator, settings: &RecordSettings) -> Result<Self> {
+        let law = oscillator.displacement_law()?;
+        let size = Size::new(oscillator, settings)?;
+        let Size {
+            scheme,
+            step,
+            frequency,
+            ..
+        } = size;
         let temperature = oscillator.temperature();
         let deviation = temperature.sqrt();
         let contact = oscillator.contact();
@@ -243,22 +326,13 @@ impl Plan {
         Ok(Self {
             paths: Paths::new(
                 oscillator,
-                &initial,
+                &Initial::Stationary,
                 settings.seed,
                 settings.noise,
                 scheme,
                 step,
             )?,
             coefficients: Coefficients::new(scheme, oscillator, step, frequency),
-            scheme,
-            step,
-            frequency,
-            groups: groups as u64,
-            batches: batches as u64,
-            samples: samples as u64,
-            steps: steps as u64,
-            burn_in: u64::from(settings.noise != Noise::White),
-            batch_length: samples * spacing,
             units: Units::new(contact, &law, temperature),
             bins: [
                 Bins::new(left, right, settings.bins),
@@ -268,6 +342,7 @@ impl Plan {
             flights: fall
                 .filter(|_| scheme.locates_crossings())
                 .map(|fall| FlightBins::new(deviation, fall, settings.bins)),
+            size,
         })
     }
 }
@@ -309,7 +384,7 @@ impl WithLaw for Records<'_> {
     type Output = RecordSums;
 
     fn with<L: Law>(self, law: L) -> RecordSums {
-        let parts: Vec<RecordSums> = (0..self.plan.groups)
+        let parts: Vec<RecordSums> = (0..self.plan.size.groups)
             .into_par_iter()
             .map(|group| match self.plan.flights {
                 Some(bins) => self.group(law, group, Some(bins)),
@@ -333,10 +408,13 @@ impl Records<'_> {
         let mut hits = plan.bins.map(|bins| vec![vec![0u32; bins.slots()]; LANES]);
         let mut logbook = flights.map(|bins| Logbook::new(bins, |lane| group.q[lane] < law.loss()));
         let arch = pulp::Arch::new();
-        for number in 0..plan.burn_in + plan.batches {
-            let keep = number >= plan.burn_in;
+        for number in 0..plan.size.burn_in + plan.size.batches {
+            if self.progress.late() {
+                break;
+            }
+            let keep = number >= plan.size.burn_in;
             let mut batch = Batch::new();
-            let start = number * plan.samples;
+            let start = number * plan.size.samples;
             let record = RunBatch {
                 law,
                 plan,
@@ -355,7 +433,7 @@ impl Records<'_> {
                     watch: &mut Deaf,
                 }),
             }
-            let now = (start + plan.samples) as f64 * plan.steps as f64 * plan.step;
+            let now = (start + plan.size.samples) as f64 * plan.size.steps as f64 * plan.size.step;
             if let Some(logbook) = &mut logbook {
                 logbook.end_batch(now, keep);
             }
@@ -407,11 +485,11 @@ impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
             batch,
             hits,
         } = self.record;
-        let spacing = plan.steps as f64 * plan.step;
-        for k in 0..plan.samples {
+        let spacing = plan.size.steps as f64 * plan.size.step;
+        for k in 0..plan.size.samples {
             let now = (start + k) as f64 * spacing;
             plan.coefficients
-                .advance(law, group, plan.steps, now, self.watch);
+                .advance(law, group, plan.size.steps, now, self.watch);
             batch.sample(law, &plan.units, &group.q, &group.v);
             for lane in 0..LANES {
                 let (q, v) = (group.q[lane], group.v[lane]);

@@ -148,3 +148,45 @@ fn a_record_that_cannot_be_is_refused_by_name() {
         assert!(message.contains("monte_carlo.duration"), "{message}");
     }
 }
+
+#[test]
+fn records_are_as_many_as_their_size_says_and_stop_when_their_time_is_over() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    for (duration, noise) in [
+        (10.0, Noise::White),
+        (3e4, Noise::White),
+        (1e3, Noise::Band { band: 8.0 }),
+    ] {
+        let settings = RecordSettings {
+            duration,
+            noise,
+            ..RecordSettings::default()
+        };
+        let size = record_size(&it, &settings).unwrap();
+        let got = records(&it, &settings, &quiet).unwrap();
+        assert_eq!(
+            (size.records, size.path_steps, size.step, size.scheme),
+            (got.records, got.path_steps, got.step, got.scheme)
+        );
+        assert_eq!(size.steps * size.records, size.path_steps);
+        let late = RecordSettings {
+            max_seconds: 0.0,
+            ..settings
+        };
+        let message = records(&it, &late, &quiet).unwrap_err().to_string();
+        assert!(message.contains("accuracy.max_seconds = 0"), "{message}");
+    }
+    for (duration, step, key) in [
+        (1e300, None, "monte_carlo.duration"),
+        (f64::MAX, Some(1.0), "monte_carlo.step"),
+        (1.0, Some(1e-300), "monte_carlo.step"),
+    ] {
+        let settings = RecordSettings {
+            duration,
+            step,
+            ..RecordSettings::default()
+        };
+        let message = record_size(&it, &settings).unwrap_err().to_string();
+        assert!(message.contains(key), "{message}");
+    }
+}

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
 use crate::moments::Moments;
+use crate::monte_carlo::Histogram;
 use crate::results::Results;
 use crate::stationary::Stationary;
 use ndarray::arr0;
@@ -22,7 +23,7 @@ fn unit(name: &str) -> &'static str {
     match name {
         "mean_q" => "u",
         "var_q" => "u^2",
-        "mean_v" => "u W",
+        "mean_v" | "mean_impact_speed" => "u W",
         "var_v" => "(u W)^2",
         "cov_qv" => "u^2 W",
         "mean_force" | "std_force" => "F",
@@ -204,6 +205,53 @@ pub fn monte_carlo(results: &Results) -> Vec<File> {
         .map(|table| File::text("monte_carlo.csv", table))
         .into_iter()
         .collect()
+}
+
+/// Files of the long records: their stationary numbers, and p_q, p_v, p_N as histograms.
+pub fn records(results: &Results) -> Vec<File> {
+    let (Some(it), Some(numbers)) = (&results.records, results.sampled_stationary()) else {
+        return Vec::new();
+    };
+    let mut table = String::from("name,value,standard error,unit\n");
+    for (name, number) in numbers.iter() {
+        let _ = writeln!(table, "{name},{},{}", fields(number), unit(name));
+    }
+    let mut files = vec![
+        File::text("records.csv", table),
+        histogram("records_q.csv", "q", ["u", "1/u"], &it.displacement),
+        histogram("records_v.csv", "v", ["u W", "1/(u W)"], &it.velocity),
+        histogram("records_force.csv", "N", ["F", "1/F"], &it.force),
+    ];
+    if let Some(flights) = results.sampled_flights() {
+        files.push(histogram("flights.csv", "flight", ["1/W", "W"], flights));
+    }
+    files
+}
+
+/// A histogram, one bin a line; the Dirac mass is not in it.
+fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> File {
+    let mut table =
+        format!("{name} from [{unit}],{name} to [{unit}],density [{per}],standard error [{per}]\n");
+    for (ends, density) in it.edges.windows(2).zip(&it.density) {
+        let (from, to) = (field(ends[0]), field(ends[1]));
+        let _ = writeln!(table, "{from},{to},{}", fields(Some(*density)));
+    }
+    File::text(file, table)
+}
+
+/// Losses of contact, by Rice's formula and as the records saw them.
+pub fn crossings(results: &Results) -> Vec<File> {
+    let Some(numbers) = &results.crossings else {
+        return Vec::new();
+    };
+    let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
+    let mut table = String::from("name,value,error,Monte Carlo,standard error,unit\n");
+    for (name, number) in numbers.iter() {
+        let seen = sampled.as_ref().and_then(|it| it.get(name));
+        let (number, seen) = (fields(number), fields(seen));
+        let _ = writeln!(table, "{name},{number},{seen},{}", unit(name));
+    }
+    vec![File::text("crossings.csv", table)]
 }
 
 /// p\[q, v\] with q, v and t, as numpy.load reads it.

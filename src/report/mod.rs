@@ -54,6 +54,7 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
             files.extend(data::stationary(results)?);
             files.extend(plot::force(results)?);
         }
+        Part::Crossings => files.extend(data::crossings(results)),
         Part::Transient => {
             files.extend(data::transient(results)?);
             files.extend(plot::densities(results)?);
@@ -74,6 +75,12 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
         Part::MonteCarlo => {
             files.extend(data::monte_carlo(results));
             files.extend(plot::moments(results)?);
+        }
+        Part::Records => {
+            files.extend(data::records(results));
+            files.extend(data::crossings(results));
+            files.extend(plot::force(results)?);
+            files.extend(plot::flights(results)?);
         }
     }
     files.push(File::text(data::RESULTS, format!("{}\n", results.json())));

@@ -58,6 +58,7 @@ fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
         plot::force(results)?,
         "Density of the force, linear and logarithmic",
     );
+    put(plot::flights(results)?, "Density of the time of flight");
     put(plot::moments(results)?, "Moments against time");
     put(plot::approach(results)?, "Approach to the stationary law");
     put(

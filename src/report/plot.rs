@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
 use crate::moments::Moments;
-use crate::results::{Results, widths};
+use crate::monte_carlo::Histogram;
+use crate::results::{Results, centres, widths};
 use crate::stationary::Stationary;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -365,6 +366,31 @@ impl Panel {
                 (radius * FINE) as i32,
                 colour.filled(),
             ))?;
+        }
+        Ok(())
+    }
+
+    /// A histogram as dots in the middle of its bins, with a band of 95 %.
+    fn histogram(&self, area: &Area<'_>, it: &Histogram) -> Drawn {
+        let height = |p: f64| match (self.log, p > 0.0) {
+            (false, _) => p,
+            (true, true) => p.log10(),
+            (true, false) => f64::NEG_INFINITY,
+        };
+        let all: Vec<(f64, Estimate)> = centres(it).zip(it.density.iter().copied()).collect();
+        let seen = || {
+            all.iter()
+                .filter(|(x, p)| *x >= self.x.0 && *x <= self.x.1 && p.value > 0.0)
+        };
+        let band: Vec<(f64, f64, f64)> = seen()
+            .map(|(x, p)| {
+                let [low, high] = [-1.96, 1.96].map(|z| height(p.value + z * p.error));
+                (*x, low.max(self.y.0), high)
+            })
+            .collect();
+        self.band(area, &band, VERMILION)?;
+        for (x, p) in seen() {
+            self.dot(area, (*x, height(p.value)), VERMILION, 1.75)?;
         }
         Ok(())
     }
@@ -853,6 +879,8 @@ struct ForceCurves {
     meshed: Points,
     /// What the mesh's points are.
     words: String,
+    /// Histogram of long records.
+    sampled: Option<Histogram>,
     /// The Dirac mass and the force of flight it stands at, if that is within the picture.
     dirac: Option<(Estimate, f64)>,
     /// Largest density away from the singularity just above the force of flight.
@@ -901,6 +929,7 @@ impl ForceCurves {
             exact,
             meshed,
             words,
+            sampled: results.records.as_ref().map(|it| it.force.clone()),
             most,
         })
     }
@@ -920,6 +949,9 @@ impl ForceCurves {
                 last = px;
             }
         }
+        if let Some(it) = &self.sampled {
+            panel.histogram(area, it)?;
+        }
         panel.curve(area, &scaled(&self.exact), INK, 1.5)?;
         if let Some((mass, flight)) = self.dirac {
             let (x, _) = panel.at(flight, panel.y.0);
@@ -937,6 +969,13 @@ impl ForceCurves {
                 Hang::Left,
                 VERMILION,
             )?;
+            let sampled = self.sampled.as_ref().and_then(|it| it.dirac);
+            if let Some(mass) = sampled.filter(|it| it.value.is_finite()) {
+                let words = format!("records: {} \u{b1} {:.0e}", probability(mass), mass.error);
+                let words = words.replace("e-", "e\u{2212}");
+                let at = (x + 11.0, tip + 22.0);
+                write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
+            }
         }
         panel.frame(area)
     }
@@ -992,11 +1031,78 @@ pub fn force(results: &Results) -> Result<Option<File>> {
             write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
         }
         let right = linear.right() - 226.0;
-        legend(area, (right, 82.0), INK, Mark::Line, "closed form")?;
+        let mut legends = vec![(INK, Mark::Line, "closed form")];
         if !curves.meshed.is_empty() {
-            legend(area, (right, 101.0), BLUE, Mark::Dot, &curves.words)?;
+            legends.push((BLUE, Mark::Dot, &curves.words));
+        }
+        if curves.sampled.is_some() {
+            legends.push((VERMILION, Mark::Dot, "long records, band: 95 %"));
+        }
+        // Below what is said of the Dirac mass.
+        let top = match (curves.dirac, &curves.sampled) {
+            (None, _) => 62.0,
+            (Some(_), None) => 82.0,
+            (Some(_), Some(_)) => 101.0,
+        };
+        for (k, (colour, mark, words)) in legends.into_iter().enumerate() {
+            legend(area, (right, top + 19.0 * k as f64), colour, mark, words)?;
         }
         Ok(())
+    })
+    .map(Some)
+}
+
+/// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
+/// it would be without noise and friction in flight.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn flights(results: &Results) -> Result<Option<File>> {
+    let (Some((seen, _)), Some(it)) = (results.sampled_crossings(), results.sampled_flights())
+    else {
+        return Ok(None);
+    };
+    let contact = results.contact();
+    let Some(fall) = contact.loss_point().map(|loss| -contact.force(loss)) else {
+        return Ok(None);
+    };
+    // The speed of a loss has the Rayleigh law of scale sqrt(T), and a free flight lasts 2 v/fall.
+    let scale = 2.0 * results.scene.oscillator.temperature().sqrt() / fall;
+    let free = |t: f64| t / (scale * scale) * (-0.5 * (t / scale).powi(2)).exp();
+    let end = 4.5 * scale;
+    let ballistic: Points = (0..=300)
+        .map(|k| end * f64::from(k) / 300.0)
+        .map(|t| (t, free(t)))
+        .collect();
+    let tops = centres(it).zip(&it.density).filter(|(t, _)| *t <= end);
+    let tops = tops.map(|(_, p)| p.value + 1.96 * p.error);
+    let most = tops.chain([free(scale)]).fold(0.0, f64::max);
+    if !(most.is_finite() && end.is_finite()) {
+        return Ok(None);
+    }
+    let panel = Panel {
+        left: 92.0,
+        top: 44.0,
+        width: 470.0,
+        height: 320.0,
+        x: (0.0, end),
+        y: (0.0, 1.12 * most),
+        log: false,
+    };
+    picture("flights.svg", (590, 420), |area| {
+        let title = format!("Time of flight: density, {} losses of contact", seen.losses);
+        write(area, &title, (panel.left, 22.0), 15.0, Hang::Left, INK)?;
+        panel.axes(area, "time from loss to return, \u{3c4}", "density")?;
+        panel.histogram(area, it)?;
+        for pair in panel.clipped(&ballistic).concat().windows(2).step_by(2) {
+            line(area, pair, INK, 1.25)?;
+        }
+        panel.frame(area)?;
+        let x = panel.right() - 232.0;
+        let words = "long records, band: 95 %";
+        legend(area, (x, 62.0), VERMILION, Mark::Dot, words)?;
+        let words = "no noise, no friction in flight";
+        legend(area, (x, 81.0), INK, Mark::Dashes, words)
     })
     .map(Some)
 }

@@ -24,6 +24,8 @@ const ROWS: &[(&str, &str, &str)] = &[
     ("log10_contact_loss_probability", "log10 P", "its logarithm"),
     ("loss_rate", "nu", "losses per time"),
     ("mean_flight", "P/nu", "mean flight"),
+    ("losses_in_window", "nu t", "in the window"),
+    ("mean_impact_speed", "E|v|", "speed at return"),
 ];
 
 /// The numbers whose course in time is printed.
@@ -43,8 +45,12 @@ pub fn cell(it: Option<Estimate>) -> String {
         return "-".into();
     };
     let (size, plain) = (value.abs().max(error), value.abs().max(error) >= 1e-4);
-    if value == 0.0 && error == 0.0 {
-        return "0 exactly".into();
+    if value == 0.0 {
+        return if error == 0.0 {
+            "0 exactly".into()
+        } else {
+            format!("0 ± {error:.0e}")
+        };
     }
     if !plain || size >= 1e5 {
         let text = |digits: usize| format!("{value:.digits$e} ± {error:.0e}");
@@ -147,8 +153,11 @@ pub fn table(results: &Results, colour: bool) -> String {
     };
     head(&mut table, results);
     stationary(&mut table, results);
+    records(&mut table, results);
+    crossings(&mut table, results);
     deterministic(&mut table, results);
     course(&mut table, results);
+    agreement(&mut table, results);
     physical(&mut table, results);
     foot(&mut table, results);
     table.text
@@ -232,7 +241,9 @@ fn stationary(table: &mut Table, results: &Results) {
             Some(moments),
         ));
     }
-    if columns.is_empty() {
+    // Beside long records the closed form has a table of its own.
+    let alone = closed.is_some() && columns.len() == 1 && results.records.is_some();
+    if columns.is_empty() || alone {
         return;
     }
     let title = match (closed.is_some() || steady.is_some(), columns.len()) {
@@ -270,6 +281,84 @@ fn stationary(table: &mut Table, results: &Results) {
         }
         table.line(line);
     }
+}
+
+/// Closed form and long records side by side: name in results.json and both numbers.
+type Sides = (&'static str, Option<Estimate>, Option<Estimate>);
+
+/// A table of what is known exactly and what was sampled; either may be missing altogether.
+fn sides(table: &mut Table, title: &str, rows: &[Sides]) {
+    let exact = rows.iter().any(|(_, it, _)| it.is_some());
+    let sampled = rows.iter().any(|(.., it)| it.is_some());
+    let mut head = format!("{title:<26}");
+    let heads = [("closed form", exact), ("long records", sampled)];
+    for (words, _) in heads.iter().filter(|(_, there)| *there) {
+        let _ = write!(head, "{words:>18}");
+    }
+    if exact && sampled {
+        let _ = write!(head, "{:>7}", "z");
+    }
+    table.heading(head);
+    for (name, a, b) in rows {
+        let Some((_, symbol, words)) = ROWS.iter().find(|(it, ..)| it == name) else {
+            continue;
+        };
+        if a.is_none() && b.is_none() {
+            continue;
+        }
+        let mut line = format!("{symbol:<8} {words:<17}");
+        for (it, _) in [(a, exact), (b, sampled)]
+            .iter()
+            .filter(|(_, there)| *there)
+        {
+            let _ = write!(line, " {:>17}", cell(**it));
+        }
+        if let Some(z) = a.zip(*b).and_then(|(a, b)| distance(a, b)) {
+            let _ = write!(line, "{z:>7.1}");
+        }
+        table.line(line);
+    }
+}
+
+fn records(table: &mut Table, results: &Results) {
+    let (Some(it), Some(sampled)) = (&results.records, results.sampled_stationary()) else {
+        return;
+    };
+    let closed = results.stationary.as_ref();
+    let row = |(name, number)| (name, closed.and_then(|it| it.get(name)), number);
+    let rows: Vec<Sides> = sampled.iter().map(row).collect();
+    sides(table, "STATIONARY MOTION", &rows);
+    let [q, force, energy] = it.effective_samples.map(|it| format!("{it:.0}"));
+    let text = format!(
+        "{}, {} records, {:.3e} of time in all, steps of {}, {} batches of {}; worth {q} independent \
+         samples of q, {force} of N, {energy} of H; errors are one standard error{}",
+        it.scheme,
+        it.records,
+        it.duration,
+        brief(it.step),
+        it.batches,
+        brief(it.batch_length),
+        if results.controlled() {
+            ", lowered by the exact E[N] = 0, E[qN] = T, E[v^2] = T, E[qv] = 0"
+        } else {
+            ""
+        }
+    );
+    table.line("");
+    table.paragraph("long records:  ", &text);
+}
+
+fn crossings(table: &mut Table, results: &Results) {
+    let (Some(numbers), Some(window)) = (&results.crossings, results.scene.outputs.crossings)
+    else {
+        return;
+    };
+    let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
+    let row = |(name, number)| (name, number, sampled.as_ref().and_then(|it| it.get(name)));
+    let rows: Vec<Sides> = numbers.iter().map(row).collect();
+    sides(table, "LOSSES OF CONTACT", &rows);
+    let unit = results.scene.rig.map_or("", |_| " s");
+    table.line(format!("the window is {}{unit}", brief(window)));
 }
 
 fn deterministic(table: &mut Table, results: &Results) {
@@ -378,18 +467,20 @@ fn course(table: &mut Table, results: &Results) {
         );
         table.paragraph("Monte Carlo:   ", &text);
     }
-    if let Some(it) = &results.agreement {
-        let text = format!(
-            "z = |difference| / error is at most {:.1} ({} at t = {}) over {} pairs of numbers; \
-             chance alone would give about {:.1}",
-            it.worst,
-            it.worst_of,
-            brief(it.t),
-            it.compared,
-            it.expected_worst
-        );
-        table.paragraph("agreement:     ", &text);
-    }
+}
+
+fn agreement(table: &mut Table, results: &Results) {
+    let Some(it) = &results.agreement else {
+        return;
+    };
+    let when =
+        it.t.map_or("stationary".into(), |t| format!("at t = {}", brief(t)));
+    let text = format!(
+        "z = |difference| / error is at most {:.1} ({}, {when}) over {} pairs of numbers; chance alone \
+         would give about {:.1}",
+        it.worst, it.worst_of, it.compared, it.expected_worst
+    );
+    table.paragraph("agreement:     ", &text);
 }
 
 fn physical(table: &mut Table, results: &Results) {
@@ -402,7 +493,25 @@ fn physical(table: &mut Table, results: &Results) {
         rig.frequency(),
         rig.static_compression() * 1e6
     ));
-    for (name, number) in results.physical(rig) {
+    let sampled = results.physical_sampled(rig);
+    if !sampled.is_empty() {
+        table.line(format!(
+            "{:<26}{:>18}{:>18}",
+            "", "closed form", "long records"
+        ));
+    }
+    let mut numbers: Vec<_> = results
+        .physical(rig)
+        .into_iter()
+        .map(|(name, it)| (name, Some(it)))
+        .collect();
+    for (name, _) in &sampled {
+        if !numbers.iter().any(|(it, _)| it == name) {
+            numbers.push((*name, None));
+        }
+    }
+    for (name, number) in numbers {
+        let seen = sampled.iter().find(|(it, _)| *it == name).map(|it| it.1);
         let (name, unit) = match name {
             "force_psd_n2_per_hz" => ("excitation, one-sided", "N^2/Hz"),
             "mass_kg" => ("moving mass", "kg"),
@@ -413,10 +522,19 @@ fn physical(table: &mut Table, results: &Results) {
             "std_displacement_um" => ("its deviation", "um"),
             "std_velocity_mm_per_s" => ("deviation of velocity", "mm/s"),
             "losses_per_second" => ("losses of contact", "1/s"),
+            "window_s" => ("window", "s"),
+            "losses_in_window" => ("losses in the window", ""),
+            "time_out_of_contact_s" => ("out of contact in it", "s"),
+            "mean_impact_speed_mm_per_s" => ("mean speed at return", "mm/s"),
             "mean_flight_ms" => ("mean flight", "ms"),
             other => (other, ""),
         };
-        table.line(format!("{name:<26} {:>17} {unit}", cell(Some(number))));
+        let mut line = format!("{name:<26} {:>17}", cell(number));
+        if !sampled.is_empty() {
+            let seen = seen.map_or(String::new(), |it| cell(Some(it)));
+            let _ = write!(line, " {seen:>17}");
+        }
+        table.line(format!("{line} {unit}"));
     }
 }
 
@@ -510,10 +628,12 @@ pub fn plan(plan: &Plan) -> String {
     table.paragraph("", &text);
     let left_out: Vec<&str> = [
         (Part::Stationary, "closed form"),
+        (Part::Crossings, "crossings"),
         (Part::Transient, "transient"),
         (Part::Steady, "steady state"),
         (Part::DecayRates, "decay rates"),
         (Part::MonteCarlo, "paths"),
+        (Part::Records, "long records"),
     ]
     .into_iter()
     .filter(|(part, _)| !plan.has(*part))
@@ -544,12 +664,9 @@ mod tests {
                 text.lines().all(|line| line.chars().count() <= 80),
                 "{text}"
             );
-            let all = *name == "default";
-            assert_eq!(
-                text.contains("not asked for, not computed:"),
-                !all,
-                "{text}"
-            );
+            assert!(text.contains("not asked for, not computed:"), "{text}");
+            let most = text.contains("not asked for, not computed: crossings, long records\n");
+            assert_eq!(most, *name == "default", "{text}");
         }
     }
 

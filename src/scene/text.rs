@@ -32,6 +32,8 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("rare-loss", include_str!("../scenes/rare-loss.toml")),
     ("extreme", include_str!("../scenes/extreme.toml")),
     ("stationary", include_str!("../scenes/stationary.toml")),
+    ("records", include_str!("../scenes/records.toml")),
+    ("table-3", include_str!("../scenes/table-3.toml")),
 ];
 
 /// The text of a built-in scene.
@@ -414,10 +416,11 @@ impl Document {
             scene.outputs = outputs;
         }
         scene.monte_carlo = Self::monte_carlo(&root)?;
-        if scene.monte_carlo.is_some() && !root.has("outputs") {
-            scene.outputs = Outputs::nothing();
-        }
         let confines = scene.oscillator.contact().is_confining();
+        let records = scene.wants_records() && confines;
+        if let Some(it) = scene.monte_carlo.as_mut().filter(|_| records) {
+            it.duration.get_or_insert(MonteCarlo::DURATION);
+        }
         if !root.has("outputs") && scene.outputs.stationary && !confines {
             let at = self.find("oscillator.contact").map(|node| &node.at);
             let message =
