@@ -57,7 +57,7 @@ impl Case {
     /// the one in space.
     fn run(&mut self, duration: f64) {
         let mut scheme = RungeKutta4::new(&self.generator);
-        let step = 0.3 * scheme.longest_step();
+        let step = 0.2 * scheme.longest_step();
         scheme.advance(&mut self.density, duration, step);
     }
 
@@ -115,7 +115,12 @@ fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_fli
     for contact in [ContactLaw::Linear, ContactLaw::Free] {
         for zeta in [0.005, 0.05, 0.5] {
             let it = oscillator(contact.clone(), zeta, 0.25);
-            let start = Initial::gaussian([0.4, -0.2], [0.45, 0.4]).unwrap();
+            let wide = if contact == ContactLaw::Free {
+                1.6
+            } else {
+                1.0
+            };
+            let start = Initial::gaussian([0.4, -0.2], [0.45 * wide, 0.4 * wide]).unwrap();
             let until = 1.0;
             let domain = if contact == ContactLaw::Linear {
                 Domain::closed(&it, &start, 1e-10).unwrap()
@@ -130,8 +135,8 @@ fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_fli
                 // The box of a fall is longer; at order 8 finer meshes end at its edge.
                 let meshes = match (&contact, drift) {
                     (ContactLaw::Linear, _) => [80, 104],
-                    (_, Drift::Order8) => [136, 168],
-                    _ => [184, 236],
+                    (_, Drift::Order8) => [172, 216],
+                    _ => [160, 204],
                 };
                 let errors = meshes.map(|n| {
                     let mut case = Case::new(&it, &start, &domain, drift, [n, n]);
@@ -374,20 +379,20 @@ fn the_mean_force_is_what_slows_the_mean_velocity() {
 
 #[test]
 fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
-    // dE[H]/dt = pi h - 2 zeta E[v^2], integrated from t = 1 to 3 by Simpson's rule.
+    // dE[H]/dt = pi h - 2 zeta E[v^2], integrated from t = 1 to 21 by Simpson's rule.
     let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
     let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
     let domain = Domain::closed(&it, &start, 1e-9).unwrap();
     let energy = |r: &RawMoments| 0.5 * r.vv + r.potential;
     let rate = |r: &RawMoments| it.noise() - 2.0 * it.zeta() * r.vv;
     for drift in [Drift::Upwind, Drift::Order6, Drift::Order8] {
-        let mut case = Case::new(&it, &start, &domain, drift, [270, 176]);
-        let step = 0.05;
+        let mut case = Case::new(&it, &start, &domain, drift, [210, 136]);
+        let step = 0.04;
         case.run(1.0);
         let begin = case.raw();
         let mut now = begin;
         let mut implied = 0.0;
-        for _ in 0..20 {
+        for _ in 0..250 {
             case.run(step);
             let middle = case.raw();
             case.run(step);
@@ -395,11 +400,11 @@ fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
             implied += step / 3.0 * (rate(&now) + 4.0 * rate(&middle) + rate(&end));
             now = end;
         }
-        let violation = (energy(&now) - energy(&begin) - implied).abs() / (2.0 * it.noise());
+        let violation = (energy(&now) - energy(&begin) - implied).abs() / (20.0 * it.noise());
         println!("{drift:?}: energy law violated by {violation:.1e} pi h");
         match drift {
             Drift::Order6 | Drift::Order8 => assert!(violation < 1e-6, "{violation:e}"),
-            Drift::Upwind => assert!(violation > 0.5, "{violation:e}"),
+            Drift::Upwind => assert!(violation > 0.01, "{violation:e}"),
             _ => {}
         }
     }
@@ -407,7 +412,7 @@ fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
 
 #[test]
 fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
-    for (h, cells) in [(0.3, [360, 150]), (1e-6, [100, 100])] {
+    for (h, cells) in [(0.3, [300, 130]), (1e-6, [100, 100])] {
         let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();
         let t = it.temperature();
         let steady = Settings {
