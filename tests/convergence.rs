@@ -9,7 +9,7 @@ use vibroimpact::fokker_planck::march::RungeKutta4;
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::modes::slowest;
 use vibroimpact::fokker_planck::observables::Observables;
-use vibroimpact::fokker_planck::{Settings, decay_rates};
+use vibroimpact::fokker_planck::{Settings, decay_rates, transient};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moments, RawMoments};
@@ -525,5 +525,39 @@ fn decay_rates_agree_with_theory_and_between_meshes_and_boxes() {
             .map(|r| (r.re - re).hypot(r.im - im))
             .fold(f64::INFINITY, f64::min);
         assert!(nearest < 1e-6, "{re} {im}: {nearest:e}");
+    }
+}
+
+#[test]
+fn upwind_says_how_wrong_it_is_and_why() {
+    // The default scene: its upwind answer is off by factors, inside its error bars, with a warning that
+    // names c.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+    let start = Initial::gaussian([0.0, 0.0], [0.3, 0.3]).unwrap();
+    let times = [5.0, 20.0, 50.0, 100.0, 200.0];
+    let answer =
+        |settings: &Settings| transient(&it, &start, &times, &[], settings, &|_| ()).unwrap();
+    let right = answer(&Settings::default());
+    let upwind = answer(&Settings {
+        drift: Some(Drift::Upwind),
+        ..Settings::default()
+    });
+    println!("{}", upwind.warnings[0]);
+    assert!(
+        upwind.warnings[0].contains("1 + c"),
+        "{:?}",
+        upwind.warnings
+    );
+    for ((t, ours), exact) in times.iter().zip(&upwind.moments).zip(&right.moments) {
+        for ((name, a), (_, b)) in ours.named().into_iter().zip(exact.named()) {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            let error = (a.value - b.value).abs();
+            assert!(
+                error <= a.error + b.error,
+                "t = {t} {name}: {a} instead of {b}"
+            );
+        }
+        let (a, b) = (ours.mean_energy, exact.mean_energy);
+        println!("t = {t}: E[H] = {a} instead of {b}");
     }
 }

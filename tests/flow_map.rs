@@ -657,3 +657,66 @@ fn a_contact_law_from_code_balances_its_energy() {
     println!("line contact: energy gained {gained:.8}, by balance {expected:.8}");
     assert!((gained - expected).abs() < 3e-6);
 }
+
+#[test]
+fn flow_map_and_finite_volumes_agree_on_every_kind_of_scene() {
+    use vibroimpact::fokker_planck::{self as fp, TransientMethod};
+    use vibroimpact::scales::Scales;
+    let wide = |it: &Oscillator| {
+        let s = 0.6 * it.temperature().sqrt();
+        gaussian([0.0, 0.0], [s, s])
+    };
+    let law = |contact, zeta, h| Oscillator::new(contact, zeta, h).unwrap();
+    let scene_a = law(ContactLaw::Hertz, 0.005, 2e-3);
+    let bilinear = law(ContactLaw::Bilinear, 0.005, 2e-3);
+    let low = law(ContactLaw::Hertz, 0.005, 1e-6);
+    let high = law(ContactLaw::Hertz, 0.005, 0.3);
+    let weak = law(ContactLaw::Hertz, 1e-3, 4e-4);
+    let cases = [
+        ("scene A", &scene_a, gaussian([1.0, 0.0], [0.4, 0.4])),
+        ("bilinear", &bilinear, gaussian([0.5, 0.0], [0.4, 0.4])),
+        ("h = 1e-6", &low, wide(&low)),
+        ("h = 0.3", &high, wide(&high)),
+        ("zeta = 1e-3", &weak, wide(&weak)),
+    ];
+    for (name, it, start) in cases {
+        // The kink of the bilinear law leaves a low order, and 2e-4 in the kurtosis on any mesh tried; at
+        // h = 0.3 the automatic meshes leave 8e-3 in it. Both lie within the error bars.
+        let limit = match name {
+            "bilinear" => 3e-4,
+            "h = 0.3" => 1e-2,
+            _ => 1e-4,
+        };
+        let answer = |method| {
+            let settings = fp::Settings {
+                method: Some(method),
+                tolerance: 1e-4,
+                ..fp::Settings::default()
+            };
+            fp::transient(it, &start, &[20.0], &[], &settings, &|_| ()).unwrap()
+        };
+        let (map, volumes) = (
+            answer(TransientMethod::FlowMap),
+            answer(TransientMethod::FiniteVolume),
+        );
+        let scales = Scales::of(it).each(&map.moments[0]);
+        let mut worst = (0.0, "");
+        let pairs = map.moments[0]
+            .named()
+            .into_iter()
+            .zip(volumes.moments[0].named());
+        for (((number, a), (_, b)), scale) in pairs.zip(scales) {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            let difference = (a.value - b.value).abs();
+            assert!(difference <= a.error + b.error, "{name} {number}: {a} {b}");
+            if difference / scale > worst.0 {
+                worst = (difference / scale, number);
+            }
+        }
+        println!(
+            "{name}: differ by at most {:.1e} of the scale, in {}",
+            worst.0, worst.1
+        );
+        assert!(worst.0 < limit, "{name}: {worst:?}");
+    }
+}
