@@ -77,6 +77,41 @@ fn apply(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// The assembled generator: building it, and its product with a vector, against the mesh-free one.
+fn assembled(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("assembled");
+    for drift in Drift::ALL {
+        let (_, generator) = generator(0.005, [100, 100], drift);
+        let n = generator.mesh().len() as f64;
+        let matrix = generator.matrix();
+        let x = vec![1.0; matrix.cols()];
+        let mut y = vec![0.0; matrix.rows()];
+        let product = |y: &mut [f64]| {
+            for (column, entries) in matrix.outer_iterator().enumerate() {
+                for (row, a) in entries.iter() {
+                    y[row] += a * black_box(&x)[column];
+                }
+            }
+        };
+        let (sparse, build) = (
+            seconds(|| product(&mut y)),
+            seconds(|| drop(generator.matrix())),
+        );
+        println!(
+            "{drift:?}: sparse product {:.2} ns per cell, assembly {:.0} ns per cell",
+            sparse / n * 1e9,
+            build / n * 1e9
+        );
+        group.bench_function(
+            BenchmarkId::new("assemble", format!("{drift:?}")),
+            |bencher| {
+                bencher.iter(|| generator.matrix());
+            },
+        );
+    }
+    group.finish();
+}
+
 /// The factorisation and a step of Radau IIA against the mesh, by LU and by preconditioned GMRES.
 fn solve(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("solve");
@@ -140,6 +175,6 @@ fn short() -> Criterion {
 criterion_group! {
     name = benches;
     config = short();
-    targets = apply, solve, unit
+    targets = apply, assembled, solve, unit
 }
 criterion_main!(benches);

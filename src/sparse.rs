@@ -16,7 +16,7 @@ use num_complex::Complex;
 use sprs::CsMat;
 use std::ops::{AddAssign, Mul, SubAssign};
 
-/// f64 or Complex<f64>: what a factored matrix can hold.
+/// `f64` or `Complex<f64>`: what a factored matrix can hold.
 pub trait Scalar:
     ComplexField + Copy + Default + AddAssign + SubAssign + Mul<Output = Self>
 {
