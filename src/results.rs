@@ -1,10 +1,10 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
 use crate::contact::ContactLaw;
-use crate::estimate::{Estimate, Origin};
-use crate::fokker_planck::{DecayRate, Method, Snapshot, Steady, Transient};
+use crate::estimate::Estimate;
+use crate::fokker_planck::{DecayRate, Method, Steady, Transient};
 use crate::json::Json;
-use crate::moments::{Moments, RawMoments};
+use crate::moments::Moments;
 use crate::monte_carlo::{Crossings, EnsembleResult, Histogram, RecordResult, Scheme};
 use crate::quadrature;
 use crate::rig::Rig;
@@ -546,29 +546,6 @@ impl Results {
         json
     }
 
-    /// Moments of the steady state on the mesh. Their error is that of the sum over cells, seen on the
-    /// closed form with the same cells, and their difference to it.
-    pub fn steady_moments(&self) -> Option<Moments> {
-        let snapshot = &self.steady.as_ref()?.density;
-        let law = Stationary::of(&self.scene.oscillator).ok()?;
-        let exact = StationaryNumbers::of(&law);
-        let p_s = |q: f64, v: f64| law.density(q, v);
-        let meshed = snapshot_moments(snapshot, self.contact(), |i, j| snapshot.p[[i, j]])?;
-        let summed = snapshot_moments(snapshot, self.contact(), |i, j| {
-            p_s(snapshot.q[i], snapshot.v[j])
-        })?;
-        let mut moments = meshed;
-        let summed = summed.named();
-        for (number, (name, summed)) in moments.each_mut().into_iter().zip(summed) {
-            if let (Some(number), Some(summed)) = (number, summed) {
-                let exact = exact.get(name).map_or(0.0, |it| it.value);
-                let error = (number.value - summed.value).abs() + (summed.value - exact).abs();
-                *number = Estimate::new(number.value, error, Origin::Space);
-            }
-        }
-        Some(moments)
-    }
-
     /// The contact law of the scene.
     pub fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
@@ -616,45 +593,6 @@ pub fn widths(centres: &[f64]) -> Vec<f64> {
             (k, _) => 0.5 * (centres[k + 1] - centres[k - 1]),
         })
         .collect()
-}
-
-/// Moments of a density given in the cells of a snapshot, by the midpoint rule.
-fn snapshot_moments(
-    cells: &Snapshot,
-    contact: &ContactLaw,
-    density: impl Fn(usize, usize) -> f64,
-) -> Option<Moments> {
-    let (q, v) = (cells.q.as_slice()?, cells.v.as_slice()?);
-    if q.is_empty() || v.is_empty() {
-        return None;
-    }
-    let (dq, dv) = (widths(q), widths(v));
-    let mut raw = RawMoments::default();
-    for (i, q) in q.iter().enumerate() {
-        // Sums along v first: 1, v, v^2.
-        let mut sum = [0.0; 3];
-        for (j, v) in v.iter().enumerate() {
-            let mass = density(i, j) * dq[i] * dv[j];
-            sum[0] += mass;
-            sum[1] += mass * v;
-            sum[2] += mass * v * v;
-        }
-        let force = contact.force(*q);
-        raw.mass += sum[0];
-        raw.q += q * sum[0];
-        raw.qq += q * q * sum[0];
-        raw.v += sum[1];
-        raw.vv += sum[2];
-        raw.qv += q * sum[1];
-        for (n, raw) in raw.force.iter_mut().enumerate() {
-            *raw += force.powi(n as i32 + 1) * sum[0];
-        }
-        raw.potential += contact.potential(*q) * sum[0];
-        if contact.loss_point().is_some_and(|loss| *q < loss) {
-            raw.lost += sum[0];
-        }
-    }
-    Some(raw.moments(contact))
 }
 
 /// Middles of the bins of a histogram.
@@ -729,7 +667,7 @@ mod tests {
     #[test]
     fn agreement_adds_the_errors_in_quadrature_and_takes_the_worst_over_common_times() {
         let at = |mean: f64, error: f64| Moments {
-            mean_q: Estimate::new(mean, error, Origin::Space),
+            mean_q: Estimate::new(mean, error, crate::estimate::Origin::Space),
             ..Moments::default()
         };
         let a = [at(0.0, 3.0), at(1.0, 3.0), at(9.0, 3.0)];

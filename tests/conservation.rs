@@ -13,6 +13,7 @@ use vibroimpact::fokker_planck::steady::null_vector;
 use vibroimpact::fokker_planck::{Settings, steady};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
+use vibroimpact::stationary::Stationary;
 
 fn oscillator(contact: ContactLaw, zeta: f64, temperature: f64) -> Oscillator {
     Oscillator::new(
@@ -336,4 +337,48 @@ fn clipping_keeps_the_sign_the_mass_and_the_stationary_law_at_a_small_price() {
     .unwrap();
     let mut stationary = Density::start(&generator, &Initial::Stationary).unwrap();
     assert_eq!(stationary.clip(), 0.0);
+}
+
+#[test]
+fn the_moments_of_the_steady_state_are_those_of_the_closed_form_within_their_bars() {
+    for (h, cells) in [(0.3, [400, 160]), (2e-3, [160, 96]), (1e-6, [100, 100])] {
+        for drift in [Drift::Upwind, Drift::Order6] {
+            let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();
+            let settings = Settings {
+                cells: Some(if drift == Drift::Upwind {
+                    cells
+                } else {
+                    [110, 90]
+                }),
+                drift: Some(drift),
+                tolerance: 1e-5,
+                ..Settings::default()
+            };
+            let moments = steady(&it, &settings).unwrap().moments;
+            let law = Stationary::of(&it).unwrap();
+            let exact = [
+                (moments.mean_q, law.mean_q()),
+                (moments.var_q, law.var_q()),
+                (moments.var_v, law.moment_v(2)),
+                (moments.std_force, law.std_force()),
+                (moments.skewness_force, law.skewness_force()),
+                (moments.mean_energy, law.mean_energy()),
+                (
+                    moments.contact_loss_probability.unwrap(),
+                    law.contact_loss_probability().unwrap(),
+                ),
+            ];
+            for (ours, exact) in exact {
+                let error = (ours.value - exact.value).abs();
+                assert!(
+                    error <= ours.error,
+                    "h = {h} {drift:?}: {ours} instead of {exact}"
+                );
+                assert!(
+                    error <= 1e-4 * exact.value.abs().max(1e-3),
+                    "h = {h}: {ours} {exact}"
+                );
+            }
+        }
+    }
 }

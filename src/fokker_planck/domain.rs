@@ -19,6 +19,13 @@ pub struct Domain {
 }
 
 impl Domain {
+    /// What a neglected probability weighs in a second moment, in natural scales: the square of the
+    /// energy at the edge of the box over T.
+    pub fn tail_weight(&self, temperature: f64) -> f64 {
+        let energy = 0.5 * self.v[1].powi(2) / temperature;
+        (energy * energy).max(100.0)
+    }
+
     /// The region H - U_min < level, with the level just high enough that the stationary law and the
     /// start both leave at most `neglected` outside. Streamlines of the undamped motion close inside.
     ///

@@ -5,10 +5,13 @@ use super::density::{Density, Snapshot};
 use super::flux::Drift;
 use super::generator::Generator;
 use super::march::BackwardEuler;
+use super::observables::Observables;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
 use crate::initial::Initial;
+use crate::moments::Moments;
 use crate::oscillator::Oscillator;
+use crate::scales::Scales;
 use crate::sparse::Lu;
 use sprs::CsMat;
 
@@ -20,6 +23,8 @@ pub struct Steady {
     pub l1_error: Estimate,
     /// |L P|_1/|L|_1 of the null vector.
     pub residual: f64,
+    /// Moments of the null vector; their error is what the box leaves out, with the weight of its edge.
+    pub moments: Moments,
     /// The null vector as a density.
     pub density: Snapshot,
     /// Time and L1 distance to (21) of a march by backward Euler from one cell at equilibrium.
@@ -64,7 +69,25 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
              {marched:.1e} (march): rounding, on a mesh with very different rates"
         ));
     }
+    let inverse = generator.inverse_weights();
+    let g: Vec<f64> = null
+        .cells()
+        .iter()
+        .zip(inverse)
+        .map(|(p, w)| p * w)
+        .collect();
+    let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
+    let mut moments = observables.raw(&g).moments(oscillator.contact());
+    let scales = Scales::of(oscillator).each(&moments);
+    let weight = domain.tail_weight(oscillator.temperature());
+    for (number, scale) in moments.each_mut().into_iter().zip(scales) {
+        if let Some(number) = number {
+            let error = (weight * outside + l1) * scale;
+            *number = Estimate::new(number.value, error, Origin::Domain);
+        }
+    }
     Ok(Steady {
+        moments,
         l1_error: Estimate::new(l1, outside, Origin::Domain),
         residual,
         density: null.snapshot(f64::INFINITY),

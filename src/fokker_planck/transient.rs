@@ -286,6 +286,7 @@ impl Task<'_> {
         let scales = Scales::of(self.oscillator);
         let confining = self.oscillator.contact().is_confining();
         let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        let weight = fine.domain.tail_weight(self.oscillator.temperature());
         let mut moments = Vec::new();
         let mut unmet: Option<(f64, &str, f64)> = None;
         // The steps of both runs may err alike.
@@ -303,7 +304,7 @@ impl Task<'_> {
                 };
                 // A settled run stays within its distance of (21); tails weigh ten scales.
                 let settled = fine.settled.map_or(0.0, |_| here.distance);
-                let tail = (100.0 * outside + 10.0 * settled) * scale[i];
+                let tail = (weight * outside + 10.0 * settled) * scale[i];
                 let error = difference(k, i, number.value, other.value) + tail + timed * scale[i];
                 *number = Estimate::new(number.value, error, Origin::Space);
                 let ratio = error / (self.settings.tolerance * scale[i]);

@@ -220,7 +220,7 @@ fn stationary(table: &mut Table, results: &Results) {
         .monte_carlo
         .as_ref()
         .and_then(|it| last(&it.times, &it.moments));
-    let steady = results.steady_moments();
+    let steady = results.steady.as_ref().map(|it| it.moments);
     let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
     let closed = results.stationary.as_ref();
     if closed.is_some() {
