@@ -141,11 +141,6 @@ impl<T: Scalar> Lu<T> {
         self.len() == 0
     }
 
-    /// Stored entries of A.
-    pub fn nonzeros(&self) -> usize {
-        self.matrix.nnz()
-    }
-
     /// Overwrites the right-hand side with the solution of A x = b and returns its backward error
     /// |b - A x|_1/(|A|_1 |x|_1 + |b|_1).
     ///

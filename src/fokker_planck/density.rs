@@ -125,6 +125,12 @@ impl Density {
         &mut self.cells
     }
 
+    /// g = P/w on the cells that hold unknowns, 0 elsewhere; row-major.
+    pub fn ratio(&self, generator: &Generator) -> Vec<f64> {
+        let inverse = generator.inverse_weights();
+        self.cells.iter().zip(inverse).map(|(p, w)| p * w).collect()
+    }
+
     /// Total probability.
     pub fn mass(&self) -> f64 {
         self.cells.iter().sum()

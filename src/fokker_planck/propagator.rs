@@ -73,15 +73,7 @@ impl Propagator {
     /// g = P/w, row-major.
     pub(super) fn ratio(&self, density: &Density) -> Vec<f64> {
         match self {
-            Self::Volumes { generator, .. } => {
-                let inverse = generator.inverse_weights();
-                density
-                    .cells()
-                    .iter()
-                    .zip(inverse)
-                    .map(|(p, w)| p * w)
-                    .collect()
-            }
+            Self::Volumes { generator, .. } => density.ratio(generator),
             Self::FlowMap(map) => map.ratio(density),
         }
     }

@@ -69,15 +69,10 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
              {marched:.1e} (march): rounding, on a mesh with very different rates"
         ));
     }
-    let inverse = generator.inverse_weights();
-    let g: Vec<f64> = null
-        .cells()
-        .iter()
-        .zip(inverse)
-        .map(|(p, w)| p * w)
-        .collect();
     let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
-    let mut moments = observables.raw(&g).moments(oscillator.contact());
+    let mut moments = observables
+        .raw(&null.ratio(&generator))
+        .moments(oscillator.contact());
     let scales = Scales::of(oscillator).each(&moments);
     let weight = domain.tail_weight(oscillator.temperature());
     for (number, scale) in moments.each_mut().into_iter().zip(scales) {
