@@ -34,6 +34,7 @@
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
+//! | Stiff and extreme scenes | [`stability`] |
 
 pub mod contact;
 pub mod error;
@@ -53,6 +54,7 @@ pub mod rig;
 pub mod scales;
 pub mod scene;
 pub mod sparse;
+pub mod stability;
 pub mod stationary;
 
 pub use error::{Error, Result};

@@ -53,8 +53,8 @@ enum Command {
     Validate(Later),
     /// Error against run time (not available yet)
     Precision(Later),
-    /// The stiff and extreme scenes (not available yet)
-    Stability(Later),
+    /// The stiff and extreme scenes, each against what is known of it
+    Stability(Survey),
 }
 
 #[derive(Args)]
@@ -81,6 +81,35 @@ struct RunOptions {
     /// Write into a folder that exists, replacing earlier results
     #[arg(long)]
     force: bool,
+}
+
+#[derive(Args)]
+struct Survey {
+    /// Folder for the tables and pictures [default: results/<command>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    force: bool,
+    /// Only what has this text in its name
+    #[arg(long, value_name = "TEXT", hide = true)]
+    only: Option<String>,
+}
+
+impl Survey {
+    /// Whether a name is wanted.
+    fn wants(&self, name: &str) -> bool {
+        self.only.as_ref().is_none_or(|it| it.split(',').any(|part| name.contains(part)))
+    }
+
+    fn folder(&self, command: &str) -> Result<Folder> {
+        let options = RunOptions {
+            out: self.out.clone(),
+            force: self.force,
+            ..RunOptions::default()
+        };
+        open_folder(command.to_string(), &options)
+    }
 }
 
 /// Whatever follows a command that does not exist yet.
@@ -194,7 +223,7 @@ fn command(cli: Cli) -> std::result::Result<(), Stop> {
         },
         Some(Command::Validate(it)) => Err(later("validate", &it)),
         Some(Command::Precision(it)) => Err(later("precision", &it)),
-        Some(Command::Stability(it)) => Err(later("stability", &it)),
+        Some(Command::Stability(it)) => stability(&it),
     }
 }
 
@@ -303,6 +332,34 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<(), St
     }
     let table = terminal::table(&results, colour(&io::stdout()));
     print(&format!("{table}files: {}\n", folder.path().display()))
+}
+
+fn stability(survey: &Survey) -> std::result::Result<(), Stop> {
+    let mut scenes = vibroimpact::stability::scenes();
+    scenes.retain(|it| survey.wants(it.name));
+    let folder = survey.folder("stability")?;
+    let bar = survey_bar(scenes.len());
+    let rows = vibroimpact::stability::run(scenes.clone(), &|row| {
+        bar.set_message(row.name);
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    folder.write(&vibroimpact::stability::files(&scenes, &rows))?;
+    let table = vibroimpact::stability::text(&rows);
+    print(&format!("{table}files: {}\n", folder.path().display()))?;
+    let dishonest = rows.iter().filter(|row| !row.verdict.honest()).count();
+    if dishonest == 0 {
+        return Ok(());
+    }
+    let message = format!("{dishonest} scenes failed without saying so");
+    Err(Stop::new(1, message, "see the table"))
+}
+
+/// Progress over a number of jobs; hidden by itself where standard error is not a terminal.
+fn survey_bar(jobs: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}");
+    ProgressBar::with_draw_target(Some(jobs as u64), ProgressDrawTarget::stderr())
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {

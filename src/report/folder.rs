@@ -29,6 +29,9 @@ pub enum Existing {
     Force,
 }
 
+/// Tables that the commands besides `run` leave.
+const SURVEYS: [&str; 2] = ["precision.csv", "stability.csv"];
+
 const LOCK: &str = ".vibroimpact.lock";
 
 /// Whether a file of that name is one of ours, to be removed before a new run.
@@ -70,6 +73,9 @@ fn is_ours(name: &OsStr) -> bool {
 
 /// Whether the folder's results.json is one that this program wrote.
 fn holds_our_results(path: &Path) -> bool {
+    if SURVEYS.iter().any(|it| path.join(it).is_file()) {
+        return true;
+    }
     let text = fs::read_to_string(path.join(RESULTS)).unwrap_or_default();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
     json["scene"].is_object() && json["run"]["version"].is_string()
