@@ -34,6 +34,7 @@
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
+//! | Error against run time, method by method | [`precision`] |
 //! | Stiff and extreme scenes | [`stability`] |
 
 pub mod contact;
@@ -47,6 +48,7 @@ pub mod moments;
 pub mod monte_carlo;
 pub mod oscillator;
 pub mod plan;
+pub mod precision;
 pub mod quadrature;
 pub mod report;
 pub mod results;

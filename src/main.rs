@@ -51,8 +51,8 @@ enum Command {
     },
     /// The paper's tables and figures (not available yet)
     Validate(Later),
-    /// Error against run time (not available yet)
-    Precision(Later),
+    /// Error against run time: every method on closed forms and against each other
+    Precision(Survey),
     /// The stiff and extreme scenes, each against what is known of it
     Stability(Survey),
 }
@@ -99,7 +99,9 @@ struct Survey {
 impl Survey {
     /// Whether a name is wanted.
     fn wants(&self, name: &str) -> bool {
-        self.only.as_ref().is_none_or(|it| it.split(',').any(|part| name.contains(part)))
+        self.only
+            .as_ref()
+            .is_none_or(|it| it.split(',').any(|part| name.contains(part)))
     }
 
     fn folder(&self, command: &str) -> Result<Folder> {
@@ -222,7 +224,7 @@ fn command(cli: Cli) -> std::result::Result<(), Stop> {
             None => Err(no_such_scene(&name)),
         },
         Some(Command::Validate(it)) => Err(later("validate", &it)),
-        Some(Command::Precision(it)) => Err(later("precision", &it)),
+        Some(Command::Precision(it)) => precision(&it),
         Some(Command::Stability(it)) => stability(&it),
     }
 }
@@ -353,6 +355,36 @@ fn stability(survey: &Survey) -> std::result::Result<(), Stop> {
     }
     let message = format!("{dishonest} scenes failed without saying so");
     Err(Stop::new(1, message, "see the table"))
+}
+
+fn precision(survey: &Survey) -> std::result::Result<(), Stop> {
+    use vibroimpact::precision::{self, Effort, Method};
+    let mut cases = precision::cases()?;
+    cases.retain(|it| survey.wants(it.name));
+    let folder = survey.folder("precision")?;
+    let jobs: usize = cases.iter().map(|case| Method::all(case).len()).sum();
+    let bar = survey_bar(jobs);
+    let mut surveys = Vec::new();
+    for case in &cases {
+        let methods = Method::all(case);
+        surveys.push(precision::survey(case, &methods, Effort::Full, &|entry| {
+            bar.set_message(format!("{}: {}", case.name, entry.method));
+            bar.tick();
+        })?);
+        bar.inc(methods.len() as u64);
+    }
+    let mut costs = Vec::new();
+    if survey.only.is_none() || survey.wants("cost") {
+        let all = precision::cases()?;
+        costs = precision::costs(&all[0], Effort::Full, &|cost| {
+            bar.set_message(format!("cost of {}, {} cells", cost.of, cost.n));
+            bar.tick();
+        });
+    }
+    bar.finish_and_clear();
+    folder.write(&precision::files(&surveys, &costs)?)?;
+    let table = precision::text(&surveys, &costs);
+    print(&format!("{table}\nfiles: {}\n", folder.path().display()))
 }
 
 /// Progress over a number of jobs; hidden by itself where standard error is not a terminal.

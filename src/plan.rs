@@ -343,8 +343,10 @@ impl Plan {
             }
             Part::DecayRates => {
                 let count = outputs.decay_rates;
-                results.decay_rates =
-                    Some(fokker_planck::decay_rates(oscillator, count, &settings)?);
+                let rates = fokker_planck::decay_rates(oscillator, count, &settings)?;
+                let warnings = rate_warnings(&rates, count, settings.tolerance);
+                results.run.warnings.extend(warnings);
+                results.decay_rates = Some(rates);
             }
             Part::MonteCarlo => {
                 if let Some(mut settings) = self.ensemble_settings() {
@@ -509,6 +511,27 @@ fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
             band,
         },
     }
+}
+
+/// What a reader of decay rates should know: rates that were not found, and rates below their errors.
+fn rate_warnings(rates: &[fokker_planck::DecayRate], count: usize, tolerance: f64) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if rates.len() < count {
+        warnings.push(format!(
+            "{} of {count} decay rates were found on two meshes; at zeta = 1 rates coincide and have no \
+             modes of their own. More method.cells may show others",
+            rates.len()
+        ));
+    }
+    let ratio = |it: &fokker_planck::DecayRate| it.error / it.re.hypot(it.im);
+    let worst = rates.iter().map(ratio).fold(0.0, f64::max);
+    if worst > tolerance {
+        warnings.push(format!(
+            "the tolerance {tolerance:e} is not met: a decay rate is known to {worst:.1e} of itself; more \
+             method.cells would help"
+        ));
+    }
+    warnings
 }
 
 /// A number to four digits.

@@ -189,7 +189,12 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
 }
 
 /// The mesh and its box for a run until `until`.
-pub(super) fn mesh(
+/// `finer` times as many cells as chosen, or as the settings give.
+///
+/// # Errors
+/// Those of [`Domain::closed`] and of the axes; [`Error::Mesh`] and [`Error::Invalid`] for cells beyond
+/// what can be meant or held.
+pub fn mesh(
     oscillator: &Oscillator,
     initial: &Initial,
     until: f64,
@@ -212,8 +217,9 @@ pub(super) fn mesh(
     ];
     if let Initial::Gaussian { deviation, .. } = *initial {
         for (width, deviation) in width.iter_mut().zip(deviation) {
-            // Half the cells of a thermal deviation are enough where noise smooths the start.
-            *width = width.min(deviation / (0.6 * per_deviation).max(2.0));
+            // Half the cells of a thermal deviation are enough where noise smooths the start; 2.5 leave
+            // the coarse run, with three quarters of them and as many in the margins, 1.5.
+            *width = width.min(deviation / (0.6 * per_deviation).max(2.5));
         }
     }
     let margin = drift.margin();
@@ -250,7 +256,7 @@ pub(super) fn mesh(
 
 /// Bytes of the arrays of a run: a dozen per cell without a matrix; the sparse LU of a five-point
 /// stencil holds about 120 entries per unknown, of a wide one about 600 (measured at 1e5 unknowns).
-pub(super) fn memory(cells: [usize; 2], drift: Drift, matrix: bool) -> u64 {
+pub fn memory(cells: [usize; 2], drift: Drift, matrix: bool) -> u64 {
     let per_cell = match (matrix, drift) {
         (false, _) => 12 * 8,
         (true, Drift::Upwind) => 120 * 16,
@@ -261,12 +267,24 @@ pub(super) fn memory(cells: [usize; 2], drift: Drift, matrix: bool) -> u64 {
         .saturating_mul(per_cell)
 }
 
+/// Bytes of the flow map: a dozen arrays and some five maps of 132 bytes per cell; along v, two dense
+/// matrices while one is built and some five that are kept.
+pub fn flow_map_memory([nq, nv]: [usize; 2]) -> u64 {
+    let (nq, nv) = (nq as u64, nv as u64);
+    let per_cell = 12 * 8 + 5 * 132;
+    nv.saturating_mul(nq.saturating_mul(per_cell).saturating_add(7 * 8 * nv))
+}
+
 fn check_memory(cells: [usize; 2], drift: Drift, settings: &Settings) -> Result<()> {
     let needed = memory(
         cells,
         drift,
         settings.time == Some(TimeScheme::BackwardEuler),
     );
+    check_memory_of(needed, cells, settings)
+}
+
+fn check_memory_of(needed: u64, cells: [usize; 2], settings: &Settings) -> Result<()> {
     if needed <= settings.max_memory {
         return Ok(());
     }
@@ -341,6 +359,7 @@ pub(super) fn propagator(
 ) -> Result<Propagator> {
     match way {
         Way::FlowMap => {
+            check_memory_of(flow_map_memory(mesh.cells()), mesh.cells(), settings)?;
             let settings = flow_map_settings(oscillator, settings, longer)?;
             Propagator::flow_map(oscillator, mesh, settings)
         }
@@ -370,7 +389,9 @@ pub(super) fn flow_map_settings(
     }
     // The splitting gets a fifth of the tolerance; the mesh has the rest.
     let automatic = flow_map::Settings::to(0.2 * settings.tolerance, oscillator)?;
-    let step = longer * settings.step.unwrap_or(automatic.step);
+    // Beyond the longest useful step the error is not known, and two runs would not show it.
+    let asked = settings.step.unwrap_or(automatic.step);
+    let step = longer * asked.min(flow_map::Settings::LONGEST);
     Ok(flow_map::Settings { step, ..automatic })
 }
 

@@ -82,7 +82,10 @@ pub fn cost(
     let cost = Cost {
         cells,
         steps: steps.ceil() as u64,
-        memory: choice::memory(cells, drift, matrix),
+        memory: match way {
+            Way::FlowMap => choice::flow_map_memory(cells),
+            Way::Volumes(_) => choice::memory(cells, drift, matrix),
+        },
         // The coarse run that measures the error takes 0.4 of the fine one.
         seconds: 1.4 * seconds,
     };

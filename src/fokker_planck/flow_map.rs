@@ -157,7 +157,7 @@ impl Default for Settings {
 impl Settings {
     /// Longest useful step: a quarter of a period, beyond which the trapezoidal rule no longer sees the
     /// second harmonic of the motion.
-    const LONGEST: f64 = 1.5;
+    pub const LONGEST: f64 = 1.5;
 
     /// Order 8 and even steps for an L1 error of about `tolerance` from the splitting, at any time, for
     /// a start about as wide as half the stationary law; a narrower start needs a shorter step.
@@ -168,13 +168,28 @@ impl Settings {
     /// [`Error::Invalid`] for a tolerance that is not positive.
     pub fn to(tolerance: f64, oscillator: &Oscillator) -> Result<Self> {
         positive("method.tolerance", tolerance)?;
-        let zeta = oscillator.zeta();
-        let first = (tolerance / (0.036 * zeta)).powf(0.2);
-        let second = (tolerance / (2.2 * zeta * zeta).min(0.05 * zeta)).sqrt();
+        let (ends, commutator) = error_constants(oscillator);
+        let first = (tolerance / ends).powf(0.2);
+        let second = (tolerance / commutator).sqrt();
         Ok(Self {
             step: first.min(second).min(Self::LONGEST),
             ..Self::default()
         })
+    }
+}
+
+/// The constants of tau^5 and tau^2 in the L1 error of even steps.
+fn error_constants(oscillator: &Oscillator) -> (f64, f64) {
+    let zeta = oscillator.zeta();
+    (0.036 * zeta, (2.2 * zeta * zeta).min(0.05 * zeta))
+}
+
+impl Settings {
+    /// The L1 error of the splitting with these steps, as [`Settings::to`] takes it; up to
+    /// [`Settings::LONGEST`].
+    pub fn splitting_error(&self, oscillator: &Oscillator) -> f64 {
+        let (ends, commutator) = error_constants(oscillator);
+        ends * self.step.powi(5) + commutator * self.step.powi(2)
     }
 }
 
@@ -392,7 +407,8 @@ impl FlowMap {
                 format!("one on {nq} x {nv} cells"),
             ));
         }
-        if duration == 0.0 {
+        // Over such a time noise spreads by less than a rounding of v, and motion by less than one of q.
+        if duration < 1e-20 {
             return Ok(());
         }
         self.prepare(duration);

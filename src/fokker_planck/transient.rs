@@ -45,6 +45,8 @@ struct Output {
     mass: f64,
     lowest: f64,
     negative: f64,
+    /// What the negative cells weigh in each number.
+    undershoot: [f64; 11],
     entropy: f64,
     distance: f64,
     snapshot: Option<Snapshot>,
@@ -63,6 +65,7 @@ struct Run {
 }
 
 /// How a run is to be done.
+#[derive(Clone, Copy)]
 struct Task<'a> {
     oscillator: &'a Oscillator,
     initial: &'a Initial,
@@ -81,6 +84,47 @@ const COARSE: (f64, f64) = (0.75, 1.5);
 /// Error of the fine run over its difference to the coarse one, where a kink of the force leaves order
 /// 1.4: 1/((4/3)^1.4 - 1). A smooth law converges faster and stays far below.
 const KINKED: f64 = 2.0;
+
+/// Negative mass beyond which nothing is left of a density.
+const NO_DENSITY: f64 = 0.5;
+
+/// What a neglected probability weighs in: the scale, or the number where it is larger, as a kurtosis
+/// far above 3 is.
+pub(super) fn shape(scale: f64, value: f64) -> f64 {
+    scale.max(value.abs())
+}
+
+/// The change of every number if the negative cells were positive: where a density undershoots, two
+/// meshes may agree on what is wrong.
+fn undershoot(moments: &Moments, g: &[f64], observables: &Observables) -> [f64; 11] {
+    if g.iter().all(|g| *g >= 0.0) {
+        return [0.0; 11];
+    }
+    let positive: Vec<f64> = g.iter().map(|g| g.abs()).collect();
+    let without = observables.raw(&positive).moments(observables.contact());
+    let change = |k: usize| -> Option<f64> {
+        let change = (without.named()[k].1?.value - moments.named()[k].1?.value).abs();
+        change.is_finite().then_some(change)
+    };
+    std::array::from_fn(|k| change(k).unwrap_or(0.0))
+}
+
+/// A run whose density is none.
+fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
+    let [nq, nv] = mesh.cells();
+    let levels = 0.5 * domain.v[1].powi(2) / temperature;
+    Error::Mesh {
+        what: format!(
+            "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
+             the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
+             e^{levels:.0}",
+            o.t, o.negative
+        ),
+        help: "a start nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
+               [monte_carlo] alone"
+            .into(),
+    }
+}
 
 /// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
 /// part of them. `progress` is told the part done, 0 to 1.
@@ -148,7 +192,16 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
     times.extend(task.times.iter().flat_map(|t| ahead(*t)));
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let coarse = task.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
+    // Half the cells; where the scene gives the step, half of that too, or both would err alike.
+    let mut halved = settings.clone();
+    halved.step = settings
+        .step
+        .map(|step| 0.5 * step.min(longest_interval(task.times)));
+    let halved = Task {
+        settings: &halved,
+        ..*task
+    };
+    let coarse = halved.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
     let mut fine = task.run((1.0, 1.0), &times, &|part| progress(0.15 + 0.85 * part))?;
     let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
     fine.outputs.retain(|o| task.times.contains(&o.t));
@@ -161,7 +214,8 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
             .filter_map(|(_, m)| m.named()[i].1)
             .map(|earlier| (earlier.value - value).abs())
             .fold(0.0, f64::max);
-        change + (value - other).abs()
+        // First order: the error of the fine run is as large as its difference to either.
+        change + KINKED * (value - other).abs()
     };
     let warning = format!(
         "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
@@ -169,6 +223,17 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
         1.0 + excess
     );
     Ok(task.report(fine, &coarse, &errors, reason, vec![warning]))
+}
+
+/// The longest time without an output, from 0 on.
+fn longest_interval(times: &[f64]) -> f64 {
+    let before = std::iter::once(&0.0).chain(times);
+    let longest = times
+        .iter()
+        .zip(before)
+        .map(|(b, a)| b - a)
+        .fold(0.0, f64::max);
+    if longest > 0.0 { longest } else { 1.0 }
 }
 
 impl Task<'_> {
@@ -233,11 +298,17 @@ impl Task<'_> {
             outputs.push(self.observe(t, &propagator, &observables, &density));
         }
         let step = propagator.step();
-        if outputs.iter().any(|o| !o.mass.is_finite()) {
+        if let Some(o) = outputs.iter().find(|o| !o.mass.is_finite()) {
             return Err(Error::Mesh {
-                what: format!("the density grew without bound with steps of {step:.2e}"),
+                what: format!(
+                    "the density grew without bound with steps of {step:.2e} up to t = {}",
+                    o.t
+                ),
                 help: "a smaller method.step".into(),
             });
+        }
+        if let Some(o) = outputs.iter().find(|o| o.negative > NO_DENSITY) {
+            return Err(lost(o, &domain, oscillator.temperature(), &mesh));
         }
         Ok(Run {
             outputs,
@@ -259,11 +330,12 @@ impl Task<'_> {
     ) -> Output {
         let (weights, columns) = (propagator.weights(), propagator.columns());
         let wanted = self.density_times.contains(&t);
+        let g = propagator.ratio(density);
+        let moments = observables.raw(&g).moments(observables.contact());
         Output {
             t,
-            moments: observables
-                .raw(&propagator.ratio(density))
-                .moments(observables.contact()),
+            moments,
+            undershoot: undershoot(&moments, &g, observables),
             mass: density.mass(),
             lowest: density.lowest(),
             negative: density.negative_mass(),
@@ -285,27 +357,44 @@ impl Task<'_> {
     ) -> Transient {
         let scales = Scales::of(self.oscillator);
         let confining = self.oscillator.contact().is_confining();
-        let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        let mut outside = fine.domain.neglected.max(coarse.domain.neglected);
+        if !confining {
+            // Open edges let go what comes to them, again and again.
+            let gone = |run: &Run| {
+                run.outputs
+                    .iter()
+                    .map(|o| (1.0 - o.mass).abs())
+                    .fold(0.0, f64::max)
+            };
+            outside = outside.max(gone(&fine)).max(gone(coarse));
+        }
         let weight = fine.domain.tail_weight(self.oscillator.temperature());
         let mut moments = Vec::new();
         let mut unmet: Option<(f64, &str, f64)> = None;
         // The steps of both runs may err alike.
         let timed = match self.way {
-            Way::Volumes(TimeScheme::BackwardEuler) | Way::FlowMap => 0.0,
+            Way::Volumes(TimeScheme::BackwardEuler) => 0.0,
+            // Intervals shorter than a step or two are cut into the same steps by both.
+            Way::FlowMap => choice::flow_map_settings(self.oscillator, self.settings, 1.0)
+                .map_or(0.0, |it| it.splitting_error(self.oscillator)),
             Way::Volumes(_) => choice::TIME_SHARE * self.settings.tolerance,
         };
-        for (k, (here, other)) in fine.outputs.iter().zip(&coarse.outputs).enumerate() {
+        for (k, (here, other_run)) in fine.outputs.iter().zip(&coarse.outputs).enumerate() {
             let (mut now, scale) = (here.moments, scales.each(&here.moments));
             let names = now.named().map(|(name, _)| name);
-            let others = other.moments.named();
+            let others = other_run.moments.named();
             for (i, number) in now.each_mut().into_iter().enumerate() {
                 let (Some(number), Some(other)) = (number, others[i].1) else {
                     continue;
                 };
                 // A settled run stays within its distance of (21); tails weigh ten scales.
-                let settled = fine.settled.map_or(0.0, |_| here.distance);
-                let tail = (weight * outside + 10.0 * settled) * scale[i];
-                let error = difference(k, i, number.value, other.value) + tail + timed * scale[i];
+                let settled = fine.settled.is_some_and(|s| here.t >= s);
+                let settled = if settled { here.distance } else { 0.0 };
+                let tail = (weight * outside + 10.0 * settled) * shape(scale[i], number.value);
+                let error = difference(k, i, number.value, other.value)
+                    + tail
+                    + timed * scale[i]
+                    + here.undershoot[i].max(other_run.undershoot[i]);
                 *number = Estimate::new(number.value, error, Origin::Space);
                 let ratio = error / (self.settings.tolerance * scale[i]);
                 if ratio > unmet.map_or(1.0, |u| u.0) {

@@ -64,6 +64,11 @@ fn is_ours(name: &OsStr) -> bool {
         "moments.svg",
         "approach.svg",
         "snapshots.svg",
+        "precision.csv",
+        "precision.md",
+        "cost.csv",
+        "stability.csv",
+        "stability.md",
     ];
     let density = name.starts_with("density_")
         && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));

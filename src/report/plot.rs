@@ -1334,6 +1334,131 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
     .map(Some)
 }
 
+/// A chart with logarithmic axes.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    /// Label of the abscissa.
+    pub x: String,
+    /// Label of the ordinate.
+    pub y: String,
+    /// What it shows.
+    pub curves: Vec<Curve>,
+}
+
+/// A curve with its marks.
+#[derive(Debug, Clone)]
+pub struct Curve {
+    /// Its name in the legend; curves of one name have one colour in all charts of a picture.
+    pub name: String,
+    /// Points, both coordinates positive; others are left out.
+    pub points: Vec<(f64, f64)>,
+    /// Whether its marks are joined by thin lines.
+    pub dashed: bool,
+}
+
+/// Okabe and Ito's colours and some between them, for many curves.
+const MANY: [RGBColor; 12] = [
+    BLUE,
+    VERMILION,
+    GREEN,
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    INK,
+    RGBColor(140, 86, 75),
+    RGBColor(148, 103, 189),
+    RGBColor(150, 150, 30),
+    RGBColor(0, 90, 70),
+    GREY,
+];
+
+/// Charts with logarithmic axes side by side under one title, one legend for all.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn log_log(name: impl Into<String>, title: &str, charts: &[Chart]) -> Result<File> {
+    let mut names: Vec<&str> = Vec::new();
+    for curve in charts.iter().flat_map(|chart| &chart.curves) {
+        if !names.contains(&curve.name.as_str()) {
+            names.push(&curve.name);
+        }
+    }
+    let width = 430.0;
+    let rows = names.len().div_ceil(5);
+    let size = (
+        (width * charts.len() as f64 + 30.0) as u32,
+        (420.0 + 22.0 * rows as f64) as u32,
+    );
+    let logs = |curve: &Curve| -> Points {
+        let positive = curve.points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0);
+        positive.map(|(x, y)| (x.log10(), y.log10())).collect()
+    };
+    picture(name, size, |area| {
+        write(area, title, (30.0, 20.0), 16.0, Hang::Left, INK)?;
+        for (k, chart) in charts.iter().enumerate() {
+            let all: Points = chart.curves.iter().flat_map(logs).collect();
+            let (Some(x), Some(y)) = (
+                range(all.iter().map(|p| p.0), 0.05),
+                range(all.iter().map(|p| p.1), 0.05),
+            ) else {
+                continue;
+            };
+            let panel = Panel {
+                left: 92.0 + width * k as f64,
+                top: 40.0,
+                width: width - 110.0,
+                height: 320.0,
+                x,
+                y,
+                log: true,
+            };
+            log_axes(area, &panel, &chart.x, &chart.y)?;
+            for curve in &chart.curves {
+                let place = names.iter().position(|it| *it == curve.name).unwrap_or(0);
+                let colour = MANY[place % MANY.len()];
+                let points = logs(curve);
+                let thick = if curve.dashed { 0.75 } else { 1.75 };
+                panel.curve(area, &points, colour, thick)?;
+                for point in points {
+                    panel.dot(area, point, colour, 2.75)?;
+                }
+            }
+            panel.frame(area)?;
+        }
+        for (k, words) in names.iter().enumerate() {
+            let step = f64::from(size.0) / 5.2;
+            let at = (30.0 + step * (k % 5) as f64, 415.0 + 22.0 * (k / 5) as f64);
+            legend(area, at, MANY[k % MANY.len()], Mark::Line, words)?;
+        }
+        Ok(())
+    })
+}
+
+/// Axes whose both numbers are decimal logarithms.
+fn log_axes(area: &Area<'_>, panel: &Panel, x_label: &str, y_label: &str) -> Drawn {
+    let bare = Panel {
+        x: (0.0, 0.0),
+        ..panel.clone()
+    };
+    // Without a range of x the panel draws no grid along it.
+    bare.axes(area, x_label, y_label)?;
+    let (low, high) = (panel.x.0.ceil() as i64, panel.x.1.floor() as i64);
+    for k in low..=high {
+        let (px, _) = panel.at(k as f64, panel.y.0);
+        line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
+        let text = format!("10{}", superscript(k));
+        write(
+            area,
+            &text,
+            (px, panel.bottom() + 13.0),
+            13.0,
+            Hang::Middle,
+            INK,
+        )?;
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -92,6 +92,14 @@ fn solve(scene: &Scene) -> Result<Results> {
     Plan::of(scene)?.run_quietly()
 }
 
+/// A message with its help.
+fn explained(error: &dyn miette::Diagnostic) -> String {
+    match error.help() {
+        Some(help) => format!("{error}; {help}"),
+        None => error.to_string(),
+    }
+}
+
 impl Extreme {
     /// The scene with overrides, or why its text is refused.
     fn scene(&self, overrides: &[String]) -> std::result::Result<Scene, String> {
@@ -101,7 +109,7 @@ impl Extreme {
             .collect();
         match SceneText::parse(self.name, &self.toml, &all) {
             Ok(text) => Ok(text.scene().clone()),
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(explained(&error)),
         }
     }
 }

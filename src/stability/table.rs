@@ -87,7 +87,9 @@ fn csv(rows: &[Row]) -> String {
         let (ratio, of) = row
             .worst
             .as_ref()
-            .map_or((String::new(), ""), |(ratio, of)| (format!("{ratio:e}"), of));
+            .map_or((String::new(), ""), |(ratio, of)| {
+                (format!("{ratio:e}"), of)
+            });
         let fields = [
             row.name.to_string(),
             quoted(row.what),

@@ -189,7 +189,11 @@ fn measure(row: &mut Row, results: &Results, checks: &[Check]) {
     }
     if let Some(it) = &results.transient {
         row.lowest_density = it.lowest_density.iter().map(|p| p.value).reduce(f64::min);
-        row.mass_error = it.mass.iter().map(|m| (m.value - 1.0).abs()).reduce(f64::max);
+        row.mass_error = it
+            .mass
+            .iter()
+            .map(|m| (m.value - 1.0).abs())
+            .reduce(f64::max);
         row.steps = Some(it.method.steps);
     }
     if let Some(it) = &results.monte_carlo {

@@ -123,7 +123,11 @@ pub(super) fn checks(extreme: &Extreme, scene: &Scene, results: &Results) -> Res
         }
         Against::EnergyLaw => Ok(comparison.energy_law(oscillator, results)),
         Against::FlightTail => Ok(flight_tail(oscillator, results)),
-        Against::LinearRates => Ok(linear_rates(oscillator.zeta(), results, comparison.tolerance)),
+        Against::LinearRates => Ok(linear_rates(
+            oscillator.zeta(),
+            results,
+            comparison.tolerance,
+        )),
         Against::Steady => Ok(comparison.steady(results)),
         Against::Refusal => Ok(Vec::new()),
     }
@@ -224,9 +228,7 @@ impl Comparison {
         }
         let (first, last) = (&it.moments[0], &it.moments[n]);
         let time = it.times[n] - it.times[0];
-        let rate = |k: usize| {
-            oscillator.noise() - 2.0 * oscillator.zeta() * second(&it.moments[k])
-        };
+        let rate = |k: usize| oscillator.noise() - 2.0 * oscillator.zeta() * second(&it.moments[k]);
         let simpson = |stride: usize| -> f64 {
             let m = n / stride;
             let weight = |k: usize| match k {
@@ -244,9 +246,10 @@ impl Comparison {
             f64::INFINITY
         };
         let energies = first.mean_energy.error + last.mean_energy.error;
-        let speed = it.moments.iter().map(|m| {
-            m.var_v.error + 2.0 * m.mean_v.value.abs() * m.mean_v.error
-        });
+        let speed = it
+            .moments
+            .iter()
+            .map(|m| m.var_v.error + 2.0 * m.mean_v.value.abs() * m.mean_v.error);
         let speeds = 2.0 * oscillator.zeta() * time * speed.fold(0.0, f64::max);
         vec![Check {
             name: "E[H] gained".into(),
@@ -266,7 +269,13 @@ impl Comparison {
         };
         let mut all = Vec::new();
         if let Ok(law) = Stationary::of(&results.scene.oscillator) {
-            self.moments(&mut all, None, &it.moments, &stationary_moments(&law), false);
+            self.moments(
+                &mut all,
+                None,
+                &it.moments,
+                &stationary_moments(&law),
+                false,
+            );
         }
         all.push(Check {
             name: "L1 error".into(),
@@ -377,8 +386,7 @@ fn flight_tail(oscillator: &Oscillator, results: &Results) -> Vec<Check> {
     // Beyond a relative error of 1e-13 of the exponent the probability itself is less well known.
     let linear = 10f64.powf(exact);
     all.extend(plain.map(|it| Check {
-        reference_error: linear * 1e-13 * exact.abs() * std::f64::consts::LN_10
-            + f64::from_bits(4),
+        reference_error: linear * 1e-13 * exact.abs() * std::f64::consts::LN_10 + f64::from_bits(4),
         ..check("P(loss)", it, linear)
     }));
     all
@@ -423,7 +431,7 @@ fn linear_rates(zeta: f64, results: &Results, tolerance: f64) -> Vec<Check> {
             sampled: false,
             reference: 0.0,
             reference_error: 1e-12,
-            scale: in_order.0.hypot(in_order.1),
+            scale: rate.re.hypot(rate.im),
             tolerance,
         })
         .collect()
