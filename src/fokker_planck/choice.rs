@@ -433,11 +433,15 @@ fn horizon(oscillator: &Oscillator, until: f64) -> f64 {
 /// The step of backward Euler: first order in time beside first order in space, one cell a step at a
 /// third of the fastest speed.
 pub(super) fn euler_step(generator: &Generator, settings: &Settings) -> f64 {
-    settings.step.unwrap_or_else(|| {
-        let mesh = generator.mesh();
-        let width = mesh.q.at(mesh.q.locate(0.0)).1;
-        3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE)
-    })
+    settings
+        .step
+        .unwrap_or_else(|| euler_step_on(generator.mesh()))
+}
+
+/// The automatic step of backward Euler on a mesh.
+pub(super) fn euler_step_on(mesh: &Mesh) -> f64 {
+    let width = mesh.q.at(mesh.q.locate(0.0)).1;
+    3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE)
 }
 
 /// The scheme with its choice of steps for a run until `until`, such that the error in time stays below

@@ -277,6 +277,9 @@ struct Schedule {
     last: usize,
 }
 
+/// Widest cell in thermal deviations: the midpoint sum of a Gaussian is then off by
+/// 2 exp(-2 pi^2/2^2) = 1 %, and no density of interest is narrower.
+const WIDEST: f64 = 2.0;
 /// Entries of a matrix that count for nothing, over the largest one.
 const NEGLIGIBLE: f64 = 1e-20;
 /// Flow maps beyond which all are dropped before new ones are built: intervals of many lengths.
@@ -301,6 +304,13 @@ impl FlowMap {
         }
         let measure = Measure::of(oscillator)?;
         let temperature = oscillator.temperature();
+        let width = mesh.v.at(0.5 * nv as f64).1 / temperature.sqrt();
+        if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
+            return Err(Error::Mesh {
+                what: format!("a cell of the {nv} along v is {width:.1} thermal deviations wide"),
+                help: format!("about {:.0} cells along v", (nv as f64 * width).ceil()),
+            });
+        }
         let weights = Weights::new(&measure, mesh, temperature, Drift::Order8)?.without_rim();
         let stationary = matches!(measure, Measure::Gibbs(_));
         let contact = oscillator.contact().clone();

@@ -29,6 +29,10 @@ pub(super) enum Propagator {
 /// passes an interval.
 const CHUNK: f64 = 64.0;
 
+/// Cells times steps between two looks, where a mesh is so large that `CHUNK` steps take long: some
+/// seconds.
+const WORK: f64 = 3e7;
+
 impl Propagator {
     /// The flow map of `oscillator` on `mesh`.
     pub(super) fn flow_map(
@@ -89,7 +93,8 @@ impl Propagator {
         match self {
             Self::Volumes { march, .. } => march.advance(density, duration, watch).map(|_| ()),
             Self::FlowMap(map) => {
-                let chunks = (duration / (CHUNK * map.settings().step)).ceil().max(1.0);
+                let steps = (WORK / map.mesh().len() as f64).clamp(8.0, CHUNK);
+                let chunks = (duration / (steps * map.settings().step)).ceil().max(1.0);
                 for k in 1..=chunks as u64 {
                     map.advance(density, duration / chunks)?;
                     if !watch(duration * k as f64 / chunks, density)? {

@@ -163,9 +163,35 @@ pub fn transient(
     }
     // Work grows with the third power of the refinement: the coarse run takes 0.3 of the whole.
     let coarse = task.run(COARSE, times, &|part| progress(0.3 * part))?;
+    // The fine run takes 1.5 times as long at least: no use in beginning what cannot end.
+    let seconds = started.elapsed().as_secs_f64();
+    if 2.5 * seconds > settings.max_seconds {
+        return Err(Error::Limit {
+            key: "accuracy.max_seconds",
+            limit: format!("{}", settings.max_seconds),
+            what: format!(
+                "the run on three quarters of the cells took {seconds:.1} s, and the fine one would take \
+                 {:.0} s or more; fewer method.cells would do",
+                1.5 * seconds
+            ),
+        });
+    }
     let fine = task.run((1.0, 1.0), times, &|part| progress(0.3 + 0.7 * part))?;
     let errors = |_: usize, _: usize, value: f64, other: f64| KINKED * (value - other).abs();
     Ok(task.report(fine, &coarse, &errors, reason, Vec::new()))
+}
+
+/// How far ahead the relaxation of upwind drift with backward Euler is: c of the energy, of diffusion
+/// along q, |v| dq/2 beside T/(2 zeta) where friction rules, and of steps dt, which damp an oscillation by
+/// dt/2 beside zeta.
+fn ahead(task: &Task, mesh: &Mesh) -> f64 {
+    let (zeta, sigma) = (task.oscillator.zeta(), task.oscillator.temperature().sqrt());
+    let width = mesh.q.at(mesh.q.locate(0.0)).1;
+    let automatic = choice::euler_step_on(mesh);
+    let step = task.settings.step.unwrap_or(automatic);
+    choice::upwind_excess(task.oscillator, mesh)
+        + 0.8 * zeta * width / sigma
+        + 0.5 * step.min(longest_interval(task.times)) / zeta
 }
 
 /// Upwind: the honest error names how far ahead its relaxation is.
@@ -180,7 +206,7 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
         settings,
         1.0,
     )?;
-    let excess = choice::upwind_excess(task.oscillator, &mesh);
+    let excess = ahead(task, &mesh);
     // Between t/(1 + c) and t, eight times to look for the largest change.
     let mut times: Vec<f64> = task.times.to_vec();
     let ahead = |t: f64| {
@@ -304,7 +330,7 @@ impl Task<'_> {
                     "the density grew without bound with steps of {step:.2e} up to t = {}",
                     o.t
                 ),
-                help: "a smaller method.step".into(),
+                help: "a smaller method.step, or more method.cells".into(),
             });
         }
         if let Some(o) = outputs.iter().find(|o| o.negative > NO_DENSITY) {

@@ -721,14 +721,14 @@ fn meshes() -> Vec<Extreme> {
             "aspect-1e4",
             tall,
             linear(),
-            &still("transient = \"flow_map\"\ncells = [200000, 20]\n"),
+            &still("transient = \"flow_map\"\ncells = [120000, 20]\n"),
             Against::Stationary,
         ),
         scene(
             "aspect-1e4-hertz",
             tall,
             oscillator("hertz", 0.005, T),
-            &still("transient = \"flow_map\"\ncells = [200000, 20]\n"),
+            &still("transient = \"flow_map\"\ncells = [120000, 20]\n"),
             Against::Stationary,
         ),
         scene(
@@ -742,7 +742,7 @@ fn meshes() -> Vec<Extreme> {
             "aspect-1e4-upwind",
             tall,
             damped(),
-            &with("drift = \"upwind\"\ncells = [100000, 10]\n"),
+            &with("drift = \"upwind\"\ncells = [100000, 14]\n"),
             Against::Gaussian,
         )
         .within(40.0),
