@@ -36,6 +36,7 @@
 //! | Tables, files, pictures | [`report`] |
 
 pub mod contact;
+pub mod conventions;
 pub mod error;
 pub mod estimate;
 pub mod fokker_planck;
