@@ -139,6 +139,20 @@ pub fn fit(list: &[Measured], rig: &Rig) -> Result<Estimate> {
     ))
 }
 
+/// Geometric mean of the ratios that each number alone asks for, with its standard error from their
+/// scatter. Each counts the same, while in [`fit`] the numbers that change fastest with zeta decide.
+fn mean_of_each(list: &[Measured], rig: &Rig) -> Result<Estimate> {
+    let each: Vec<f64> = list
+        .iter()
+        .map(|it| Ok(fit(std::slice::from_ref(it), rig)?.value.ln()))
+        .collect::<Result<_>>()?;
+    let n = each.len() as f64;
+    let mean = each.iter().sum::<f64>() / n;
+    let square = each.iter().map(|it| (it - mean).powi(2)).sum::<f64>();
+    let error = mean.exp() * (square / (n * (n - 1.0).max(1.0))).sqrt();
+    Ok(Estimate::new(mean.exp(), error, Origin::Sampling))
+}
+
 /// The root mean square of ln(model/measured) at a damping ratio.
 fn scatter(list: &[Measured], rig: &Rig, zeta: f64) -> Result<Estimate> {
     let squares = list.iter().map(|it| residual(it, rig, zeta));
@@ -147,8 +161,9 @@ fn scatter(list: &[Measured], rig: &Rig, zeta: f64) -> Result<Estimate> {
     Ok(Estimate::new(value, 1e-6, Origin::Quadrature))
 }
 
-/// `std` (Tables 1 and 2), `losses` (Table 3), `all`, `all-but-6e-4`; `one-H-WHAT` from a single number;
-/// `scatter-at-ZETA`, the root mean square of ln(model/measured).
+/// `std` (Tables 1 and 2), `losses` (Table 3), `all`, `all-but-6e-4`, by least squares; `each`, the mean
+/// of the ratios of every deviation and share; `row-H`, the same for one level; `one-H-of-WHAT` from a
+/// single number; `scatter-at-ZETA`, the root mean square of ln(model/measured).
 ///
 /// # Errors
 /// [`Error::Invalid`] for any other name, and those of [`measured`].
@@ -163,10 +178,19 @@ pub fn number(folder: &Path, which: &str) -> Result<Estimate> {
         "std" => fit(&pick(&|it| it.what == What::Std), &rig),
         "losses" => fit(&pick(&|it| it.what != What::Std), &rig),
         "all" => fit(&all, &rig),
+        "each" => mean_of_each(&pick(&|it| matches!(it.what, What::Std | What::Lost)), &rig),
         "all-but-6e-4" => fit(&pick(&|it| it.h != 6e-4), &rig),
         "scatter-at-0.003" => scatter(&all, &rig, 0.003),
         "scatter-at-0.005" => scatter(&all, &rig, 0.005),
         "scatter-at-best" => scatter(&all, &rig, fit(&all, &rig)?.value),
+        row if row.starts_with("row-") => {
+            let h: f64 = row[4..].parse().map_err(|_| unknown())?;
+            let list = pick(&|it| it.h == h && matches!(it.what, What::Std | What::Lost));
+            if list.is_empty() {
+                return Err(unknown());
+            }
+            mean_of_each(&list, &rig)
+        }
         one => {
             let (h, what) = one
                 .strip_prefix("one-")

@@ -11,6 +11,7 @@ use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::monte_carlo::{self, EnsembleSettings, Noise, RecordSettings, Scheme};
 use crate::oscillator::Oscillator;
+use crate::rig::Rig;
 use crate::stationary::Stationary;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -44,6 +45,8 @@ impl<'a> Evidence<'a> {
     /// - `records.std|skewness KEYS`: by central differences with `steps` a period, under Gaussian noise up
     ///   to `band`, or with `count` cosines up to it, drawn anew for each of many records;
     /// - `of-q.std|skewness KEYS`: of the displacement, closed form;
+    /// - `flight.at-share KEYS`: mean flight in milliseconds on the paper's rig, where the share of the time
+    ///   out of contact is `share`;
     /// - `surplus.skewness KEYS`: of N, with so much more probability at the force of flight than is due;
     /// - `restarts.std|skewness KEYS`: over records that begin at rest, their beginnings not left out;
     /// - `density.worst LABEL`: the largest distance between the sampled and the closed p_N over the bins,
@@ -90,6 +93,7 @@ impl<'a> Evidence<'a> {
                 let std = variance.value.sqrt();
                 return Ok(variance.mapped(std, 0.5 / std));
             }
+            "flight.at-share" => return flight_at(&keys),
             "of-q.skewness" => return skewness_q(&Stationary::of(&keys.oscillator()?)?),
             "surplus.skewness" => {
                 let law = Stationary::of(&keys.oscillator()?)?;
@@ -212,6 +216,31 @@ impl Keys {
             self.get("h", f64::NAN),
         )
     }
+}
+
+/// Mean flight in milliseconds at the damping that gives a share of the time out of contact. Share and
+/// flight both depend on T alone, so this is free of damping and level.
+fn flight_at(keys: &Keys) -> Result<Estimate> {
+    let rig = Rig::new(110.0, 232.0, 7e-6)?;
+    let share = keys.get("share", 0.0);
+    let law = |zeta: f64| {
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, keys.get("h", f64::NAN))?;
+        Stationary::of(&it)
+    };
+    let (mut low, mut high) = (1e-5, 1.0);
+    while high / low > 1.0 + 1e-12 {
+        let middle = f64::sqrt(low * high);
+        let lost = law(middle)?.contact_loss_probability();
+        if lost.is_some_and(|it| it.value > share) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let flight = law(low)?.mean_flight();
+    let none = || Error::invalid("computed", "flight.at-share", "a contact that can be lost");
+    let flight = flight.ok_or_else(none)?;
+    Ok(flight.scaled(1e3 * rig.seconds(1.0)))
 }
 
 /// Skewness of q.

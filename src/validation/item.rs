@@ -1,6 +1,6 @@
 //! One number of the paper and what ours has to say to it.
 
-use super::numbers::Name;
+use super::numbers::{COMPUTED, Name};
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
 use std::fmt;
@@ -13,7 +13,7 @@ use std::fmt;
 /// | reason | the difference is accepted if |
 /// |---|---|
 /// | `sampled L` | it is within two standard errors of a record of the dimensionless length L |
-/// | `by NAME`, `by NAME * F` | F times that number agrees with the paper: it printed or measured that instead |
+/// | `by NAME`, `by NAME * F` | F times that number agrees with the paper, within the sample too if `sampled` stands before it |
 /// | `agrees NAME` | (no paper value) the two numbers of ours agree within their errors |
 /// | `test` | never: the line asks whether this number would explain the paper's |
 #[derive(Debug, Clone, PartialEq)]
@@ -218,8 +218,10 @@ impl Item {
             };
             return Ok(row);
         }
+        let mut length_of_paper = None;
         for reason in &self.reasons {
             if let Reason::Sampled(length) = reason {
+                length_of_paper = Some(*length);
                 let error = per_length(&self.name, *length)?;
                 row.sampled = Some(error);
                 if row.verdict == Verdict::Unexplained
@@ -230,9 +232,12 @@ impl Item {
             }
             if let Reason::By(name, factor) = reason {
                 let other = number(name)?.scaled(*factor);
-                if row.verdict == Verdict::Unexplained
-                    && (other.value - paper).abs() <= tolerance * (1.0 + 1e-9) + reach(other)
-                {
+                let sampled = match length_of_paper {
+                    Some(length) if name.label != COMPUTED => per_length(name, length)?,
+                    _ => 0.0,
+                };
+                let within = tolerance * (1.0 + 1e-9) + (WITHIN * sampled).hypot(reach(other));
+                if row.verdict == Verdict::Unexplained && (other.value - paper).abs() <= within {
                     row.other = Some(other);
                     row.verdict = Verdict::Explained;
                 }

@@ -44,8 +44,13 @@ fn density(run: &Run) -> Result<Option<Chart>> {
     let low = (-5.0 * std).max(-1.25);
     let high = 5.0 * std;
     let points = 600;
-    let exact = (0..=points)
-        .map(|k| low + (high - low) * f64::from(k) / f64::from(points))
+    let even = (0..=points).map(|k| low + (high - low) * f64::from(k) / f64::from(points));
+    // Towards the infinite value at flight (29) an even grid is too coarse.
+    let near = (0..=60).map(|k| -1.0 + 1e-6 * 1e4f64.powf(f64::from(k) / 60.0));
+    let mut abscissae: Vec<f64> = even.chain(near).collect();
+    abscissae.sort_by(f64::total_cmp);
+    let exact = abscissae
+        .into_iter()
         .map(|n| (n, law.density_force(n)))
         .collect();
     let mut curves = vec![Curve::new(

@@ -2,7 +2,7 @@
 
 use super::folder::Outcome;
 use super::item::{Row, Verdict};
-use super::numbers::COMPUTED;
+use super::numbers::{COMPUTED, Name};
 use crate::estimate::{Estimate, Origin};
 use std::fmt::Write;
 
@@ -17,9 +17,10 @@ validate`; `cargo test --test validation` computes the numbers again and compare
 errors.
 
 Each line is a number: `label: path` names the scene of the folder, with the keys it changes, and the
-place of the number in its results.json. Ours is given as value ± error: a bound for what is computed
-without sampling, one standard error (se) for what is sampled. The paper's number is given with half a
-unit of its last digit.
+place of the number in its results.json; `computed` names a number that no scene gives
+(src/validation/evidence.rs). Ours is given as value ± error: a bound for what is computed without
+sampling, 1e-7 of the value if it is smaller; one standard error (se) for what is sampled; the standard
+deviation between draws (sd) for `draws`. The paper's number is given with half a unit of its last digit.
 
 | verdict | meaning |
 |---|---|
@@ -173,7 +174,8 @@ fn line(row: &Row) -> String {
         );
     }
     if let Some(other) = row.other {
-        let _ = write!(verdict, " ({})", short(other));
+        let from = item.names().last().unwrap_or(&item.name);
+        let _ = write!(verdict, " ({})", named(from, other));
     }
     let differs = matches!(row.verdict, Verdict::Explained | Verdict::Unexplained);
     let always = matches!(
@@ -187,28 +189,42 @@ fn line(row: &Row) -> String {
         "| `{}` | {} | {} | {paper} | {deviation} | {verdict} |\n",
         item.name,
         item.place,
-        short(row.ours)
+        named(&item.name, row.ours)
     )
 }
 
 /// Difference, relative to the paper's number where that makes sense.
 fn deviation(difference: f64, reference: f64) -> String {
-    if reference == 0.0 || (difference / reference).abs() > 2.0 {
+    let share = (difference / reference).abs();
+    if reference == 0.0 || share > 2.0 || (share - 1.0).abs() < 1e-6 {
         format!("{difference:+.1e}")
     } else {
         format!("{:+.1} %", 100.0 * difference / reference)
     }
 }
 
-/// value ± error with no more than six digits after the point.
+/// value ± error.
 fn short(it: Estimate) -> String {
     // Below this an error is rounding, which differs between machines.
     let error = it.error.max(1e-7 * it.value.abs()).max(1e-12);
+    if it.value.abs() < error && it.origin != Origin::Sampling {
+        return format!("0 ± {error:.0e}");
+    }
     let se = match it.origin {
         Origin::Sampling => " se",
         _ => "",
     };
     format!("{}{se}", Estimate::new(it.value, error, it.origin))
+}
+
+/// The same for the number of that name: between draws there is no standard error but a deviation.
+fn named(name: &Name, it: Estimate) -> String {
+    let text = short(it);
+    if name.path.starts_with("draws.") {
+        text.replace(" se", " sd")
+    } else {
+        text
+    }
 }
 
 /// A row of a table as it stands on the page.
@@ -251,7 +267,7 @@ pub fn rows(page: &str) -> Vec<Printed> {
 }
 
 fn read(text: &str) -> Option<Estimate> {
-    let (text, origin) = match text.strip_suffix(" se") {
+    let (text, origin) = match text.strip_suffix(" se").or(text.strip_suffix(" sd")) {
         Some(text) => (text, Origin::Sampling),
         None => (text, Origin::Space),
     };
