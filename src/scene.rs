@@ -318,12 +318,6 @@ const NOT_YET: &[NotYet] = &[
         asked: |scene| scene.outputs.first_loss.is_some(),
         instead: "leave it out; outputs.stationary gives the rate of loss",
     },
-    NotYet {
-        key: "initial.kind",
-        asked: |scene| scene.initial == Initial::Rest && scene.outputs.transient(),
-        instead: "a transient from rest (the default start) needs [initial] kind = \"gaussian\" \
-                  with a small deviation, as 0.3, for now",
-    },
 ];
 
 impl Scene {

@@ -1,5 +1,6 @@
 //! What to compute with: the user's settings, and the mesh, scheme and step where they leave it open.
 
+use super::density::Density;
 use super::domain::Domain;
 use super::flow_map;
 use super::flux::Drift;
@@ -188,7 +189,61 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
     (0.5 * (right - left)).min(0.5 * in_contact.max(right))
 }
 
-/// The mesh and its box for a run until `until`.
+/// Cells of q and v that the stationary law asks for.
+pub(super) fn thermal_widths(oscillator: &Oscillator, tolerance: f64) -> [f64; 2] {
+    let per_deviation = cells_per_deviation(tolerance);
+    [thermal_width(oscillator), oscillator.temperature().sqrt()].map(|w| w / per_deviation)
+}
+
+/// Cells of q and v that a Gaussian start asks for: half the cells of a thermal deviation are enough
+/// where noise smooths the start.
+fn start_widths(deviation: [f64; 2], tolerance: f64) -> [f64; 2] {
+    deviation.map(|d| d / (0.6 * cells_per_deviation(tolerance)).max(2.0))
+}
+
+/// How many times finer than for the stationary law a mesh may be for the sake of its start: beyond, the
+/// start is narrow, and a packet in its own frame carries it until it is not. A packet takes 5 ms per
+/// unit of time at a tolerance of 1e-3, and refining 1.5 times in both directions doubles the work.
+const REFINED: f64 = 1.5;
+
+/// Whether a start is too narrow for the meshes of its run.
+pub(super) fn is_narrow(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    drift: Drift,
+    settings: &Settings,
+) -> Result<bool> {
+    let (mean, deviation) = match *initial {
+        Initial::Stationary => return Ok(false),
+        Initial::Rest => return Ok(true),
+        // The box of a law that leaves every box is as narrow as the start.
+        Initial::Gaussian { .. } if !oscillator.contact().is_confining() => return Ok(false),
+        Initial::Gaussian { mean, deviation } => (mean, deviation),
+    };
+    if settings.cells.is_some() {
+        if drift == Drift::Upwind {
+            // Exact cell masses hold any start.
+            return Ok(false);
+        }
+        let neglected = neglected(settings.tolerance);
+        let domain = Domain::closed(oscillator, initial, neglected)?;
+        // The coarse run has to hold it too.
+        let (mesh, _) = mesh_on(oscillator, domain, None, drift, settings, 0.75)?;
+        let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
+        let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
+        let narrow = |(d, w): (f64, f64)| d < 1.2 * Density::NARROWEST * w;
+        return Ok(deviation.into_iter().zip(widths).any(narrow));
+    }
+    let thermal = thermal_widths(oscillator, settings.tolerance);
+    let start = start_widths(deviation, settings.tolerance);
+    Ok(thermal
+        .into_iter()
+        .zip(start)
+        .any(|(thermal, start)| start * REFINED < thermal))
+}
+
+/// The mesh and its box for a run until `until`; for a narrow start, those without regard to how narrow
+/// it is.
 pub(super) fn mesh(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -198,23 +253,37 @@ pub(super) fn mesh(
     finer: f64,
 ) -> Result<(Mesh, Domain)> {
     let neglected = neglected(settings.tolerance);
-    let contact = oscillator.contact();
-    let domain = if contact.is_confining() {
+    let narrow = is_narrow(oscillator, initial, drift, settings)?;
+    let domain = if narrow && oscillator.contact().is_confining() {
+        Domain::closed(oscillator, &Initial::Rest, neglected)?.raised(oscillator, initial, until)
+    } else if oscillator.contact().is_confining() {
         Domain::closed(oscillator, initial, neglected)?
     } else {
         Domain::swept(oscillator, initial, until, neglected)?
     };
-    let t = oscillator.temperature();
-    let per_deviation = cells_per_deviation(settings.tolerance);
-    let mut width = [
-        thermal_width(oscillator) / per_deviation,
-        t.sqrt() / per_deviation,
-    ];
-    if let Initial::Gaussian { deviation, .. } = *initial {
-        for (width, deviation) in width.iter_mut().zip(deviation) {
-            // Half the cells of a thermal deviation are enough where noise smooths the start.
-            *width = width.min(deviation / (0.6 * per_deviation).max(2.0));
+    let start = match *initial {
+        Initial::Gaussian { deviation, .. } if !narrow => {
+            Some(start_widths(deviation, settings.tolerance))
         }
+        _ => None,
+    };
+    mesh_on(oscillator, domain, start, drift, settings, finer)
+}
+
+/// The mesh of a box, with cells no wider than `start` asks for.
+pub(super) fn mesh_on(
+    oscillator: &Oscillator,
+    domain: Domain,
+    start: Option<[f64; 2]>,
+    drift: Drift,
+    settings: &Settings,
+    finer: f64,
+) -> Result<(Mesh, Domain)> {
+    let contact = oscillator.contact();
+    let t = oscillator.temperature();
+    let mut width = thermal_widths(oscillator, settings.tolerance);
+    for (width, start) in width.iter_mut().zip(start.into_iter().flatten()) {
+        *width = width.min(start);
     }
     let margin = drift.margin();
     let cells = match settings.cells {

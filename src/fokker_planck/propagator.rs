@@ -70,6 +70,15 @@ impl Propagator {
         }
     }
 
+    /// The density with p(q, v) at the centres of cells that hold unknowns.
+    pub(super) fn sampled(&self, p: &dyn Fn(&[[f64; 2]]) -> Vec<f64>) -> Density {
+        let (mesh, columns) = match self {
+            Self::Volumes { generator, .. } => (generator.mesh(), generator.columns()),
+            Self::FlowMap(map) => (map.mesh(), map.columns()),
+        };
+        Density::sampled(mesh, columns, p)
+    }
+
     /// g = P/w, row-major.
     pub(super) fn ratio(&self, density: &Density) -> Vec<f64> {
         match self {

@@ -6,6 +6,7 @@ use super::domain::Domain;
 use super::flux::Drift;
 use super::mesh::Mesh;
 use super::observables::Observables;
+use super::opening::Opening;
 use super::propagator::Propagator;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
@@ -48,6 +49,10 @@ struct Output {
     entropy: f64,
     distance: f64,
     snapshot: Option<Snapshot>,
+    /// What a narrow start has cost so far, in probability.
+    opening: f64,
+    /// Whether a packet in its own frame said it, not a density in the box.
+    framed: bool,
 }
 
 /// One run on one mesh.
@@ -187,15 +192,51 @@ impl Task<'_> {
             ..
         } = *self;
         let until = times.last().copied().unwrap_or(0.0);
-        let (mesh, domain) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
+        let in_time = |come: f64| {
+            if self.started.elapsed().as_secs_f64() > settings.max_seconds {
+                return Err(Error::Limit {
+                    key: "accuracy.max_seconds",
+                    limit: format!("{}", settings.max_seconds),
+                    what: format!("the transient had come to t = {come:.3} of {until}"),
+                });
+            }
+            Ok(())
+        };
+        let mut outputs = Vec::with_capacity(times.len());
+        let opening = Opening::of(oscillator, initial, times, drift, settings, (finer, longer))?;
+        let opening = match opening {
+            None => None,
+            Some(mut opening) => {
+                let mut watch = |come: f64| {
+                    progress(come / until);
+                    in_time(come)
+                };
+                for &t in times {
+                    if !opening.advance(t, &mut watch)? {
+                        break;
+                    }
+                    outputs.push(self.look(t, &opening)?);
+                }
+                if outputs.len() == times.len() {
+                    return opened(outputs, &opening);
+                }
+                Some(opening)
+            }
+        };
+        let (mesh, domain) = match &opening {
+            None => choice::mesh(oscillator, initial, until, drift, settings, finer)?,
+            Some(opening) => opening.mesh()?,
+        };
         let mut propagator =
             choice::propagator(oscillator, &mesh, drift, self.way, settings, until, longer)?;
         let observables = Observables::new(oscillator, &mesh, drift, propagator.weights())?;
-        let mut density = propagator.start(initial)?;
+        let (mut density, handed) = match &opening {
+            None => (propagator.start(initial)?, 0.0),
+            Some(opening) => opening.density(&propagator),
+        };
         let confining = oscillator.contact().is_confining();
         let close = 1e-2 * settings.tolerance;
         let mut settled = None;
-        let mut outputs = Vec::with_capacity(times.len());
         // Short steps are not all looked at.
         let every = if self.way == Way::Volumes(TimeScheme::Imex) {
             16
@@ -204,8 +245,16 @@ impl Task<'_> {
         };
         let weights = propagator.weights().clone();
         let columns = propagator.columns().to_vec();
-        let (mut now, mut looks) = (0.0, 0_u64);
-        for &t in times {
+        let (mut now, spent, opened) = match &opening {
+            None => (0.0, 0.0, 0),
+            Some(it) => (
+                it.packet().time(),
+                handed + it.packet().defect(),
+                it.packet().steps(),
+            ),
+        };
+        let mut looks = 0_u64;
+        for &t in &times[outputs.len()..] {
             if now < t && settled.is_none() {
                 let mut watch = |done: f64, density: &Density| {
                     looks += 1;
@@ -213,15 +262,7 @@ impl Task<'_> {
                         return Ok(true);
                     }
                     progress((now + done) / until);
-                    let seconds = self.started.elapsed().as_secs_f64();
-                    if seconds > settings.max_seconds {
-                        let come = now + done;
-                        return Err(Error::Limit {
-                            key: "accuracy.max_seconds",
-                            limit: format!("{}", settings.max_seconds),
-                            what: format!("the transient had come to t = {come:.3} of {until}"),
-                        });
-                    }
+                    in_time(now + done)?;
                     if confining && density.distance(&weights, &columns) < close {
                         settled = Some(now + done);
                     }
@@ -230,7 +271,10 @@ impl Task<'_> {
                 propagator.advance(&mut density, t - now, &mut watch)?;
                 now = t;
             }
-            outputs.push(self.observe(t, &propagator, &observables, &density));
+            outputs.push(Output {
+                opening: spent,
+                ..self.observe(t, &propagator, &observables, &density)
+            });
         }
         let step = propagator.step();
         if outputs.iter().any(|o| !o.mass.is_finite()) {
@@ -241,7 +285,7 @@ impl Task<'_> {
         }
         Ok(Run {
             outputs,
-            steps: propagator.steps(),
+            steps: opened + propagator.steps(),
             step,
             mesh,
             domain,
@@ -270,7 +314,27 @@ impl Task<'_> {
             entropy: density.relative_entropy(weights, columns),
             distance: density.distance(weights, columns),
             snapshot: wanted.then(|| density.snapshot(t)),
+            opening: 0.0,
+            framed: false,
         }
+    }
+
+    /// What a packet says at time t.
+    fn look(&self, t: f64, opening: &Opening) -> Result<Output> {
+        let look = opening.look();
+        let wanted = self.density_times.contains(&t);
+        Ok(Output {
+            t,
+            moments: look.moments,
+            mass: 1.0,
+            lowest: look.lowest,
+            negative: look.negative,
+            entropy: look.entropy,
+            distance: look.distance,
+            snapshot: wanted.then(|| opening.snapshot()).transpose()?,
+            opening: opening.packet().defect(),
+            framed: true,
+        })
     }
 
     /// Joins two runs: the fine one's numbers, with the errors that `difference` says (of number i at
@@ -304,8 +368,10 @@ impl Task<'_> {
                 };
                 // A settled run stays within its distance of (21); tails weigh ten scales.
                 let settled = fine.settled.map_or(0.0, |_| here.distance);
-                let tail = (weight * outside + 10.0 * settled) * scale[i];
-                let error = difference(k, i, number.value, other.value) + tail + timed * scale[i];
+                let boxed = if here.framed { 0.0 } else { weight * outside };
+                let tail = (boxed + 10.0 * settled) * scale[i];
+                let shared = timed + here.opening;
+                let error = difference(k, i, number.value, other.value) + tail + shared * scale[i];
                 *number = Estimate::new(number.value, error, Origin::Space);
                 let ratio = error / (self.settings.tolerance * scale[i]);
                 if ratio > unmet.map_or(1.0, |u| u.0) {
@@ -374,4 +440,18 @@ impl Task<'_> {
             warnings,
         }
     }
+}
+
+/// A run that never left the frame of its packet.
+fn opened(outputs: Vec<Output>, opening: &Opening) -> Result<Run> {
+    let mesh = opening.own_mesh()?;
+    Ok(Run {
+        outputs,
+        steps: opening.packet().steps(),
+        step: opening.packet().step(),
+        unknowns: mesh.len(),
+        mesh,
+        domain: opening.domain(),
+        settled: None,
+    })
 }
