@@ -34,6 +34,7 @@
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
+//! | The paper, number by number | [`validation`] |
 
 pub mod contact;
 pub mod conventions;
@@ -55,5 +56,6 @@ pub mod scales;
 pub mod scene;
 pub mod sparse;
 pub mod stationary;
+pub mod validation;
 
 pub use error::{Error, Result};

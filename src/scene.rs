@@ -25,6 +25,7 @@ use crate::initial::Initial;
 use crate::json::Json;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
+pub use crate::oscillator::Quantity;
 use crate::rig::Rig;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -210,16 +211,6 @@ pub struct SpectrumRequest {
     pub until: f64,
     /// Of the force or of the displacement.
     pub quantity: Quantity,
-}
-
-/// What a spectrum is of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Quantity {
-    /// N = G(q).
-    #[default]
-    Force,
-    /// q.
-    Displacement,
 }
 
 /// The ensemble of paths.

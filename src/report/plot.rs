@@ -370,6 +370,17 @@ impl Panel {
         Ok(())
     }
 
+    fn circle(&self, area: &Area<'_>, (x, y): (f64, f64), colour: RGBColor) -> Drawn {
+        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
+        if within {
+            let (px, py) = self.at(x, y);
+            let at = ((px * FINE) as i32, (py * FINE) as i32);
+            let style = colour.stroke_width(FINE as u32);
+            area.draw(&Circle::new(at, (2.5 * FINE) as i32, style))?;
+        }
+        Ok(())
+    }
+
     /// A histogram as dots in the middle of its bins, with a band of 95 %.
     fn histogram(&self, area: &Area<'_>, it: &Histogram) -> Drawn {
         let height = |p: f64| match (self.log, p > 0.0) {
@@ -1332,6 +1343,168 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
         Ok(())
     })
     .map(Some)
+}
+
+/// A colour of a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ink {
+    /// Closed forms.
+    Black,
+    /// The Fokker-Planck equation.
+    Blue,
+    /// Monte Carlo.
+    Vermilion,
+    /// Anything else.
+    Green,
+    /// What is compared with.
+    Grey,
+}
+
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stroke {
+    /// A line.
+    Line,
+    /// A thick line.
+    Thick,
+    /// A dashed line.
+    Dashes,
+    /// Open circles.
+    Circles,
+}
+
+/// A curve of a [`Chart`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Its words in the legend; none for an empty text.
+    pub words: String,
+    /// Its colour.
+    pub ink: Ink,
+    /// How it is drawn.
+    pub stroke: Stroke,
+    /// Its points; y as a decimal logarithm where the chart is logarithmic.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Curve {
+    /// A curve from its parts.
+    pub fn new(words: &str, ink: Ink, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            words: words.to_owned(),
+            ink,
+            stroke,
+            points,
+        }
+    }
+}
+
+/// Axes with curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Above it.
+    pub title: String,
+    /// Below it.
+    pub x_label: String,
+    /// Left of it.
+    pub y_label: String,
+    /// Range of x.
+    pub x: (f64, f64),
+    /// Range of y; decimal logarithms where `log`.
+    pub y: (f64, f64),
+    /// Whether y is a decimal logarithm.
+    pub log: bool,
+    /// Its curves.
+    pub curves: Vec<Curve>,
+}
+
+/// Charts side by side in so many columns, the legend of the one with most curves on top.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
+    let columns = columns.clamp(1, charts.len().max(1));
+    let rows = charts.len().div_ceil(columns);
+    let (width, height) = if columns == 1 {
+        (800.0, 140.0)
+    } else {
+        (290.0, 250.0)
+    };
+    let (across, down) = (width + 106.0, height + 88.0);
+    let size = (
+        (across * columns as f64 + 16.0) as u32,
+        (down * rows as f64 + 34.0) as u32,
+    );
+    picture(name, size, |area| {
+        for (k, chart) in charts.iter().enumerate() {
+            let panel = Panel {
+                left: 92.0 + across * (k % columns) as f64,
+                top: 64.0 + down * (k / columns) as f64,
+                width,
+                height,
+                x: chart.x,
+                y: chart.y,
+                log: chart.log,
+            };
+            let letter = (b'a' + (k % 26) as u8) as char;
+            let title = format!("({letter}) {}", chart.title);
+            write(
+                area,
+                &title,
+                (panel.left, panel.top - 13.0),
+                13.5,
+                Hang::Left,
+                INK,
+            )?;
+            panel.axes(area, &chart.x_label, &chart.y_label)?;
+            for curve in &chart.curves {
+                let colour = curve.ink.colour();
+                match curve.stroke {
+                    Stroke::Line => panel.curve(area, &curve.points, colour, 1.25)?,
+                    Stroke::Thick => panel.curve(area, &curve.points, colour, 3.5)?,
+                    Stroke::Dashes => {
+                        for piece in panel.clipped(&curve.points) {
+                            for ends in piece.windows(2) {
+                                dashed(area, ends[0], ends[1], colour, 1.25)?;
+                            }
+                        }
+                    }
+                    Stroke::Circles => {
+                        for point in &curve.points {
+                            panel.circle(area, *point, colour)?;
+                        }
+                    }
+                }
+            }
+            panel.frame(area)?;
+        }
+        let fullest = charts.iter().max_by_key(|chart| chart.curves.len());
+        let named = fullest.into_iter().flat_map(|chart| &chart.curves);
+        let mut x = 92.0;
+        for curve in named.filter(|curve| !curve.words.is_empty()) {
+            let mark = match curve.stroke {
+                Stroke::Line => Mark::Line,
+                Stroke::Thick => Mark::Halo,
+                Stroke::Dashes => Mark::Dashes,
+                Stroke::Circles => Mark::Dot,
+            };
+            legend(area, (x, 18.0), curve.ink.colour(), mark, &curve.words)?;
+            // An advance of the font is about 0.56 of its size.
+            x += 52.0 + 7.6 * curve.words.chars().count() as f64;
+        }
+        Ok(())
+    })
+}
+
+impl Ink {
+    fn colour(self) -> RGBColor {
+        match self {
+            Self::Black => INK,
+            Self::Blue => BLUE,
+            Self::Vermilion => VERMILION,
+            Self::Green => GREEN,
+            Self::Grey => GREY,
+        }
+    }
 }
 
 #[cfg(test)]
