@@ -31,6 +31,7 @@
 //! | The stationary law in closed form | [`stationary`] |
 //! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
+//! | Spectra from records and correlation functions | [`spectrum`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
@@ -55,6 +56,7 @@ pub mod rig;
 pub mod scales;
 pub mod scene;
 pub mod sparse;
+pub mod spectrum;
 pub mod stationary;
 pub mod validation;
 
