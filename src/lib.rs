@@ -34,6 +34,7 @@
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
+//! | Whether error bars are true | [`precision`] |
 
 pub mod contact;
 pub mod error;
@@ -46,6 +47,7 @@ pub mod moments;
 pub mod monte_carlo;
 pub mod oscillator;
 pub mod plan;
+pub mod precision;
 pub mod quadrature;
 pub mod report;
 pub mod results;

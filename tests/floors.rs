@@ -48,7 +48,8 @@ fn floor(module: &str) -> usize {
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,
         "report" => 4,
-        "main" => 5,
+        "precision" | "stability" => 5,
+        "main" => 6,
         other => panic!("{other} has no floor: give it one here and in the architecture"),
     }
 }
