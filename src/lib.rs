@@ -36,6 +36,7 @@
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
 //! | The paper, number by number | [`validation`] |
+//! | Whether error bars are true | [`precision`] |
 
 pub mod contact;
 pub mod conventions;
@@ -49,6 +50,7 @@ pub mod moments;
 pub mod monte_carlo;
 pub mod oscillator;
 pub mod plan;
+pub mod precision;
 pub mod quadrature;
 pub mod report;
 pub mod results;

@@ -48,7 +48,7 @@ fn floor(module: &str) -> usize {
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,
         "report" => 4,
-        "validation" => 5,
+        "validation" | "precision" | "stability" => 5,
         "main" => 6,
         other => panic!("{other} has no floor: give it one here and in the architecture"),
     }
