@@ -91,7 +91,7 @@ impl Propagator {
     pub(super) fn sampled(&self, p: &dyn Fn(&[[f64; 2]]) -> Vec<f64>) -> Density {
         let (mesh, columns) = match self {
             Self::Volumes { generator, .. } => (generator.mesh(), generator.columns()),
-            Self::FlowMap(map) => (map.mesh(), map.columns()),
+            Self::FlowMap { map, .. } => (map.mesh(), map.columns()),
         };
         Density::sampled(mesh, columns, p)
     }
