@@ -8,12 +8,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use vibroimpact::plan::{Part, Plan, Watch};
+use vibroimpact::plan::{self, Part, Plan, Watch};
+use vibroimpact::precision::calibration::{self, Calibration};
+use vibroimpact::precision::truths;
 use vibroimpact::report::folder::{Existing, Folder};
 use vibroimpact::report::{self, terminal};
 use vibroimpact::results::Results;
 use vibroimpact::scene::text::{BUILT_IN, SceneText, built_in, nearest};
-use vibroimpact::{Error, Result};
+use vibroimpact::{Error, Result, validation};
 
 /// Random vibration of a preloaded Hertzian contact that now and then loses contact.
 ///
@@ -49,10 +51,16 @@ enum Command {
         /// A built-in scene
         name: Option<String>,
     },
-    /// The paper's tables and figures (not available yet)
-    Validate(Later),
+    /// The paper's tables and figures against ours: validation/README.md and its pictures
+    Validate(ValidateOptions),
     /// Error against run time: every method on closed forms and against each other
-    Precision(Survey),
+    Precision {
+        #[command(flatten)]
+        survey: Survey,
+        /// Hold the error bars of random scenes against what their numbers are known to be
+        #[arg(long)]
+        calibrate: bool,
+    },
     /// The stiff and extreme scenes, each against what is known of it
     Stability(Survey),
 }
@@ -84,6 +92,22 @@ struct RunOptions {
 }
 
 #[derive(Args)]
+struct ValidateOptions {
+    /// Folders with a paper.csv [default: all in validation/ of the current directory]
+    #[arg(value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// Write README.md and the pictures there [default: where the folders are]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    force: bool,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Args)]
 struct Survey {
     /// Folder for the tables and pictures [default: results/<command>]
     #[arg(long, value_name = "DIR")]
@@ -112,13 +136,6 @@ impl Survey {
         };
         open_folder(command.to_string(), &options)
     }
-}
-
-/// Whatever follows a command that does not exist yet.
-#[derive(Args)]
-struct Later {
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
-    rest: Vec<String>,
 }
 
 /// Why the program ends early: what to print, and the exit status.
@@ -223,15 +240,37 @@ fn command(cli: Cli) -> std::result::Result<(), Stop> {
             Some(text) => print(text),
             None => Err(no_such_scene(&name)),
         },
-        Some(Command::Validate(it)) => Err(later("validate", &it)),
-        Some(Command::Precision(it)) => precision(&it),
+        Some(Command::Validate(options)) => validate(&options),
+        Some(Command::Precision {
+            survey,
+            calibrate: true,
+        }) => calibrate(survey.out.as_deref()),
+        Some(Command::Precision { survey, .. }) => precision(&survey),
         Some(Command::Stability(it)) => stability(&it),
     }
 }
 
-fn later(name: &str, _: &Later) -> Stop {
-    let instead = "commands that are there: run, plan, scenes";
-    Error::not_available(format!("the command {name}"), instead).into()
+/// Error bars against stored truths.
+fn calibrate(out: Option<&Path>) -> std::result::Result<(), Stop> {
+    let folder = match out {
+        Some(path) => Some(Folder::open(path, Existing::Refuse)?),
+        None => None,
+    };
+    let cases = truths::cases()?;
+    let bar = ProgressBar::with_draw_target(
+        Some((cases.len() * calibration::TOLERANCES.len()) as u64),
+        ProgressDrawTarget::stderr(),
+    );
+    let calibration = Calibration::of(&cases, &calibration::TOLERANCES, &mut |_| {
+        bar.inc(1);
+        Ok(())
+    });
+    bar.finish_and_clear();
+    let calibration = calibration?;
+    if let Some(folder) = &folder {
+        folder.write(&[calibration.csv()])?;
+    }
+    print(&calibration.to_string())
 }
 
 fn no_such_scene(name: &str) -> Stop {
@@ -372,6 +411,8 @@ fn precision(survey: &Survey) -> std::result::Result<(), Stop> {
             bar.tick();
         })?);
         bar.inc(methods.len() as u64);
+        // What is done is there, whatever comes.
+        folder.write(&precision::files(&surveys, &[])?)?;
     }
     let mut costs = Vec::new();
     if survey.only.is_none() || survey.wants("cost") {
@@ -392,6 +433,74 @@ fn survey_bar(jobs: usize) -> ProgressBar {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}");
     ProgressBar::with_draw_target(Some(jobs as u64), ProgressDrawTarget::stderr())
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Runs folders of the paper and writes their page and pictures.
+fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
+    let named = !options.folders.is_empty();
+    let list = if named {
+        options.folders.clone()
+    } else {
+        validation::folders(Path::new("validation"))?
+    };
+    let folders: Vec<_> = list
+        .iter()
+        .map(|path| validation::Folder::read(path))
+        .collect::<Result<_>>()?;
+    let root = list[0].canonicalize().unwrap_or_else(|_| list[0].clone());
+    let root = root.parent().unwrap_or(Path::new(".")).to_owned();
+    let target = options.out.clone().unwrap_or_else(|| root.clone());
+    // In their own folders nothing is cleared: the scenes are there.
+    let existing = if options.force {
+        Existing::Force
+    } else {
+        Existing::Refuse
+    };
+    let _held = match &options.out {
+        Some(path) => Some(Folder::open(path, existing)?),
+        None => None,
+    };
+    let mut outcomes = Vec::new();
+    for folder in &folders {
+        let start = std::time::Instant::now();
+        let bar = ProgressBar::new_spinner();
+        bar.set_draw_target(if options.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        });
+        let outcome = folder.run(&|label| bar.set_message(format!("{}  {label}", folder.name)))?;
+        bar.finish_and_clear();
+        let place = target.join(&outcome.name);
+        std::fs::create_dir_all(&place).map_err(|source| Error::Io {
+            path: place.clone(),
+            source,
+        })?;
+        report::folder::write(&place, &outcome.pictures)?;
+        if !options.quiet {
+            let counts = validation::readme::counts(&outcome.rows);
+            let counts: Vec<String> = counts.iter().map(|(it, n)| format!("{n} {it}")).collect();
+            let seconds = plan::seconds(start.elapsed().as_secs_f64());
+            let line = format!("{:<12} {} ({seconds})\n", outcome.name, counts.join(", "));
+            print(&line)?;
+        }
+        outcomes.push(outcome);
+    }
+    let path = target.join(validation::readme::NAME);
+    let earlier = std::fs::read_to_string(&path).unwrap_or_default();
+    let equations = validation::equations::read(&root)?;
+    let equations = equations.map(|list| validation::equations::table(&list));
+    let there = |name: &str| target.join(name).is_dir();
+    let text = validation::readme::page(&outcomes, equations.as_deref(), &earlier, &there);
+    let file = report::File {
+        name: validation::readme::NAME.into(),
+        bytes: text.into_bytes(),
+    };
+    report::folder::write(&target, &[file])?;
+    if options.quiet {
+        return Ok(());
+    }
+    print(&format!("files: {}\n", path.display()))
 }
 
 fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {

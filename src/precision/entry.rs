@@ -1,6 +1,7 @@
 //! Runs of every method at every level, timed again and again.
 
 use super::case::Case;
+use super::clock::Clock;
 use super::method::{Level, Method};
 use super::reference::{Errors, Reference};
 use super::solve::{Answer, solve};
@@ -35,6 +36,8 @@ pub struct Entry {
     pub errors: Errors,
     /// Wall times of the repeated runs, ascending, set-up included.
     pub seconds: Vec<f64>,
+    /// Least processor time of the runs, of all threads: what it costs on a machine that others use too.
+    pub processor: f64,
 }
 
 impl Entry {
@@ -137,10 +140,13 @@ fn entry(
     effort: Effort,
     reference: &Reference,
 ) -> Result<Entry> {
-    let timed = |seed: u64| -> Result<(Answer, f64)> {
-        let clock = Instant::now();
+    let mut processor = f64::INFINITY;
+    let mut timed = |seed: u64| -> Result<(Answer, f64)> {
+        let (clock, used) = (Instant::now(), Clock::new());
         let answer = solve(case, method, level, seed)?;
-        Ok((answer, clock.elapsed().as_secs_f64()))
+        let seconds = clock.elapsed().as_secs_f64();
+        processor = processor.min(used.seconds());
+        Ok((answer, seconds))
     };
     let (answer, first) = timed(1)?;
     let runs = match effort {
@@ -166,6 +172,7 @@ fn entry(
         memory: answer.memory,
         errors: root_mean_square(&errors),
         seconds,
+        processor,
     })
 }
 

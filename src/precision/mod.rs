@@ -1,5 +1,6 @@
 //! Error against run time: every scheme on every case, against closed forms or against a finer run of
-//! another method, with set-up included in every time.
+//! another method, with set-up included in every time. And error bars against stored truths:
+//! [`calibration`].
 //!
 //! ```
 //! use vibroimpact::precision::{Effort, Method, cases, survey};
@@ -10,13 +11,16 @@
 //! # Ok::<(), vibroimpact::Error>(())
 //! ```
 
+pub mod calibration;
 mod case;
+mod clock;
 mod cost;
 mod entry;
 mod method;
 mod reference;
 mod solve;
 mod table;
+pub mod truths;
 
 pub use case::{Case, cases};
 pub use cost::{Cost, CostOf, costs};

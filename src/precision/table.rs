@@ -6,7 +6,7 @@ use super::method::Method;
 use crate::error::Result;
 use crate::plan::bytes;
 use crate::report::File;
-use crate::report::plot::{Chart, Curve, log_log};
+use crate::report::plot::{LogChart, LogCurve, log_log};
 use std::fmt::Write;
 
 /// Error levels of the tables.
@@ -218,7 +218,7 @@ fn machine() -> String {
 fn csv(surveys: &[Survey]) -> String {
     let mut all = String::from(
         "case,method,cells q,cells v,unknowns,paths,steps,memory (bytes),time median (s),time fastest (s),\
-         time slowest (s),runs,L1 error,E[v^2] error (T),E[H] error (T),P(loss) error,numerical over physical \
+         time slowest (s),processor time (s),runs,L1 error,E[v^2] error (T),E[H] error (T),P(loss) error,numerical over physical \
          diffusion\n",
     );
     for survey in surveys {
@@ -227,7 +227,7 @@ fn csv(surveys: &[Survey]) -> String {
             let [fast, slow] = it.spread();
             let _ = writeln!(
                 all,
-                "{},\"{}\",{},{},{},{},{},{},{:.4e},{fast:.4e},{slow:.4e},{},{},{:.4e},{:.4e},{},{:.4e}",
+                "{},\"{}\",{},{},{},{},{},{},{:.4e},{fast:.4e},{slow:.4e},{:.4e},{},{},{:.4e},{:.4e},{},{:.4e}",
                 survey.case.name,
                 it.method,
                 it.cells[0],
@@ -237,6 +237,7 @@ fn csv(surveys: &[Survey]) -> String {
                 it.steps,
                 it.memory,
                 it.median(),
+                it.processor,
                 it.seconds.len(),
                 number(it.errors.l1),
                 it.errors.square_speed,
@@ -264,10 +265,10 @@ fn cost_csv(costs: &[Cost]) -> String {
 }
 
 fn picture(survey: &Survey) -> Result<File> {
-    let curves = |x: &dyn Fn(&Entry) -> f64, y: &dyn Fn(&Entry) -> Option<f64>| -> Vec<Curve> {
+    let curves = |x: &dyn Fn(&Entry) -> f64, y: &dyn Fn(&Entry) -> Option<f64>| -> Vec<LogCurve> {
         methods(survey)
             .into_iter()
-            .map(|method| Curve {
+            .map(|method| LogCurve {
                 name: method.to_string(),
                 points: of(survey, method)
                     .into_iter()
@@ -286,17 +287,17 @@ fn picture(survey: &Survey) -> Result<File> {
         }
     };
     let charts = [
-        Chart {
+        LogChart {
             x: "seconds, set-up included".into(),
             y: "L1 error of the density".into(),
             curves: curves(&time, &|it| it.errors.l1),
         },
-        Chart {
+        LogChart {
             x: "seconds, set-up included".into(),
             y: "error of E[H], in T".into(),
             curves: curves(&time, &|it| Some(it.errors.energy)),
         },
-        Chart {
+        LogChart {
             x: "cells per direction, or square root of paths".into(),
             y: "L1 error; E[H] of paths".into(),
             curves: curves(&work, &|it| Some(it.main_error())),

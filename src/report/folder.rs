@@ -58,6 +58,9 @@ fn is_ours(name: &OsStr) -> bool {
         "flights.svg",
         "decay_rates.csv",
         "approach.csv",
+        "spectrum.csv",
+        "spectrum.npz",
+        "spectrum.svg",
         "steady.npz",
         "steady.svg",
         "force.svg",
@@ -167,26 +170,35 @@ impl Folder {
     /// # Errors
     /// [`Error::Io`] where the system refuses.
     pub fn write(&self, files: &[File]) -> Result<()> {
-        for file in files {
-            let target = self.path.join(&file.name);
-            let beside = self.path.join(format!(".{}.part", file.name));
-            let written = (|| {
-                let mut it = fs::File::create(&beside)?;
-                it.write_all(&file.bytes)?;
-                it.sync_data()?;
-                drop(it);
-                fs::rename(&beside, &target)
-            })();
-            written.map_err(|source| {
-                let _ = fs::remove_file(&beside);
-                Error::Io {
-                    path: target,
-                    source,
-                }
-            })?;
-        }
-        Ok(())
+        write(&self.path, files)
     }
+}
+
+/// Write files into a folder that exists, whatever it holds: each beside its place first, then renamed
+/// into it.
+///
+/// # Errors
+/// [`Error::Io`] where the system refuses.
+pub fn write(folder: &Path, files: &[File]) -> Result<()> {
+    for file in files {
+        let target = folder.join(&file.name);
+        let beside = folder.join(format!(".{}.part", file.name));
+        let written = (|| {
+            let mut it = fs::File::create(&beside)?;
+            it.write_all(&file.bytes)?;
+            it.sync_data()?;
+            drop(it);
+            fs::rename(&beside, &target)
+        })();
+        written.map_err(|source| {
+            let _ = fs::remove_file(&beside);
+            Error::Io {
+                path: target,
+                source,
+            }
+        })?;
+    }
+    Ok(())
 }
 
 impl Drop for Folder {
