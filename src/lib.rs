@@ -31,12 +31,15 @@
 //! | The stationary law in closed form | [`stationary`] |
 //! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
+//! | Spectra from records and correlation functions | [`spectrum`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
 //! | The paper, number by number | [`validation`] |
+//! | Whether error bars are true | [`precision`] |
 
 pub mod contact;
+pub mod conventions;
 pub mod error;
 pub mod estimate;
 pub mod fokker_planck;
@@ -47,6 +50,7 @@ pub mod moments;
 pub mod monte_carlo;
 pub mod oscillator;
 pub mod plan;
+pub mod precision;
 pub mod quadrature;
 pub mod report;
 pub mod results;
@@ -54,6 +58,7 @@ pub mod rig;
 pub mod scales;
 pub mod scene;
 pub mod sparse;
+pub mod spectrum;
 pub mod stationary;
 pub mod validation;
 

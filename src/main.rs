@@ -9,6 +9,8 @@ use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use vibroimpact::plan::{self, Part, Plan, Watch};
+use vibroimpact::precision::calibration::{self, Calibration};
+use vibroimpact::precision::truths;
 use vibroimpact::report::folder::{Existing, Folder};
 use vibroimpact::report::{self, terminal};
 use vibroimpact::results::Results;
@@ -51,8 +53,15 @@ enum Command {
     },
     /// The paper's tables and figures against ours: validation/README.md and its pictures
     Validate(ValidateOptions),
-    /// Error against run time (not available yet)
-    Precision(Later),
+    /// Error against run time (not available yet); with --calibrate, error bars against stored truths
+    Precision {
+        /// Hold the error bars of random scenes against what their numbers are known to be
+        #[arg(long)]
+        calibrate: bool,
+        /// Folder for every number as a file [default: none is written]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// The stiff and extreme scenes (not available yet)
     Stability(Later),
 }
@@ -209,9 +218,35 @@ fn command(cli: Cli) -> std::result::Result<(), Stop> {
             None => Err(no_such_scene(&name)),
         },
         Some(Command::Validate(options)) => validate(&options),
-        Some(Command::Precision(it)) => Err(later("precision", &it)),
+        Some(Command::Precision { calibrate, out }) => precision(calibrate, out.as_deref()),
         Some(Command::Stability(it)) => Err(later("stability", &it)),
     }
+}
+
+fn precision(calibrate: bool, out: Option<&Path>) -> std::result::Result<(), Stop> {
+    if !calibrate {
+        let instead = "precision --calibrate is there";
+        return Err(Error::not_available("the command precision", instead).into());
+    }
+    let folder = match out {
+        Some(path) => Some(Folder::open(path, Existing::Refuse)?),
+        None => None,
+    };
+    let cases = truths::cases()?;
+    let bar = ProgressBar::with_draw_target(
+        Some((cases.len() * calibration::TOLERANCES.len()) as u64),
+        ProgressDrawTarget::stderr(),
+    );
+    let calibration = Calibration::of(&cases, &calibration::TOLERANCES, &mut |_| {
+        bar.inc(1);
+        Ok(())
+    });
+    bar.finish_and_clear();
+    let calibration = calibration?;
+    if let Some(folder) = &folder {
+        folder.write(&[calibration.csv()])?;
+    }
+    print(&calibration.to_string())
 }
 
 fn later(name: &str, _: &Later) -> Stop {

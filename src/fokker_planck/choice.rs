@@ -2,7 +2,7 @@
 
 use super::density::Density;
 use super::domain::Domain;
-use super::flow_map;
+use super::flow_map::{self, FlowMap};
 use super::flux::Drift;
 use super::generator::Generator;
 use super::march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step};
@@ -410,8 +410,16 @@ pub(super) fn propagator(
 ) -> Result<Propagator> {
     match way {
         Way::FlowMap => {
-            let settings = flow_map_settings(oscillator, settings, longer)?;
-            Propagator::flow_map(oscillator, mesh, settings)
+            let mut automatic = flow_map_settings(oscillator, settings, longer)?;
+            let shortest = FlowMap::shortest_step(oscillator, mesh);
+            if settings.step.is_some() && automatic.step < shortest {
+                let accepted = format!(
+                    "at least {shortest:.2e} for the flow map on this mesh: shorter steps let grid noise grow"
+                );
+                return Err(Error::invalid("method.step", automatic.step, accepted));
+            }
+            automatic.step = automatic.step.max(shortest);
+            Propagator::flow_map(oscillator, mesh, automatic)
         }
         Way::Volumes(time) => {
             let generator = Generator::new(oscillator, mesh, drift)?;

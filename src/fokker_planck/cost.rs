@@ -19,6 +19,8 @@ pub enum Task {
     Steady,
     /// The slowest decay rates.
     DecayRates,
+    /// A spectrum.
+    Spectrum,
 }
 
 /// The cost of a task and what it would be done with. Lays out the mesh and takes no step on it: seconds
@@ -34,6 +36,7 @@ pub fn cost(
 ) -> Result<(Cost, String)> {
     let until = match task {
         Task::Transient { until } => until,
+        Task::Spectrum => return Ok(super::spectrum::cost(settings)),
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;

@@ -227,7 +227,7 @@ impl Density {
         let mass = self.mass();
         let negative = self.negative_mass();
         if negative > 0.0 {
-            let scale = mass / (mass + negative);
+            let scale = mass.max(0.0) / (mass + negative);
             for p in &mut self.cells {
                 *p = p.max(0.0) * scale;
             }

@@ -22,9 +22,11 @@
 //! - Mass: interpolation keeps it to its own error. A constant is added to g that keeps it exactly;
 //!   constants pass unchanged through every part of a step, so one addition at the end is the same as
 //!   one in every step. The raw defect is reported: a free measure of the interpolation error.
-//! - Short steps: where a pass moves most points by less than a tenth of a cell the shortest waves along
-//!   q are not damped, and thousands of such passes let them grow to 1e-3 and more. A step is bounded by
-//!   accuracy, not by stability; it should not be far below that bound.
+//! - Loss of contact: g bends there, its second derivative along q by a jump of the stiffness (bilinear) or
+//!   without bound (Hertz), and where orbits graze it no expansion holds. Each pass leaves an error of order 3
+//!   there, which adds up over the passes: fewer, longer steps are not only cheaper but more accurate.
+//! - Short steps: where a pass moves most points by less than a fifth of a cell the shortest waves along
+//!   q are not damped, and hundreds of such passes let them grow ([`FlowMap::shortest_step`]).
 //! - Sign: no linear scheme of this order is positive. The negative mass is reported;
 //!   [`Settings::positive`] clips it and rescales.
 
@@ -349,6 +351,17 @@ impl FlowMap {
         &self.settings
     }
 
+    /// Shortest step that lets no grid noise grow: a point at the thermal speed crosses a quarter of a cell.
+    /// Measured at zeta = 1e-3 and 0.005 to t = 150, on 60 x 44 and 90 x 66 cells: waves as short as the mesh
+    /// stay as they are from 0.26 cells on, grow by a third at 0.17, and thirtyfold at 0.1.
+    pub fn shortest_step(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
+        if !oscillator.contact().is_confining() {
+            return 0.0;
+        }
+        let (_, width) = mesh.q.at(mesh.q.locate(0.0));
+        0.25 * width / oscillator.temperature().sqrt()
+    }
+
     /// Steps, mass defect and negative mass so far.
     pub fn progress(&self) -> Progress {
         self.progress
@@ -406,6 +419,11 @@ impl FlowMap {
         }
         self.balance(before);
         self.write(density);
+        let negative = density.negative_mass();
+        self.progress.negative = self.progress.negative.max(negative);
+        if self.settings.positive {
+            density.clip();
+        }
         Ok(())
     }
 
@@ -422,7 +440,8 @@ impl FlowMap {
         let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
         let tau = duration / steps;
         let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
-        let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * tau * steps;
+        // Intervals between output times differ by the rounding of the times: the same maps serve.
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * duration;
         if self.maps.len() > KEPT {
             self.maps.clear();
             self.matrices.clear();
@@ -594,7 +613,7 @@ impl FlowMap {
         self.sum(|g| g)
     }
 
-    /// Restores the mass and, if wanted, the sign.
+    /// Restores the mass.
     fn balance(&mut self, before: f64) {
         let defect = self.mass() - before;
         self.progress.defect += defect.abs();
@@ -602,19 +621,6 @@ impl FlowMap {
             let constant = defect / self.sum(|_| 1.0);
             for g in &mut self.buffers.values {
                 *g -= constant;
-            }
-        }
-        let negative = self.sum(|g| (-g).max(0.0));
-        self.progress.negative = self.progress.negative.max(negative);
-        if self.settings.positive && negative > 0.0 {
-            let mass = self.mass();
-            let factor = if mass > 0.0 {
-                mass / (mass + negative)
-            } else {
-                0.0
-            };
-            for g in &mut self.buffers.values {
-                *g = g.max(0.0) * factor;
             }
         }
     }

@@ -31,6 +31,6 @@ pub use cost::{Task, cost};
 pub use density::Snapshot;
 pub use flux::Drift;
 pub use modes::{DecayRate, decay_rates};
-pub use spectrum::{Spectrum, spectrum};
+pub use spectrum::{Peak, Spectrum, spectrum};
 pub use steady::{Steady, steady};
 pub use transient::{Transient, transient};

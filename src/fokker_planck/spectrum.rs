@@ -9,7 +9,7 @@
 //! the peak, as on it. The operator is that of [`super::hermite`], the frequencies come all from one
 //! small model ([`super::reduced`]).
 
-use super::choice::Settings;
+use super::choice::{Cost, Settings};
 use super::hermite::{Hierarchy, Resolution};
 use super::reduced::{Answer, Reduced};
 use crate::error::{Error, Result, finite};
@@ -70,6 +70,129 @@ impl Spectrum {
         errors
             .map(|(w, it)| (relative(it), *w))
             .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
+    }
+}
+
+/// A peak of a spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// Its circular frequency.
+    pub omega: Estimate,
+    /// The density there.
+    pub density: Estimate,
+    /// Width between the frequencies to either side where the density is half of it; None where it does
+    /// not fall that far before it rises again or ends.
+    pub width: Option<Estimate>,
+}
+
+/// A maximum is a peak if it stands out by this factor over the higher of the valleys to either side.
+const STANDS_OUT: f64 = 1.1;
+
+impl Spectrum {
+    /// The density at any frequency within the range of `omega`, from the model of all of them.
+    pub fn at(&self, omega: f64) -> f64 {
+        FRAC_2_PI * self.model.at(omega).value
+    }
+
+    /// The largest relative error within 0.1 of a frequency.
+    fn relative_error(&self, omega: f64) -> f64 {
+        let near = self.omega.iter().zip(&self.density);
+        let near = near.filter(|(w, _)| (*w - omega).abs() <= 0.1);
+        near.map(|(_, it)| it.error / it.value.abs().max(f64::MIN_POSITIVE))
+            .fold(0.0, f64::max)
+    }
+
+    /// The peaks within the range, the highest first.
+    pub fn peaks(&self) -> Vec<Peak> {
+        let value = |k: usize| self.density[k].value;
+        let n = self.omega.len();
+        let mut peaks = Vec::new();
+        for k in 1..n.saturating_sub(1) {
+            if value(k) <= value(k - 1) || value(k) < value(k + 1) {
+                continue;
+            }
+            // The lowest point before something higher, to either side.
+            let valley = |range: &mut dyn Iterator<Item = usize>| {
+                range
+                    .map(value)
+                    .take_while(|v| *v <= value(k))
+                    .fold(value(k), f64::min)
+            };
+            let saddle = valley(&mut (0..k).rev()).max(valley(&mut (k + 1..n)));
+            if value(k) > STANDS_OUT * saddle {
+                peaks.push(self.peak(k));
+            }
+        }
+        peaks.sort_by(|a, b| b.density.value.total_cmp(&a.density.value));
+        peaks
+    }
+
+    /// The peak at the maximum `k` of the samples.
+    fn peak(&self, k: usize) -> Peak {
+        let ln = |omega: f64| self.at(omega).max(f64::MIN_POSITIVE).ln();
+        let (mut low, mut high) = (self.omega[k - 1], self.omega[k + 1]);
+        // Golden section; a maximum is known to the root of the rounding.
+        let golden = 0.5 * (5f64.sqrt() - 1.0);
+        while high - low > 1e-8 * high {
+            let (a, b) = (high - golden * (high - low), low + golden * (high - low));
+            if ln(a) > ln(b) {
+                high = b;
+            } else {
+                low = a;
+            }
+        }
+        let omega = 0.5 * (low + high);
+        let density = self.at(omega);
+        let half = |step: &dyn Fn(usize) -> Option<usize>| -> Option<f64> {
+            let (mut at, mut inner) = (k, omega);
+            loop {
+                at = step(at)?;
+                let outer = self.omega[at];
+                if self.density[at].value > density {
+                    return None;
+                }
+                if self.density[at].value < 0.5 * density {
+                    let (mut inside, mut outside) = (inner, outer);
+                    for _ in 0..50 {
+                        let middle = 0.5 * (inside + outside);
+                        if self.at(middle) > 0.5 * density {
+                            inside = middle;
+                        } else {
+                            outside = middle;
+                        }
+                    }
+                    return Some(0.5 * (inside + outside));
+                }
+                inner = outer;
+            }
+        };
+        let below = half(&|at| at.checked_sub(1));
+        let above = half(&|at| Some(at + 1).filter(|at| *at < self.omega.len()));
+        let share = self.relative_error(omega);
+        let width = below.zip(above).map(|(below, above)| above - below);
+        // Errors of the density move a maximum by their slope over its curvature: at most by about the
+        // width times their share.
+        let moved = width.unwrap_or(omega) * share + 1e-8 * omega;
+        let estimate = |value: f64, error: f64| Estimate::new(value, error, Origin::Space);
+        Peak {
+            omega: estimate(omega, moved),
+            density: estimate(density, density * share),
+            width: width.map(|width| estimate(width, 2.0 * moved)),
+        }
+    }
+
+    /// The highest peak beyond one and a half times the frequency of the highest of all, over it: how
+    /// strong the second harmonic is, as a ratio of densities.
+    pub fn harmonic_ratio(&self) -> Option<Estimate> {
+        let peaks = self.peaks();
+        let main = peaks.first()?;
+        let second = peaks
+            .iter()
+            .find(|it| it.omega.value > 1.5 * main.omega.value)?;
+        let ratio = second.density.value / main.density.value;
+        let share = |it: &Peak| it.density.error / it.density.value;
+        let error = ratio * (share(main) + share(second));
+        Some(Estimate::new(ratio, error, Origin::Space))
     }
 }
 
@@ -214,4 +337,32 @@ fn estimates(omegas: &[f64], coarse: &[Answer], fine: &[Answer]) -> Vec<Estimate
             Estimate::new(value, error, Origin::Space)
         })
         .collect()
+}
+
+/// What a spectrum takes: cells are functions of q and of v, steps frequencies to solve for.
+pub fn cost(settings: &Settings) -> (Cost, String) {
+    // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
+    // one round more.
+    let mut resolution = first(settings);
+    let rounds = match settings.cells {
+        Some(_) => 1,
+        None => 4 + (-3.0 - settings.tolerance.log10()).clamp(0.0, 4.0) as usize,
+    };
+    for _ in 0..rounds {
+        resolution = finer(resolution);
+    }
+    let solves = 55.0;
+    // 5e9 operations a second and processor, and the coarser operators half as much again.
+    let seconds = 1.5 * solves * resolution.operations() / 5e9;
+    let threads = rayon::current_num_threads() as f64;
+    let cost = Cost {
+        cells: [resolution.across(), 2 * resolution.pairs],
+        steps: solves as u64,
+        memory: resolution.memory() * threads as u64
+            + (2 * 16 * solves as usize * resolution.across() * 2 * resolution.pairs) as u64,
+        seconds: seconds / threads,
+    };
+    let method = "resolvent in Hermite functions and spectral elements; a reduced model joins the \
+                  frequencies";
+    (cost, method.into())
 }

@@ -2,6 +2,7 @@
 //!
 //! - [`run`]: an ensemble, its moments and densities at given times;
 //! - [`records`]: long records, stationary statistics and losses of contact;
+//! - [`series`]: sampled records, for spectra;
 //! - [`first_loss`]: how long contact survives.
 //!
 //! ```
@@ -39,6 +40,7 @@ mod noise;
 mod paths;
 mod records;
 mod scheme;
+mod series;
 mod signal;
 mod statistics;
 
@@ -48,6 +50,7 @@ pub use first_loss::{FirstLossResult, first_loss};
 pub use histogram::Histogram;
 pub use records::{RecordResult, RecordSettings, RecordSize, record_size, records};
 pub use scheme::Scheme;
+pub use series::{SeriesSettings, SeriesSize, series, series_size};
 
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
