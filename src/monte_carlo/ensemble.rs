@@ -94,6 +94,7 @@ pub fn run(
         .map(|(frames, sums)| sums.moments(oscillator.contact(), frames))
         .collect();
     let mut warnings = Vec::from_iter(plan.warning.clone());
+    warnings.extend(settings.noise.warning(oscillator.zeta()));
     let finite = |m: &Moments| m.mean_energy.value.is_finite();
     if let Some(k) = moments.iter().position(|m| !finite(m)) {
         warnings.push(format!(
