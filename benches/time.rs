@@ -1,9 +1,9 @@
 //! What time costs: the generator per cell, factorisations and solves, and a unit of time per scheme.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use std::hint::black_box;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
+use std::hint::black_box;
 use std::time::Duration;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::density::Density;

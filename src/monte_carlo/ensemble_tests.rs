@@ -341,7 +341,7 @@ fn few_cosines_raise_the_kurtosis_as_the_warning_says() {
     for (count, expected) in [(40, Some("1.91")), (200, Some("0.38")), (4000, None)] {
         let cosines = EnsembleSettings {
             noise: Noise::Cosines { count, band: 16.0 },
-            ..settings(if count > 1000 { 160 } else { 16_000 })
+            ..settings(if count > 1000 { 160 } else { 8_000 })
         };
         let got = run(&it, &Initial::Rest, &[80.0], &cosines, &quiet).unwrap();
         let kurtosis = got.moments[0].kurtosis_force;
