@@ -1,5 +1,6 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
 
+mod bars;
 pub mod choice;
 pub mod cost;
 pub mod density;
@@ -20,6 +21,7 @@ mod ornstein_uhlenbeck;
 mod packet;
 mod propagator;
 mod radius;
+mod refinement;
 mod reduced;
 pub mod spectrum;
 pub mod steady;
