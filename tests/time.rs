@@ -322,7 +322,7 @@ fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair()
             best.2,
             best.1
         );
-        assert!(error < tolerance && 2 * chebyshev.applied() < best.0);
+        assert!(error < tolerance && 3 * chebyshev.applied() < 2 * best.0);
     }
 }
 
@@ -369,7 +369,7 @@ fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
 #[test]
 fn rough_data_need_no_low_order_steps_of_an_l_stable_scheme() {
     // All probability in one cell, stiff friction and diffusion: where Crank-Nicolson would ring for ever.
-    let case = Case::hertz(5.0, 0.63, 11.0, [40, 30], (1.0, 0.4), 2.0);
+    let case = Case::hertz(5.0, 0.63, 11.0, [40, 30], (1.0, 0.7), 2.0);
     let rough = Density::at_equilibrium(&case.generator, &case.oscillator);
     let case = Case {
         start: rough,

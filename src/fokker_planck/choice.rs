@@ -198,7 +198,7 @@ pub(super) fn thermal_widths(oscillator: &Oscillator, tolerance: f64) -> [f64; 2
 /// Cells of q and v that a Gaussian start asks for: half the cells of a thermal deviation are enough
 /// where noise smooths the start; 2.5 leave the coarse run, with three quarters of them and as many in the
 /// margins, 1.5.
-fn start_widths(deviation: [f64; 2], tolerance: f64) -> [f64; 2] {
+pub(super) fn start_widths(deviation: [f64; 2], tolerance: f64) -> [f64; 2] {
     deviation.map(|d| d / (0.6 * cells_per_deviation(tolerance)).max(2.5))
 }
 

@@ -55,6 +55,14 @@ impl Frame {
         [self.area() / self.deviation()[1], self.lower[2]]
     }
 
+    /// The smaller semi-axis of the ellipse of one deviation: the smaller singular value of L.
+    pub(super) fn narrowest(&self) -> f64 {
+        let [a, b, c] = self.lower;
+        let (sum, difference) = ((a + c).hypot(b), (a - c).hypot(b));
+        // Product over the larger one: no digits are lost.
+        self.area() / (0.5 * (sum + difference))
+    }
+
     /// The frame of the image of a law with this `mean` and `lower` factor in xi under `map`, exact for
     /// polynomials of degree 2 of a Gaussian: nine points of the Gauss-Hermite rule, and the triangular
     /// factor from their differences, never squared (Arasaratnam and Haykin, IEEE Trans. Autom. Control
@@ -109,6 +117,9 @@ mod tests {
         for (x, y) in image.lower.iter().zip(exact.lower) {
             assert!((x - y).abs() < 1e-14, "{image:?} {exact:?}");
         }
+        let trace = 0.13f64;
+        let smaller = 0.5 * (trace - (trace * trace - 4.0 * (0.04 * 0.09 - 0.0001)).sqrt());
+        assert!((frame.narrowest() - smaller.sqrt()).abs() < 1e-14);
         let [q, v] = frame.locate(frame.at([0.3, -1.7]));
         assert!((q - 0.3).abs() < 1e-13 && (v + 1.7).abs() < 1e-13);
     }

@@ -116,6 +116,7 @@ pub fn run(
              is not that to white noise"
         ));
     }
+    warnings.extend(settings.noise.warning(oscillator.zeta()));
     let finite = |m: &Moments| m.mean_energy.value.is_finite();
     if let Some(k) = moments.iter().position(|m| !finite(m)) {
         warnings.push(format!(

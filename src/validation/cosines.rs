@@ -7,6 +7,7 @@
 use crate::estimate::{Estimate, Origin};
 use crate::oscillator::Oscillator;
 use rand::{Rng, RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -17,7 +18,7 @@ const LANES: usize = 8;
 /// How a record is made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Procedure {
-    /// Number M of cosines.
+    /// Number M of cosines; 0 for white noise in their place.
     pub count: usize,
     /// Highest circular frequency.
     pub band: f64,
@@ -63,14 +64,32 @@ impl Draws {
 }
 
 /// f of one draw, step by step.
-struct Excitation {
+enum Excitation {
+    Cosines(Cosines),
+    /// Independent normals of this deviation, so that their density is h up to the highest frequency.
+    White(Xoshiro256PlusPlus, f64),
+}
+
+impl Excitation {
+    fn next(&mut self) -> f64 {
+        match self {
+            Self::Cosines(it) => it.next(),
+            Self::White(rng, deviation) => {
+                let normal: f64 = StandardNormal.sample(rng);
+                *deviation * normal
+            }
+        }
+    }
+}
+
+struct Cosines {
     cos: Vec<[f64; LANES]>,
     sin: Vec<[f64; LANES]>,
     turn: Vec<[[f64; LANES]; 2]>,
     amplitude: f64,
 }
 
-impl Excitation {
+impl Cosines {
     fn new(procedure: &Procedure, level: f64, rng: &mut impl Rng) -> Self {
         let groups = procedure.count.div_ceil(LANES);
         let step = TAU / f64::from(procedure.steps);
@@ -118,8 +137,12 @@ impl Procedure {
         mut see: impl FnMut(u32, f64),
     ) {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let mut excitation = Excitation::new(self, oscillator.h(), &mut rng);
         let step = TAU / f64::from(self.steps);
+        let mut excitation = if self.count == 0 {
+            Excitation::White(rng, (TAU * oscillator.h() / step).sqrt())
+        } else {
+            Excitation::Cosines(Cosines::new(self, oscillator.h(), &mut rng))
+        };
         let damping = oscillator.zeta() * step;
         let (mut before, mut q) = (0.0, 0.0);
         for k in 0..periods * self.steps {

@@ -4,6 +4,7 @@
 use super::cosines::{Draws, Procedure};
 use super::damping;
 use super::folder::Run;
+use super::spectra::Spectra;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
@@ -24,7 +25,13 @@ pub struct Evidence<'a> {
     runs: &'a [Run],
     draws: RefCell<BTreeMap<String, Draws>>,
     restarts: RefCell<BTreeMap<String, [f64; 3]>>,
+    spectra: Spectra,
 }
+
+const STATISTICS: [&str; 3] = ["mean", "std", "skewness"];
+
+/// "A number of spectrum up to 400", section 5.2.
+const RECORDS: f64 = 400.0;
 
 impl<'a> Evidence<'a> {
     /// For one folder and its runs.
@@ -34,6 +41,7 @@ impl<'a> Evidence<'a> {
             runs,
             draws: RefCell::default(),
             restarts: RefCell::default(),
+            spectra: Spectra::default(),
         }
     }
 
@@ -49,6 +57,9 @@ impl<'a> Evidence<'a> {
     ///   out of contact is `share`;
     /// - `surplus.skewness KEYS`: of N, with so much more probability at the force of flight than is due;
     /// - `restarts.std|skewness KEYS`: over records that begin at rest, their beginnings not left out;
+    /// - `rest-records.std|skewness KEYS`: the mean over such records of the number of each record; the error
+    ///   is that of the mean of 400 records;
+    /// - `spectrum.* KEYS`: see [`super::spectra`];
     /// - `density.worst LABEL`: the largest distance between the sampled and the closed p_N over the bins,
     ///   in standard errors, and `density.chi_square LABEL`: the mean of its squares.
     ///
@@ -59,7 +70,7 @@ impl<'a> Evidence<'a> {
         if let Some(which) = kind.strip_prefix("damping.") {
             return damping::number(self.folder, which);
         }
-        let unknown = || Error::invalid("computed", path, "damping, draws, restarts or density");
+        let unknown = || Error::invalid("computed", path, "a kind of number of src/validation/evidence.rs");
         if let Some(which) = kind.strip_prefix("density.") {
             let run = self.runs.iter().find(|run| run.label == keys);
             let [worst, chi_square] = run
@@ -80,6 +91,15 @@ impl<'a> Evidence<'a> {
                 .iter()
                 .position(|it| *it == which);
             return Ok(draws.spread(k.ok_or_else(unknown)?));
+        }
+        if let Some(which) = kind.strip_prefix("rest-records.") {
+            let k = STATISTICS.iter().position(|it| *it == which);
+            let it = self.rest_records(path, &keys)?.spread(k.ok_or_else(unknown)?);
+            return Ok(Estimate::new(it.value, it.error / RECORDS.sqrt(), Origin::Sampling));
+        }
+        if let Some(which) = kind.strip_prefix("spectrum.") {
+            let oscillator = keys.oscillator()?;
+            return self.spectra.number(&oscillator, which)?.ok_or_else(unknown);
         }
         if let Some(which) = kind.strip_prefix("records.") {
             let found = keys.records()?.named();
@@ -113,6 +133,24 @@ impl<'a> Evidence<'a> {
             ));
         }
         Err(unknown())
+    }
+
+    /// Statistics of each of 1600 records that begin at rest, under white noise.
+    fn rest_records(&self, path: &str, keys: &Keys) -> Result<Draws> {
+        let address = path.split_once(' ').map_or("", |it| it.1);
+        let address = format!("rest {address}");
+        if let Some(it) = self.draws.borrow().get(&address) {
+            return Ok(it.clone());
+        }
+        let procedure = Procedure {
+            count: 0,
+            before: 0,
+            periods: keys.get("periods", 250.0) as u32,
+            ..Procedure::default()
+        };
+        let it = procedure.draws(&keys.oscillator()?, 1600);
+        self.draws.borrow_mut().insert(address, it.clone());
+        Ok(it)
     }
 
     fn draws(&self, path: &str, keys: &Keys) -> Result<Draws> {

@@ -14,6 +14,7 @@ pub mod item;
 pub mod numbers;
 pub mod pictures;
 pub mod readme;
+pub mod spectra;
 
 pub use folder::{Folder, Outcome};
 pub use item::{Row, Verdict};

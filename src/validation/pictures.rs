@@ -2,7 +2,9 @@
 
 use super::cosines::Procedure;
 use super::folder::Run;
+use crate::contact::ContactLaw;
 use crate::error::Result;
+use crate::oscillator::Oscillator;
 use crate::report::File;
 use crate::report::plot::{Chart, Curve, Ink, Stroke, charts};
 use crate::results::centres;
@@ -22,6 +24,9 @@ pub fn of(folder: &str, runs: &[Run]) -> Result<Vec<File>> {
     let panels = match folder {
         "figure-3" | "figure-6" | "figure-8" | "figure-9" => charts_of(&density)?,
         "figure-4" | "figure-7" => charts_of(&trace)?,
+        "figure-2" | "figure-5" => charts_of(&|run| spectrum(run, true))?,
+        "figure-10" | "figure-11" | "figure-12" => charts_of(&|run| spectrum(run, false))?,
+        "figure-13" => charts_of(&both_laws)?,
         "approach" => charts_of(&approach)?,
         _ => Vec::new(),
     };
@@ -118,6 +123,61 @@ fn trace(run: &Run) -> Result<Option<Chart>> {
         log: false,
         curves: vec![Curve::new("", Ink::Blue, Stroke::Line, points)],
     }))
+}
+
+/// The RMS magnitude spectrum of N: over the circular frequency, or over the frequency on the rig.
+fn spectrum(run: &Run, on_the_rig: bool) -> Result<Option<Chart>> {
+    let oscillator = &run.results.scene.oscillator;
+    let curve = magnitude(oscillator, on_the_rig)?;
+    let words = "Fokker-Planck";
+    Ok(Some(spectra(run, on_the_rig, vec![Curve::new(words, Ink::Blue, Stroke::Line, curve)])))
+}
+
+/// Hertz as a thin line and the bilinear law (34) as a thick one, as in Figure 13.
+fn both_laws(run: &Run) -> Result<Option<Chart>> {
+    let hertz = &run.results.scene.oscillator;
+    let linear = Oscillator::new(ContactLaw::Bilinear, hertz.zeta(), hertz.h())?;
+    let thick = magnitude(&linear, false)?;
+    let thin = magnitude(hertz, false)?;
+    let curves = vec![
+        Curve::new("linear in contact (34)", Ink::Grey, Stroke::Thick, thick),
+        Curve::new("Hertz", Ink::Blue, Stroke::Line, thin),
+    ];
+    Ok(Some(spectra(run, false, curves)))
+}
+
+/// log10 of sqrt(G): of N over the circular frequency, or in newtons per root hertz over hertz.
+fn magnitude(oscillator: &Oscillator, on_the_rig: bool) -> Result<Vec<(f64, f64)>> {
+    let it = super::spectra::spectrum(oscillator)?;
+    let rig = Rig::new(110.0, 232.0, 7e-6)?;
+    let (x, y) = if on_the_rig {
+        // The integral over frequency stays the variance.
+        (rig.hertz(1.0), rig.newtons(1.0) / rig.hertz(1.0).sqrt())
+    } else {
+        (1.0, 1.0)
+    };
+    let points = it.omega.iter().zip(&it.density);
+    let log = |p: f64| (y * p.max(0.0).sqrt()).log10();
+    Ok(points.map(|(w, p)| (x * w, log(p.value))).collect())
+}
+
+fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {
+    let top = curves.iter().flat_map(|it| &it.points).map(|it| it.1);
+    let top = top.fold(f64::NEG_INFINITY, f64::max);
+    let (x_label, y_label, end) = if on_the_rig {
+        ("frequency, Hz", "RMS magnitude, N/\u{221a}Hz", 1000.0)
+    } else {
+        ("dimensionless circular frequency, \u{3d6}", "RMS magnitude of N", 4.4)
+    };
+    Chart {
+        title: run.label.clone(),
+        x_label: x_label.into(),
+        y_label: y_label.into(),
+        x: (0.0, end),
+        y: (top - 4.0, top + 0.3),
+        log: true,
+        curves,
+    }
 }
 
 /// Relative entropy, L1 distance and loss probability against time.
