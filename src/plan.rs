@@ -340,20 +340,19 @@ impl Plan {
                 )?;
                 keep_times(&mut it, &moments_at);
                 results.run.warnings.extend(it.warnings.iter().cloned());
-                let shortfall = it.shortfall.iter().cloned();
-                let named = shortfall.map(|it| (part.name(), it));
-                results.shortfalls.extend(named);
+                results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.transient = Some(it);
             }
             Part::Steady => {
                 let it = fokker_planck::steady(oscillator, &settings)?;
                 results.run.warnings.extend(it.warnings.iter().cloned());
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
             }
             Part::DecayRates => {
-                let count = outputs.decay_rates;
-                results.decay_rates =
-                    Some(fokker_planck::decay_rates(oscillator, count, &settings)?);
+                let it = fokker_planck::decay_rates(oscillator, outputs.decay_rates, &settings)?;
+                results.decay_rates = Some(it.rates);
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
             }
             Part::MonteCarlo => {
                 if let Some(mut settings) = self.ensemble_settings() {

@@ -26,6 +26,6 @@ pub use choice::{Cost, Method, Settings, TimeScheme, TransientMethod};
 pub use cost::{Task, cost};
 pub use density::Snapshot;
 pub use flux::Drift;
-pub use modes::{DecayRate, decay_rates};
+pub use modes::{DecayRate, DecayRates, decay_rates};
 pub use steady::{Steady, steady};
 pub use transient::{Transient, transient};

@@ -7,7 +7,7 @@ use super::generator::Generator;
 use super::march::BackwardEuler;
 use super::observables::Observables;
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -31,6 +31,8 @@ pub struct Steady {
     pub approach: Vec<(f64, f64)>,
     /// What it was computed with.
     pub method: Method,
+    /// What the tolerance asked for and was not reached.
+    pub shortfall: Option<Shortfall>,
     /// What the reader should know.
     pub warnings: Vec<String>,
 }
@@ -81,8 +83,18 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
             *number = Estimate::new(number.value, error, Origin::Domain);
         }
     }
+    // Exact on any mesh but for rounding and the box: no refinement would mend it.
+    let worst = l1.max(outside) / settings.tolerance;
+    let shortfall = (worst > 1.0 || worst.is_nan()).then(|| Shortfall {
+        number: "the L1 distance of the steady state".into(),
+        ratio: worst,
+        tolerance: settings.tolerance,
+        free: settings.cells.is_none(),
+        reason: "the null vector is at its rounding".into(),
+    });
     Ok(Steady {
         moments,
+        shortfall,
         l1_error: Estimate::new(l1, outside, Origin::Domain),
         residual,
         density: null.snapshot(f64::INFINITY),
