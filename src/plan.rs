@@ -410,22 +410,19 @@ impl Plan {
                 )?;
                 keep_times(&mut it, &moments_at);
                 results.run.warnings.extend(it.warnings.iter().cloned());
-                let shortfall = it.shortfall.iter().cloned();
-                let named = shortfall.map(|it| (part.name(), it));
-                results.shortfalls.extend(named);
+                results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.transient = Some(it);
             }
             Part::Steady => {
                 let it = fokker_planck::steady(oscillator, &settings)?;
                 results.run.warnings.extend(it.warnings.iter().cloned());
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
             }
             Part::DecayRates => {
-                let count = outputs.decay_rates;
-                let rates = fokker_planck::decay_rates(oscillator, count, &settings)?;
-                let warnings = rate_warnings(&rates, count, settings.tolerance);
-                results.run.warnings.extend(warnings);
-                results.decay_rates = Some(rates);
+                let it = fokker_planck::decay_rates(oscillator, outputs.decay_rates, &settings)?;
+                results.decay_rates = Some(it.rates);
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
             }
             Part::Spectrum => {
                 let (welch, asked) = self.welch()?;
@@ -439,13 +436,8 @@ impl Plan {
                     &settings,
                     progress,
                 )?;
-                if !it.reached {
-                    let (error, omega) = it.worst();
-                    results.run.warnings.push(format!(
-                        "the spectrum is known to {error:.1e} of its value only, at omega = {omega:.3}: \
-                         raise accuracy.max_seconds or accuracy.tolerance"
-                    ));
-                }
+                let shortfall = it.shortfall(&settings);
+                results.fall_short(part.name(), shortfall.as_ref(), true);
                 results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
             }
             Part::Series => {
@@ -622,27 +614,6 @@ fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
             band,
         },
     }
-}
-
-/// What a reader of decay rates should know: rates that were not found, and rates below their errors.
-fn rate_warnings(rates: &[fokker_planck::DecayRate], count: usize, tolerance: f64) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if rates.len() < count {
-        warnings.push(format!(
-            "{} of {count} decay rates were found on two meshes; at zeta = 1 rates coincide and have no \
-             modes of their own. More method.cells may show others",
-            rates.len()
-        ));
-    }
-    let ratio = |it: &fokker_planck::DecayRate| it.error / it.re.hypot(it.im);
-    let worst = rates.iter().map(ratio).fold(0.0, f64::max);
-    if worst > tolerance {
-        warnings.push(format!(
-            "the tolerance {tolerance:e} is not met: a decay rate is known to {worst:.1e} of itself; more \
-             method.cells would help"
-        ));
-    }
-    warnings
 }
 
 /// A number to four digits.

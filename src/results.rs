@@ -263,6 +263,15 @@ impl Results {
         }
     }
 
+    /// Notes what a stage did not reach of the tolerance, and with `warn` among the warnings too.
+    pub(crate) fn fall_short(&mut self, stage: &'static str, it: Option<&Shortfall>, warn: bool) {
+        if warn {
+            let warning = it.map(|it| format!("{stage}: {it}"));
+            self.run.warnings.extend(warning);
+        }
+        self.shortfalls.extend(it.map(|it| (stage, it.clone())));
+    }
+
     /// Whether a deterministic number that the program was free to refine did not reach the tolerance:
     /// exit status 3.
     pub fn falls_short(&self) -> bool {

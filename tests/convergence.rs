@@ -460,7 +460,9 @@ fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
 #[test]
 fn decay_rates_agree_with_theory_and_between_meshes_and_boxes() {
     let rates = |contact, h: f64, settings: &Settings| {
-        decay_rates(&Oscillator::new(contact, 0.005, h).unwrap(), 6, settings).unwrap()
+        decay_rates(&Oscillator::new(contact, 0.005, h).unwrap(), 6, settings)
+            .unwrap()
+            .rates
     };
     let auto = Settings::default();
     let hertz = rates(ContactLaw::Hertz, 2e-3, &auto);

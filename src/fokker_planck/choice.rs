@@ -81,13 +81,7 @@ impl Way {
     /// For tables.
     pub(super) fn name(self, drift: Drift) -> String {
         match self {
-            Self::Volumes(time) => {
-                let space = match drift {
-                    Drift::Upwind => "upwind".to_string(),
-                    central => format!("order {}", central.order()),
-                };
-                format!("finite volumes, {space}, {}", time.name())
-            }
+            Self::Volumes(time) => format!("finite volumes, {}, {}", drift.name(), time.name()),
             Self::FlowMap => "flow map, order 8".into(),
         }
     }

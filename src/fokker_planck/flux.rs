@@ -27,6 +27,14 @@ pub enum Drift {
 }
 
 impl Drift {
+    /// For tables: "upwind", "order 2" to "order 8".
+    pub fn name(self) -> String {
+        match self {
+            Self::Upwind => "upwind".to_string(),
+            central => format!("order {}", central.order()),
+        }
+    }
+
     /// Every choice, lowest order first.
     pub const ALL: [Self; 5] = [
         Self::Upwind,

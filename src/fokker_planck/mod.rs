@@ -32,7 +32,7 @@ pub use choice::{Cost, Method, Settings, TimeScheme, TransientMethod};
 pub use cost::{Task, cost};
 pub use density::Snapshot;
 pub use flux::Drift;
-pub use modes::{DecayRate, decay_rates};
+pub use modes::{DecayRate, DecayRates, decay_rates};
 pub use spectrum::{Peak, Spectrum, spectrum};
 pub use steady::{Steady, steady};
 pub use transient::{Transient, transient};

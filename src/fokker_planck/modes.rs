@@ -4,6 +4,7 @@ use super::choice::{self, Settings};
 use super::flux::Drift;
 use super::generator::Generator;
 use crate::error::Result;
+use crate::estimate::Shortfall;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::sparse::{Lu, eigen};
@@ -11,6 +12,7 @@ use ndarray::Array2;
 use num_complex::Complex;
 use rayon::prelude::*;
 use sprs::CsMat;
+use std::time::Instant;
 
 type C = Complex<f64>;
 
@@ -32,50 +34,163 @@ const KRYLOV: usize = 60;
 /// Modes with a larger part of their norm in the rim are of the box, not of the oscillator.
 const RIM: f64 = 0.01;
 
-/// Neglected probability on the two meshes of [`decay_rates`]: slow modes weigh the tail, so their box
-/// is wider than that of a moment.
-const OUTSIDE: [f64; 2] = [1e-10, 1e-8];
+/// Neglected probability of the first mesh of [`decay_rates`], and by how much each finer one divides it:
+/// slow modes weigh the tail, so their box is wider than that of a moment, and a mode of the box moves
+/// with it.
+const OUTSIDE: f64 = 1e-8;
+const WIDER: f64 = 100.0;
 
-/// The `count` slowest decay rates of an oscillator with a stationary law, from two meshes in two boxes:
-/// only modes found in both are given, with their difference in the error.
+/// A box beyond this leaves nothing but rounding in its rim.
+const WIDEST: f64 = 1e-12;
+
+/// Cells of each mesh of [`decay_rates`] over those of the one before.
+const FINER: f64 = 1.25;
+
+/// Meshes after the first two: each costs about twice the one before, and four are 2.4 times as fine.
+const REFINEMENTS: usize = 4;
+
+/// Decay rates with what the tolerance asked for and was not reached.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DecayRates {
+    /// The slowest first.
+    pub rates: Vec<DecayRate>,
+    /// Cells in q and v of the finest mesh.
+    pub cells: [usize; 2],
+    /// What is missing.
+    pub shortfall: Option<Shortfall>,
+}
+
+/// The modes of one mesh.
+struct Level {
+    modes: Vec<DecayRate>,
+    cells: [usize; 2],
+    seconds: f64,
+}
+
+/// The `count` slowest decay rates of an oscillator with a stationary law, from meshes in growing boxes:
+/// only modes found in the last two are given, with their difference in the error. Where the cells are
+/// left open they are refined until every error is within the tolerance times |rate|.
+///
+/// The first mesh is searched near zero and near i and 2i; the finer ones only where a wanted mode was.
 ///
 /// # Errors
-/// [`crate::Error::NoStationaryLaw`] for a contact without one; those of [`slowest`].
+/// [`crate::Error::NoStationaryLaw`] for a contact without one; those of [`slowest`] on the first two
+/// meshes.
 pub fn decay_rates(
     oscillator: &Oscillator,
     count: usize,
     settings: &Settings,
-) -> Result<Vec<DecayRate>> {
+) -> Result<DecayRates> {
+    let began = Instant::now();
     oscillator.displacement_law()?;
     let drift = settings.drift.unwrap_or(Drift::Order8);
+    let free = settings.cells.is_none();
     // Zero itself is an eigenvalue; the others lie at zeta and beyond, near multiples of i.
     let slow = 1e-2 * oscillator.zeta().min(1.0 / oscillator.zeta());
-    let shifts = [C::new(slow, 0.0), C::new(0.0, 1.0), C::new(0.0, 2.0)];
-    let jobs: Vec<(f64, f64, C)> = [(1.0, OUTSIDE[0]), (0.8, OUTSIDE[1])]
-        .into_iter()
-        .flat_map(|(finer, outside)| shifts.map(|shift| (finer, outside, shift)))
-        .collect();
-    let solve = |(finer, outside, shift): &(f64, f64, C)| {
-        let settings = Settings {
-            tolerance: outside * 1e3,
+    let all = [C::new(slow, 0.0), C::new(0.0, 1.0), C::new(0.0, 2.0)];
+    let usual = cells(oscillator, drift, settings.tolerance)?;
+    let solve = |k: i32, shifts: &[C]| -> Result<Level> {
+        let began = Instant::now();
+        let boxed = Settings {
+            cells: settings.cells.or(Some(usual)),
+            neglected: Some((OUTSIDE * WIDER.powi(-k)).max(WIDEST)),
             ..settings.clone()
         };
-        let box_only = Settings {
-            cells: settings.cells.or(Some(cells(oscillator, drift)?)),
-            ..settings
-        };
+        // The scene's own cells are those of the finer of two meshes.
+        let finer = FINER.powi(if free { k } else { k - 1 });
         let start = Initial::Stationary;
-        let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &box_only, *finer)?;
+        let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, finer)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
-        slowest(&generator, &[*shift], usize::MAX)
+        let found: Vec<Result<Vec<DecayRate>>> = shifts
+            .par_iter()
+            .map(|shift| slowest(&generator, &[*shift], usize::MAX))
+            .collect();
+        let mut modes = Vec::new();
+        for found in found {
+            merge(&mut modes, found?);
+        }
+        modes.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
+        Ok(Level {
+            modes,
+            cells: mesh.cells(),
+            seconds: began.elapsed().as_secs_f64(),
+        })
     };
-    let found: Vec<Result<Vec<DecayRate>>> = jobs.par_iter().map(solve).collect();
-    let mut meshes = [Vec::new(), Vec::new()];
-    for (job, modes) in jobs.iter().zip(found) {
-        merge(&mut meshes[usize::from(job.0 < 1.0)], modes?);
+    let mut coarse = solve(0, &all)?;
+    // Half as many again: some may turn out to be of the box.
+    let wanted = coarse.modes.iter().take(count + count / 2 + 2);
+    let nearest = |mode: &DecayRate| {
+        let distance = |shift: &C| (shift - C::new(mode.re, mode.im.abs())).norm();
+        (0..all.len()).min_by(|a, b| distance(&all[*a]).total_cmp(&distance(&all[*b])))
+    };
+    let places: Vec<usize> = wanted.filter_map(nearest).collect();
+    let shifts: Vec<C> = (0..all.len())
+        .filter(|k| places.contains(k))
+        .map(|k| all[k])
+        .collect();
+    let mut fine = solve(1, &shifts)?;
+    let tolerance = settings.tolerance;
+    let mut why = ("cells are those of the scene".to_string(), false);
+    for k in 2.. {
+        let (rates, worst) = believed(&fine.modes, &coarse.modes, count);
+        if (worst <= tolerance && rates.len() == count) || !free {
+            break;
+        }
+        // A factorisation of a mesh n by n takes n^3 to n^4.
+        let next = fine.seconds * FINER.powi(4);
+        let left = settings.max_seconds - began.elapsed().as_secs_f64();
+        let [q, v] = fine.cells.map(|n| (n as f64 * FINER) as usize);
+        if k as usize >= 2 + REFINEMENTS {
+            why = ("that many finer meshes did not help".into(), true);
+            break;
+        }
+        if next > left {
+            let text = format!(
+                "a finer mesh would take about {next:.1e} s, and {:.1e} s are left of \
+                 accuracy.max_seconds",
+                left.max(0.0)
+            );
+            why = (text, true);
+            break;
+        }
+        if choice::memory([q, v], drift, true) > settings.max_memory {
+            let text = format!("{q} x {v} cells do not fit accuracy.max_memory");
+            why = (text, true);
+            break;
+        }
+        match solve(k, &shifts) {
+            Ok(finer) => coarse = std::mem::replace(&mut fine, finer),
+            Err(error) => {
+                why = (format!("a finer mesh failed: {error}"), true);
+                break;
+            }
+        }
     }
-    let [fine, coarse] = meshes;
+    let (rates, worst) = believed(&fine.modes, &coarse.modes, count);
+    let missing = rates.len() < count;
+    let shortfall = (missing || worst > tolerance).then(|| Shortfall {
+        number: if missing {
+            format!("decay rate {} of {count}, not seen alike on two meshes,", rates.len() + 1)
+        } else {
+            "a decay rate".into()
+        },
+        ratio: if missing { f64::INFINITY } else { worst / tolerance },
+        tolerance,
+        free: why.1,
+        reason: why.0,
+    });
+    Ok(DecayRates {
+        rates,
+        cells: fine.cells,
+        shortfall,
+    })
+}
+
+/// The slowest modes that two meshes share, each with their difference in its error, and the largest
+/// error over |rate|.
+fn believed(fine: &[DecayRate], coarse: &[DecayRate], count: usize) -> (Vec<DecayRate>, f64) {
     let distance = |a: &DecayRate, b: &DecayRate| (a.re - b.re).hypot(a.im - b.im);
+    let size = |mode: &DecayRate| mode.re.hypot(mode.im);
     let mut both: Vec<DecayRate> = fine
         .iter()
         .filter_map(|mode| {
@@ -84,7 +199,7 @@ pub fn decay_rates(
                 .map(|other| distance(mode, other))
                 .fold(f64::INFINITY, f64::min);
             // Believed only if the other mesh knows it, to half a percent: modes of the box move.
-            let believed = nearest < 5e-3 * mode.re.hypot(mode.im);
+            let believed = nearest < 5e-3 * size(mode);
             believed.then_some(DecayRate {
                 error: mode.error + nearest,
                 ..*mode
@@ -93,17 +208,21 @@ pub fn decay_rates(
         .collect();
     both.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
     both.truncate(count);
-    Ok(both)
+    let worst = both.iter().map(|mode| mode.error / size(mode));
+    let worst = worst.fold(0.0, f64::max);
+    (both, worst)
 }
 
-/// Cells for the modes: 5 per thermal deviation in the wider box.
-fn cells(oscillator: &Oscillator, drift: Drift) -> Result<[usize; 2]> {
+/// Cells of the first mesh for the modes: at 1e-3 about four per thermal deviation, in the box of a
+/// moment at 1e-3 stretched to that of the modes.
+fn cells(oscillator: &Oscillator, drift: Drift, tolerance: f64) -> Result<[usize; 2]> {
     let settings = Settings {
-        tolerance: 1e-3,
+        tolerance: tolerance.clamp(1e-6, 1e-2),
+        neglected: Some(OUTSIDE),
         ..Settings::default()
     };
     let start = Initial::Stationary;
-    let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &settings, 1.3)?;
+    let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &settings, 0.8)?;
     let [q, v] = mesh.cells();
     Ok([q, v + v % 2])
 }

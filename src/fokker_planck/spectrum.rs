@@ -13,7 +13,7 @@ use super::choice::{Cost, Settings};
 use super::hermite::{Hierarchy, Resolution};
 use super::reduced::{Answer, Reduced};
 use crate::error::{Error, Result, finite};
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
 use std::time::Instant;
@@ -70,6 +70,20 @@ impl Spectrum {
         errors
             .map(|(w, it)| (relative(it), *w))
             .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
+    }
+}
+
+impl Spectrum {
+    /// What the tolerance asked for and was not reached.
+    pub fn shortfall(&self, settings: &Settings) -> Option<Shortfall> {
+        let (error, omega) = self.worst();
+        (!self.reached).then(|| Shortfall {
+            number: format!("the spectrum at omega = {omega:.3}"),
+            ratio: error / settings.tolerance,
+            tolerance: settings.tolerance,
+            free: settings.cells.is_none(),
+            reason: "the next resolution does not fit accuracy.max_seconds or accuracy.max_memory".into(),
+        })
     }
 }
 
