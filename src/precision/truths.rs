@@ -62,7 +62,11 @@ pub fn cases() -> Result<Vec<Case>> {
     read(SCENES, TRUTHS)
 }
 
-fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
+/// The scenes and truths of two files in the form of those stored.
+///
+/// # Errors
+/// [`Error::Invalid`] for a line that does not read.
+pub fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
     let mut cases: Vec<Case> = rows("scenes.csv", scenes)
         .map(|row| row.case())
         .collect::<Result<_>>()?;
