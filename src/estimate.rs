@@ -17,6 +17,8 @@ pub enum Origin {
     Time,
     /// Probability outside the box.
     Domain,
+    /// Floating point: what many steps add up to.
+    Rounding,
     /// Statistical: one standard error.
     Sampling,
 }
@@ -29,6 +31,7 @@ impl fmt::Display for Origin {
             Self::Space => "mesh",
             Self::Time => "step",
             Self::Domain => "box",
+            Self::Rounding => "rounding",
             Self::Sampling => "standard error",
         })
     }
@@ -80,6 +83,31 @@ impl Estimate {
             error: self.error * slope.abs() + rounding,
             origin: self.origin,
         }
+    }
+}
+
+/// What an answer did not reach of the tolerance that was asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shortfall {
+    /// The number whose error is farthest above, with its time if it has one.
+    pub number: String,
+    /// Its error over the tolerance in its natural scale.
+    pub ratio: f64,
+    /// The tolerance.
+    pub tolerance: f64,
+    /// Whether the program was free to do better: it was not told the cells and steps that make the error.
+    pub free: bool,
+    /// Why it went no further.
+    pub reason: String,
+}
+
+impl fmt::Display for Shortfall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the tolerance {:e} is not met: the error of {} is {:.1} times too large; {}",
+            self.tolerance, self.number, self.ratio, self.reason
+        )
     }
 }
 

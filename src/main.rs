@@ -170,7 +170,7 @@ fn main() -> ExitCode {
         )
     }));
     match command(cli) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(status) => ExitCode::from(status),
         Err(stop) => {
             let _ = writeln!(io::stderr(), "{:?}", stop.report);
             ExitCode::from(stop.status)
@@ -178,14 +178,15 @@ fn main() -> ExitCode {
     }
 }
 
-fn command(cli: Cli) -> std::result::Result<(), Stop> {
+/// Runs a command; the exit status if it comes to its end: 0, or 3 for a tolerance not reached.
+fn command(cli: Cli) -> std::result::Result<u8, Stop> {
     match cli.command {
         None => run(None, &cli.options),
         Some(Command::Run { scene, options }) => run(scene.scene.as_deref(), &options),
         Some(Command::Plan { scene, set }) => {
             let text = read(scene.scene.as_deref(), &set)?;
             let plan = Plan::of(text.scene()).map_err(|error| Stop::scene(text.explain(&error)))?;
-            print(&terminal::plan(&plan))
+            print(&terminal::plan(&plan)).map(|()| 0)
         }
         Some(Command::Scenes { name: None }) => {
             let lines: Vec<String> = BUILT_IN
@@ -195,10 +196,10 @@ fn command(cli: Cli) -> std::result::Result<(), Stop> {
                     format!("{name:<12} {}\n", first.trim_start_matches("# "))
                 })
                 .collect();
-            print(&lines.concat())
+            print(&lines.concat()).map(|()| 0)
         }
         Some(Command::Scenes { name: Some(name) }) => match built_in(&name) {
-            Some(text) => print(text),
+            Some(text) => print(text).map(|()| 0),
             None => Err(no_such_scene(&name)),
         },
         Some(Command::Validate(it)) => Err(later("validate", &it)),
@@ -294,7 +295,7 @@ fn read_text(path: &Path) -> std::result::Result<String, Stop> {
     })
 }
 
-fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<(), Stop> {
+fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<u8, Stop> {
     if let Some(threads) = options.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
         if let Err(error) = pool.build_global() {
@@ -333,11 +334,17 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<(), St
         }
     };
     folder.write(&report::at_the_end(&results)?)?;
+    let status = if results.falls_short() { 3 } else { 0 };
     if options.quiet {
-        return Ok(());
+        // Only errors are printed, and this is one.
+        if let Some((stage, it)) = results.shortfalls.iter().find(|(_, it)| it.free) {
+            let _ = writeln!(io::stderr(), "{stage}: {it}");
+        }
+        return Ok(status);
     }
     let table = terminal::table(&results, colour(&io::stdout()));
-    print(&format!("{table}files: {}\n", folder.path().display()))
+    print(&format!("{table}files: {}\n", folder.path().display()))?;
+    Ok(status)
 }
 
 fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {

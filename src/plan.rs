@@ -116,6 +116,7 @@ impl Plan {
                 cells: scene.method.cells,
                 step: scene.method.step,
                 tolerance: scene.accuracy.tolerance,
+                neglected: None,
                 max_memory: scene.accuracy.max_memory,
                 max_seconds: scene.accuracy.max_seconds,
             },
@@ -192,6 +193,15 @@ impl Plan {
         outputs.moments_at.last().max(outputs.density_at.last())
     }
 
+    /// The times of moments and densities: one run passes through both.
+    fn times(&self) -> Vec<f64> {
+        let outputs = &self.scene.outputs;
+        let mut times = [outputs.moments_at.list(), outputs.density_at.list()].concat();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times
+    }
+
     fn ensemble_settings(&self) -> Option<EnsembleSettings> {
         self.scene.monte_carlo.as_ref().map(|it| EnsembleSettings {
             paths: it.paths,
@@ -219,6 +229,7 @@ impl Plan {
     // ---- the joins to the numerics: sizes here, calls in `compute` ----
 
     fn cost(&self, part: Part) -> Result<Cost> {
+        let times = self.times();
         let task = match part {
             Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
@@ -231,9 +242,7 @@ impl Plan {
             }
             Part::MonteCarlo => return self.ensemble_cost(),
             Part::Records => return self.record_cost(),
-            Part::Transient => Task::Transient {
-                until: self.until(),
-            },
+            Part::Transient => Task::Transient(&times),
             Part::Steady => Task::Steady,
             Part::DecayRates => Task::DecayRates,
         };
@@ -320,10 +329,7 @@ impl Plan {
             Part::Transient => {
                 let (moments_at, density_at) =
                     (outputs.moments_at.list(), outputs.density_at.list());
-                // One run passes through the times of both.
-                let mut times = [moments_at.as_slice(), &density_at].concat();
-                times.sort_by(f64::total_cmp);
-                times.dedup();
+                let times = self.times();
                 let mut it = fokker_planck::transient(
                     oscillator,
                     initial,
@@ -334,6 +340,9 @@ impl Plan {
                 )?;
                 keep_times(&mut it, &moments_at);
                 results.run.warnings.extend(it.warnings.iter().cloned());
+                let shortfall = it.shortfall.iter().cloned();
+                let named = shortfall.map(|it| (part.name(), it));
+                results.shortfalls.extend(named);
                 results.transient = Some(it);
             }
             Part::Steady => {

@@ -1,7 +1,7 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
 use crate::contact::ContactLaw;
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Shortfall};
 use crate::fokker_planck::{DecayRate, Method, Steady, Transient};
 use crate::json::Json;
 use crate::moments::Moments;
@@ -33,6 +33,8 @@ pub struct Results {
     pub records: Option<RecordResult>,
     /// How well the sampled numbers agree with the others.
     pub agreement: Option<Agreement>,
+    /// What the tolerance asked for and was not reached, with the name of its stage.
+    pub shortfalls: Vec<(&'static str, Shortfall)>,
     /// How the run went.
     pub run: RunRecord,
 }
@@ -246,11 +248,18 @@ impl Results {
             monte_carlo: None,
             records: None,
             agreement: None,
+            shortfalls: Vec::new(),
             run: RunRecord {
                 threads: rayon::current_num_threads(),
                 ..RunRecord::default()
             },
         }
+    }
+
+    /// Whether a deterministic number that the program was free to refine did not reach the tolerance:
+    /// exit status 3.
+    pub fn falls_short(&self) -> bool {
+        self.shortfalls.iter().any(|(_, it)| it.free)
     }
 
     /// The whole of results.json.

@@ -9,12 +9,9 @@ use crate::oscillator::Oscillator;
 
 /// A computation to be costed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Task {
-    /// The transient to a time.
-    Transient {
-        /// The last time.
-        until: f64,
-    },
+pub enum Task<'a> {
+    /// The transient through these times, ascending.
+    Transient(&'a [f64]),
     /// The steady state.
     Steady,
     /// The slowest decay rates.
@@ -32,12 +29,40 @@ pub fn cost(
     task: Task,
     settings: &Settings,
 ) -> Result<(Cost, String)> {
-    let until = match task {
-        Task::Transient { until } => until,
+    let times = match task {
+        Task::Transient(times) => times,
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
+    let until = times.last().copied().unwrap_or(0.0);
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
-    let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, 1.0)?;
+    let fine = run(
+        oscillator,
+        initial,
+        times,
+        (drift, way),
+        settings,
+        (1.0, 1.0),
+    )?;
+    let cost = Cost {
+        // The coarse run that measures the error takes 0.3 of the fine one.
+        seconds: 1.3 * fine.seconds,
+        ..fine
+    };
+    Ok((cost, format!("{}; {reason}", way.name(drift))))
+}
+
+/// The cost of one run on a mesh `finer` times as fine as the first guess, with steps `longer` times as
+/// long.
+pub(super) fn run(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    (drift, way): (Drift, Way),
+    settings: &Settings,
+    (finer, longer): (f64, f64),
+) -> Result<Cost> {
+    let until = times.last().copied().unwrap_or(0.0);
+    let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
     let n = cells[0] as f64 * cells[1] as f64;
     let matrix = matches!(
@@ -46,7 +71,7 @@ pub fn cost(
     );
     let (steps, seconds) = match way {
         Way::FlowMap => {
-            let step = choice::flow_map_settings(oscillator, settings, 1.0)?.step;
+            let step = choice::flow_map_settings(oscillator, settings, longer)?.step;
             let steps = (until / step).ceil();
             // A pass takes about 25 ns a cell and 0.5 ns a cell and row of the noise matrix, building the
             // maps 3 us a cell.
@@ -61,11 +86,11 @@ pub fn cost(
             // Microseconds a cell: generators take 6 ns, solves by LU 0.2 us, factorisations 5 us.
             match time {
                 TimeScheme::BackwardEuler => {
-                    let steps = until / choice::euler_step(&generator, settings);
+                    let steps = until / (longer * choice::euler_step(&generator, settings));
                     (steps, n * (2e-6 + 0.1e-6 * steps))
                 }
                 TimeScheme::Implicit => {
-                    let steps = 100.0 + until;
+                    let steps = (100.0 + until) / longer;
                     (steps, n * (50e-6 + 3e-6 * steps))
                 }
                 TimeScheme::Imex => {
@@ -79,14 +104,12 @@ pub fn cost(
             }
         }
     };
-    let cost = Cost {
+    Ok(Cost {
         cells,
         steps: steps.ceil() as u64,
         memory: choice::memory(cells, drift, matrix),
-        // The coarse run that measures the error takes 0.4 of the fine one.
-        seconds: 1.4 * seconds,
-    };
-    Ok((cost, format!("{}; {reason}", way.name(drift))))
+        seconds,
+    })
 }
 
 fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Result<(Cost, String)> {

@@ -5,7 +5,7 @@ use crate::gaussian::Gaussian;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::quadrature;
-use std::f64::consts::SQRT_2;
+use std::f64::consts::{FRAC_2_SQRT_PI, SQRT_2};
 
 /// The part of the (q, v) plane that a solve looks at.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +24,61 @@ impl Domain {
     pub fn tail_weight(&self, temperature: f64) -> f64 {
         let energy = 0.5 * self.v[1].powi(2) / temperature;
         (energy * energy).max(100.0)
+    }
+
+    /// What the neglected probability weighs in each of [`Moments::named`], in natural scales: the mean of
+    /// |q - E q|/sd q, of its square, and so on, over the stationary law outside the box, plus 1 for the
+    /// probability itself, which is somewhere inside instead. Shapes are functions of raw moments of the
+    /// force, and each of these counts with its derivative.
+    ///
+    /// [`Moments::named`]: crate::moments::Moments::named
+    pub fn tail_weights(&self, oscillator: &Oscillator) -> [f64; 11] {
+        let t = oscillator.temperature();
+        let usual = [self.tail_weight(t); 11];
+        let Ok(law) = oscillator.displacement_law() else {
+            return usual;
+        };
+        let contact = oscillator.contact();
+        let level = 0.5 * self.v[1].powi(2) + contact.lowest_potential().unwrap_or(0.0);
+        // E[|v|^k; v^2/2 > level - U] of a Gaussian of variance T, over T^{k/2}.
+        let fast = |q: f64| {
+            let x = ((level - contact.potential(q)).max(0.0) / t).sqrt();
+            let (gauss, tail) = ((-x * x).exp(), libm::erfc(x));
+            let first = gauss * std::f64::consts::FRAC_2_PI.sqrt();
+            [tail, first, tail + x * gauss * FRAC_2_SQRT_PI]
+        };
+        let mean = |f: &dyn Fn(f64) -> f64| law.expect_to(1e-2, f).value;
+        let probability = mean(&|q| fast(q)[0]);
+        if probability < 1e-290 {
+            return usual;
+        }
+        let centre = law.expect(|q| q).value;
+        let spread = law.expect(|q| (q - centre).powi(2)).value.sqrt();
+        let force = |k: i32| law.expect(|q| contact.force(q).powi(k)).value;
+        let deviation = force(2).sqrt();
+        let skewness = force(3) / deviation.powi(3);
+        let kurtosis = force(4) / deviation.powi(4);
+        let q = |q: f64| ((q - centre) / spread).abs();
+        let n = |q: f64| (contact.force(q) / deviation).abs();
+        let [q1, q2, v1, v2, qv, n1, n2, n3, n4] = [
+            mean(&|x| fast(x)[0] * q(x)),
+            mean(&|x| fast(x)[0] * q(x).powi(2)),
+            mean(&|x| fast(x)[1]),
+            mean(&|x| fast(x)[2]),
+            mean(&|x| fast(x)[1] * q(x)),
+            mean(&|x| fast(x)[0] * n(x)),
+            mean(&|x| fast(x)[0] * n(x).powi(2)),
+            mean(&|x| fast(x)[0] * n(x).powi(3)),
+            mean(&|x| fast(x)[0] * n(x).powi(4)),
+        ];
+        let energy = mean(&|x| {
+            let [tail, _, square] = fast(x);
+            0.5 * square + tail * (contact.potential(x) / t).abs()
+        });
+        let third = n3 + 1.5 * skewness.abs() * n2 + 3.0 * n1;
+        let fourth = n4 + 2.0 * kurtosis * n2 + 4.0 * skewness.abs() * n1;
+        [q1, q2, v1, v2, qv, n1, 0.5 * n2, third, fourth, energy, 0.0]
+            .map(|weight| 1.0 + weight / probability)
     }
 
     /// The region H - U_min < level, with the level just high enough that the stationary law and the

@@ -1,5 +1,6 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
 
+mod bars;
 pub mod choice;
 pub mod cost;
 pub mod density;
@@ -16,6 +17,7 @@ pub mod observables;
 mod ornstein_uhlenbeck;
 mod propagator;
 mod radius;
+mod refinement;
 pub mod steady;
 pub mod trajectory;
 pub mod transient;

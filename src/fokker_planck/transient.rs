@@ -1,14 +1,17 @@
 //! The transient: from a start through the output times, on two meshes, with an error on every number.
 
+use super::bars::{self, Bars};
 use super::choice::{self, Method, Settings, TimeScheme, Way};
+use super::cost;
 use super::density::{Density, Snapshot};
 use super::domain::Domain;
 use super::flux::Drift;
 use super::mesh::Mesh;
 use super::observables::Observables;
 use super::propagator::Propagator;
+use super::refinement;
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -34,65 +37,67 @@ pub struct Transient {
     pub densities: Vec<Snapshot>,
     /// What it was computed with.
     pub method: Method,
+    /// What the tolerance asked for and was not reached.
+    pub shortfall: Option<Shortfall>,
     /// What the reader should know.
     pub warnings: Vec<String>,
 }
 
 /// One run on one mesh, at one time.
-struct Output {
-    t: f64,
-    moments: Moments,
+pub(super) struct Output {
+    pub(super) t: f64,
+    pub(super) moments: Moments,
     mass: f64,
     lowest: f64,
     negative: f64,
     entropy: f64,
-    distance: f64,
+    pub(super) distance: f64,
     snapshot: Option<Snapshot>,
 }
 
 /// One run on one mesh.
-struct Run {
-    outputs: Vec<Output>,
-    steps: u64,
+pub(super) struct Run {
+    pub(super) outputs: Vec<Output>,
+    pub(super) steps: u64,
     step: f64,
-    mesh: Mesh,
-    domain: Domain,
+    pub(super) mesh: Mesh,
+    pub(super) domain: Domain,
     unknowns: usize,
     /// Time at which the density was within the tolerance of (21), if it came to that.
-    settled: Option<f64>,
+    pub(super) settled: Option<f64>,
+    /// Seconds it took.
+    pub(super) seconds: f64,
 }
 
 /// How a run is to be done.
-struct Task<'a> {
-    oscillator: &'a Oscillator,
-    initial: &'a Initial,
-    times: &'a [f64],
+pub(super) struct Task<'a> {
+    pub(super) oscillator: &'a Oscillator,
+    pub(super) initial: &'a Initial,
+    pub(super) times: &'a [f64],
     density_times: &'a [f64],
-    drift: Drift,
-    way: Way,
-    settings: &'a Settings,
-    started: Instant,
+    pub(super) drift: Drift,
+    pub(super) way: Way,
+    pub(super) settings: &'a Settings,
+    pub(super) started: Instant,
 }
-
-/// The coarse run: three quarters of the cells in either direction, and steps half as long again where
-/// the steps make the error.
-const COARSE: (f64, f64) = (0.75, 1.5);
-
-/// Error of the fine run over its difference to the coarse one, where a kink of the force leaves order
-/// 1.4: 1/((4/3)^1.4 - 1). A smooth law converges faster and stays far below.
-const KINKED: f64 = 2.0;
 
 /// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
 /// part of them. `progress` is told the part done, 0 to 1.
 ///
-/// The error of each number is twice its difference to a second run on a mesh three quarters as fine
-/// (which covers the error of the finer one down to order 1.4, what a kink of the force leaves), plus the neglected probability times its
-/// scale. For upwind drift, where no two affordable meshes converge, the error adds the change over the
-/// time t/(1 + c) to t by which its relaxation is ahead.
+/// The error of each number comes from its difference to a second run with a coarser mesh and longer
+/// steps, taken so large that it covers convergence of order 1.4, what a kink of the force leaves; plus
+/// what the box leaves out, and rounding. Where cells or steps are left to the program they are refined
+/// until every error is within the tolerance or a limit says stop; what was not reached is in
+/// `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
+/// the time t/(1 + c) to t by which its relaxation is ahead, and nothing is refined.
+///
+/// Mass has the natural scale 1; relative entropy and distance to the stationary law come with the
+/// difference of the two runs. These and the lowest density, a diagnostic, are not bound by the
+/// tolerance: they say how good the density is, not what it says.
 ///
 /// # Errors
 /// [`Error::Invalid`] and [`Error::Mesh`] for a start or mesh that cannot work, [`Error::Limit`] when
-/// `max_seconds` is reached.
+/// `max_seconds` is reached before there is any answer.
 pub fn transient(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -104,6 +109,11 @@ pub fn transient(
     let started = Instant::now();
     let until = times.last().copied().unwrap_or(0.0);
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
+    // Chosen before anything runs: the tails of the stationary law are known.
+    let boxed = Settings {
+        neglected: Some(refinement::neglected(oscillator, initial, settings)?),
+        ..settings.clone()
+    };
     let task = Task {
         oscillator,
         initial,
@@ -111,17 +121,13 @@ pub fn transient(
         density_times,
         drift,
         way,
-        settings,
+        settings: &boxed,
         started,
     };
     if drift == Drift::Upwind {
         return upwind(&task, reason, progress);
     }
-    // Work grows with the third power of the refinement: the coarse run takes 0.3 of the whole.
-    let coarse = task.run(COARSE, times, &|part| progress(0.3 * part))?;
-    let fine = task.run((1.0, 1.0), times, &|part| progress(0.3 + 0.7 * part))?;
-    let errors = |_: usize, _: usize, value: f64, other: f64| KINKED * (value - other).abs();
-    Ok(task.report(fine, &coarse, &errors, reason, Vec::new()))
+    refinement::refined(&task, reason, progress)
 }
 
 /// Upwind: the honest error names how far ahead its relaxation is.
@@ -152,28 +158,37 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
     let mut fine = task.run((1.0, 1.0), &times, &|part| progress(0.15 + 0.85 * part))?;
     let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
     fine.outputs.retain(|o| task.times.contains(&o.t));
-    let errors = |k: usize, i: usize, value: f64, other: f64| {
-        let t = task.times[k];
+    let mut bars = task.bars(&fine, &coarse, 1.0);
+    for ((t, errors), now) in task.times.iter().zip(&mut bars.space).zip(&fine.outputs) {
         let window = all
             .iter()
-            .filter(|(s, _)| *s >= t / (1.0 + excess) * (1.0 - 1e-12) && *s <= t);
-        let change = window
-            .filter_map(|(_, m)| m.named()[i].1)
-            .map(|earlier| (earlier.value - value).abs())
-            .fold(0.0, f64::max);
-        change + (value - other).abs()
-    };
+            .filter(|(s, _)| *s >= t / (1.0 + excess) * (1.0 - 1e-12) && s <= t);
+        let mut change = [0.0_f64; 11];
+        for (_, earlier) in window {
+            let pairs = earlier.named().into_iter().zip(now.moments.named());
+            for (change, ((_, earlier), (_, now))) in change.iter_mut().zip(pairs) {
+                if let (Some(earlier), Some(now)) = (earlier, now) {
+                    *change = change.max((earlier.value - now.value).abs());
+                }
+            }
+        }
+        for (error, change) in errors.iter_mut().zip(change) {
+            *error += change;
+        }
+    }
     let warning = format!(
         "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
          numerical over physical diffusion); its error bars say so. Use drift = 8 for an answer",
         1.0 + excess
     );
-    Ok(task.report(fine, &coarse, &errors, reason, vec![warning]))
+    let why = "upwind drift is of first order, and no affordable mesh would do".to_string();
+    let free = settings.cells.is_none();
+    Ok(task.report(fine, &coarse, &bars, reason, (why, free), vec![warning]))
 }
 
 impl Task<'_> {
     /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
-    fn run(
+    pub(super) fn run(
         &self,
         (finer, longer): (f64, f64),
         times: &[f64],
@@ -186,6 +201,7 @@ impl Task<'_> {
             drift,
             ..
         } = *self;
+        let began = Instant::now();
         let until = times.last().copied().unwrap_or(0.0);
         let (mesh, domain) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
         let mut propagator =
@@ -247,6 +263,7 @@ impl Task<'_> {
             domain,
             unknowns: propagator.unknowns(),
             settled,
+            seconds: began.elapsed().as_secs_f64(),
         })
     }
 
@@ -273,54 +290,57 @@ impl Task<'_> {
         }
     }
 
-    /// Joins two runs: the fine one's numbers, with the errors that `difference` says (of number i at
-    /// time k, from the fine and the coarse value) and what the box leaves out.
-    fn report(
+    /// Work, in arbitrary units, and bytes of a run.
+    pub(super) fn work(&self, finer: f64, longer: f64) -> Result<(f64, f64)> {
+        let size = cost::run(
+            self.oscillator,
+            self.initial,
+            self.times,
+            (self.drift, self.way),
+            self.settings,
+            (finer, longer),
+        )?;
+        Ok((size.seconds, size.memory as f64))
+    }
+
+    /// The bars of a fine run from its difference to a coarse one, `factor` times.
+    pub(super) fn bars(&self, fine: &Run, coarse: &Run, factor: f64) -> Bars {
+        let scales = Scales::of(self.oscillator);
+        let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        let weights = fine.domain.tail_weights(self.oscillator);
+        let mut bars = Bars::of(fine, &scales, weights.map(|weight| weight * outside));
+        bars.space = bars::differences(fine, coarse, factor, &scales);
+        bars.joint = true;
+        bars
+    }
+
+    /// Joins two runs: the fine one's numbers with their bars. `why` says why there was no further
+    /// refinement, and whether there was the freedom to refine.
+    pub(super) fn report(
         &self,
         fine: Run,
         coarse: &Run,
-        difference: &dyn Fn(usize, usize, f64, f64) -> f64,
+        bars: &Bars,
         reason: String,
+        (why, free): (String, bool),
         mut warnings: Vec<String>,
     ) -> Transient {
-        let scales = Scales::of(self.oscillator);
         let confining = self.oscillator.contact().is_confining();
         let outside = fine.domain.neglected.max(coarse.domain.neglected);
-        let weight = fine.domain.tail_weight(self.oscillator.temperature());
-        let mut moments = Vec::new();
-        let mut unmet: Option<(f64, &str, f64)> = None;
-        // The steps of both runs may err alike.
-        let timed = match self.way {
-            Way::Volumes(TimeScheme::BackwardEuler) | Way::FlowMap => 0.0,
-            Way::Volumes(_) => choice::TIME_SHARE * self.settings.tolerance,
-        };
-        for (k, (here, other)) in fine.outputs.iter().zip(&coarse.outputs).enumerate() {
-            let (mut now, scale) = (here.moments, scales.each(&here.moments));
-            let names = now.named().map(|(name, _)| name);
-            let others = other.moments.named();
-            for (i, number) in now.each_mut().into_iter().enumerate() {
-                let (Some(number), Some(other)) = (number, others[i].1) else {
-                    continue;
-                };
-                // A settled run stays within its distance of (21); tails weigh ten scales.
-                let settled = fine.settled.map_or(0.0, |_| here.distance);
-                let tail = (weight * outside + 10.0 * settled) * scale[i];
-                let error = difference(k, i, number.value, other.value) + tail + timed * scale[i];
-                *number = Estimate::new(number.value, error, Origin::Space);
-                let ratio = error / (self.settings.tolerance * scale[i]);
-                if ratio > unmet.map_or(1.0, |u| u.0) {
-                    unmet = Some((ratio, names[i], here.t));
-                }
-            }
-            moments.push(now);
+        let mut moments: Vec<Moments> = fine.outputs.iter().map(|it| it.moments).collect();
+        for (k, moments) in moments.iter_mut().enumerate() {
+            bars.write(k, moments);
         }
-        if let Some((ratio, name, t)) = unmet {
-            warnings.push(format!(
-                "the tolerance {:e} is not met: the error of {name} at t = {t} is {ratio:.1} times too \
-                 large; more cells would help",
-                self.settings.tolerance
-            ));
-        }
+        let (worst, k, i) = bars.worst(&fine);
+        let tolerance = self.settings.tolerance;
+        let shortfall = (worst > tolerance || worst.is_nan()).then(|| Shortfall {
+            number: format!("{} at t = {}", moments[k].named()[i].0, fine.outputs[k].t),
+            ratio: worst / tolerance,
+            tolerance,
+            free,
+            reason: why,
+        });
+        warnings.extend(shortfall.iter().map(Shortfall::to_string));
         if let Some(t) = fine.settled {
             warnings.push(format!(
                 "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: the march \
@@ -366,6 +386,7 @@ impl Task<'_> {
                 steps: fine.steps + coarse.steps,
                 neglected: outside,
             },
+            shortfall,
             densities: fine
                 .outputs
                 .into_iter()

@@ -561,6 +561,14 @@ fn foot(table: &mut Table, results: &Results) {
     );
     table.line("");
     table.paragraph("time: ", &text);
+    if results.falls_short() {
+        let stages: Vec<&str> = results.shortfalls.iter().map(|it| it.0).collect();
+        let text = format!(
+            "{} (exit status 3); the numbers stand with their errors",
+            stages.join(", ")
+        );
+        table.paragraph("TOLERANCE NOT REACHED: ", &text);
+    }
     for warning in &run.warnings {
         table.paragraph("warning: ", warning);
     }

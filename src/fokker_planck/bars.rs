@@ -1,0 +1,170 @@
+//! Error bars of a transient: what its mesh, its steps, its box and its roundings may have done to each
+//! number, kept apart until they are added.
+
+use super::transient::Run;
+use crate::estimate::{Estimate, Origin};
+use crate::moments::Moments;
+use crate::scales::Scales;
+
+/// One value per number of [`Moments::named`] and output time.
+pub(super) type Table = Vec<[f64; 11]>;
+
+/// Bars of every number at every output time.
+pub(super) struct Bars {
+    /// What the mesh may have done, and with `joint` the steps as well.
+    pub(super) space: Table,
+    /// What the steps may have done.
+    pub(super) time: Table,
+    /// Whether `space` comes from two runs that differ in their steps too.
+    pub(super) joint: bool,
+    /// What the box leaves out, in natural scales.
+    outside: [f64; 11],
+    /// Natural scales.
+    scales: Table,
+    /// L1 distance to the stationary law at each time from which the march was not continued, else 0.
+    settled: Vec<f64>,
+    /// Relative rounding of a whole run.
+    rounding: f64,
+}
+
+/// Convergence of this order is believed without being seen: what a kink of the force leaves.
+const BELIEVED: f64 = 1.4;
+
+/// The error of the finer of two runs over their difference, one `ratio` times as fine as the other, for
+/// convergence of the order [`BELIEVED`]. Faster convergence leaves a smaller error.
+pub(super) fn beyond(ratio: f64) -> f64 {
+    1.0 / (ratio.powf(BELIEVED) - 1.0)
+}
+
+/// A difference that passes through zero, on its way from one output to the next or beside those of the
+/// other numbers, is not taken for less than this part of its neighbours'.
+const NEIGHBOURS: f64 = 0.5;
+const OTHERS: f64 = 0.1;
+
+/// `factor` times the differences of two runs, none far below those of its neighbours: the times within
+/// a quarter of a period for the same number, the other numbers at the same time.
+pub(super) fn differences(a: &Run, b: &Run, factor: f64, scales: &Scales) -> Table {
+    const QUARTER: f64 = 1.6;
+    let plain: Table = a
+        .outputs
+        .iter()
+        .zip(&b.outputs)
+        .map(|(a, b)| {
+            let (x, y) = (a.moments.named(), b.moments.named());
+            std::array::from_fn(|i| match (x[i].1, y[i].1) {
+                (Some(x), Some(y)) => factor * (x.value - y.value).abs(),
+                _ => 0.0,
+            })
+        })
+        .collect();
+    let near = |k: usize, l: usize| (a.outputs[k].t - a.outputs[l].t).abs() <= QUARTER;
+    let mut table = plain.clone();
+    for (k, row) in table.iter_mut().enumerate() {
+        let scale = scales.each(&a.outputs[k].moments);
+        let before = (0..k).rev().take_while(|l| near(k, *l));
+        let after = (k + 1..plain.len()).take_while(|l| near(k, *l));
+        for l in before.chain(after) {
+            for (x, neighbour) in row.iter_mut().zip(&plain[l]) {
+                *x = x.max(NEIGHBOURS * neighbour);
+            }
+        }
+        // Kurtosis and skewness of a narrow force may err far more than anything else: the median speaks
+        // for the density.
+        let mut sorted: Vec<f64> = plain[k].iter().zip(scale).map(|(x, s)| x / s).collect();
+        sorted.sort_by(f64::total_cmp);
+        let middle = sorted[sorted.len() / 2];
+        for (x, s) in row.iter_mut().zip(scale) {
+            *x = x.max(OTHERS * middle * s);
+        }
+    }
+    table
+}
+
+impl Bars {
+    /// Bars of `run`, nothing known of its mesh and steps yet.
+    pub(super) fn of(run: &Run, scales: &Scales, outside: [f64; 11]) -> Self {
+        let none = vec![[0.0; 11]; run.outputs.len()];
+        Self {
+            space: none.clone(),
+            time: none,
+            joint: false,
+            outside,
+            scales: run
+                .outputs
+                .iter()
+                .map(|it| scales.each(&it.moments))
+                .collect(),
+            settled: run
+                .outputs
+                .iter()
+                .map(|it| run.settled.map_or(0.0, |_| it.distance))
+                .collect(),
+            rounding: f64::EPSILON * (run.steps as f64 + 10.0),
+        }
+    }
+
+    /// Parts of the error of number i at time k: space, time, box, rounding.
+    fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 4] {
+        let scale = self.scales[k][i];
+        // A settled run stays within its distance of (21); tails weigh ten scales.
+        let time = self.time[k][i] + 10.0 * self.settled[k] * scale;
+        [
+            (self.space[k][i], Origin::Space),
+            (time, Origin::Time),
+            (self.outside[i] * scale, Origin::Domain),
+            (self.rounding * (scale + value.abs()), Origin::Rounding),
+        ]
+    }
+
+    /// Writes the bars into the numbers of time k; the origin is that of the largest part.
+    pub(super) fn write(&self, k: usize, moments: &mut Moments) {
+        for (i, number) in moments.each_mut().into_iter().enumerate() {
+            if let Some(number) = number {
+                let parts = self.parts(k, i, number.value);
+                let total = parts.iter().map(|part| part.0).sum();
+                let largest = parts.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+                let origin = largest.map_or(Origin::Space, |part| part.1);
+                *number = Estimate::new(number.value, total, origin);
+            }
+        }
+    }
+
+    /// The largest of `part` over the natural scale, with number and time.
+    fn largest(&self, part: impl Fn(usize, usize) -> f64) -> (f64, usize, usize) {
+        let mut worst = (0.0, 0, 0);
+        for (k, scale) in self.scales.iter().enumerate() {
+            for (i, scale) in scale.iter().enumerate() {
+                let here = part(k, i) / scale;
+                if here > worst.0 || here.is_nan() {
+                    worst = (here, k, i);
+                }
+            }
+        }
+        worst
+    }
+
+    /// The largest bar over the natural scale, with its time and number.
+    pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
+        let values: Vec<_> = run.outputs.iter().map(|it| it.moments.named()).collect();
+        self.largest(|k, i| {
+            values[k][i].1.map_or(0.0, |number| {
+                self.parts(k, i, number.value).iter().map(|it| it.0).sum()
+            })
+        })
+    }
+
+    /// The largest part of the mesh over the natural scale.
+    pub(super) fn worst_space(&self) -> f64 {
+        self.largest(|k, i| self.space[k][i]).0
+    }
+
+    /// The largest part of the steps over the natural scale.
+    pub(super) fn worst_time(&self) -> f64 {
+        self.largest(|k, i| self.time[k][i]).0
+    }
+
+    /// The largest part of the box, over the natural scale.
+    pub(super) fn worst_outside(&self) -> f64 {
+        self.outside.iter().copied().fold(0.0, f64::max)
+    }
+}
