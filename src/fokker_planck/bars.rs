@@ -97,7 +97,10 @@ impl Bars {
             settled: run
                 .outputs
                 .iter()
-                .map(|it| run.settled.map_or(0.0, |_| it.distance))
+                .map(|it| match run.settled {
+                    Some(since) if it.t >= since => it.distance,
+                    _ => 0.0,
+                })
                 .collect(),
             rounding: f64::EPSILON * (run.steps as f64 + 10.0),
         }
