@@ -1,5 +1,6 @@
 //! Nanoseconds per path and step on one core, scheme by scheme, and the floor: the same integrator
-//! without noise. Elements are paths times steps.
+//! without noise. Elements are paths times steps. Beside it benches/numba_loop.py, run by hand: 35 ns for
+//! BAOAB in numba 0.68 where this takes about 3.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;

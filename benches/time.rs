@@ -1,6 +1,8 @@
 //! What time costs: the generator per cell, factorisations and solves, and a unit of time per scheme.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use std::alloc::System;
 use std::hint::black_box;
 use std::time::Duration;
 use vibroimpact::contact::ContactLaw;
@@ -11,6 +13,9 @@ use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, choice};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 /// The contact at T = 0.63 in a box up to 11 T.
 fn generator(zeta: f64, cells: [usize; 2], drift: Drift) -> (Oscillator, Generator) {
@@ -112,7 +117,8 @@ fn assembled(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The factorisation and a step of Radau IIA against the mesh, by LU and by preconditioned GMRES.
+/// The factorisation, a step of Radau IIA and the memory they hold against the mesh, by LU and by
+/// preconditioned GMRES.
 fn solve(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("solve");
     for n in [60, 90, 130] {
@@ -121,6 +127,17 @@ fn solve(criterion: &mut Criterion) {
         for solver in [Solver::Direct, Solver::Krylov] {
             let name = format!("{solver:?} {} unknowns", generator.unknowns());
             if n < 100 || solver == Solver::Krylov {
+                let region = Region::new(ALLOCATOR);
+                let mut held = Radau::new(&generator, solver);
+                held.march(&mut cells.clone(), 0.5, 1e-6).unwrap();
+                let change = region.change();
+                let bytes = (change.bytes_allocated - change.bytes_deallocated) as f64;
+                println!(
+                    "{name}: {:.1} MB, {:.1} kB per unknown",
+                    bytes * 1e-6,
+                    bytes * 1e-3 / generator.unknowns() as f64
+                );
+                drop(held);
                 group.bench_function(BenchmarkId::new("factor", &name), |bencher| {
                     bencher.iter(|| {
                         let mut scheme = Radau::new(&generator, solver);

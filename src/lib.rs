@@ -31,12 +31,16 @@
 //! | The stationary law in closed form | [`stationary`] |
 //! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
+//! | Spectra from records and correlation functions | [`spectrum`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Tables, files, pictures | [`report`] |
-//! | Whether error bars are true | [`precision`] |
+//! | The paper, number by number | [`validation`] |
+//! | Error against run time, whether error bars are true | [`precision`] |
+//! | Stiff and extreme scenes | [`stability`] |
 
 pub mod contact;
+pub mod conventions;
 pub mod error;
 pub mod estimate;
 pub mod fokker_planck;
@@ -55,6 +59,9 @@ pub mod rig;
 pub mod scales;
 pub mod scene;
 pub mod sparse;
+pub mod spectrum;
+pub mod stability;
 pub mod stationary;
+pub mod validation;
 
 pub use error::{Error, Result};

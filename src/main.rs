@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use vibroimpact::plan::{Part, Plan, Watch};
+use vibroimpact::plan::{self, Part, Plan, Watch};
 use vibroimpact::precision::calibration::{self, Calibration};
 use vibroimpact::precision::truths;
 use vibroimpact::report::folder::{Existing, Folder};
 use vibroimpact::report::{self, terminal};
 use vibroimpact::results::Results;
 use vibroimpact::scene::text::{BUILT_IN, SceneText, built_in, nearest};
-use vibroimpact::{Error, Result};
+use vibroimpact::{Error, Result, validation};
 
 /// Random vibration of a preloaded Hertzian contact that now and then loses contact.
 ///
@@ -51,19 +51,18 @@ enum Command {
         /// A built-in scene
         name: Option<String>,
     },
-    /// The paper's tables and figures (not available yet)
-    Validate(Later),
-    /// Error against run time (not available yet); with --calibrate, error bars against stored truths
+    /// The paper's tables and figures against ours: validation/README.md and its pictures
+    Validate(ValidateOptions),
+    /// Error against run time: every method on closed forms and against each other
     Precision {
+        #[command(flatten)]
+        survey: Survey,
         /// Hold the error bars of random scenes against what their numbers are known to be
         #[arg(long)]
         calibrate: bool,
-        /// Folder for every number as a file [default: none is written]
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
     },
-    /// The stiff and extreme scenes (not available yet)
-    Stability(Later),
+    /// The stiff and extreme scenes, each against what is known of it
+    Stability(Survey),
 }
 
 #[derive(Args)]
@@ -92,11 +91,51 @@ struct RunOptions {
     force: bool,
 }
 
-/// Whatever follows a command that does not exist yet.
 #[derive(Args)]
-struct Later {
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
-    rest: Vec<String>,
+struct ValidateOptions {
+    /// Folders with a paper.csv [default: all in validation/ of the current directory]
+    #[arg(value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// Write README.md and the pictures there [default: where the folders are]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    force: bool,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Args)]
+struct Survey {
+    /// Folder for the tables and pictures [default: results/<command>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    force: bool,
+    /// Only what has this text in its name
+    #[arg(long, value_name = "TEXT", hide = true)]
+    only: Option<String>,
+}
+
+impl Survey {
+    /// Whether a name is wanted.
+    fn wants(&self, name: &str) -> bool {
+        self.only
+            .as_ref()
+            .is_none_or(|it| it.split(',').any(|part| name.contains(part)))
+    }
+
+    fn folder(&self, command: &str) -> Result<Folder> {
+        let options = RunOptions {
+            out: self.out.clone(),
+            force: self.force,
+            ..RunOptions::default()
+        };
+        open_folder(command.to_string(), &options)
+    }
 }
 
 /// Why the program ends early: what to print, and the exit status.
@@ -202,19 +241,20 @@ fn command(cli: Cli) -> std::result::Result<u8, Stop> {
             Some(text) => print(text).map(|()| 0),
             None => Err(no_such_scene(&name)),
         },
-        Some(Command::Validate(it)) => Err(later("validate", &it)),
-        Some(Command::Precision { calibrate, out }) => precision(calibrate, out.as_deref()),
-        Some(Command::Stability(it)) => Err(later("stability", &it)),
+        Some(Command::Validate(options)) => validate(&options).map(|()| 0),
+        Some(Command::Precision {
+            survey,
+            calibrate: true,
+        }) => calibrate(&survey).map(|()| 0),
+        Some(Command::Precision { survey, .. }) => precision(&survey).map(|()| 0),
+        Some(Command::Stability(it)) => stability(&it).map(|()| 0),
     }
 }
 
-fn precision(calibrate: bool, out: Option<&Path>) -> std::result::Result<(), Stop> {
-    if !calibrate {
-        let instead = "precision --calibrate is there";
-        return Err(Error::not_available("the command precision", instead).into());
-    }
-    let folder = match out {
-        Some(path) => Some(Folder::open(path, Existing::Refuse)?),
+/// Error bars against stored truths.
+fn calibrate(survey: &Survey) -> std::result::Result<(), Stop> {
+    let folder = match survey.out {
+        Some(_) => Some(survey.folder("calibration")?),
         None => None,
     };
     let cases = truths::cases()?;
@@ -232,11 +272,6 @@ fn precision(calibrate: bool, out: Option<&Path>) -> std::result::Result<(), Sto
         folder.write(&[calibration.csv()])?;
     }
     print(&calibration.to_string())
-}
-
-fn later(name: &str, _: &Later) -> Stop {
-    let instead = "commands that are there: run, plan, scenes";
-    Error::not_available(format!("the command {name}"), instead).into()
 }
 
 fn no_such_scene(name: &str) -> Stop {
@@ -345,6 +380,134 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<u8, St
     let table = terminal::table(&results, colour(&io::stdout()));
     print(&format!("{table}files: {}\n", folder.path().display()))?;
     Ok(status)
+}
+
+fn stability(survey: &Survey) -> std::result::Result<(), Stop> {
+    let mut scenes = vibroimpact::stability::scenes();
+    scenes.retain(|it| survey.wants(it.name));
+    let folder = survey.folder("stability")?;
+    let bar = survey_bar(scenes.len());
+    let rows = vibroimpact::stability::run(scenes.clone(), &|row| {
+        bar.set_message(row.name);
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    folder.write(&vibroimpact::stability::files(&scenes, &rows))?;
+    let table = vibroimpact::stability::text(&rows);
+    print(&format!("{table}files: {}\n", folder.path().display()))?;
+    let dishonest = rows.iter().filter(|row| !row.verdict.honest()).count();
+    if dishonest == 0 {
+        return Ok(());
+    }
+    let message = format!("{dishonest} scenes failed without saying so");
+    Err(Stop::new(1, message, "see the table"))
+}
+
+fn precision(survey: &Survey) -> std::result::Result<(), Stop> {
+    use vibroimpact::precision::{self, Effort, Method};
+    let mut cases = precision::cases()?;
+    cases.retain(|it| survey.wants(it.name));
+    let folder = survey.folder("precision")?;
+    let jobs: usize = cases.iter().map(|case| Method::all(case).len()).sum();
+    let bar = survey_bar(jobs);
+    let mut surveys = Vec::new();
+    for case in &cases {
+        let methods = Method::all(case);
+        surveys.push(precision::survey(case, &methods, Effort::Full, &|entry| {
+            bar.set_message(format!("{}: {}", case.name, entry.method));
+            bar.tick();
+        })?);
+        bar.inc(methods.len() as u64);
+        // What is done is there, whatever comes.
+        folder.write(&precision::files(&surveys, &[])?)?;
+    }
+    let mut costs = Vec::new();
+    if survey.only.is_none() || survey.wants("cost") {
+        let all = precision::cases()?;
+        costs = precision::costs(&all[0], Effort::Full, &|cost| {
+            bar.set_message(format!("cost of {}, {} cells", cost.of, cost.n));
+            bar.tick();
+        });
+    }
+    bar.finish_and_clear();
+    folder.write(&precision::files(&surveys, &costs)?)?;
+    let table = precision::text(&surveys, &costs);
+    print(&format!("{table}\nfiles: {}\n", folder.path().display()))
+}
+
+/// Progress over a number of jobs; hidden by itself where standard error is not a terminal.
+fn survey_bar(jobs: usize) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}");
+    ProgressBar::with_draw_target(Some(jobs as u64), ProgressDrawTarget::stderr())
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Runs folders of the paper and writes their page and pictures.
+fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
+    let named = !options.folders.is_empty();
+    let list = if named {
+        options.folders.clone()
+    } else {
+        validation::folders(Path::new("validation"))?
+    };
+    let folders: Vec<_> = list
+        .iter()
+        .map(|path| validation::Folder::read(path))
+        .collect::<Result<_>>()?;
+    let root = list[0].canonicalize().unwrap_or_else(|_| list[0].clone());
+    let root = root.parent().unwrap_or(Path::new(".")).to_owned();
+    let target = options.out.clone().unwrap_or_else(|| root.clone());
+    // In their own folders nothing is cleared: the scenes are there.
+    let existing = if options.force {
+        Existing::Force
+    } else {
+        Existing::Refuse
+    };
+    let _held = match &options.out {
+        Some(path) => Some(Folder::open(path, existing)?),
+        None => None,
+    };
+    let mut outcomes = Vec::new();
+    for folder in &folders {
+        let start = std::time::Instant::now();
+        let bar = ProgressBar::new_spinner();
+        bar.set_draw_target(if options.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        });
+        let outcome = folder.run(&|label| bar.set_message(format!("{}  {label}", folder.name)))?;
+        bar.finish_and_clear();
+        let place = target.join(&outcome.name);
+        std::fs::create_dir_all(&place).map_err(|source| Error::Io {
+            path: place.clone(),
+            source,
+        })?;
+        report::folder::write(&place, &outcome.pictures)?;
+        if !options.quiet {
+            let counts = validation::readme::counts(&outcome.rows);
+            let counts: Vec<String> = counts.iter().map(|(it, n)| format!("{n} {it}")).collect();
+            let seconds = plan::seconds(start.elapsed().as_secs_f64());
+            let line = format!("{:<12} {} ({seconds})\n", outcome.name, counts.join(", "));
+            print(&line)?;
+        }
+        outcomes.push(outcome);
+    }
+    let path = target.join(validation::readme::NAME);
+    let earlier = std::fs::read_to_string(&path).unwrap_or_default();
+    let equations = validation::equations::read(&root)?;
+    let equations = equations.map(|list| validation::equations::table(&list));
+    let there = |name: &str| target.join(name).is_dir();
+    let text = validation::readme::page(&outcomes, equations.as_deref(), &earlier, &there);
+    let file = report::File {
+        name: validation::readme::NAME.into(),
+        bytes: text.into_bytes(),
+    };
+    report::folder::write(&target, &[file])?;
+    if options.quiet {
+        return Ok(());
+    }
+    print(&format!("files: {}\n", path.display()))
 }
 
 fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {

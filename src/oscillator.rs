@@ -76,6 +76,34 @@ impl Oscillator {
     }
 }
 
+/// What a spectrum is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Quantity {
+    /// N = G(q).
+    #[default]
+    Force,
+    /// q.
+    Displacement,
+}
+
+impl Quantity {
+    /// Its value at a displacement.
+    pub fn of(self, contact: &ContactLaw, q: f64) -> f64 {
+        match self {
+            Self::Force => contact.force(q),
+            Self::Displacement => q,
+        }
+    }
+
+    /// The name used in scenes and results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Force => "force",
+            Self::Displacement => "displacement",
+        }
+    }
+}
+
 /// The law p_q(q) = exp(-(U(q) - U_min)/T)/Z of (22), normalised by adaptive quadrature.
 #[derive(Debug, Clone)]
 pub struct DisplacementLaw {

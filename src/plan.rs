@@ -3,10 +3,12 @@
 
 use crate::error::{Error, Result};
 use crate::fokker_planck::{self, Settings, Task};
-use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme};
-use crate::results::{CrossingNumbers, Results, StationaryNumbers, peak_memory};
-use crate::scene::{self, MonteCarlo, Scene, num};
+use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
+use crate::results::{CrossingNumbers, Results, SpectrumNumbers, StationaryNumbers, peak_memory};
+use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest, num};
+use crate::spectrum::Welch;
 use crate::stationary::Stationary;
+use std::f64::consts::PI;
 use std::time::Instant;
 
 /// The stages of a scene: optional parts, each there only because an output needs it.
@@ -41,8 +43,12 @@ pub enum Part {
     Steady,
     /// The slowest eigenvalues of L.
     DecayRates,
+    /// The spectrum from the resolvent of L.
+    Spectrum,
     /// The ensemble of paths.
     MonteCarlo,
+    /// Sampled records for the spectrum by Welch's method.
+    Series,
     /// Long records of the stationary motion.
     Records,
 }
@@ -56,7 +62,9 @@ impl Part {
             Self::Transient => "transient",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
+            Self::Spectrum => "spectrum",
             Self::MonteCarlo => "monte_carlo",
+            Self::Series => "welch",
             Self::Records => "records",
         }
     }
@@ -96,6 +104,12 @@ pub trait Watch: Sync {
 
 struct Nobody;
 impl Watch for Nobody {}
+
+/// Samples of a segment of Welch's method, averages and segments a record: the first two are the
+/// paper's; records of five segments share few samples and are many enough for a standard error.
+const WELCH_SAMPLES: usize = 2048;
+const WELCH_AVERAGES: usize = 400;
+const WELCH_SEGMENTS: usize = 5;
 
 /// Steps beyond which a scene is taken for a slip of the pen.
 const MOST_STEPS: u64 = 10_000_000_000;
@@ -141,6 +155,12 @@ impl Plan {
         }
         if outputs.decay_rates > 0 {
             plan.add(Part::DecayRates, &[("outputs.decay_rates", true)])?;
+        }
+        if outputs.spectrum.is_some() {
+            plan.add(Part::Spectrum, &[("outputs.spectrum", true)])?;
+        }
+        if scene.wants_series() {
+            plan.add(Part::Series, &[("outputs.spectrum", true)])?;
         }
         if scene.wants_paths() {
             plan.add(Part::MonteCarlo, &[("monte_carlo", true)])?;
@@ -241,6 +261,8 @@ impl Plan {
                 });
             }
             Part::MonteCarlo => return self.ensemble_cost(),
+            Part::Series => return self.series_cost(),
+            Part::Spectrum => Task::Spectrum,
             Part::Records => return self.record_cost(),
             Part::Transient => Task::Transient(&times),
             Part::Steady => Task::Steady,
@@ -278,6 +300,54 @@ impl Plan {
             steps: steps as u64,
             memory_bytes: (threads * 1e6) as u64,
             seconds: step_seconds(scheme, settings.noise) * settings.paths as f64 * steps / threads,
+        })
+    }
+
+    /// Welch's method as in the paper, section 5.3.2, and the records it needs.
+    fn welch(&self) -> Result<(Welch, SeriesSettings)> {
+        let request = self.scene.outputs.spectrum.unwrap_or(SpectrumRequest {
+            until: 4.0,
+            quantity: scene::Quantity::Force,
+        });
+        // Nyquist's frequency is twice the highest asked for: what aliases into the range lies beyond
+        // three times that frequency.
+        let spacing = 0.5 * PI / request.until;
+        let welch = Welch::new(WELCH_SAMPLES, WELCH_SAMPLES / 2, spacing)?;
+        let samples = welch.record_length(WELCH_SEGMENTS);
+        let sampling = self.scene.monte_carlo.clone().unwrap_or_default();
+        let records = match sampling.duration {
+            Some(duration) => (duration / (samples as f64 * spacing)).ceil().max(32.0),
+            None => (WELCH_AVERAGES / WELCH_SEGMENTS) as f64,
+        };
+        let settings = SeriesSettings {
+            quantity: request.quantity,
+            spacing,
+            samples,
+            records: records as u64,
+            seed: sampling.seed,
+            scheme: sampling.scheme,
+            step: sampling.step,
+            noise: noise(&sampling),
+            max_seconds: self.settings.max_seconds,
+        };
+        Ok((welch, settings))
+    }
+
+    fn series_cost(&self) -> Result<Cost> {
+        let (_, settings) = self.welch()?;
+        let it = monte_carlo::series_size(&self.scene.oscillator, &settings)?;
+        let threads = rayon::current_num_threads() as f64;
+        Ok(Cost {
+            method: format!(
+                "Welch: {} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}, step {}",
+                it.records,
+                it.scheme,
+                short(it.step)
+            ),
+            cells: None,
+            steps: it.path_steps / it.records,
+            memory_bytes: it.memory + 8 * it.records * WELCH_SAMPLES as u64 / 2,
+            seconds: step_seconds(it.scheme, settings.noise) * it.path_steps as f64 / threads,
         })
     }
 
@@ -352,8 +422,40 @@ impl Plan {
             }
             Part::DecayRates => {
                 let count = outputs.decay_rates;
-                results.decay_rates =
-                    Some(fokker_planck::decay_rates(oscillator, count, &settings)?);
+                let rates = fokker_planck::decay_rates(oscillator, count, &settings)?;
+                let warnings = rate_warnings(&rates, count, settings.tolerance);
+                results.run.warnings.extend(warnings);
+                results.decay_rates = Some(rates);
+            }
+            Part::Spectrum => {
+                let (welch, asked) = self.welch()?;
+                let until = outputs.spectrum.map_or(0.0, |it| it.until) * (1.0 + 1e-9);
+                let mut omegas = welch.omega();
+                omegas.retain(|omega| *omega <= until);
+                let it = fokker_planck::spectrum(
+                    oscillator,
+                    asked.quantity,
+                    &omegas,
+                    &settings,
+                    progress,
+                )?;
+                if !it.reached {
+                    let (error, omega) = it.worst();
+                    results.run.warnings.push(format!(
+                        "the spectrum is known to {error:.1e} of its value only, at omega = {omega:.3}: \
+                         raise accuracy.max_seconds or accuracy.tolerance"
+                    ));
+                }
+                results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
+            }
+            Part::Series => {
+                let (welch, mut settings) = self.welch()?;
+                settings.max_seconds = max_seconds;
+                if let Some(mut it) = results.spectrum.take() {
+                    it.sample(oscillator, &welch, &settings, progress)?;
+                    results.spectrum = Some(it);
+                    results.agreement = results.agree();
+                }
             }
             Part::MonteCarlo => {
                 if let Some(mut settings) = self.ensemble_settings() {
@@ -392,13 +494,15 @@ impl Plan {
         if cost.steps > MOST_STEPS {
             let sampling = self.scene.monte_carlo.as_ref();
             let (key, step) = match part {
-                Part::MonteCarlo | Part::Records => {
+                Part::MonteCarlo | Part::Records | Part::Series => {
                     ("monte_carlo.step", sampling.and_then(|it| it.step))
                 }
                 _ => ("method.step", self.scene.method.step),
             };
             let otherwise = match (part, sampling.and_then(|it| it.duration)) {
-                (Part::Records, Some(duration)) => ("monte_carlo.duration", duration),
+                (Part::Records | Part::Series, Some(duration)) => {
+                    ("monte_carlo.duration", duration)
+                }
                 _ => ("outputs", self.until()),
             };
             let (key, value) = step.map_or(otherwise, |step| (key, step));
@@ -518,6 +622,27 @@ fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
             band,
         },
     }
+}
+
+/// What a reader of decay rates should know: rates that were not found, and rates below their errors.
+fn rate_warnings(rates: &[fokker_planck::DecayRate], count: usize, tolerance: f64) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if rates.len() < count {
+        warnings.push(format!(
+            "{} of {count} decay rates were found on two meshes; at zeta = 1 rates coincide and have no \
+             modes of their own. More method.cells may show others",
+            rates.len()
+        ));
+    }
+    let ratio = |it: &fokker_planck::DecayRate| it.error / it.re.hypot(it.im);
+    let worst = rates.iter().map(ratio).fold(0.0, f64::max);
+    if worst > tolerance {
+        warnings.push(format!(
+            "the tolerance {tolerance:e} is not met: a decay rate is known to {worst:.1e} of itself; more \
+             method.cells would help"
+        ));
+    }
+    warnings
 }
 
 /// A number to four digits.

@@ -1,5 +1,9 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
+mod spectrum;
+
+pub use spectrum::{SampledSpectrum, SpectrumNumbers};
+
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall};
 use crate::fokker_planck::{DecayRate, Method, Steady, Transient};
@@ -27,6 +31,8 @@ pub struct Results {
     pub steady: Option<Steady>,
     /// The slowest eigenvalues of L.
     pub decay_rates: Option<Vec<DecayRate>>,
+    /// The spectrum, from the resolvent and by sampling.
+    pub spectrum: Option<SpectrumNumbers>,
     /// The transient by sampling.
     pub monte_carlo: Option<EnsembleResult>,
     /// Stationary statistics of long records.
@@ -245,6 +251,7 @@ impl Results {
             transient: None,
             steady: None,
             decay_rates: None,
+            spectrum: None,
             monte_carlo: None,
             records: None,
             agreement: None,
@@ -308,6 +315,9 @@ impl Results {
                 ])
             });
             all.push("decay_rates", Json::List(rates.collect()));
+        }
+        if let Some(it) = &self.spectrum {
+            all.push("spectrum", it.json());
         }
         if self.monte_carlo.is_some() || self.records.is_some() {
             all.push("monte_carlo", self.monte_carlo_json());
@@ -385,6 +395,9 @@ impl Results {
         }
         if let (Some(a), Some((_, b))) = (&self.crossings, self.sampled_crossings()) {
             a.iter().for_each(|(name, a)| put(name, a, b.get(name)));
+        }
+        if let Some(it) = &self.spectrum {
+            pairs.extend(it.pairs().map(|(a, b)| ("spectrum", None, a, b)));
         }
         Agreement::over(pairs)
     }
@@ -488,6 +501,12 @@ impl Results {
         };
         let lost = self.crossings.as_ref().and_then(|it| it.lost_share);
         all.extend(self.measured(rig, &of, lost));
+        let main = self.spectrum.as_ref().and_then(|it| it.peaks.first());
+        if let Some(peak) = main {
+            all.push(("peak_frequency_hz", peak.omega.scaled(rig.hertz(1.0))));
+            let width = peak.width.map(|it| it.scaled(rig.hertz(1.0)));
+            all.extend(width.map(|it| ("half_power_width_hz", it)));
+        }
         all
     }
 

@@ -25,6 +25,7 @@ use crate::initial::Initial;
 use crate::json::Json;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
+pub use crate::oscillator::Quantity;
 use crate::rig::Rig;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -212,16 +213,6 @@ pub struct SpectrumRequest {
     pub quantity: Quantity,
 }
 
-/// What a spectrum is of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Quantity {
-    /// N = G(q).
-    #[default]
-    Force,
-    /// q.
-    Displacement,
-}
-
 /// The ensemble of paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MonteCarlo {
@@ -316,24 +307,11 @@ struct NotYet {
 
 /// Everything the scene format knows and this version cannot compute. A line goes when its computation
 /// comes.
-const NOT_YET: &[NotYet] = &[
-    NotYet {
-        key: "outputs.spectrum",
-        asked: |scene| scene.outputs.spectrum.is_some(),
-        instead: "leave it out",
-    },
-    NotYet {
-        key: "outputs.first_loss",
-        asked: |scene| scene.outputs.first_loss.is_some(),
-        instead: "leave it out; outputs.stationary gives the rate of loss",
-    },
-    NotYet {
-        key: "initial.kind",
-        asked: |scene| scene.initial == Initial::Rest && scene.outputs.transient(),
-        instead: "a transient from rest (the default start) needs [initial] kind = \"gaussian\" \
-                  with a small deviation, as 0.3, for now",
-    },
-];
+const NOT_YET: &[NotYet] = &[NotYet {
+    key: "outputs.first_loss",
+    asked: |scene| scene.outputs.first_loss.is_some(),
+    instead: "leave it out; outputs.stationary gives the rate of loss",
+}];
 
 impl Scene {
     /// The stationary law of `oscillator`, and nothing else.
@@ -361,6 +339,11 @@ impl Scene {
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
         it.is_some_and(|it| asked(it) || self.outputs.moments_at.is_empty())
+    }
+
+    /// Whether the spectrum is asked for by sampling too.
+    pub fn wants_series(&self) -> bool {
+        self.monte_carlo.is_some() && self.outputs.spectrum.is_some()
     }
 
     /// The window of [`Outputs::crossings`] as a dimensionless time.
@@ -427,7 +410,7 @@ impl Scene {
         let outputs = &self.outputs;
         if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates or crossings";
+                            decay_rates, spectrum or crossings";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if !self.oscillator.contact().is_confining() {
@@ -454,7 +437,16 @@ impl Scene {
             ));
         }
         if let Some(spectrum) = outputs.spectrum {
-            positive("outputs.spectrum.until", spectrum.until)?;
+            let key = "outputs.spectrum.until";
+            positive(key, spectrum.until)?;
+            if !self.oscillator.contact().is_confining() {
+                return Err(self.no_law("outputs.spectrum", "asked for"));
+            }
+            // Beyond, every sample of Monte Carlo would be a step far below any time of the motion.
+            if !(1e-3..=100.0).contains(&spectrum.until) {
+                let accepted = "a circular frequency from 1e-3 to 100; the contact resonates at 1";
+                return Err(Error::invalid(key, num(spectrum.until), accepted));
+            }
         }
         if let Some(until) = outputs.first_loss {
             positive("outputs.first_loss.until", until)?;
@@ -633,13 +625,9 @@ impl Scene {
             ("decay_rates", Json::from(outputs.decay_rates)),
         ]);
         if let Some(it) = outputs.spectrum {
-            let quantity = match it.quantity {
-                Quantity::Force => "force",
-                Quantity::Displacement => "displacement",
-            };
             let pairs = [
                 ("until", Json::from(it.until)),
-                ("quantity", quantity.into()),
+                ("quantity", it.quantity.name().into()),
             ];
             json.push("spectrum", Json::object(pairs));
         }

@@ -1,10 +1,12 @@
-//! Sparse LU: the one door to faer. Matrices are sprs matrices in compressed-column form.
+//! Sparse LU, and what little is dense: the one door to faer. Sparse matrices are sprs matrices in
+//! compressed-column form.
 //!
 //! faer answers a numerically singular, NaN or infinite matrix with `Ok` and numbers that are not a
 //! solution; this door checks the values before, and the residual after, so that none gets through.
 
 use crate::error::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::sparse::linalg::lu::{
     LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
 };
@@ -222,6 +224,48 @@ pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
         column.mapv_inplace(|x| x / norm);
     }
     Ok((values, vectors))
+}
+
+/// X of A X = B for a dense complex A and real columns B, by LU with partial pivoting.
+///
+/// # Errors
+/// [`Error::Linear`] for shapes that do not fit or a solution that is not finite.
+pub fn solve_dense(a: &Array2<Complex<f64>>, b: &Array2<f64>) -> Result<Array2<Complex<f64>>> {
+    let fail = |what: String| Error::Linear {
+        stage: "dense LU",
+        what,
+    };
+    let (n, columns) = b.dim();
+    if a.dim() != (n, n) || n == 0 {
+        let (m, k) = a.dim();
+        return Err(fail(format!(
+            "a {m} x {k} matrix with right-hand sides of length {n}"
+        )));
+    }
+    let mut lu = Mat::from_fn(n, n, |i, j| a[[i, j]]);
+    let mut x = Mat::from_fn(n, columns, |i, j| Complex::new(b[[i, j]], 0.0));
+    let (mut forward, mut backward) = (vec![0usize; n], vec![0usize; n]);
+    // One thread: whoever has many matrices shares them out.
+    let par = Par::Seq;
+    let factoring = factor::lu_in_place_scratch::<usize, Complex<f64>>(n, n, par, Spec::default());
+    let solving = solve::solve_in_place_scratch::<usize, Complex<f64>>(n, columns, par);
+    let mut memory = MemBuffer::new(factoring.or(solving));
+    let memory = MemStack::new(&mut memory);
+    let (_, order) = factor::lu_in_place(
+        lu.as_mut(),
+        &mut forward,
+        &mut backward,
+        par,
+        memory,
+        Spec::default(),
+    );
+    solve::solve_in_place(lu.as_ref(), lu.as_ref(), order, x.as_mut(), par, memory);
+    let x = Array2::from_shape_fn((n, columns), |(i, j)| x[(i, j)]);
+    if x.iter().all(|x| x.is_finite()) {
+        Ok(x)
+    } else {
+        Err(fail("a singular matrix".into()))
+    }
 }
 
 /// Largest column sum of |A|; an error if any entry is not finite.

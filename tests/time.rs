@@ -157,9 +157,7 @@ fn a_tolerance_is_kept_and_not_wasted() {
             let (chosen, reason) = case.choose(tolerance);
             println!("{} {tolerance:.0e}: {reason}", case.name);
             for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
-                let slow = time == TimeScheme::Explicit && case.oscillator.zeta() > 1.0
-                    || time == TimeScheme::Implicit && tolerance < 1e-6;
-                if slow && time != chosen {
+                if time == TimeScheme::Implicit && tolerance < 1e-6 && time != chosen {
                     continue;
                 }
                 let (error, march, seconds) = case.run(time, tolerance, &exact);
@@ -173,12 +171,16 @@ fn a_tolerance_is_kept_and_not_wasted() {
                     march.refused(),
                 );
                 assert!(error < tolerance);
-                // A step bound by stability is more accurate than asked for, and so are a few dozen that
-                // grow from the start and land on the times looked at.
+                // A step bound by stability is more accurate than asked for: a longer one there is not. A few
+                // steps that grow from the start and land on the times looked at are up to half as long as
+                // accuracy allows, 2^5 for order 5, and their errors are in part forgotten.
                 let bound = march.longest() > 0.7 * march.longest_stable();
-                let few = march.steps() < 40 && time == TimeScheme::Implicit;
-                let loose = time == TimeScheme::Imex && tolerance > 1e-4;
-                assert!(bound || few || loose || error > tolerance / 20.0);
+                let factor = match time {
+                    TimeScheme::Imex if bound => f64::INFINITY,
+                    TimeScheme::Implicit if march.steps() < 40 => 200.0,
+                    _ => 20.0,
+                };
+                assert!(error > tolerance / factor);
             }
         }
     }
@@ -207,6 +209,187 @@ fn stiff_friction_and_diffusion_bound_no_implicit_step() {
             assert!((march.steps() as f64) < explicit);
         }
     }
+}
+
+/// The pair 5(4) of Dormand and Prince (J. Comput. Appl. Math. 6, 19, 1980) on the matrix-free generator.
+struct DormandPrince<'a> {
+    generator: &'a Generator,
+    stages: Vec<Vec<f64>>,
+    /// Generators applied so far.
+    applied: u64,
+}
+
+impl DormandPrince<'_> {
+    #[rustfmt::skip]
+    const A: [&'static [f64]; 6] = [
+        &[1.0 / 5.0],
+        &[3.0 / 40.0, 9.0 / 40.0],
+        &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
+        &[19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0],
+        &[9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0],
+        &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+    ];
+    /// Weights of order 5 less those of order 4.
+    #[rustfmt::skip]
+    const ERROR: [f64; 7] = [
+        71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0,
+    ];
+
+    fn rate(&mut self, g: &[f64], stage: usize) {
+        let mut rate = std::mem::take(&mut self.stages[stage]);
+        self.generator.apply(g, &mut rate);
+        for (rate, inverse) in rate.iter_mut().zip(self.generator.inverse_weights()) {
+            *rate *= inverse;
+        }
+        self.stages[stage] = rate;
+        self.applied += 1;
+    }
+
+    /// g at `until`, with the local error per unit of time, in L1, at the tolerance.
+    fn run(&mut self, g: &mut Vec<f64>, until: f64, tolerance: f64) -> u64 {
+        let (mut now, mut dt, mut steps) = (0.0, 1e-3, 0);
+        self.rate(g, 0);
+        while now < until {
+            dt = f64::min(dt, until - now);
+            let mut next = g.clone();
+            for (k, row) in Self::A.iter().enumerate() {
+                next.copy_from_slice(g);
+                for (a, stage) in row.iter().zip(&self.stages) {
+                    for (x, k) in next.iter_mut().zip(stage) {
+                        *x += dt * a * k;
+                    }
+                }
+                self.rate(&next, k + 1);
+            }
+            let mut error = 0.0;
+            for (cell, inverse) in self.generator.inverse_weights().iter().enumerate() {
+                if *inverse > 0.0 {
+                    let stages = Self::ERROR.iter().zip(&self.stages);
+                    let sum: f64 = stages.map(|(e, k)| e * k[cell]).sum();
+                    error += (dt * sum / inverse).abs();
+                }
+            }
+            let ratio = error / (tolerance * dt / until);
+            if ratio <= 1.0 {
+                now += dt;
+                steps += 1;
+                *g = next;
+                self.stages.swap(0, 6);
+            }
+            dt *= (0.9 / ratio.powf(0.25)).clamp(0.2, 3.0);
+        }
+        steps
+    }
+}
+
+#[test]
+fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair() {
+    let case = Case::hertz(0.005, 0.63, 11.0, [90, 60], (1.0, 0.4), 20.0);
+    let exact = &case.exact()[3];
+    let start = case.start.ratio(&case.generator);
+    for tolerance in [1e-3, 1e-5, 1e-7] {
+        // The pair's own estimate is pessimistic: it is given the tolerance that ends at the same error.
+        let mut chebyshev = Chebyshev::new(&case.generator);
+        let mut cells = case.start.cells().to_vec();
+        let steps = (case.until / chebyshev.longest_step()).ceil();
+        for _ in 0..steps as usize {
+            let dt = case.until / steps;
+            chebyshev
+                .march(&mut cells, dt, 0.6 * tolerance / steps)
+                .unwrap();
+        }
+        let error = distance(&cells, exact.cells());
+        let mut best = (u64::MAX, f64::INFINITY, 0);
+        for factor in [100.0, 10.0, 1.0] {
+            let mut pair = DormandPrince {
+                generator: &case.generator,
+                stages: vec![vec![0.0; start.len()]; 7],
+                applied: 0,
+            };
+            let mut g = start.clone();
+            let steps = pair.run(&mut g, case.until, factor * tolerance);
+            case.generator.weigh(&g, &mut cells);
+            let error = distance(&cells, exact.cells());
+            if error < tolerance && pair.applied < best.0 {
+                best = (pair.applied, error, steps);
+            }
+        }
+        println!(
+            "{tolerance:.0e}: Chebyshev {} generators, error {error:.1e}; 5(4) {} generators in {} steps, \
+             error {:.1e}",
+            chebyshev.applied(),
+            best.0,
+            best.2,
+            best.1
+        );
+        assert!(error < tolerance && 3 * chebyshev.applied() < 2 * best.0);
+    }
+}
+
+#[test]
+fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
+    let case = Case::hertz(5.0, 0.63, 11.0, [60, 40], (1.0, 0.4), 4.0);
+    for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
+        let settings = Settings {
+            tolerance: 1e-4,
+            ..Settings::default()
+        };
+        let mut march = choice::march(
+            &case.oscillator,
+            &case.generator,
+            time,
+            &settings,
+            case.until,
+        );
+        let mut density = case.start.clone();
+        let mut shortest: f64 = 1.0;
+        for interval in [0.3, 1e-3, 0.7, 0.7, 1.0 / 3.0, 1.9] {
+            let mut times = vec![0.0];
+            let mut watch = |t: f64, _: &Density| {
+                times.push(t);
+                Ok(true)
+            };
+            let done = march.advance(&mut density, interval, &mut watch).unwrap();
+            assert_eq!(done, interval, "{} stops short", time.name());
+            assert_eq!(times.last(), Some(&interval));
+            // The last step is not much shorter than the one before.
+            let steps: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+            if let [.., before, last] = steps[..] {
+                shortest = shortest.min(last / before);
+            }
+        }
+        println!(
+            "{}: last step at least {shortest:.2} of the one before",
+            time.name()
+        );
+        assert!(shortest > 0.45, "{}", time.name());
+    }
+}
+
+#[test]
+fn rough_data_need_no_low_order_steps_of_an_l_stable_scheme() {
+    // All probability in one cell, stiff friction and diffusion: where Crank-Nicolson would ring for ever.
+    let case = Case::hertz(5.0, 0.63, 11.0, [40, 30], (1.0, 0.7), 2.0);
+    let rough = Density::at_equilibrium(&case.generator, &case.oscillator);
+    let case = Case {
+        start: rough,
+        ..case
+    };
+    let exact = &case.exact()[3];
+    let mut errors = Vec::new();
+    for steps in [10, 20, 40] {
+        let mut scheme = Radau::new(&case.generator, Solver::Direct);
+        let mut cells = case.start.cells().to_vec();
+        for _ in 0..steps {
+            scheme
+                .march(&mut cells, case.until / f64::from(steps), 0.0)
+                .unwrap();
+        }
+        errors.push(distance(&cells, exact.cells()));
+    }
+    let rates: Vec<f64> = errors.windows(2).map(|w| (w[0] / w[1]).log2()).collect();
+    println!("Radau from one cell: {errors:?}, rates {rates:.2?}");
+    assert!(rates[1] > 4.5 && errors[2] < 1e-5);
 }
 
 /// E\[q\] of the Smoluchowski equation 2 zeta dp/dt = d/dq (G p + T dp/dq) at the times, by finite

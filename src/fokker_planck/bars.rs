@@ -1,7 +1,7 @@
 //! Error bars of a transient: what its mesh, its steps, its box and its roundings may have done to each
 //! number, kept apart until they are added.
 
-use super::transient::Run;
+use super::transient::{Output, Run};
 use crate::estimate::{Estimate, Origin};
 use crate::moments::Moments;
 use crate::scales::Scales;
@@ -17,8 +17,14 @@ pub(super) struct Bars {
     pub(super) time: Table,
     /// Whether `space` comes from two runs that differ in their steps too.
     pub(super) joint: bool,
+    /// What steps of the same length in both runs may have done, in natural scales.
+    pub(super) alike: f64,
     /// What the box leaves out, in natural scales.
-    outside: [f64; 11],
+    outside: Table,
+    /// What negative cells weigh, in either run.
+    undershoot: Table,
+    /// What a narrow start has cost, in natural scales.
+    opening: Vec<f64>,
     /// Natural scales.
     scales: Table,
     /// L1 distance to the stationary law at each time from which the march was not continued, else 0.
@@ -80,20 +86,59 @@ pub(super) fn differences(a: &Run, b: &Run, factor: f64, scales: &Scales) -> Tab
     table
 }
 
+/// What the box leaves out of each number at one time, in natural scales. Shapes and deviations of a
+/// force narrower than the stationary one weigh a lost tail by its own deviation, and a shape far above
+/// its scale moves with itself.
+fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
+    if it.framed {
+        return [0.0; 11];
+    }
+    let named = it.moments.named();
+    let deviation = |name: &str| named.iter().position(|it| it.0 == name);
+    let narrower = deviation("std_force")
+        .and_then(|i| named[i].1.map(|number| scale[i] / number.value))
+        .filter(|it| it.is_finite())
+        .map_or(1.0, |it| it.max(1.0));
+    std::array::from_fn(|i| {
+        let power = match named[i].0 {
+            "std_force" => 1,
+            "skewness_force" => 3,
+            "kurtosis_force" => 4,
+            _ => 0,
+        };
+        let large = named[i].1.map_or(0.0, |number| number.value.abs() / scale[i]);
+        outside[i] * narrower.powi(power).max(large).max(1.0)
+    })
+}
+
 impl Bars {
-    /// Bars of `run`, nothing known of its mesh and steps yet.
-    pub(super) fn of(run: &Run, scales: &Scales, outside: [f64; 11]) -> Self {
+    /// Bars of `run`, nothing known of its mesh and steps yet; `outside` is what the box leaves out, in
+    /// natural scales of the stationary law.
+    pub(super) fn of(run: &Run, coarse: &Run, scales: &Scales, outside: [f64; 11]) -> Self {
         let none = vec![[0.0; 11]; run.outputs.len()];
+        let scales: Table = run
+            .outputs
+            .iter()
+            .map(|it| scales.each(&it.moments))
+            .collect();
         Self {
             space: none.clone(),
             time: none,
             joint: false,
-            outside,
-            scales: run
+            alike: 0.0,
+            outside: run
                 .outputs
                 .iter()
-                .map(|it| scales.each(&it.moments))
+                .zip(&scales)
+                .map(|(it, scale)| boxed(it, scale, outside))
                 .collect(),
+            undershoot: run
+                .outputs
+                .iter()
+                .zip(&coarse.outputs)
+                .map(|(a, b)| std::array::from_fn(|i| a.undershoot[i].max(b.undershoot[i])))
+                .collect(),
+            opening: run.outputs.iter().map(|it| it.opening).collect(),
             settled: run
                 .outputs
                 .iter()
@@ -102,6 +147,7 @@ impl Bars {
                     _ => 0.0,
                 })
                 .collect(),
+            scales,
             rounding: f64::EPSILON * (run.steps as f64 + 10.0),
         }
     }
@@ -110,11 +156,11 @@ impl Bars {
     fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 4] {
         let scale = self.scales[k][i];
         // A settled run stays within its distance of (21); tails weigh ten scales.
-        let time = self.time[k][i] + 10.0 * self.settled[k] * scale;
+        let shared = 10.0 * self.settled[k] + self.opening[k] + self.alike;
         [
-            (self.space[k][i], Origin::Space),
-            (time, Origin::Time),
-            (self.outside[i] * scale, Origin::Domain),
+            (self.space[k][i] + self.undershoot[k][i], Origin::Space),
+            (self.time[k][i] + shared * scale, Origin::Time),
+            (self.outside[k][i] * scale, Origin::Domain),
             (self.rounding * (scale + value.abs()), Origin::Rounding),
         ]
     }
@@ -168,6 +214,6 @@ impl Bars {
 
     /// The largest part of the box, over the natural scale.
     pub(super) fn worst_outside(&self) -> f64 {
-        self.outside.iter().copied().fold(0.0, f64::max)
+        self.outside.iter().flatten().copied().fold(0.0, f64::max)
     }
 }

@@ -1,7 +1,8 @@
 //! What to compute with: the user's settings, and the mesh, scheme and step where they leave it open.
 
+use super::density::Density;
 use super::domain::Domain;
-use super::flow_map;
+use super::flow_map::{self, FlowMap};
 use super::flux::Drift;
 use super::generator::Generator;
 use super::march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step};
@@ -191,8 +192,67 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
     (0.5 * (right - left)).min(0.5 * in_contact.max(right))
 }
 
-/// The mesh and its box for a run until `until`.
-pub(super) fn mesh(
+/// Cells of q and v that the stationary law asks for.
+pub(super) fn thermal_widths(oscillator: &Oscillator, tolerance: f64) -> [f64; 2] {
+    let per_deviation = cells_per_deviation(tolerance);
+    [thermal_width(oscillator), oscillator.temperature().sqrt()].map(|w| w / per_deviation)
+}
+
+/// Cells of q and v that a Gaussian start asks for: half the cells of a thermal deviation are enough
+/// where noise smooths the start; 2.5 leave the coarse run, with three quarters of them and as many in the
+/// margins, 1.5.
+pub(super) fn start_widths(deviation: [f64; 2], tolerance: f64) -> [f64; 2] {
+    deviation.map(|d| d / (0.6 * cells_per_deviation(tolerance)).max(2.5))
+}
+
+/// How many times finer than for the stationary law a mesh may be for the sake of its start: beyond, the
+/// start is narrow, and a packet in its own frame carries it until it is not. A packet takes 5 ms per
+/// unit of time at a tolerance of 1e-3, and refining 1.5 times in both directions doubles the work.
+const REFINED: f64 = 1.5;
+
+/// Whether a start is too narrow for the meshes of its run.
+pub(super) fn is_narrow(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    drift: Drift,
+    settings: &Settings,
+) -> Result<bool> {
+    let (mean, deviation) = match *initial {
+        Initial::Stationary => return Ok(false),
+        Initial::Rest => return Ok(true),
+        // The box of a law that leaves every box is as narrow as the start.
+        Initial::Gaussian { .. } if !oscillator.contact().is_confining() => return Ok(false),
+        Initial::Gaussian { mean, deviation } => (mean, deviation),
+    };
+    if settings.cells.is_some() {
+        if drift == Drift::Upwind {
+            // Exact cell masses hold any start.
+            return Ok(false);
+        }
+        let neglected = neglected(settings.tolerance);
+        let domain = Domain::closed(oscillator, initial, neglected)?;
+        // The coarse run has to hold it too.
+        let (mesh, _) = mesh_on(oscillator, domain, None, drift, settings, 0.75)?;
+        let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
+        let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
+        let narrow = |(d, w): (f64, f64)| d < 1.2 * Density::NARROWEST * w;
+        return Ok(deviation.into_iter().zip(widths).any(narrow));
+    }
+    let thermal = thermal_widths(oscillator, settings.tolerance);
+    let start = start_widths(deviation, settings.tolerance);
+    Ok(thermal
+        .into_iter()
+        .zip(start)
+        .any(|(thermal, start)| start * REFINED < thermal))
+}
+
+/// The mesh and its box for a run until `until`; for a narrow start, those without regard to how narrow
+/// it is. `finer` times as many cells as chosen, or as the settings give.
+///
+/// # Errors
+/// Those of [`Domain::closed`] and of the axes; [`Error::Mesh`] and [`Error::Invalid`] for cells beyond
+/// what can be meant or held.
+pub fn mesh(
     oscillator: &Oscillator,
     initial: &Initial,
     until: f64,
@@ -203,23 +263,37 @@ pub(super) fn mesh(
     let neglected = settings
         .neglected
         .unwrap_or_else(|| neglected(settings.tolerance));
-    let contact = oscillator.contact();
-    let domain = if contact.is_confining() {
+    let narrow = is_narrow(oscillator, initial, drift, settings)?;
+    let domain = if narrow && oscillator.contact().is_confining() {
+        Domain::closed(oscillator, &Initial::Rest, neglected)?.raised(oscillator, initial, until)
+    } else if oscillator.contact().is_confining() {
         Domain::closed(oscillator, initial, neglected)?
     } else {
         Domain::swept(oscillator, initial, until, neglected)?
     };
-    let t = oscillator.temperature();
-    let per_deviation = cells_per_deviation(settings.tolerance);
-    let mut width = [
-        thermal_width(oscillator) / per_deviation,
-        t.sqrt() / per_deviation,
-    ];
-    if let Initial::Gaussian { deviation, .. } = *initial {
-        for (width, deviation) in width.iter_mut().zip(deviation) {
-            // Half the cells of a thermal deviation are enough where noise smooths the start.
-            *width = width.min(deviation / (0.6 * per_deviation).max(2.0));
+    let start = match *initial {
+        Initial::Gaussian { deviation, .. } if !narrow => {
+            Some(start_widths(deviation, settings.tolerance))
         }
+        _ => None,
+    };
+    mesh_on(oscillator, domain, start, drift, settings, finer)
+}
+
+/// The mesh of a box, with cells no wider than `start` asks for.
+pub(super) fn mesh_on(
+    oscillator: &Oscillator,
+    domain: Domain,
+    start: Option<[f64; 2]>,
+    drift: Drift,
+    settings: &Settings,
+    finer: f64,
+) -> Result<(Mesh, Domain)> {
+    let contact = oscillator.contact();
+    let t = oscillator.temperature();
+    let mut width = thermal_widths(oscillator, settings.tolerance);
+    for (width, start) in width.iter_mut().zip(start.into_iter().flatten()) {
+        *width = width.min(start);
     }
     let margin = drift.margin();
     let cells = match settings.cells {
@@ -255,7 +329,7 @@ pub(super) fn mesh(
 
 /// Bytes of the arrays of a run: a dozen per cell without a matrix; the sparse LU of a five-point
 /// stencil holds about 120 entries per unknown, of a wide one about 600 (measured at 1e5 unknowns).
-pub(super) fn memory(cells: [usize; 2], drift: Drift, matrix: bool) -> u64 {
+pub fn memory(cells: [usize; 2], drift: Drift, matrix: bool) -> u64 {
     let per_cell = match (matrix, drift) {
         (false, _) => 12 * 8,
         (true, Drift::Upwind) => 120 * 16,
@@ -266,12 +340,24 @@ pub(super) fn memory(cells: [usize; 2], drift: Drift, matrix: bool) -> u64 {
         .saturating_mul(per_cell)
 }
 
+/// Bytes of the flow map: a dozen arrays and some five maps of 132 bytes per cell; along v, two dense
+/// matrices while one is built and some five that are kept.
+pub fn flow_map_memory([nq, nv]: [usize; 2]) -> u64 {
+    let (nq, nv) = (nq as u64, nv as u64);
+    let per_cell = 12 * 8 + 5 * 132;
+    nv.saturating_mul(nq.saturating_mul(per_cell).saturating_add(7 * 8 * nv))
+}
+
 fn check_memory(cells: [usize; 2], drift: Drift, settings: &Settings) -> Result<()> {
     let needed = memory(
         cells,
         drift,
         settings.time == Some(TimeScheme::BackwardEuler),
     );
+    check_memory_of(needed, cells, settings)
+}
+
+fn check_memory_of(needed: u64, cells: [usize; 2], settings: &Settings) -> Result<()> {
     if needed <= settings.max_memory {
         return Ok(());
     }
@@ -346,8 +432,17 @@ pub(super) fn propagator(
 ) -> Result<Propagator> {
     match way {
         Way::FlowMap => {
-            let settings = flow_map_settings(oscillator, settings, longer)?;
-            Propagator::flow_map(oscillator, mesh, settings)
+            check_memory_of(flow_map_memory(mesh.cells()), mesh.cells(), settings)?;
+            let mut automatic = flow_map_settings(oscillator, settings, longer)?;
+            let shortest = FlowMap::shortest_step(oscillator, mesh);
+            if settings.step.is_some() && automatic.step < shortest {
+                let accepted = format!(
+                    "at least {shortest:.2e} for the flow map on this mesh: shorter steps let grid noise grow"
+                );
+                return Err(Error::invalid("method.step", automatic.step, accepted));
+            }
+            automatic.step = automatic.step.max(shortest);
+            Propagator::flow_map(oscillator, mesh, automatic)
         }
         Way::Volumes(time) => {
             let generator = Generator::new(oscillator, mesh, drift)?;
@@ -381,7 +476,9 @@ pub(super) fn flow_map_settings(
     }
     // The splitting gets a fifth of the tolerance; the mesh has the rest.
     let automatic = flow_map::Settings::to(0.2 * settings.tolerance, oscillator)?;
-    let step = longer * settings.step.unwrap_or(automatic.step);
+    // Beyond the longest useful step the error is not known, and two runs would not show it.
+    let asked = settings.step.unwrap_or(automatic.step);
+    let step = longer * asked.min(flow_map::Settings::LONGEST);
     Ok(flow_map::Settings { step, ..automatic })
 }
 
@@ -437,11 +534,15 @@ fn horizon(oscillator: &Oscillator, until: f64) -> f64 {
 /// The step of backward Euler: first order in time beside first order in space, one cell a step at a
 /// third of the fastest speed.
 pub(super) fn euler_step(generator: &Generator, settings: &Settings) -> f64 {
-    settings.step.unwrap_or_else(|| {
-        let mesh = generator.mesh();
-        let width = mesh.q.at(mesh.q.locate(0.0)).1;
-        3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE)
-    })
+    settings
+        .step
+        .unwrap_or_else(|| euler_step_on(generator.mesh()))
+}
+
+/// The automatic step of backward Euler on a mesh.
+pub(super) fn euler_step_on(mesh: &Mesh) -> f64 {
+    let width = mesh.q.at(mesh.q.locate(0.0)).1;
+    3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE)
 }
 
 /// The scheme with its choice of steps for a run until `until`, such that the error in time stays below

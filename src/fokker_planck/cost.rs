@@ -16,6 +16,8 @@ pub enum Task<'a> {
     Steady,
     /// The slowest decay rates.
     DecayRates,
+    /// A spectrum.
+    Spectrum,
 }
 
 /// The cost of a task and what it would be done with. Lays out the mesh and takes no step on it: seconds
@@ -31,6 +33,7 @@ pub fn cost(
 ) -> Result<(Cost, String)> {
     let times = match task {
         Task::Transient(times) => times,
+        Task::Spectrum => return Ok(super::spectrum::cost(settings)),
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
     let until = times.last().copied().unwrap_or(0.0);
@@ -107,7 +110,10 @@ pub(super) fn run(
     Ok(Cost {
         cells,
         steps: steps.ceil() as u64,
-        memory: choice::memory(cells, drift, matrix),
+        memory: match way {
+            Way::FlowMap => choice::flow_map_memory(cells),
+            Way::Volumes(_) => choice::memory(cells, drift, matrix),
+        },
         seconds,
     })
 }

@@ -80,6 +80,30 @@ impl Density {
         })
     }
 
+    /// p(q, v) at the centres of the cells that hold unknowns, asked for all at once.
+    pub(super) fn sampled(
+        mesh: &Mesh,
+        columns: &[Range<usize>],
+        p: &dyn Fn(&[[f64; 2]]) -> Vec<f64>,
+    ) -> Self {
+        let Mesh { q, v } = mesh;
+        let places = || {
+            let column = |(i, range): (usize, &Range<usize>)| range.clone().map(move |j| (i, j));
+            columns.iter().enumerate().flat_map(column)
+        };
+        let points: Vec<[f64; 2]> = places()
+            .map(|(i, j)| [q.centres()[i], v.centres()[j]])
+            .collect();
+        let mut cells = vec![0.0; mesh.len()];
+        for ((i, j), p) in places().zip(p(&points)) {
+            cells[i * v.len() + j] = p * q.slopes()[i] * v.slopes()[j];
+        }
+        Self {
+            mesh: mesh.clone(),
+            cells,
+        }
+    }
+
     /// A start given in code as a density p(q, v), sampled at the cell centres.
     pub fn from_fn(generator: &Generator, p: impl Fn(f64, f64) -> f64) -> Self {
         let Mesh { q, v } = generator.mesh();
@@ -203,7 +227,7 @@ impl Density {
         let mass = self.mass();
         let negative = self.negative_mass();
         if negative > 0.0 {
-            let scale = mass / (mass + negative);
+            let scale = mass.max(0.0) / (mass + negative);
             for p in &mut self.cells {
                 *p = p.max(0.0) * scale;
             }

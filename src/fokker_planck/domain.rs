@@ -146,6 +146,47 @@ impl Domain {
         })
     }
 
+    /// This box of the stationary law, raised to hold a narrow start until `until`. The amplitude
+    /// sqrt(2H) of a start r decays as e^{-zeta t} while noise adds a Gaussian of variance
+    /// T (1 - e^{-2 zeta t}) in two directions (exact for G = q, on the average over a period): where the
+    /// stationary law needs the level L, the start needs (r e^{-zeta t} + sqrt(2 L (1 - e^{-2 zeta
+    /// t})))^2/2, at most r^2/2 + L.
+    pub fn raised(self, oscillator: &Oscillator, initial: &Initial, until: f64) -> Self {
+        let Initial::Gaussian {
+            mean: [q, v],
+            deviation,
+        } = *initial
+        else {
+            return self;
+        };
+        let contact = oscillator.contact();
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        let level = 0.5 * self.v[1] * self.v[1];
+        let width = (2.0 * level / oscillator.temperature()).sqrt();
+        // The highest corner of what the start reaches.
+        let energy = [-1.0, 1.0]
+            .into_iter()
+            .flat_map(|a| [-1.0, 1.0].map(|b| [a, b]))
+            .map(|[a, b]| {
+                oscillator.energy(q + a * width * deviation[0], v + b * width * deviation[1])
+            })
+            .fold(f64::NEG_INFINITY, f64::max)
+            - lowest;
+        let radius = (2.0 * energy).sqrt();
+        let steepest = (2.0 * level).sqrt().atan2(radius).cos();
+        let decay = (-oscillator.zeta() * until).exp().max(steepest);
+        let reach = radius * decay + (2.0 * level * (1.0 - decay * decay)).sqrt();
+        let reach = reach.max(self.v[1]);
+        match contact.turning_points(0.5 * reach * reach) {
+            Some((left, right)) => Self {
+                q: [left, right],
+                v: [-reach, reach],
+                ..self
+            },
+            None => self,
+        }
+    }
+
     /// For a contact without a stationary law: the box that the Gaussian start sweeps until `until`,
     /// with `neglected` outside at any time.
     ///

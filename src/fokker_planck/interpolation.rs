@@ -205,6 +205,36 @@ pub(crate) fn coefficients(order: Order, n: usize, times: Option<&[f64]>) -> Vec
     matrix
 }
 
+/// Coefficients of the splines through an n x n array, along its rows or down its columns, in the same
+/// places: without the reflected ones.
+pub(crate) fn filter(
+    filter: &Filter,
+    values: &[f64],
+    n: usize,
+    along_rows: bool,
+    coefficients: &mut [f64],
+) {
+    let (line, step) = if along_rows { (n, 1) } else { (1, n) };
+    let mut panel = vec![0.0; n * PANEL];
+    for first in (0..n).step_by(PANEL) {
+        let lines = PANEL.min(n - first);
+        for c in 0..lines {
+            for k in 0..n {
+                panel[k * PANEL + c] = values[(first + c) * line + k * step];
+            }
+        }
+        pulp::Arch::new().dispatch(Apply {
+            filter,
+            panel: &mut panel,
+        });
+        for c in 0..lines {
+            for k in 0..n {
+                coefficients[(first + c) * line + k * step] = panel[k * PANEL + c];
+            }
+        }
+    }
+}
+
 /// [`Filter::apply`], compiled for the CPU.
 struct Apply<'a> {
     filter: &'a Filter,

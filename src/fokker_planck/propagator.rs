@@ -22,12 +22,31 @@ pub(super) enum Propagator {
         march: March,
     },
     /// Exact transport and exact noise in turn.
-    FlowMap(Box<FlowMap>),
+    FlowMap {
+        /// The flow map.
+        map: Box<FlowMap>,
+        /// The shortest interval worth keeping: three passes of [`FlowMap::shortest_step`].
+        shortest: f64,
+        /// Where a density less than `shortest` older than the present one came from.
+        anchor: Option<Anchor>,
+    },
+}
+
+/// A density from which the next outputs are propagated afresh, while they are close: each then has a few
+/// passes behind it whatever their number, and no grid noise of short passes adds up.
+pub(super) struct Anchor {
+    density: Density,
+    /// Time from it to the present.
+    since: f64,
 }
 
 /// Steps of the flow map between two looks at the clock and at the stationary law: its ends cost two
 /// passes an interval.
 const CHUNK: f64 = 64.0;
+
+/// Cells times steps between two looks, where a mesh is so large that `CHUNK` steps take long: some
+/// seconds.
+const WORK: f64 = 3e7;
 
 impl Propagator {
     /// The flow map of `oscillator` on `mesh`.
@@ -36,16 +55,18 @@ impl Propagator {
         mesh: &Mesh,
         settings: flow_map::Settings,
     ) -> Result<Self> {
-        Ok(Self::FlowMap(Box::new(FlowMap::new(
-            oscillator, mesh, settings,
-        )?)))
+        Ok(Self::FlowMap {
+            map: Box::new(FlowMap::new(oscillator, mesh, settings)?),
+            shortest: 3.0 * FlowMap::shortest_step(oscillator, mesh),
+            anchor: None,
+        })
     }
 
     /// The measure that g is taken against.
     pub(super) fn weights(&self) -> &Weights {
         match self {
             Self::Volumes { generator, .. } => generator.weights(),
-            Self::FlowMap(map) => map.weights(),
+            Self::FlowMap { map, .. } => map.weights(),
         }
     }
 
@@ -53,7 +74,7 @@ impl Propagator {
     pub(super) fn columns(&self) -> &[Range<usize>] {
         match self {
             Self::Volumes { generator, .. } => generator.columns(),
-            Self::FlowMap(map) => map.columns(),
+            Self::FlowMap { map, .. } => map.columns(),
         }
     }
 
@@ -66,15 +87,24 @@ impl Propagator {
     pub(super) fn start(&self, initial: &Initial) -> Result<Density> {
         match self {
             Self::Volumes { generator, .. } => Density::start(generator, initial),
-            Self::FlowMap(map) => map.start(initial),
+            Self::FlowMap { map, .. } => map.start(initial),
         }
+    }
+
+    /// The density with p(q, v) at the centres of cells that hold unknowns.
+    pub(super) fn sampled(&self, p: &dyn Fn(&[[f64; 2]]) -> Vec<f64>) -> Density {
+        let (mesh, columns) = match self {
+            Self::Volumes { generator, .. } => (generator.mesh(), generator.columns()),
+            Self::FlowMap { map, .. } => (map.mesh(), map.columns()),
+        };
+        Density::sampled(mesh, columns, p)
     }
 
     /// g = P/w, row-major.
     pub(super) fn ratio(&self, density: &Density) -> Vec<f64> {
         match self {
             Self::Volumes { generator, .. } => density.ratio(generator),
-            Self::FlowMap(map) => map.ratio(density),
+            Self::FlowMap { map, .. } => map.ratio(density),
         }
     }
 
@@ -88,13 +118,30 @@ impl Propagator {
     ) -> Result<()> {
         match self {
             Self::Volumes { march, .. } => march.advance(density, duration, watch).map(|_| ()),
-            Self::FlowMap(map) => {
-                let chunks = (duration / (CHUNK * map.settings().step)).ceil().max(1.0);
+            Self::FlowMap {
+                map,
+                shortest,
+                anchor,
+            } => {
+                let (before, since) = match anchor.take() {
+                    Some(Anchor { density, since }) => (density, since),
+                    None => (density.clone(), 0.0),
+                };
+                let total = since + duration;
+                density.cells_mut().copy_from_slice(before.cells());
+                let steps = (WORK / map.mesh().len() as f64).clamp(8.0, CHUNK);
+                let chunks = (total / (steps * map.settings().step)).ceil().max(1.0);
                 for k in 1..=chunks as u64 {
-                    map.advance(density, duration / chunks)?;
-                    if !watch(duration * k as f64 / chunks, density)? {
+                    map.advance(density, total / chunks)?;
+                    if !watch(total * k as f64 / chunks - since, density)? {
                         break;
                     }
+                }
+                if total < *shortest {
+                    *anchor = Some(Anchor {
+                        density: before,
+                        since: total,
+                    });
                 }
                 Ok(())
             }
@@ -105,7 +152,7 @@ impl Propagator {
     pub(super) fn steps(&self) -> u64 {
         match self {
             Self::Volumes { march, .. } => march.steps(),
-            Self::FlowMap(map) => map.progress().steps as u64,
+            Self::FlowMap { map, .. } => map.progress().steps as u64,
         }
     }
 
@@ -113,7 +160,7 @@ impl Propagator {
     pub(super) fn step(&self) -> f64 {
         match self {
             Self::Volumes { march, .. } => march.longest(),
-            Self::FlowMap(map) => map.settings().step,
+            Self::FlowMap { map, .. } => map.settings().step,
         }
     }
 }

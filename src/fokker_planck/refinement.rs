@@ -98,6 +98,19 @@ pub(super) fn refined(
         Ok(Level { finer, longer, run })
     };
     let mut coarse = level(COARSE, longer, 0.3)?;
+    // The fine run takes 1.5 times as long at least: no use in beginning what cannot end.
+    if 2.5 * coarse.run.seconds > settings.max_seconds {
+        return Err(Error::Limit {
+            key: "accuracy.max_seconds",
+            limit: format!("{}", settings.max_seconds),
+            what: format!(
+                "the run on three quarters of the cells took {:.1} s, and the fine one would take {:.0} s or \
+                 more; fewer method.cells would do",
+                coarse.run.seconds,
+                1.5 * coarse.run.seconds
+            ),
+        });
+    }
     let mut fine = level(1.0, 1.0, 0.9)?;
     let mut bars = task.bars(
         &fine.run,

@@ -75,11 +75,25 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
         .moments(oscillator.contact());
     let scales = Scales::of(oscillator).each(&moments);
     let weight = domain.tail_weight(oscillator.temperature());
-    for (number, scale) in moments.each_mut().into_iter().zip(scales) {
+    let names = moments.named().map(|(name, _)| name);
+    let mut unmet: Option<(f64, &str)> = None;
+    for ((number, scale), name) in moments.each_mut().into_iter().zip(scales).zip(names) {
         if let Some(number) = number {
-            let error = (weight * outside + l1) * scale;
+            // A kurtosis far above 3 weighs the tail by its own size.
+            let error = (weight * outside + l1) * scale.max(number.value.abs());
             *number = Estimate::new(number.value, error, Origin::Domain);
+            let ratio = error / (settings.tolerance * scale);
+            if ratio > unmet.map_or(1.0, |u| u.0) {
+                unmet = Some((ratio, name));
+            }
         }
+    }
+    if let Some((ratio, name)) = unmet {
+        warnings.push(format!(
+            "the tolerance {:e} is not met: the error of {name} in the steady state is {ratio:.1} times too \
+             large; a smaller tolerance widens the box",
+            settings.tolerance
+        ));
     }
     Ok(Steady {
         moments,

@@ -8,6 +8,7 @@ use super::domain::Domain;
 use super::flux::Drift;
 use super::mesh::Mesh;
 use super::observables::Observables;
+use super::opening::Opening;
 use super::propagator::Propagator;
 use super::refinement;
 use crate::error::{Error, Result};
@@ -50,9 +51,15 @@ pub(super) struct Output {
     mass: f64,
     lowest: f64,
     negative: f64,
+    /// What the negative cells weigh in each number.
+    pub(super) undershoot: [f64; 11],
     entropy: f64,
     pub(super) distance: f64,
     snapshot: Option<Snapshot>,
+    /// What a narrow start has cost so far, in probability.
+    pub(super) opening: f64,
+    /// Whether a packet in its own frame said it, not a density in the box.
+    pub(super) framed: bool,
 }
 
 /// One run on one mesh.
@@ -70,6 +77,7 @@ pub(super) struct Run {
 }
 
 /// How a run is to be done.
+#[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) oscillator: &'a Oscillator,
     pub(super) initial: &'a Initial,
@@ -79,6 +87,41 @@ pub(super) struct Task<'a> {
     pub(super) way: Way,
     pub(super) settings: &'a Settings,
     pub(super) started: Instant,
+}
+
+/// Negative mass beyond which nothing is left of a density.
+const NO_DENSITY: f64 = 0.5;
+
+/// The change of every number if the negative cells were positive: where a density undershoots, two
+/// meshes may agree on what is wrong.
+fn undershoot(moments: &Moments, g: &[f64], observables: &Observables) -> [f64; 11] {
+    if g.iter().all(|g| *g >= 0.0) {
+        return [0.0; 11];
+    }
+    let positive: Vec<f64> = g.iter().map(|g| g.abs()).collect();
+    let without = observables.raw(&positive).moments(observables.contact());
+    let change = |k: usize| -> Option<f64> {
+        let change = (without.named()[k].1?.value - moments.named()[k].1?.value).abs();
+        change.is_finite().then_some(change)
+    };
+    std::array::from_fn(|k| change(k).unwrap_or(0.0))
+}
+
+/// A run whose density is none.
+fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
+    let [nq, nv] = mesh.cells();
+    let levels = 0.5 * domain.v[1].powi(2) / temperature;
+    Error::Mesh {
+        what: format!(
+            "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
+             the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
+             e^{levels:.0}",
+            o.t, o.negative
+        ),
+        help: "a start nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
+               [monte_carlo] alone"
+            .into(),
+    }
 }
 
 /// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
@@ -130,6 +173,19 @@ pub fn transient(
     refinement::refined(&task, reason, progress)
 }
 
+/// How far ahead the relaxation of upwind drift with backward Euler is: c of the energy, of diffusion
+/// along q, |v| dq/2 beside T/(2 zeta) where friction rules, and of steps dt, which damp an oscillation by
+/// dt/2 beside zeta.
+fn ahead(task: &Task, mesh: &Mesh) -> f64 {
+    let (zeta, sigma) = (task.oscillator.zeta(), task.oscillator.temperature().sqrt());
+    let width = mesh.q.at(mesh.q.locate(0.0)).1;
+    let automatic = choice::euler_step_on(mesh);
+    let step = task.settings.step.unwrap_or(automatic);
+    choice::upwind_excess(task.oscillator, mesh)
+        + 0.8 * zeta * width / sigma
+        + 0.5 * step.min(longest_interval(task.times)) / zeta
+}
+
 /// Upwind: the honest error names how far ahead its relaxation is.
 fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
     let settings = task.settings;
@@ -142,7 +198,7 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
         settings,
         1.0,
     )?;
-    let excess = choice::upwind_excess(task.oscillator, &mesh);
+    let excess = ahead(task, &mesh);
     // Between t/(1 + c) and t, eight times to look for the largest change.
     let mut times: Vec<f64> = task.times.to_vec();
     let ahead = |t: f64| {
@@ -154,11 +210,21 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
     times.extend(task.times.iter().flat_map(|t| ahead(*t)));
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let coarse = task.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
+    // Half the cells; where the scene gives the step, half of that too, or both would err alike.
+    let mut halved = settings.clone();
+    halved.step = settings
+        .step
+        .map(|step| 0.5 * step.min(longest_interval(task.times)));
+    let halved = Task {
+        settings: &halved,
+        ..*task
+    };
+    let coarse = halved.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
     let mut fine = task.run((1.0, 1.0), &times, &|part| progress(0.15 + 0.85 * part))?;
     let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
     fine.outputs.retain(|o| task.times.contains(&o.t));
-    let mut bars = task.bars(&fine, &coarse, 1.0);
+    // First order: the fine run errs as much as it differs from one on half the cells; twice, to be safe.
+    let mut bars = task.bars(&fine, &coarse, 2.0);
     for ((t, errors), now) in task.times.iter().zip(&mut bars.space).zip(&fine.outputs) {
         let window = all
             .iter()
@@ -186,6 +252,17 @@ fn upwind(task: &Task, reason: String, progress: &(dyn Fn(f64) + Sync)) -> Resul
     Ok(task.report(fine, &coarse, &bars, reason, (why, free), vec![warning]))
 }
 
+/// The longest time without an output, from 0 on.
+fn longest_interval(times: &[f64]) -> f64 {
+    let before = std::iter::once(&0.0).chain(times);
+    let longest = times
+        .iter()
+        .zip(before)
+        .map(|(b, a)| b - a)
+        .fold(0.0, f64::max);
+    if longest > 0.0 { longest } else { 1.0 }
+}
+
 impl Task<'_> {
     /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
     pub(super) fn run(
@@ -203,15 +280,51 @@ impl Task<'_> {
         } = *self;
         let began = Instant::now();
         let until = times.last().copied().unwrap_or(0.0);
-        let (mesh, domain) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
+        let in_time = |come: f64| {
+            if self.started.elapsed().as_secs_f64() > settings.max_seconds {
+                return Err(Error::Limit {
+                    key: "accuracy.max_seconds",
+                    limit: format!("{}", settings.max_seconds),
+                    what: format!("the transient had come to t = {come:.3} of {until}"),
+                });
+            }
+            Ok(())
+        };
+        let mut outputs = Vec::with_capacity(times.len());
+        let opening = Opening::of(oscillator, initial, times, drift, settings, (finer, longer))?;
+        let opening = match opening {
+            None => None,
+            Some(mut opening) => {
+                let mut watch = |come: f64| {
+                    progress(come / until);
+                    in_time(come)
+                };
+                for &t in times {
+                    if !opening.advance(t, &mut watch)? {
+                        break;
+                    }
+                    outputs.push(self.look(t, &opening)?);
+                }
+                if outputs.len() == times.len() {
+                    return opened(outputs, &opening, began);
+                }
+                Some(opening)
+            }
+        };
+        let (mesh, domain) = match &opening {
+            None => choice::mesh(oscillator, initial, until, drift, settings, finer)?,
+            Some(opening) => opening.mesh()?,
+        };
         let mut propagator =
             choice::propagator(oscillator, &mesh, drift, self.way, settings, until, longer)?;
         let observables = Observables::new(oscillator, &mesh, drift, propagator.weights())?;
-        let mut density = propagator.start(initial)?;
+        let (mut density, handed) = match &opening {
+            None => (propagator.start(initial)?, 0.0),
+            Some(opening) => opening.density(&propagator),
+        };
         let confining = oscillator.contact().is_confining();
         let close = 1e-2 * settings.tolerance;
         let mut settled = None;
-        let mut outputs = Vec::with_capacity(times.len());
         // Short steps are not all looked at.
         let every = if self.way == Way::Volumes(TimeScheme::Imex) {
             16
@@ -220,8 +333,16 @@ impl Task<'_> {
         };
         let weights = propagator.weights().clone();
         let columns = propagator.columns().to_vec();
-        let (mut now, mut looks) = (0.0, 0_u64);
-        for &t in times {
+        let (mut now, spent, opened) = match &opening {
+            None => (0.0, 0.0, 0),
+            Some(it) => (
+                it.packet().time(),
+                handed + it.packet().defect(),
+                it.packet().steps(),
+            ),
+        };
+        let mut looks = 0_u64;
+        for &t in &times[outputs.len()..] {
             if now < t && settled.is_none() {
                 let mut watch = |done: f64, density: &Density| {
                     looks += 1;
@@ -229,15 +350,7 @@ impl Task<'_> {
                         return Ok(true);
                     }
                     progress((now + done) / until);
-                    let seconds = self.started.elapsed().as_secs_f64();
-                    if seconds > settings.max_seconds {
-                        let come = now + done;
-                        return Err(Error::Limit {
-                            key: "accuracy.max_seconds",
-                            limit: format!("{}", settings.max_seconds),
-                            what: format!("the transient had come to t = {come:.3} of {until}"),
-                        });
-                    }
+                    in_time(now + done)?;
                     if confining && density.distance(&weights, &columns) < close {
                         settled = Some(now + done);
                     }
@@ -246,18 +359,27 @@ impl Task<'_> {
                 propagator.advance(&mut density, t - now, &mut watch)?;
                 now = t;
             }
-            outputs.push(self.observe(t, &propagator, &observables, &density));
+            outputs.push(Output {
+                opening: spent,
+                ..self.observe(t, &propagator, &observables, &density)
+            });
         }
         let step = propagator.step();
-        if outputs.iter().any(|o| !o.mass.is_finite()) {
+        if let Some(o) = outputs.iter().find(|o| !o.mass.is_finite()) {
             return Err(Error::Mesh {
-                what: format!("the density grew without bound with steps of {step:.2e}"),
-                help: "a smaller method.step".into(),
+                what: format!(
+                    "the density grew without bound with steps of {step:.2e} up to t = {}",
+                    o.t
+                ),
+                help: "a smaller method.step, or more method.cells".into(),
             });
+        }
+        if let Some(o) = outputs.iter().find(|o| o.negative > NO_DENSITY) {
+            return Err(lost(o, &domain, oscillator.temperature(), &mesh));
         }
         Ok(Run {
             outputs,
-            steps: propagator.steps(),
+            steps: opened + propagator.steps(),
             step,
             mesh,
             domain,
@@ -276,18 +398,40 @@ impl Task<'_> {
     ) -> Output {
         let (weights, columns) = (propagator.weights(), propagator.columns());
         let wanted = self.density_times.contains(&t);
+        let g = propagator.ratio(density);
+        let moments = observables.raw(&g).moments(observables.contact());
         Output {
             t,
-            moments: observables
-                .raw(&propagator.ratio(density))
-                .moments(observables.contact()),
+            moments,
+            undershoot: undershoot(&moments, &g, observables),
             mass: density.mass(),
             lowest: density.lowest(),
             negative: density.negative_mass(),
             entropy: density.relative_entropy(weights, columns),
             distance: density.distance(weights, columns),
             snapshot: wanted.then(|| density.snapshot(t)),
+            opening: 0.0,
+            framed: false,
         }
+    }
+
+    /// What a packet says at time t.
+    fn look(&self, t: f64, opening: &Opening) -> Result<Output> {
+        let look = opening.look();
+        let wanted = self.density_times.contains(&t);
+        Ok(Output {
+            t,
+            moments: look.moments,
+            mass: 1.0,
+            lowest: look.lowest,
+            negative: look.negative,
+            undershoot: [0.0; 11],
+            entropy: look.entropy,
+            distance: look.distance,
+            snapshot: wanted.then(|| opening.snapshot()).transpose()?,
+            opening: opening.packet().defect(),
+            framed: true,
+        })
     }
 
     /// Work, in arbitrary units, and bytes of a run.
@@ -306,12 +450,30 @@ impl Task<'_> {
     /// The bars of a fine run from its difference to a coarse one, `factor` times.
     pub(super) fn bars(&self, fine: &Run, coarse: &Run, factor: f64) -> Bars {
         let scales = Scales::of(self.oscillator);
-        let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        let outside = self.outside(fine, coarse);
         let weights = fine.domain.tail_weights(self.oscillator);
-        let mut bars = Bars::of(fine, &scales, weights.map(|weight| weight * outside));
+        let mut bars = Bars::of(fine, coarse, &scales, weights.map(|weight| weight * outside));
         bars.space = bars::differences(fine, coarse, factor, &scales);
         bars.joint = true;
+        // Intervals shorter than a step or two are cut into the same steps by both.
+        let alike = fine.steps < coarse.steps + coarse.steps / 10;
+        if self.way == Way::FlowMap && alike {
+            bars.alike = choice::flow_map_settings(self.oscillator, self.settings, 1.0)
+                .map_or(0.0, |it| it.splitting_error(self.oscillator));
+        }
         bars
+    }
+
+    /// The probability that two runs leave out.
+    fn outside(&self, fine: &Run, coarse: &Run) -> f64 {
+        let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        if self.oscillator.contact().is_confining() {
+            return outside;
+        }
+        // Open edges let go what comes to them, again and again.
+        let outputs = fine.outputs.iter().chain(&coarse.outputs);
+        let gone = outputs.map(|o| (1.0 - o.mass).abs()).fold(0.0, f64::max);
+        outside.max(gone)
     }
 
     /// Joins two runs: the fine one's numbers with their bars. `why` says why there was no further
@@ -326,7 +488,7 @@ impl Task<'_> {
         mut warnings: Vec<String>,
     ) -> Transient {
         let confining = self.oscillator.contact().is_confining();
-        let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        let outside = self.outside(&fine, coarse);
         let mut moments: Vec<Moments> = fine.outputs.iter().map(|it| it.moments).collect();
         for (k, moments) in moments.iter_mut().enumerate() {
             bars.write(k, moments);
@@ -395,4 +557,19 @@ impl Task<'_> {
             warnings,
         }
     }
+}
+
+/// A run that never left the frame of its packet.
+fn opened(outputs: Vec<Output>, opening: &Opening, began: Instant) -> Result<Run> {
+    let mesh = opening.own_mesh()?;
+    Ok(Run {
+        outputs,
+        steps: opening.packet().steps(),
+        step: opening.packet().step(),
+        unknowns: mesh.len(),
+        mesh,
+        domain: opening.domain(),
+        settled: None,
+        seconds: began.elapsed().as_secs_f64(),
+    })
 }

@@ -15,6 +15,12 @@ use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 use std::ops::Range;
 
+/// Below this many paths a standard error is known to worse than a tenth.
+const FEW: u64 = 51;
+
+/// A band that ends below twice the resonance distorts what the contact does.
+const RESONANCE: f64 = 2.0;
+
 /// Paths per block: the unit in which sums are added.
 pub(super) const BLOCK: u64 = 256;
 
@@ -94,6 +100,23 @@ pub fn run(
         .map(|(frames, sums)| sums.moments(oscillator.contact(), frames))
         .collect();
     let mut warnings = Vec::from_iter(plan.warning.clone());
+    if settings.paths < FEW {
+        warnings.push(format!(
+            "standard errors from {} paths are themselves known to {:.0} % at best; more monte_carlo.paths \
+             would help",
+            settings.paths,
+            100.0 / (2.0 * (settings.paths - 1) as f64).sqrt()
+        ));
+    }
+    if let Noise::Cosines { band, .. } = settings.noise
+        && band < RESONANCE
+    {
+        warnings.push(format!(
+            "the band of the noise ends at {band}, below {RESONANCE}: the response near the resonance at 1 \
+             is not that to white noise"
+        ));
+    }
+    warnings.extend(settings.noise.warning(oscillator.zeta()));
     let finite = |m: &Moments| m.mean_energy.value.is_finite();
     if let Some(k) = moments.iter().position(|m| !finite(m)) {
         warnings.push(format!(

@@ -333,3 +333,28 @@ fn a_wide_band_of_cosines_drives_the_oscillator_as_white_noise_does() {
         .to_string();
     assert!(message.contains("central_difference"), "{message}");
 }
+
+#[test]
+fn few_cosines_raise_the_kurtosis_as_the_warning_says() {
+    let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
+    // M, and the excess kurtosis 3 B/(4 pi zeta M) of its warning.
+    for (count, expected) in [(40, Some("1.91")), (200, Some("0.38")), (4000, None)] {
+        let cosines = EnsembleSettings {
+            noise: Noise::Cosines { count, band: 16.0 },
+            ..settings(if count > 1000 { 160 } else { 8_000 })
+        };
+        let got = run(&it, &Initial::Rest, &[80.0], &cosines, &quiet).unwrap();
+        let kurtosis = got.moments[0].kurtosis_force;
+        println!("{count} cosines: kurtosis {kurtosis}, {:?}", got.warnings);
+        let warning = got.warnings.iter().find(|it| it.contains("cosines"));
+        match expected {
+            None => assert!(warning.is_none()),
+            Some(excess) => {
+                assert!(warning.is_some_and(|it| it.contains(excess)));
+                let excess: f64 = excess.parse().unwrap();
+                let miss = (kurtosis.value - 3.0 - excess).abs();
+                assert!(miss < 0.2 * excess + 4.0 * kurtosis.error);
+            }
+        }
+    }
+}

@@ -2,6 +2,7 @@
 //!
 //! - [`run`]: an ensemble, its moments and densities at given times;
 //! - [`records`]: long records, stationary statistics and losses of contact;
+//! - [`series`]: sampled records, for spectra;
 //! - [`first_loss`]: how long contact survives.
 //!
 //! ```
@@ -39,6 +40,7 @@ mod noise;
 mod paths;
 mod records;
 mod scheme;
+mod series;
 mod signal;
 mod statistics;
 
@@ -48,6 +50,7 @@ pub use first_loss::{FirstLossResult, first_loss};
 pub use histogram::Histogram;
 pub use records::{RecordResult, RecordSettings, RecordSize, record_size, records};
 pub use scheme::Scheme;
+pub use series::{SeriesSettings, SeriesSize, series, series_size};
 
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
@@ -132,6 +135,35 @@ pub fn scheme_and_step(
         None => scheme::automatic_step(scheme, oscillator, frequency),
     };
     Ok((scheme, step))
+}
+
+impl Noise {
+    /// What a sum of M cosines adds to the kurtosis of the stationary response, about: the resonance, of
+    /// width zeta at w = 1, holds few of them. Of M independent terms with amplitudes |H(w)|, w uniform up
+    /// to the band B, and random phases it is (3/2) E|H|^4/(E|H|^2)^2/M = 3 B/(4 pi zeta M).
+    fn excess_kurtosis(self, zeta: f64) -> f64 {
+        match self {
+            Self::Cosines { count, band } => {
+                0.75 * band / (std::f64::consts::PI * zeta * f64::from(count))
+            }
+            Self::White | Self::Band { .. } => 0.0,
+        }
+    }
+
+    /// A warning where that is more than a twentieth.
+    fn warning(self, zeta: f64) -> Option<String> {
+        let excess = self.excess_kurtosis(zeta);
+        let enough = |band: f64| 15.0 * band / (std::f64::consts::PI * zeta);
+        match self {
+            Self::Cosines { count, band } if excess > 0.05 => Some(format!(
+                "few of the {count} cosines up to {band} fall into the resonance, of width zeta = {zeta}: the \
+                 response is not Gaussian, its kurtosis about {excess:.2} above that under white noise; \
+                 {:.0} cosines would do, or noise = {{ band = {band} }}",
+                enough(band).ceil()
+            )),
+            _ => None,
+        }
+    }
 }
 
 /// The scheme meant, if it suits the noise; `frequency` is the highest of the scene.

@@ -124,6 +124,7 @@ pub fn records(
             memory(oscillator)
         ));
     }
+    warnings.extend(settings.noise.warning(oscillator.zeta()));
     let (step, frequency) = (size.step, size.frequency);
     warnings.extend(scheme::bias_warning(
         size.scheme,

@@ -184,9 +184,9 @@ fn differences(
 fn each_scheme_has_its_weak_order_in_the_velocity_and_in_the_loss_of_contact() {
     // Scheme, zeta, coarsest step, groups, and the order of E[v^2] that is accepted.
     for (scheme, zeta, coarse, groups, least, most) in [
-        (Scheme::EulerMaruyama, 0.005, 0.1, 6_000, 0.8, 1.5),
-        (Scheme::CentralDifference, 0.005, 0.4, 20_000, 1.7, 2.3),
-        (Scheme::Baoab, 0.005, 0.4, 20_000, 1.7, 2.3),
+        (Scheme::EulerMaruyama, 0.005, 0.1, 12_000, 0.8, 1.5),
+        (Scheme::CentralDifference, 0.005, 0.4, 120_000, 1.7, 2.3),
+        (Scheme::Baoab, 0.005, 0.4, 120_000, 1.7, 2.3),
         // The velocity of central differences has a term of order zeta step.
         (Scheme::CentralDifference, 0.1, 0.4, 20_000, 0.8, 1.7),
         (Scheme::Baoab, 0.1, 0.4, 20_000, 1.7, 2.3),
@@ -207,6 +207,25 @@ fn each_scheme_has_its_weak_order_in_the_velocity_and_in_the_loss_of_contact() {
                 order(d)
             );
         }
+        // An order is one where both differences stand out of the noise.
+        let seen = |d: &[(f64, f64)]| d.iter().all(|(mean, error)| mean.abs() > 5.0 * error);
+        if seen(&loss) {
+            let order = order(&loss);
+            let noise =
+                (loss[0].1 / loss[0].0).hypot(loss[1].1 / loss[1].0) / std::f64::consts::LN_2;
+            let (least, most) = (least - 0.3 - 4.0 * noise, most + 0.3 + 4.0 * noise);
+            // The first order of Euler's scheme is small in P(loss): 1.8 is seen at these steps.
+            let faster = scheme == Scheme::EulerMaruyama;
+            assert!(
+                order > least && (order < most || faster),
+                "{scheme} loss: {order}"
+            );
+        }
+        let plain = zeta == 0.005;
+        assert!(
+            !plain || seen(&loss),
+            "{scheme}: the order of P(loss) is not seen"
+        );
         let order = order(&square);
         assert!(order > least && order < most, "{scheme}: {order}");
         if matches!(scheme, Scheme::Splitting42 | Scheme::Splitting62) {

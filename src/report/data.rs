@@ -6,9 +6,11 @@ use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
 use crate::moments::Moments;
 use crate::monte_carlo::Histogram;
+use crate::oscillator::Quantity;
 use crate::results::Results;
+use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
-use ndarray::arr0;
+use ndarray::{Array1, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
 use std::io::Cursor;
@@ -254,6 +256,83 @@ pub fn crossings(results: &Results) -> Vec<File> {
     vec![File::text("crossings.csv", table)]
 }
 
+/// Files of the spectrum: as a table and as arrays.
+///
+/// # Errors
+/// [`Error::Io`] for an array that cannot be packed.
+pub fn spectrum(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.spectrum else {
+        return Ok(Vec::new());
+    };
+    let force = it.solved.quantity == Quantity::Force;
+    let unit = if force { "F^2/W" } else { "u^2/W" };
+    let per_hertz = results.scene.rig.map(|rig| {
+        if force {
+            ("N^2/Hz", per_hertz(&rig), rig)
+        } else {
+            ("um^2/Hz", displacement_per_hertz(&rig), rig)
+        }
+    });
+    let mut table = format!(
+        "omega [W],G one-sided with integral over omega = variance [{unit}],error [{unit}],linear \
+         oscillator [{unit}]"
+    );
+    if it.sampled.is_some() {
+        let _ = write!(
+            table,
+            ",Welch [{unit}],standard error [{unit}],expectation of Welch [{unit}],RMS magnitude \
+             sqrt(G x 1.5 bins) [{}]",
+            if force { "F" } else { "u" }
+        );
+    }
+    if let Some((unit, ..)) = per_hertz {
+        let _ = write!(
+            table,
+            ",frequency [Hz],G one-sided with integral over frequency = variance [{unit}]"
+        );
+    }
+    table.push('\n');
+    for (k, (omega, density)) in it.solved.omega.iter().zip(&it.solved.density).enumerate() {
+        table += &field(*omega);
+        let _ = write!(table, ",{},{}", fields(Some(*density)), field(it.linear[k]));
+        if let Some(it) = &it.sampled {
+            let (welch, expected) = (fields(Some(it.density[k])), field(it.expectation[k]));
+            let _ = write!(table, ",{welch},{expected},{}", field(it.magnitude[k]));
+        }
+        if let Some((_, scale, rig)) = &per_hertz {
+            let (hertz, value) = (rig.hertz(*omega), density.value * scale);
+            let _ = write!(table, ",{},{}", field(hertz), field(value));
+        }
+        table.push('\n');
+    }
+    let values = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.value));
+    let errors = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.error));
+    let mut arrays = vec![
+        ("omega", Array1::from_vec(it.solved.omega.clone())),
+        ("fokker_planck", values(&it.solved.density)),
+        ("error", errors(&it.solved.density)),
+        ("linear", Array1::from_vec(it.linear.clone())),
+    ];
+    if let Some(it) = &it.sampled {
+        arrays.push(("monte_carlo", values(&it.density)));
+        arrays.push(("standard_error", errors(&it.density)));
+        let expectation = Array1::from_vec(it.expectation.clone());
+        arrays.push(("monte_carlo_expectation", expectation));
+        arrays.push(("magnitude", Array1::from_vec(it.magnitude.clone())));
+    }
+    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
+        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+        for (name, array) in &arrays {
+            npz.add_array(*name, array)?;
+        }
+        Ok(npz.finish()?.into_inner())
+    };
+    Ok(vec![
+        File::text("spectrum.csv", table),
+        packed("spectrum.npz".into(), pack())?,
+    ])
+}
+
 /// p\[q, v\] with q, v and t, as numpy.load reads it.
 fn density(name: String, snapshot: &Snapshot) -> Result<File> {
     let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
@@ -265,7 +344,11 @@ fn density(name: String, snapshot: &Snapshot) -> Result<File> {
         npz.add_array("t", &arr0(snapshot.t))?;
         Ok(npz.finish()?.into_inner())
     };
-    match pack() {
+    packed(name, pack())
+}
+
+fn packed(name: String, bytes: std::result::Result<Vec<u8>, WriteNpzError>) -> Result<File> {
+    match bytes {
         Ok(bytes) => Ok(File { name, bytes }),
         Err(error) => Err(Error::Io {
             path: PathBuf::from(name),

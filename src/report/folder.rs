@@ -29,6 +29,9 @@ pub enum Existing {
     Force,
 }
 
+/// Tables that the commands besides `run` leave.
+const SURVEYS: [&str; 2] = ["precision.csv", "stability.csv"];
+
 const LOCK: &str = ".vibroimpact.lock";
 
 /// Whether a file of that name is one of ours, to be removed before a new run.
@@ -55,12 +58,20 @@ fn is_ours(name: &OsStr) -> bool {
         "flights.svg",
         "decay_rates.csv",
         "approach.csv",
+        "spectrum.csv",
+        "spectrum.npz",
+        "spectrum.svg",
         "steady.npz",
         "steady.svg",
         "force.svg",
         "moments.svg",
         "approach.svg",
         "snapshots.svg",
+        "precision.csv",
+        "precision.md",
+        "cost.csv",
+        "stability.csv",
+        "stability.md",
     ];
     let density = name.starts_with("density_")
         && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));
@@ -70,6 +81,9 @@ fn is_ours(name: &OsStr) -> bool {
 
 /// Whether the folder's results.json is one that this program wrote.
 fn holds_our_results(path: &Path) -> bool {
+    if SURVEYS.iter().any(|it| path.join(it).is_file()) {
+        return true;
+    }
     let text = fs::read_to_string(path.join(RESULTS)).unwrap_or_default();
     let json: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
     json["scene"].is_object() && json["run"]["version"].is_string()
@@ -156,26 +170,35 @@ impl Folder {
     /// # Errors
     /// [`Error::Io`] where the system refuses.
     pub fn write(&self, files: &[File]) -> Result<()> {
-        for file in files {
-            let target = self.path.join(&file.name);
-            let beside = self.path.join(format!(".{}.part", file.name));
-            let written = (|| {
-                let mut it = fs::File::create(&beside)?;
-                it.write_all(&file.bytes)?;
-                it.sync_data()?;
-                drop(it);
-                fs::rename(&beside, &target)
-            })();
-            written.map_err(|source| {
-                let _ = fs::remove_file(&beside);
-                Error::Io {
-                    path: target,
-                    source,
-                }
-            })?;
-        }
-        Ok(())
+        write(&self.path, files)
     }
+}
+
+/// Write files into a folder that exists, whatever it holds: each beside its place first, then renamed
+/// into it.
+///
+/// # Errors
+/// [`Error::Io`] where the system refuses.
+pub fn write(folder: &Path, files: &[File]) -> Result<()> {
+    for file in files {
+        let target = folder.join(&file.name);
+        let beside = folder.join(format!(".{}.part", file.name));
+        let written = (|| {
+            let mut it = fs::File::create(&beside)?;
+            it.write_all(&file.bytes)?;
+            it.sync_data()?;
+            drop(it);
+            fs::rename(&beside, &target)
+        })();
+        written.map_err(|source| {
+            let _ = fs::remove_file(&beside);
+            Error::Io {
+                path: target,
+                source,
+            }
+        })?;
+    }
+    Ok(())
 }
 
 impl Drop for Folder {

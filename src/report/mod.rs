@@ -72,6 +72,10 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
             files.extend(data::decay_rates(results));
             files.extend(plot::approach(results)?);
         }
+        Part::Spectrum | Part::Series => {
+            files.extend(data::spectrum(results)?);
+            files.extend(plot::spectrum(results)?);
+        }
         Part::MonteCarlo => {
             files.extend(data::monte_carlo(results));
             files.extend(plot::moments(results)?);

@@ -59,6 +59,10 @@ fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
         "Density of the force, linear and logarithmic",
     );
     put(plot::flights(results)?, "Density of the time of flight");
+    put(
+        plot::spectrum(results)?,
+        "One-sided spectrum: Fokker-Planck, Monte Carlo and the linear oscillator",
+    );
     put(plot::moments(results)?, "Moments against time");
     put(plot::approach(results)?, "Approach to the stationary law");
     put(

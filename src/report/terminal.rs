@@ -156,6 +156,7 @@ pub fn table(results: &Results, colour: bool) -> String {
     records(&mut table, results);
     crossings(&mut table, results);
     deterministic(&mut table, results);
+    spectrum(&mut table, results);
     course(&mut table, results);
     agreement(&mut table, results);
     physical(&mut table, results);
@@ -361,6 +362,56 @@ fn crossings(table: &mut Table, results: &Results) {
     table.line(format!("the window is {}{unit}", brief(window)));
 }
 
+/// The spectrum in a few numbers; its curves are in the files.
+fn spectrum(table: &mut Table, results: &Results) {
+    let Some(it) = &results.spectrum else {
+        return;
+    };
+    let solved = &it.solved;
+    let title = format!("SPECTRUM OF THE {}", solved.quantity.name().to_uppercase());
+    let heads = ["omega", "G(omega)", "half-power width"];
+    let head = heads.map(|it| format!("{it:>18}")).concat();
+    table.heading(format!("{title:<26}{head}"));
+    for (k, peak) in it.peaks.iter().take(4).enumerate() {
+        let name = if k == 0 { "highest peak" } else { "next peak" };
+        table.line(format!(
+            "{name:<26} {:>17} {:>17} {:>17}",
+            cell(Some(peak.omega)),
+            cell(Some(peak.density)),
+            cell(peak.width)
+        ));
+    }
+    if let (Some(first), Some(w)) = (solved.density.first(), solved.omega.first()) {
+        let (name, w) = ("lowest frequency", brief(*w));
+        table.line(format!("{name:<26} {w:>17} {:>17}", cell(Some(*first))));
+    }
+    if it.harmonic_ratio.is_some() {
+        let name = "second harmonic over main";
+        table.line(format!("{name:<26} {:>35}", cell(it.harmonic_ratio)));
+    }
+    let (error, omega) = solved.worst();
+    let text = format!(
+        "one-sided, integral over omega = variance; {} frequencies, largest error {error:.0e} of the \
+         value at omega = {}",
+        solved.omega.len(),
+        brief(omega)
+    );
+    table.paragraph("", &text);
+    if let Some(sampled) = &it.sampled {
+        let all = sampled.expectation.iter().zip(&solved.density);
+        let bias = |(expected, exact): (&f64, &Estimate)| expected / exact.value;
+        let lowest = all.clone().map(bias).fold(f64::INFINITY, f64::min);
+        let highest = all.map(bias).fold(0.0, f64::max);
+        let text = format!(
+            "Monte Carlo: Welch, Hann window, {} averages; its expectation is {lowest:.2} to \
+             {highest:.2} of the exact spectrum (peaks flattened, valleys filled), and agreement is \
+             with the expectation",
+            sampled.averages
+        );
+        table.paragraph("", &text);
+    }
+}
+
 fn deterministic(table: &mut Table, results: &Results) {
     let transient = results.transient.as_ref();
     let end = transient.and_then(|it| it.times.last().copied().zip(it.distance.last().copied()?));
@@ -527,6 +578,8 @@ fn physical(table: &mut Table, results: &Results) {
             "time_out_of_contact_s" => ("out of contact in it", "s"),
             "mean_impact_speed_mm_per_s" => ("mean speed at return", "mm/s"),
             "mean_flight_ms" => ("mean flight", "ms"),
+            "peak_frequency_hz" => ("peak of the spectrum", "Hz"),
+            "half_power_width_hz" => ("its half-power width", "Hz"),
             other => (other, ""),
         };
         let mut line = format!("{name:<26} {:>17}", cell(number));
@@ -640,7 +693,9 @@ pub fn plan(plan: &Plan) -> String {
         (Part::Transient, "transient"),
         (Part::Steady, "steady state"),
         (Part::DecayRates, "decay rates"),
+        (Part::Spectrum, "spectrum"),
         (Part::MonteCarlo, "paths"),
+        (Part::Series, "Welch"),
         (Part::Records, "long records"),
     ]
     .into_iter()

@@ -32,6 +32,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("rare-loss", include_str!("../scenes/rare-loss.toml")),
     ("extreme", include_str!("../scenes/extreme.toml")),
     ("stationary", include_str!("../scenes/stationary.toml")),
+    ("spectrum", include_str!("../scenes/spectrum.toml")),
     ("records", include_str!("../scenes/records.toml")),
     ("table-3", include_str!("../scenes/table-3.toml")),
 ];

@@ -35,7 +35,10 @@ const FORGOTTEN: f64 = 0.3;
 const SHARP: f64 = 0.6;
 
 /// Part of the allowed error aimed at.
-const AIM: f64 = 0.7;
+const AIM: f64 = 0.8;
+
+/// Longest step over the one before: the first is a guess that may be far too short.
+const GROWTH: f64 = 10.0;
 
 /// A longer step is worth new factorisations from this factor on.
 const WORTH: f64 = 1.35;
@@ -173,7 +176,7 @@ impl March {
                 return Ok(false);
             }
             self.unchecked = 0;
-            let next = (dt * factor.min(4.0)).min(ceiling);
+            let next = (dt * factor.min(GROWTH)).min(ceiling);
             if next > WORTH * self.wanted || next < 0.99 * self.wanted.min(dt) {
                 self.wanted = next;
             }

@@ -117,7 +117,9 @@ impl<T: Number> Gmres<T> {
         allowed: f64,
     ) -> Result<()> {
         let size = |x: &[T]| -> f64 { x.iter().map(|x| x.size()).sum() };
-        let target = allowed.max(1e-13 * size(b));
+        // A residual is known to the rounding of a L x, which a stiff L makes larger than 1e-13.
+        let rounding = 1e-13f64.max(4.0 * f64::EPSILON * system.rate * a.abs());
+        let target = allowed.max(rounding * size(b));
         // (I - a L) p_s = p_s.
         let share = |x: &[T]| x.iter().fold(T::default(), |sum, x| sum + *x);
         let mass = share(b);

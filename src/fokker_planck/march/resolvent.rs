@@ -28,6 +28,8 @@ pub(super) struct System {
     pub(super) cells: Vec<usize>,
     /// The stationary law on the unknowns, with sum 1; none where probability leaves the box.
     pub(super) stationary: Option<Vec<f64>>,
+    /// A bound on |L|.
+    pub(super) rate: f64,
     /// What is factored: L, or its five-point neighbour.
     matrix: CsMat<f64>,
     solver: Solver,
@@ -58,6 +60,10 @@ impl System {
             generator: generator.clone(),
             cells,
             stationary,
+            rate: {
+                let (transport, diffusion) = generator.rates();
+                transport + diffusion
+            },
             matrix,
             solver,
         })

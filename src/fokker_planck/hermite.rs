@@ -1,0 +1,454 @@
+//! The generator in Hermite functions of v and spectral elements of q, and its resolvent: for answers in
+//! the frequency domain.
+//!
+//! With g(q, v) = sum_n a_n(q) h_n(v), h_n the Hermite polynomials orthonormal under the Gaussian of
+//! variance T, the backward operator v d/dq - G d/dv + 2 zeta (T d2/dv2 - v d/dv) of (17) is
+//!
+//! ```text
+//! (L a)_n = sqrt(T) [sqrt(n) C a_{n-1} - sqrt(n+1) D a_{n+1}] - 2 zeta n a_n,   C = d/dq,  D = -d/dq + G/T
+//! ```
+//!
+//! C and D are adjoint under the stationary law p_q of q (Risken, The Fokker-Planck Equation, chapter 10:
+//! Brinkman's hierarchy). Even n live on continuous piecewise polynomials of degree [`DEGREE`], odd n on
+//! discontinuous ones of one degree less, both orthonormal under p_q; C and D are rectangular, each used
+//! with its own transpose. Transport is then antisymmetric and friction with noise diagonal, whatever the
+//! elements: the constant is a null vector on both sides and every other mode decays. An element ends at
+//! the loss of contact, so the kink of G costs nothing; convergence is faster than any power of the
+//! number of functions, and nearly so of elements.
+
+use crate::error::{Error, Result};
+use crate::oscillator::{Oscillator, Quantity};
+use crate::sparse::solve_dense;
+use ndarray::{Array1, Array2, ArrayView2, Axis, Slice};
+use num_complex::Complex;
+
+type C = Complex<f64>;
+
+/// Degree of the continuous polynomials. Higher degrees with fewer elements lose where p_q falls by
+/// many powers of ten within an element.
+pub(super) const DEGREE: usize = 8;
+
+/// Gauss points an element: products of two basis functions with G and p_q, to rounding for a p_q that
+/// changes by ten powers of e.
+const POINTS: usize = 2 * DEGREE + 6;
+
+/// How finely the operator is resolved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Resolution {
+    /// Elements of q.
+    pub(super) elements: usize,
+    /// Pairs of Hermite functions, an even one and an odd one.
+    pub(super) pairs: usize,
+    /// The box reaches to this energy above the lowest, in T.
+    pub(super) level: f64,
+}
+
+impl Resolution {
+    /// Functions of q.
+    pub(super) fn across(self) -> usize {
+        self.elements * DEGREE + 1
+    }
+
+    /// Bytes that one solve holds.
+    pub(super) fn memory(self) -> u64 {
+        (16 * (self.pairs + 6) * self.across() * self.across()) as u64
+    }
+
+    /// Floating-point operations of one solve: a complex factorisation, a solve with as many right-hand
+    /// sides and two real products for each pair of functions.
+    pub(super) fn operations(self) -> f64 {
+        self.pairs as f64 * (8.0 * 4.0 / 3.0 + 4.0) * (self.across() as f64).powi(3)
+    }
+}
+
+/// The operator. A state is the coefficients of the even n, row by row, and then those of the odd n.
+pub(super) struct Hierarchy {
+    zeta: f64,
+    temperature: f64,
+    pairs: usize,
+    /// d/dq from the continuous to the discontinuous functions.
+    c: Array2<f64>,
+    /// -d/dq + G/T, likewise.
+    d: Array2<f64>,
+    cc: Array2<f64>,
+    dd: Array2<f64>,
+    /// C^T D.
+    cd: Array2<f64>,
+    quantity: Array1<f64>,
+}
+
+impl Hierarchy {
+    /// The operator of `oscillator`, with a quantity to be watched.
+    pub(super) fn new(
+        oscillator: &Oscillator,
+        quantity: Quantity,
+        resolution: Resolution,
+    ) -> Result<Self> {
+        let law = oscillator.displacement_law()?;
+        let contact = oscillator.contact();
+        let temperature = oscillator.temperature();
+        let ends = ends(oscillator, resolution);
+        let (nodes, weights) = gauss(POINTS);
+        let even = Legendre::at(&nodes);
+        let count = ends.len() - 1;
+        let points = count * POINTS;
+        // Values times sqrt(p_q dq) at the Gauss points, so that a product is a sum.
+        let across = count * DEGREE + 1;
+        let mut f = Array2::<f64>::zeros((across, points));
+        let mut slope = Array2::<f64>::zeros((across, points));
+        let mut odd = Array2::<f64>::zeros((count * DEGREE, points));
+        let mut place = Vec::with_capacity(points);
+        let mut root = Vec::with_capacity(points);
+        for (e, end) in ends.windows(2).enumerate() {
+            let half = 0.5 * (end[1] - end[0]);
+            for (k, (x, w)) in nodes.iter().zip(&weights).enumerate() {
+                let q = end[0] + half * (1.0 + x);
+                let r = (w * half * law.density(q)).sqrt();
+                let at = e * POINTS + k;
+                place.push(q);
+                root.push(r);
+                f[[0, at]] = r;
+                // Hats at the nodes 1, 2, ...; the constant stands for the one at node 0.
+                f[[e + 1, at]] = r * 0.5 * (1.0 + x);
+                slope[[e + 1, at]] = r * 0.5 / half;
+                if e > 0 {
+                    f[[e, at]] = r * 0.5 * (1.0 - x);
+                    slope[[e, at]] = -r * 0.5 / half;
+                }
+                for n in 2..=DEGREE {
+                    let row = count + 1 + e * (DEGREE - 1) + n - 2;
+                    f[[row, at]] = r * (even.value[n][k] - even.value[n - 2][k]);
+                    slope[[row, at]] = r * (even.slope[n][k] - even.slope[n - 2][k]) / half;
+                }
+                for n in 0..DEGREE {
+                    odd[[e * DEGREE + n, at]] = r * even.value[n][k];
+                }
+            }
+        }
+        let total = root.iter().map(|r| r * r).sum::<f64>().sqrt();
+        for array in [&mut f, &mut slope, &mut odd] {
+            array.mapv_inplace(|x| x / total);
+        }
+        orthonormalise(&mut f, Some(&mut slope))?;
+        for e in 0..count {
+            let rows = Slice::from(e * DEGREE..(e + 1) * DEGREE);
+            let columns = Slice::from(e * POINTS..(e + 1) * POINTS);
+            let mut block = odd.slice_axis_mut(Axis(0), rows);
+            let mut block = block.slice_axis_mut(Axis(1), columns);
+            let mut own = block.to_owned();
+            orthonormalise(&mut own, None)?;
+            block.assign(&own);
+        }
+        let c = odd.dot(&slope.t());
+        let mut pushed = f.clone();
+        for (mut column, q) in pushed.columns_mut().into_iter().zip(&place) {
+            column *= contact.force(*q) / temperature;
+        }
+        let d = odd.dot(&(pushed - &slope).t());
+        let watched = place.iter().zip(&root);
+        let watched: Array1<f64> = watched
+            .map(|(q, r)| r / total * quantity.of(contact, *q))
+            .collect();
+        let mut quantity = f.dot(&watched);
+        // The first function is the constant: without it, the deviation from the mean.
+        quantity[0] = 0.0;
+        Ok(Self {
+            zeta: oscillator.zeta(),
+            temperature,
+            pairs: resolution.pairs,
+            cc: c.t().dot(&c),
+            dd: d.t().dot(&d),
+            cd: c.t().dot(&d),
+            c,
+            d,
+            quantity,
+        })
+    }
+
+    /// Functions of q at even n.
+    pub(super) fn across(&self) -> usize {
+        self.c.ncols()
+    }
+
+    /// Length of a state.
+    pub(super) fn len(&self) -> usize {
+        self.pairs * (self.c.ncols() + self.c.nrows())
+    }
+
+    /// Length of the part with even n, which v -> -v leaves alone; it turns the sign of the rest.
+    pub(super) fn even(&self) -> usize {
+        self.pairs * self.c.ncols()
+    }
+
+    /// The deviation of the quantity from its mean, as a state.
+    pub(super) fn start(&self) -> Vec<f64> {
+        let mut state = vec![0.0; self.len()];
+        state[..self.across()].copy_from_slice(self.quantity.as_slice().unwrap_or(&[]));
+        state
+    }
+
+    /// L x.
+    pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
+        let (k, across, inside) = (self.pairs, self.c.ncols(), self.c.nrows());
+        let view = |rows: usize, columns: usize, part: &'_ [f64]| {
+            ArrayView2::from_shape((rows, columns), part).map(|it| it.to_owned())
+        };
+        let (even, odd) = x.split_at(self.even());
+        let (Ok(even), Ok(odd)) = (view(k, across, even), view(k, inside, odd)) else {
+            return vec![f64::NAN; x.len()];
+        };
+        let (xc, xd) = (even.dot(&self.c.t()), even.dot(&self.d.t()));
+        let (yc, yd) = (odd.dot(&self.c), odd.dot(&self.d));
+        let heat = self.temperature.sqrt();
+        let mut out = Vec::with_capacity(x.len());
+        for i in 0..k {
+            let n = (2 * i) as f64;
+            let (up, down) = (heat * n.sqrt(), heat * (n + 1.0).sqrt());
+            for j in 0..across {
+                let below = if i > 0 { up * yd[[i - 1, j]] } else { 0.0 };
+                out.push(below - down * yc[[i, j]] - 2.0 * self.zeta * n * even[[i, j]]);
+            }
+        }
+        for i in 0..k {
+            let n = (2 * i + 1) as f64;
+            let (up, down) = (heat * n.sqrt(), heat * (n + 1.0).sqrt());
+            for j in 0..inside {
+                let above = if i + 1 < k {
+                    down * xd[[i + 1, j]]
+                } else {
+                    0.0
+                };
+                out.push(up * xc[[i, j]] - above - 2.0 * self.zeta * n * odd[[i, j]]);
+            }
+        }
+        out
+    }
+
+    /// (shift - L)^{-1} applied to [`Hierarchy::start`]. Odd n are eliminated, which leaves a block
+    /// tridiagonal system in the even n, and that from the highest n downwards; its blocks have a
+    /// positive real part, so the order of elimination is stable.
+    ///
+    /// # Errors
+    /// [`crate::Error::Linear`] if a block is singular: a shift with a negative real part at an
+    /// eigenvalue.
+    pub(super) fn resolve(&self, shift: C) -> Result<Vec<C>> {
+        let (k, across) = (self.pairs, self.across());
+        let t = self.temperature;
+        let friction = |n: f64| shift + 2.0 * self.zeta * n;
+        // From even n to n + 2 through the odd n + 1.
+        let coupling = |n: f64| t * ((n + 1.0) * (n + 2.0)).sqrt() / friction(n + 1.0);
+        let back = self.cd.t().to_owned();
+        let mut carried: Vec<Array2<C>> = Vec::with_capacity(k);
+        let mut start = vec![C::default(); across];
+        for i in (0..k).rev() {
+            let n = (2 * i) as f64;
+            let above = t * (n + 1.0) / friction(n + 1.0);
+            let below = if i > 0 {
+                t * n / friction(n - 1.0)
+            } else {
+                C::default()
+            };
+            let mut block = Array2::from_shape_fn((across, across), |place| {
+                above * self.cc[place] + below * self.dd[place]
+            });
+            block.diag_mut().mapv_inplace(|x| x + friction(n));
+            if let Some(next) = carried.last() {
+                let factor = coupling(n) * coupling(n);
+                let (re, im) = (next.map(|x| x.re), next.map(|x| x.im));
+                let (re, im) = (self.cd.dot(&re), self.cd.dot(&im));
+                ndarray::Zip::from(&mut block)
+                    .and(&re)
+                    .and(&im)
+                    .for_each(|b, re, im| *b -= factor * C::new(*re, *im));
+            }
+            if i > 0 {
+                carried.push(solve_dense(&block, &back)?);
+            } else {
+                // The constant, which nothing couples to and the start does not hold: any pivot.
+                block[[0, 0]] = C::new(1.0, 0.0);
+                let right = self.quantity.view().insert_axis(Axis(1)).to_owned();
+                start.clear();
+                start.extend(solve_dense(&block, &right)?.iter());
+            }
+        }
+        let mut state = start;
+        state.reserve(self.len() - across);
+        for i in 0..k - 1 {
+            let n = (2 * i) as f64;
+            let here = Array1::from_vec(state[i * across..].to_vec());
+            let matrix = &carried[k - 2 - i];
+            state.extend(matrix.dot(&here).iter().map(|x| coupling(n) * x));
+        }
+        let heat = t.sqrt();
+        let row = |state: &[C], i: usize| -> Vec<C> {
+            let range = i * across..(i + 1) * across;
+            if i < k {
+                state[range].to_vec()
+            } else {
+                vec![C::default(); across]
+            }
+        };
+        for i in 0..k {
+            let n = (2 * i + 1) as f64;
+            let (a, b) = (row(&state, i), row(&state, i + 1));
+            let (up, down) = (heat * n.sqrt(), heat * (n + 1.0).sqrt());
+            for (c, d) in self.c.rows().into_iter().zip(self.d.rows()) {
+                let from: C = c.iter().zip(&a).map(|(c, a)| a * c).sum();
+                let onto: C = d.iter().zip(&b).map(|(d, b)| b * d).sum();
+                state.push((up * from - down * onto) / friction(n));
+            }
+        }
+        Ok(state)
+    }
+}
+
+/// Ends of the elements: equal lengths on either side of the loss of contact, numbers in proportion to
+/// the root of the length, since flights are parabolas in time.
+fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
+    let contact = oscillator.contact();
+    let rise = resolution.level * oscillator.temperature();
+    let (left, right) = contact.turning_points(rise).unwrap_or((-1.0, 1.0));
+    let count = resolution.elements;
+    let loss = contact.loss_point().filter(|q| *q > left && *q < right);
+    let Some(loss) = loss.filter(|_| count > 1) else {
+        let at = |k: usize| left + (right - left) * k as f64 / count as f64;
+        return (0..=count).map(at).collect();
+    };
+    let (flight, held) = ((loss - left).sqrt(), (right - loss).sqrt());
+    // At least a third of the elements hold the contact, where the motion turns fastest.
+    let most = (2 * count / 3).max(1);
+    let below = (count as f64 * flight / (flight + held)).round() as usize;
+    let below = below.clamp(1, most);
+    let above = count - below;
+    let flights = (0..below).map(|k| left + (loss - left) * k as f64 / below as f64);
+    let contacts = (0..=above).map(|k| loss + (right - loss) * k as f64 / above as f64);
+    flights.chain(contacts).collect()
+}
+
+/// Makes the rows orthonormal by Gram and Schmidt, twice; `along` follows with the same combinations.
+fn orthonormalise(rows: &mut Array2<f64>, mut along: Option<&mut Array2<f64>>) -> Result<()> {
+    for i in 0..rows.nrows() {
+        for _ in 0..2 {
+            let (before, mut rest) = rows.view_mut().split_at(Axis(0), i);
+            let mut here = rest.row_mut(0);
+            let size = here.dot(&here).sqrt();
+            let scale = if size > 0.0 { 1.0 / size } else { 1.0 };
+            here *= scale;
+            let overlaps = before.dot(&here);
+            here -= &overlaps.dot(&before);
+            let left = here.dot(&here).sqrt();
+            if !(left.is_finite() && left > 1e-12) {
+                return Err(Error::Mesh {
+                    what: "the stationary law underflows within an element".into(),
+                    help: "more method.cells in q".into(),
+                });
+            }
+            here /= left;
+            if let Some(along) = &mut along {
+                let (before, mut rest) = along.view_mut().split_at(Axis(0), i);
+                let mut here = rest.row_mut(0);
+                here *= scale;
+                here -= &overlaps.dot(&before);
+                here /= left;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Legendre polynomials and their slopes at some points, by degree.
+struct Legendre {
+    value: Vec<Vec<f64>>,
+    slope: Vec<Vec<f64>>,
+}
+
+impl Legendre {
+    fn at(points: &[f64]) -> Self {
+        let mut it = Self {
+            value: vec![vec![1.0; points.len()], points.to_vec()],
+            slope: vec![vec![0.0; points.len()], vec![1.0; points.len()]],
+        };
+        for n in 2..=DEGREE {
+            let m = n as f64;
+            let (mut value, mut slope) = (Vec::new(), Vec::new());
+            for (k, x) in points.iter().enumerate() {
+                value.push(
+                    ((2.0 * m - 1.0) * x * it.value[n - 1][k] - (m - 1.0) * it.value[n - 2][k]) / m,
+                );
+                slope.push(it.slope[n - 2][k] + (2.0 * m - 1.0) * it.value[n - 1][k]);
+            }
+            it.value.push(value);
+            it.slope.push(slope);
+        }
+        it
+    }
+}
+
+/// Nodes and weights of Gauss and Legendre on \[-1, 1\], by Newton's method.
+fn gauss(count: usize) -> (Vec<f64>, Vec<f64>) {
+    let n = count as f64;
+    let rule = (0..count).map(|k| {
+        let mut x = -((k as f64 + 0.75) / (n + 0.5) * std::f64::consts::PI).cos();
+        let mut slope = 1.0;
+        for _ in 0..60 {
+            let (mut below, mut here) = (1.0, x);
+            for m in 2..=count {
+                let m = m as f64;
+                (below, here) = (here, ((2.0 * m - 1.0) * x * here - (m - 1.0) * below) / m);
+            }
+            slope = n * (x * here - below) / (x * x - 1.0);
+            let change = here / slope;
+            x -= change;
+            if change.abs() < 1e-15 {
+                break;
+            }
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    });
+    rule.unzip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+
+    #[test]
+    fn gauss_points_integrate_polynomials_exactly() {
+        let (x, w) = gauss(POINTS);
+        for n in 0..2 * POINTS as i32 {
+            let sum: f64 = x.iter().zip(&w).map(|(x, w)| w * x.powi(n)).sum();
+            let exact = if n % 2 == 0 {
+                2.0 / f64::from(n + 1)
+            } else {
+                0.0
+            };
+            assert!((sum - exact).abs() < 1e-13, "{n}: {sum} {exact}");
+        }
+    }
+
+    #[test]
+    fn the_resolvent_inverts_the_operator_and_constants_stay() {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.02, 5e-3).unwrap();
+        let resolution = Resolution {
+            elements: 4,
+            pairs: 10,
+            level: 20.0,
+        };
+        let it = Hierarchy::new(&it, Quantity::Force, resolution).unwrap();
+        let mut one = vec![0.0; it.len()];
+        one[0] = 1.0;
+        assert!(it.apply(&one).iter().all(|x| x.abs() < 1e-11));
+        let shift = C::new(0.003, 0.9);
+        let x = it.resolve(shift).unwrap();
+        let [re, im] = [
+            it.apply(&x.iter().map(|x| x.re).collect::<Vec<_>>()),
+            it.apply(&x.iter().map(|x| x.im).collect::<Vec<_>>()),
+        ];
+        let size = x.iter().map(|x| x.norm()).fold(0.0, f64::max);
+        for (k, b) in it.start().iter().enumerate() {
+            let left = shift * x[k] - C::new(re[k], im[k]) - b;
+            assert!(left.norm() < 1e-11 * size.max(1.0), "{k}: {left}");
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! The first part of a run whose start no mesh of the plane can hold: a packet in its own frame, until
+//! it is wide enough to be handed over.
+
+use super::choice;
+use super::density::{Density, Snapshot};
+use super::domain::Domain;
+use super::flux::Drift;
+use super::mesh::{Axis, Mesh};
+use super::packet::{Fineness, Packet};
+use super::propagator::Propagator;
+use crate::error::{Error, Result};
+use crate::initial::Initial;
+use crate::moments::Moments;
+use crate::oscillator::Oscillator;
+use ndarray::{Array1, Array2};
+
+/// A packet on its way to a mesh.
+pub(super) struct Opening<'a> {
+    oscillator: &'a Oscillator,
+    settings: &'a choice::Settings,
+    drift: Drift,
+    finer: f64,
+    packet: Packet,
+    /// The box, and the cells there would be without regard to the start; None for a law that leaves
+    /// every box, which stays in the frame for good.
+    goal: Option<(Mesh, Domain)>,
+    /// Widths of cells below which no mesh is refined for the packet's sake alone.
+    finest: [f64; 2],
+}
+
+/// What a packet says at an output time.
+pub(super) struct Look {
+    pub(super) moments: Moments,
+    pub(super) lowest: f64,
+    pub(super) negative: f64,
+    pub(super) entropy: f64,
+    pub(super) distance: f64,
+}
+
+/// Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the
+/// order of h t^3, so its velocity by h t^4 = 2e-7 h.
+const EARLY: f64 = 0.02;
+/// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
+/// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
+/// to wait a few units for a coarser mesh pays in a run of fifty.
+const REFINED: f64 = 1.25;
+/// The part of the tolerance that the changes of the packet's mass may add up to: it then no longer fits
+/// its frame, and a finer mesh takes over.
+const TORN: f64 = 0.2;
+
+/// Cells per deviation of what is handed over. A Gaussian of 2 cells per deviation loses 1e-4 of its
+/// variance in twenty passes of a spline of degree 7 (measured), in proportion to the eighth power.
+fn cells_per_deviation(tolerance: f64) -> f64 {
+    2.5 * (1e-3 / tolerance).powf(0.125).clamp(0.75, 2.0)
+}
+
+/// Cells, reach and step of a packet for a tolerance. Measured for the Hertz law from rest and from
+/// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Steps
+/// err by 8e-3 zeta^3 tau^4 where the damping is strong (linear law, zeta = 0.2 to 5).
+fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)) -> Fineness {
+    let zeta = oscillator.zeta();
+    let relative = tolerance / 1e-3;
+    let weak = 0.8 * relative.powf(1.0 / 6.0);
+    let strong = (0.1 * tolerance / (8e-3 * zeta.powi(3))).powf(0.25);
+    // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh
+    // them; the coarse run goes without a fifth of it.
+    let beyond = if finer < 1.0 { 2.0 } else { 2.5 };
+    Fineness {
+        cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.25) / finer.max(0.5),
+        reach: beyond + (-2.0 * choice::neglected(tolerance).ln()).sqrt(),
+        step: longer * weak.min(strong).min(1.0),
+    }
+}
+
+impl<'a> Opening<'a> {
+    /// The opening of a run through `times`, if its start needs one.
+    pub(super) fn of(
+        oscillator: &'a Oscillator,
+        initial: &Initial,
+        times: &[f64],
+        drift: Drift,
+        settings: &'a choice::Settings,
+        (finer, longer): (f64, f64),
+    ) -> Result<Option<Self>> {
+        if !choice::is_narrow(oscillator, initial, drift, settings)? {
+            return Ok(None);
+        }
+        let until = times.last().copied().unwrap_or(0.0);
+        let early = EARLY * longer / (1.0 + oscillator.zeta());
+        let packet = Packet::new(
+            oscillator,
+            initial,
+            early,
+            fineness(oscillator, settings.tolerance, (finer, longer)),
+        )?;
+        let goal = oscillator
+            .contact()
+            .is_confining()
+            .then(|| choice::mesh(oscillator, initial, until, drift, settings, finer))
+            .transpose()?;
+        let finest = match (&goal, settings.cells) {
+            (None, _) | (_, Some(_)) => [0.0; 2],
+            (Some(_), None) => {
+                choice::thermal_widths(oscillator, settings.tolerance).map(|width| width / REFINED)
+            }
+        };
+        Ok(Some(Self {
+            oscillator,
+            settings,
+            drift,
+            finer,
+            packet,
+            goal,
+            finest,
+        }))
+    }
+
+    /// The packet.
+    pub(super) fn packet(&self) -> &Packet {
+        &self.packet
+    }
+
+    /// Comes to time t, or to where a mesh takes over, and says whether it came to t. `watch` is told the
+    /// time.
+    pub(super) fn advance(
+        &mut self,
+        t: f64,
+        watch: &mut dyn FnMut(f64) -> Result<()>,
+    ) -> Result<bool> {
+        while self.packet.time() < t {
+            if !self.packet.is_point() && self.is_wide() {
+                return Ok(false);
+            }
+            self.packet.advance(t - self.packet.time());
+            watch(self.packet.time())?;
+        }
+        Ok(true)
+    }
+
+    /// Whether a mesh can take over, or has to.
+    fn is_wide(&self) -> bool {
+        let Some((mesh, _)) = &self.goal else {
+            return false;
+        };
+        let enough = cells_per_deviation(self.settings.tolerance);
+        let widths = match self.settings.cells {
+            // The scene's own cells, the widest near the packet.
+            Some(_) => self.widest(mesh),
+            None => self.finest,
+        };
+        let wide = |(deviation, width): (f64, f64)| deviation >= enough * width;
+        self.narrowest().into_iter().zip(widths).all(wide) || self.is_torn()
+    }
+
+    /// Whether the packet no longer fits its frame.
+    fn is_torn(&self) -> bool {
+        self.packet.defect() > TORN * self.settings.tolerance
+    }
+
+    /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
+    /// motion turns it before friction stops it, what is narrow in one is soon narrow in the other.
+    fn narrowest(&self) -> [f64; 2] {
+        let frame = self.packet.frame();
+        if self.oscillator.zeta() < 1.0 {
+            [frame.narrowest(); 2]
+        } else {
+            frame.conditional()
+        }
+    }
+
+    /// The widest cells of a mesh within three deviations.
+    fn widest(&self, mesh: &Mesh) -> [f64; 2] {
+        let frame = self.packet.frame();
+        let near = |axis: &Axis, mean: f64, deviation: f64| {
+            [-3.0, 0.0, 3.0]
+                .map(|k| axis.at(axis.locate(mean + k * deviation)).1)
+                .into_iter()
+                .fold(0.0, f64::max)
+        };
+        let [q, v] = frame.deviation();
+        [
+            near(&mesh.q, frame.mean[0], q),
+            near(&mesh.v, frame.mean[1], v),
+        ]
+    }
+
+    /// The mesh that takes over, and its box.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] if the cells of the scene are too wide for a packet that does not keep its shape.
+    pub(super) fn mesh(&self) -> Result<(Mesh, Domain)> {
+        let Some((mesh, domain)) = &self.goal else {
+            return Ok((self.own_mesh()?, self.domain()));
+        };
+        let narrowest = self.narrowest();
+        if self.settings.cells.is_some() {
+            let widest = self.widest(mesh);
+            for ((deviation, width), name) in narrowest.iter().zip(widest).zip(["q", "v"]) {
+                if *deviation < Density::NARROWEST * width {
+                    return Err(Error::Mesh {
+                        what: format!(
+                            "at t = {:.2} the density is {:.2} cells wide in {name} and no longer \
+                             fits a moving frame; {} cells are needed",
+                            self.packet.time(),
+                            deviation / width,
+                            Density::NARROWEST
+                        ),
+                        help: "more cells, or none named in the scene".into(),
+                    });
+                }
+            }
+            return Ok((mesh.clone(), *domain));
+        }
+        let tolerance = self.settings.tolerance;
+        let start = if self.is_torn() {
+            choice::start_widths(narrowest, tolerance)
+        } else {
+            narrowest.map(|deviation| deviation / cells_per_deviation(tolerance))
+        };
+        choice::mesh_on(
+            self.oscillator,
+            *domain,
+            Some(start),
+            self.drift,
+            self.settings,
+            self.finer,
+        )
+    }
+
+    /// The packet's own cells on the axes of q and v, for a run that never leaves it.
+    pub(super) fn own_mesh(&self) -> Result<Mesh> {
+        let frame = self.packet.frame();
+        let reach = self.packet.reach();
+        let axis = |mean: f64, deviation: f64| {
+            Axis::uniform(
+                mean - reach * deviation,
+                mean + reach * deviation,
+                self.packet.cells(),
+            )
+        };
+        let [q, v] = frame.deviation();
+        Ok(Mesh {
+            q: axis(frame.mean[0], q)?,
+            v: axis(frame.mean[1], v)?,
+        })
+    }
+
+    /// The box, where there is one.
+    pub(super) fn domain(&self) -> Domain {
+        self.goal.as_ref().map_or(
+            Domain {
+                q: [0.0; 2],
+                v: [0.0; 2],
+                neglected: choice::neglected(self.settings.tolerance),
+            },
+            |(_, domain)| *domain,
+        )
+    }
+
+    /// The density on the mesh of a propagator, scaled to probability 1, with what that changed.
+    pub(super) fn density(&self, propagator: &Propagator) -> (Density, f64) {
+        let mut density = propagator.sampled(&|points| self.packet.density(points));
+        let mass = density.mass();
+        for p in density.cells_mut() {
+            *p /= mass;
+        }
+        (density, (mass - 1.0).abs())
+    }
+
+    /// The numbers of an output.
+    pub(super) fn look(&self) -> Look {
+        let packet = &self.packet;
+        let law = self.oscillator.displacement_law().ok();
+        let temperature = self.oscillator.temperature();
+        let stationary = |[q, v]: [f64; 2]| {
+            law.as_ref().map_or(0.0, |law| {
+                let scale = (std::f64::consts::TAU * temperature).sqrt();
+                law.density(q) * (-0.5 * v * v / temperature).exp() / scale
+            })
+        };
+        let mut moments = packet.moments();
+        // In flight but for a probability that every run neglects, the force has no shape.
+        let lost = moments.contact_loss_probability.map_or(0.0, |p| p.value);
+        if lost > 1.0 - choice::neglected(self.settings.tolerance) {
+            moments.skewness_force.value = f64::NAN;
+            moments.kurtosis_force.value = f64::NAN;
+        }
+        if packet.is_point() {
+            return Look {
+                moments,
+                lowest: 0.0,
+                negative: 0.0,
+                entropy: f64::INFINITY,
+                distance: 2.0,
+            };
+        }
+        Look {
+            moments,
+            lowest: packet.lowest(),
+            negative: packet.sum(|_, p| (-p).max(0.0)),
+            entropy: packet.sum(|x, p| {
+                let reference = stationary(x);
+                if p > 0.0 && reference > 0.0 {
+                    p * (p / reference).ln()
+                } else {
+                    0.0
+                }
+            }),
+            // Both integrals are 1: |p - p_s| is twice its positive part, which lies in the packet.
+            distance: 2.0 * packet.sum(|x, p| (p - stationary(x)).max(0.0)),
+        }
+    }
+
+    /// The density on equal cells about the packet.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] while it is a point.
+    pub(super) fn snapshot(&self) -> Result<Snapshot> {
+        if self.packet.is_point() {
+            let accepted = "times after 0: at rest all probability is in one point";
+            return Err(Error::invalid("outputs.density_at", 0, accepted));
+        }
+        let mesh = self.own_mesh()?;
+        let (q, v) = (mesh.q.centres(), mesh.v.centres());
+        let points: Vec<[f64; 2]> = q
+            .iter()
+            .flat_map(|q| v.iter().map(move |v| [*q, *v]))
+            .collect();
+        let p = self.packet.density(&points);
+        Ok(Snapshot {
+            t: self.packet.time(),
+            q: Array1::from_vec(q.to_vec()),
+            v: Array1::from_vec(v.to_vec()),
+            p: Array2::from_shape_fn((q.len(), v.len()), |(i, j)| p[i * v.len() + j]),
+        })
+    }
+}

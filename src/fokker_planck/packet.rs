@@ -1,0 +1,666 @@
+//! A density narrower than any mesh of the plane can hold, on a small mesh that moves with it.
+//!
+//! x = mean + L xi with mean and L L^T those of the density itself ([`Frame`]), P(xi) on a square of
+//! equal cells. Under the undamped motion Phi the density keeps its value along orbits, so a step of H is
+//!
+//! ```text
+//! P'(xi') = P(xi) |L'|/|L|,   x' = mean' + L' xi',   x = Phi_{-tau}(x') = mean + L xi
+//! ```
+//!
+//! exact but for the spline through P: nothing is linearised, the loss of contact included; the frame
+//! only has to keep P in its square. Friction with noise acts along v at fixed q, that is along xi_2 at
+//! fixed xi_1; with L_vv' = sqrt(a^2 L_vv^2 + s^2) it is the Ornstein-Uhlenbeck step of a standard normal.
+//!
+//! In time (6,2), H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1). Its error zeta^2 tau^2 comes from
+//! [O, [O, H]], which is 4 zeta^2 H: friction stretches the two halves of H, v d/dq and G d/dv, by inverse
+//! factors, and the terms of friction with noise cancel. So the step only runs the motion at a slightly
+//! wrong rate, and durations of H times
+//!
+//! ```text
+//! (sinh x / x) / (2 c1 cosh x + 2 c2 cosh(4x/9)),   x = zeta tau
+//! ```
+//!
+//! take it away.
+
+use super::frame::Frame;
+use super::interpolation::{Filter, Order, PANEL, Spline, filter, reflected};
+use super::mesh::Axis;
+use super::ornstein_uhlenbeck::average;
+use super::trajectory::Motion;
+use crate::contact::ContactLaw;
+use crate::error::{Error, Result};
+use crate::initial::Initial;
+use crate::moments::{Moments, RawMoments};
+use crate::oscillator::Oscillator;
+use crate::quadrature::KronrodNodes;
+use std::f64::consts::TAU;
+
+/// How finely a packet is held.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fineness {
+    /// Width of a cell, in deviations of the packet.
+    pub(super) cell: f64,
+    /// Half the side of the square, in deviations.
+    pub(super) reach: f64,
+    /// Longest step in time.
+    pub(super) step: f64,
+}
+
+/// A narrow density in its own frame.
+#[derive(Debug, Clone)]
+pub(super) struct Packet {
+    contact: ContactLaw,
+    zeta: f64,
+    temperature: f64,
+    fineness: Fineness,
+    axis: Axis,
+    frame: Frame,
+    /// P at the centres, xi_1 by xi_2, n x n.
+    values: Vec<f64>,
+    /// How a point spreads, and for how long that may be believed; for the first step.
+    linear: Option<(Linear, f64)>,
+    time: f64,
+    steps: u64,
+    defect: f64,
+    filter: Filter,
+    spline: Spline,
+    /// Spline coefficients of `values`, (n + 2 margin)^2.
+    coefficients: Vec<f64>,
+    /// Working space: n x n values, the points of the mesh and where they come from.
+    other: Vec<f64>,
+    points: Vec<[f64; 2]>,
+    origins: Vec<[f64; 2]>,
+}
+
+const ORDER: Order = Order::Eighth;
+/// Nodes of the three-point Gauss rule are at c1, 1/2, 1 - c1; c2 = 1/2 - c1.
+const C1: f64 = 0.112_701_665_379_258_3;
+const C2: f64 = 0.5 - C1;
+const WEIGHTS: [f64; 3] = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
+
+/// Gauss-Hermite frame of a standard normal.
+const STANDARD: Frame = Frame {
+    mean: [0.0; 2],
+    lower: [1.0, 0.0, 1.0],
+};
+
+impl Packet {
+    /// The packet of a Gaussian start, or of a point at rest. The point's first step, of `early` at most,
+    /// is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
+    ///
+    /// # Errors
+    /// [`Error::NotAvailable`] for a stationary start.
+    pub(super) fn new(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        early: f64,
+        fineness: Fineness,
+    ) -> Result<Self> {
+        let (frame, linear) = match *initial {
+            Initial::Gaussian {
+                mean,
+                deviation: [q, v],
+            } => (
+                Frame {
+                    mean,
+                    lower: [q, 0.0, v],
+                },
+                None,
+            ),
+            Initial::Rest => (
+                Frame {
+                    mean: [0.0; 2],
+                    lower: [0.0; 3],
+                },
+                Some((Linear::of(oscillator), early)),
+            ),
+            Initial::Stationary => {
+                return Err(Error::not_available(
+                    "a packet of the stationary law",
+                    "a \"gaussian\" start or one at \"rest\"",
+                ));
+            }
+        };
+        let half = (fineness.reach / fineness.cell).ceil();
+        let n = 2 * half as usize;
+        let axis = Axis::uniform(-half * fineness.cell, half * fineness.cell, n)?;
+        let normal = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
+        let centres = axis.centres();
+        let values: Vec<f64> = centres
+            .iter()
+            .flat_map(|x| centres.iter().map(move |y| normal(*x) * normal(*y)))
+            .collect();
+        let padded = n + 2 * ORDER.margin();
+        let mut it = Self {
+            contact: oscillator.contact().clone(),
+            zeta: oscillator.zeta(),
+            temperature: oscillator.temperature(),
+            fineness,
+            axis,
+            frame,
+            other: values.clone(),
+            values,
+            linear,
+            time: 0.0,
+            steps: 0,
+            defect: 0.0,
+            filter: Filter::new(ORDER, n),
+            spline: Spline::new(ORDER),
+            coefficients: vec![0.0; padded * padded],
+            points: vec![[0.0; 2]; n * n],
+            origins: vec![[0.0; 2]; n * n],
+        };
+        it.interpolate();
+        Ok(it)
+    }
+
+    /// The time it has come to.
+    pub(super) fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Steps taken.
+    pub(super) fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Longest step.
+    pub(super) fn step(&self) -> f64 {
+        self.fineness.step
+    }
+
+    /// Half the side of the square, in deviations.
+    pub(super) fn reach(&self) -> f64 {
+        self.fineness.reach
+    }
+
+    /// Cells along either side.
+    pub(super) fn cells(&self) -> usize {
+        self.axis.len()
+    }
+
+    /// The sum of the changes of the mass by interpolation, each made good at once: what left the square
+    /// and what the cells did not resolve.
+    pub(super) fn defect(&self) -> f64 {
+        self.defect
+    }
+
+    /// The frame.
+    pub(super) fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Whether it is still a point.
+    pub(super) fn is_point(&self) -> bool {
+        self.frame.area() == 0.0
+    }
+
+    /// Takes one step of at most the longest, and of at most `left`.
+    pub(super) fn advance(&mut self, left: f64) {
+        if let Some((linear, early)) = self.linear.take() {
+            self.time = early.min(left);
+            self.frame = linear.after(self.time);
+            self.steps += 1;
+            return;
+        }
+        let tau = left / (left / self.fineness.step - 1e-9).ceil().max(1.0);
+        let x = self.zeta * tau;
+        let stretched = if x > 1e-4 {
+            x.sinh() / x
+        } else {
+            1.0 + x * x / 6.0
+        };
+        let rate = tau * stretched / (2.0 * C1 * x.cosh() + 2.0 * C2 * (4.0 / 9.0 * x).cosh());
+        for (gap, weight) in [C1, C2, C2].into_iter().zip(WEIGHTS) {
+            self.carry(gap * rate);
+            self.spread(weight * tau);
+        }
+        self.carry(C1 * rate);
+        self.time += tau;
+        self.steps += 1;
+    }
+
+    /// H over `duration`.
+    fn carry(&mut self, duration: f64) {
+        let motion = Motion::new(&self.contact);
+        let law = self.law();
+        let target = self.frame.image(&law, |points| {
+            let mut images = [[0.0; 2]; 9];
+            motion.after(points, &[duration], &mut images);
+            images
+        });
+        let centres = self.axis.centres();
+        let nodes = centres
+            .iter()
+            .flat_map(|x| centres.iter().map(move |y| [*x, *y]));
+        for (point, xi) in self.points.iter_mut().zip(nodes) {
+            *point = target.at(xi);
+        }
+        motion.before(&self.points, &[duration], &mut self.origins);
+        let ratio = target.area() / self.frame.area();
+        pulp::Arch::new().dispatch(Sample {
+            it: Interpolant {
+                frame: &self.frame,
+                axis: &self.axis,
+                spline: &self.spline,
+                coefficients: &self.coefficients,
+            },
+            scale: ratio,
+            points: &self.origins,
+            values: &mut self.values,
+        });
+        self.frame = target;
+        // What interpolation did to the mass.
+        let cell = self.fineness.cell;
+        let mass = self.values.iter().sum::<f64>() * cell * cell;
+        self.defect += (mass - 1.0).abs();
+        for p in &mut self.values {
+            *p /= mass;
+        }
+        self.interpolate();
+    }
+
+    /// O over `duration`.
+    fn spread(&mut self, duration: f64) {
+        let n = self.axis.len();
+        let friction = 2.0 * self.zeta * duration;
+        let a = (-friction).exp();
+        // T (1 - a^2), also where zeta is so small that T overflows what is left of 1 - a^2.
+        let variance = -self.temperature * (-2.0 * friction).exp_m1();
+        let [qq, vq, vv] = self.frame.lower;
+        let widened = (a * a * vv * vv + variance).sqrt();
+        self.frame.mean[1] *= a;
+        self.frame.lower = [qq, a * vq, widened];
+        // rho = a L_vv/L_vv' = e^{-rate}.
+        let rate = 0.5 * (variance / (a * a * vv * vv)).ln_1p();
+        let matrix = average(&self.axis, ORDER, rate, 1.0, false);
+        let (margin, width) = (ORDER.margin(), n + 2 * ORDER.margin());
+        // Coefficients along xi_2 of values along xi_1.
+        filter(&self.filter, &self.values, n, true, &mut self.other);
+        let mut padded = vec![0.0; width];
+        for (row, out) in self
+            .other
+            .chunks_exact(n)
+            .zip(self.values.chunks_exact_mut(n))
+        {
+            for (k, x) in padded.iter_mut().enumerate() {
+                *x = row[reflected(k, margin, n)];
+            }
+            for (y, weights) in out.iter_mut().zip(matrix.chunks_exact(width)) {
+                *y = weights.iter().zip(&padded).map(|(w, x)| w * x).sum();
+            }
+        }
+        self.interpolate();
+    }
+
+    /// Mean and triangular factor of P in xi.
+    fn law(&self) -> Frame {
+        let centres = self.axis.centres();
+        let mut sums = [0.0; 6];
+        for (row, x) in self.values.chunks_exact(centres.len()).zip(centres) {
+            for (p, y) in row.iter().zip(centres) {
+                for (sum, f) in sums.iter_mut().zip([1.0, *x, *y, x * x, x * y, y * y]) {
+                    *sum += p * f;
+                }
+            }
+        }
+        let [m, x, y, xx, xy, yy] = sums;
+        let (x, y) = (x / m, y / m);
+        let law = Frame::of(
+            [x, y],
+            [
+                [xx / m - x * x, xy / m - x * y],
+                [xy / m - x * y, yy / m - y * y],
+            ],
+        );
+        // A packet torn to pieces has no frame; its defect says so.
+        if law.lower.iter().all(|l| l.is_finite()) && law.area() > 0.1 {
+            law
+        } else {
+            STANDARD
+        }
+    }
+
+    /// Coefficients of the spline through the values.
+    fn interpolate(&mut self) {
+        let n = self.axis.len();
+        let (margin, width) = (ORDER.margin(), n + 2 * ORDER.margin());
+        filter(&self.filter, &self.values, n, true, &mut self.other);
+        let half = self.other.clone();
+        filter(&self.filter, &half, n, false, &mut self.other);
+        for (i, row) in self.coefficients.chunks_exact_mut(width).enumerate() {
+            let from = reflected(i, margin, n) * n;
+            for (k, x) in row.iter_mut().enumerate() {
+                *x = self.other[from + reflected(k, margin, n)];
+            }
+        }
+    }
+
+    /// p at points (q, v); 0 outside the square.
+    pub(super) fn density(&self, points: &[[f64; 2]]) -> Vec<f64> {
+        let mut values = vec![0.0; points.len()];
+        pulp::Arch::new().dispatch(Sample {
+            it: Interpolant {
+                frame: &self.frame,
+                axis: &self.axis,
+                spline: &self.spline,
+                coefficients: &self.coefficients,
+            },
+            scale: 1.0 / self.frame.area(),
+            points,
+            values: &mut values,
+        });
+        values
+    }
+
+    /// p at the centres of its mesh with their (q, v) and the area of a cell.
+    pub(super) fn sum(&self, f: impl Fn([f64; 2], f64) -> f64) -> f64 {
+        let centres = self.axis.centres();
+        let area = self.frame.area();
+        let nodes = centres
+            .iter()
+            .flat_map(|x| centres.iter().map(move |y| [*x, *y]));
+        let cell = self.fineness.cell * self.fineness.cell * area;
+        nodes
+            .zip(&self.values)
+            .map(|(xi, p)| f(self.frame.at(xi), p / area))
+            .sum::<f64>()
+            * cell
+    }
+
+    /// Moments, taken about the mean so that a narrow packet keeps its digits. Functions of q are
+    /// integrated against the spline of the marginal of xi_1, the loss of contact between two panels.
+    pub(super) fn moments(&self) -> Moments {
+        let n = self.axis.len();
+        let (cell, [qq, vq, vv]) = (self.fineness.cell, self.frame.lower);
+        let centres = self.axis.centres();
+        let mut raw = RawMoments::default();
+        let mut marginal = vec![0.0; n];
+        for ((row, x), total) in self.values.chunks_exact(n).zip(centres).zip(&mut marginal) {
+            for (p, y) in row.iter().zip(centres) {
+                let (dq, dv) = (qq * x, vq * x + vv * y);
+                let p = p * cell * cell;
+                *total += p / cell;
+                raw.q += p * dq;
+                raw.qq += p * dq * dq;
+                raw.v += p * dv;
+                raw.vv += p * dv * dv;
+                raw.qv += p * dq * dv;
+            }
+        }
+        let [q0, v0] = self.frame.mean;
+        let (n0, u0) = (self.contact.force(q0), self.contact.potential(q0));
+        self.along(&marginal, |q, p, lost| {
+            raw.mass += p;
+            let force = self.contact.force(q) - n0;
+            let mut power = p;
+            for sum in &mut raw.force {
+                power *= force;
+                *sum += power;
+            }
+            raw.potential += p * (self.contact.potential(q) - u0);
+            raw.lost += if lost { p } else { 0.0 };
+        });
+        let mut moments = raw.moments(&self.contact);
+        // H = v^2/2 + U, from the centred ones.
+        moments.mean_energy.value += u0 + v0 * moments.mean_v.value + 0.5 * v0 * v0;
+        moments.mean_q.value += q0;
+        moments.mean_v.value += v0;
+        moments.mean_force.value += n0;
+        moments
+    }
+
+    /// Calls `f` with (q, weight, below the loss point) over a rule for the spline of a marginal.
+    fn along(&self, marginal: &[f64], mut f: impl FnMut(f64, f64, bool)) {
+        let n = self.axis.len();
+        let margin = ORDER.margin();
+        let centres = self.axis.centres();
+        let mut panel = vec![0.0; n * PANEL];
+        for (row, p) in panel.chunks_exact_mut(PANEL).zip(marginal) {
+            row[0] = *p;
+        }
+        self.filter.apply(&mut panel);
+        let coefficient = |k: usize| panel[reflected(k, margin, n) * PANEL];
+        let density = |x: f64| {
+            let (first, place) = Spline::place(self.axis.locate(x) - 0.5, n);
+            let weights = self.spline.weights(place);
+            (0..ORDER.points())
+                .map(|r| weights[r] * coefficient(first + r))
+                .sum::<f64>()
+        };
+        let loss = self
+            .contact
+            .loss_point()
+            .map(|q| (q - self.frame.mean[0]) / self.frame.lower[0]);
+        let mut panel = |a: f64, b: f64, towards: Option<f64>| {
+            let lost = loss.is_some_and(|l| 0.5 * (a + b) < l);
+            for (z, w) in KronrodNodes::default() {
+                // x - l = (other - l) u^2 takes the half-integer power of the force to an integer one.
+                let (x, w) = match towards {
+                    Some(l) => {
+                        let (u, far) = (0.5 + 0.5 * z, if l == a { b } else { a });
+                        (l + (far - l) * u * u, w * u * (far - l).abs())
+                    }
+                    None => (0.5 * (a + b) + 0.5 * (b - a) * z, w * 0.5 * (b - a)),
+                };
+                f(
+                    self.frame.mean[0] + self.frame.lower[0] * x,
+                    w * density(x),
+                    lost,
+                );
+            }
+        };
+        for pair in centres.windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            match loss {
+                Some(l) if l > a && l < b => {
+                    panel(a, l, Some(l));
+                    panel(l, b, Some(l));
+                }
+                // The next panel still feels the power.
+                Some(l) if l == a || l == b => panel(a, b, Some(l)),
+                _ => panel(a, b, None),
+            }
+        }
+    }
+
+    /// Smallest value of p at the centres.
+    pub(super) fn lowest(&self) -> f64 {
+        self.values.iter().copied().fold(f64::INFINITY, f64::min) / self.frame.area()
+    }
+}
+
+/// q'' + 2 zeta q' + k q = -G(0) + sqrt(2 pi h) noise, k = G'(0): the oscillator at q = 0.
+#[derive(Debug, Clone, Copy)]
+struct Linear {
+    zeta: f64,
+    stiffness: f64,
+    drive: f64,
+    noise: f64,
+}
+
+impl Linear {
+    fn of(oscillator: &Oscillator) -> Self {
+        Self {
+            zeta: oscillator.zeta(),
+            stiffness: oscillator.contact().stiffness(0.0),
+            drive: -oscillator.contact().force(0.0),
+            noise: oscillator.noise(),
+        }
+    }
+
+    /// (q, v) a time s after a kick of v from 0 to 1.
+    fn kick(&self, s: f64) -> [f64; 2] {
+        let squared = self.zeta * self.zeta - self.stiffness;
+        let w = squared.abs().sqrt();
+        let (sine, cosine) = if w * s < 1e-6 {
+            (s, 1.0)
+        } else if squared > 0.0 {
+            ((w * s).sinh() / w, (w * s).cosh())
+        } else {
+            ((w * s).sin() / w, (w * s).cos())
+        };
+        let decay = (-self.zeta * s).exp();
+        [decay * sine, decay * (cosine - self.zeta * sine)]
+    }
+
+    /// The Gaussian a short time t after q = v = 0: integrals of the kick and its products, by quadrature.
+    fn after(&self, t: f64) -> Frame {
+        let (mut mean, mut covariance) = ([0.0; 2], [[0.0; 2]; 2]);
+        for (z, w) in KronrodNodes::default() {
+            let x = self.kick(0.5 * t * (1.0 + z));
+            let w = 0.5 * t * w;
+            for i in 0..2 {
+                mean[i] += w * self.drive * x[i];
+                for j in 0..2 {
+                    covariance[i][j] += 2.0 * self.noise * w * x[i] * x[j];
+                }
+            }
+        }
+        Frame::of(mean, covariance)
+    }
+}
+
+/// The spline of a packet in its frame.
+#[derive(Clone, Copy)]
+struct Interpolant<'a> {
+    frame: &'a Frame,
+    axis: &'a Axis,
+    spline: &'a Spline,
+    coefficients: &'a [f64],
+}
+
+/// Its values times `scale` at points (q, v). A type, so that it is compiled for the CPU.
+struct Sample<'a> {
+    it: Interpolant<'a>,
+    scale: f64,
+    points: &'a [[f64; 2]],
+    values: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Sample<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Interpolant {
+            frame,
+            axis,
+            spline,
+            coefficients,
+        } = self.it;
+        let n = axis.len();
+        let width = n + 2 * ORDER.margin();
+        let (start, inverse) = (axis.centres()[0], 1.0 / axis.slopes()[0]);
+        // Beyond the last centre by half a cell the square ends.
+        let inside = |x: f64| x > -0.5 && x < n as f64 - 0.5;
+        for (value, point) in self.values.iter_mut().zip(self.points) {
+            let [x, y] = frame.locate(*point).map(|xi| (xi - start) * inverse);
+            if !(inside(x) && inside(y)) {
+                *value = 0.0;
+                continue;
+            }
+            let (i, fx) = Spline::place(x, n);
+            let (j, fy) = Spline::place(y, n);
+            let (wx, wy) = (spline.weights(fx), spline.weights(fy));
+            let mut sums = [0.0f64; 8];
+            for (r, w) in wx.iter().enumerate() {
+                let row = &coefficients[(i + r) * width + j..][..8];
+                for l in 0..8 {
+                    sums[l] = w.mul_add(row[l], sums[l]);
+                }
+            }
+            let sum: f64 = sums.iter().zip(&wy).map(|(s, w)| s * w).sum();
+            *value = sum * self.scale;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaussian::Gaussian;
+
+    fn run(oscillator: &Oscillator, initial: &Initial, t: f64, fineness: Fineness) -> Packet {
+        let mut packet = Packet::new(oscillator, initial, 0.02, fineness).unwrap();
+        while packet.time() < t - 1e-12 {
+            packet.advance(t - packet.time());
+        }
+        packet
+    }
+
+    #[test]
+    fn a_packet_of_the_linear_oscillator_keeps_its_closed_form() {
+        for (zeta, t) in [(0.005, 10.0), (0.2, 5.0), (1.0, 2.0), (5.0, 1.0)] {
+            let it = Oscillator::new(ContactLaw::Linear, zeta, 2e-3).unwrap();
+            let start = Initial::Rest;
+            let exact = Gaussian::of(&it, &start).unwrap().after(&it, t).unwrap();
+            let mut last = f64::NAN;
+            for step in [0.8, 0.4, 0.2, 0.1, 0.05] {
+                let fineness = Fineness {
+                    cell: 0.25,
+                    reach: 7.5,
+                    step,
+                };
+                let got = run(&it, &start, t, fineness).moments();
+                let [[qq, qv], [_, vv]] = exact.covariance;
+                let e = [
+                    got.var_q.value / qq - 1.0,
+                    got.cov_qv.value / qv - 1.0,
+                    got.var_v.value / vv - 1.0,
+                ];
+                let error = e.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+                println!(
+                    "zeta {zeta} step {step}: {e:?} order {:.1}",
+                    (last / error).log2()
+                );
+                last = error;
+            }
+        }
+    }
+
+    #[test]
+    fn measured_from_rest() {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        for start in [
+            Initial::Rest,
+            Initial::gaussian([-3.0, 0.0], [1e-3; 2]).unwrap(),
+            Initial::gaussian([1.0, 0.0], [1e-3; 2]).unwrap(),
+        ] {
+            for (cell, reach, step) in [
+                (0.2, 8.0, 0.2),
+                (0.2, 8.0, 0.4),
+                (0.25, 8.0, 0.4),
+                (0.33, 8.0, 0.4),
+                (0.25, 7.0, 0.4),
+                (0.4, 7.0, 0.6),
+            ] {
+                let fineness = Fineness { cell, reach, step };
+                let clock = std::time::Instant::now();
+                let mut packet = Packet::new(&it, &start, 0.02, fineness).unwrap();
+                println!("{cell} {reach} {step}");
+                for t in [1.0, 3.0, 5.0, 7.0, 10.0, 20.0, 30.0] {
+                    while packet.time() < t - 1e-12 {
+                        packet.advance(t - packet.time());
+                    }
+                    let m = packet.moments();
+                    println!(
+                        " t {t} E {:.7} vv {:.7} q {:.7} qq {:.7} N {:.7} sk {:.6} ku {:.6} P {:.7} defect {:.1e} dev {:.3?} cond {:.3?} {:.3}s",
+                        m.mean_energy.value,
+                        m.var_v.value,
+                        m.mean_q.value,
+                        m.var_q.value,
+                        m.std_force.value,
+                        m.skewness_force.value,
+                        m.kurtosis_force.value,
+                        m.contact_loss_probability.unwrap().value,
+                        packet.defect(),
+                        packet.frame().deviation(),
+                        packet.frame().conditional(),
+                        clock.elapsed().as_secs_f64()
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,368 @@
+//! Spectra of the stationary motion without sampling noise, from the resolvent of the generator.
+//!
+//! ```text
+//! G(omega) = (2/pi) Re <X - E X, (i omega - L)^{-1} (X - E X)>,   X = N or q,   integral_0^infinity G d omega = Var X
+//! ```
+//!
+//! One-sided, per circular frequency. At zero the spectrum of the force is the excitation's, G = 2h.
+//! There is no time step, so nothing aliases; the answer is as good in the valleys, many decades below
+//! the peak, as on it. The operator is that of [`super::hermite`], the frequencies come all from one
+//! small model ([`super::reduced`]).
+
+use super::choice::{Cost, Settings};
+use super::hermite::{Hierarchy, Resolution};
+use super::reduced::{Answer, Reduced};
+use crate::error::{Error, Result, finite};
+use crate::estimate::{Estimate, Origin};
+use crate::oscillator::{Oscillator, Quantity};
+use std::f64::consts::FRAC_2_PI;
+use std::time::Instant;
+
+/// A spectrum's natural scale is the larger of its value and this part of its peak.
+pub const FLOOR: f64 = 1e-6;
+
+/// Share of the tolerance left to the reduced model.
+const MODEL: f64 = 0.02;
+
+/// Frequencies solved for at most on one mesh.
+const SOLVES: usize = 160;
+
+/// Growth of the resolution from one round to the next.
+const FINER: f64 = 1.4;
+
+/// Unknowns in q beyond which blocks no longer fit a reasonable time.
+const WIDEST: usize = 1200;
+
+/// A one-sided spectrum with its errors.
+#[derive(Debug, Clone)]
+pub struct Spectrum {
+    /// What it is of.
+    pub quantity: Quantity,
+    /// Circular frequencies.
+    pub omega: Vec<f64>,
+    /// G at each of them: the integral over omega is the variance. The error is the change from the
+    /// next coarser operator and the error of the reduced model.
+    pub density: Vec<Estimate>,
+    /// Variance of the quantity on the operator used.
+    pub variance: f64,
+    /// Functions of q and of v.
+    pub functions: [usize; 2],
+    /// Frequencies solved for, and the dimension of the model they make.
+    pub solves: usize,
+    /// Dimension of the reduced model.
+    pub dimension: usize,
+    /// Whether every error is within the tolerance, relative to the natural scale.
+    pub reached: bool,
+    model: Reduced,
+}
+
+impl Spectrum {
+    /// The autocorrelation function of the quantity, its mean taken off, at 0, `step`, 2 `step`, ...
+    pub fn correlation(&self, step: f64, count: usize) -> Vec<f64> {
+        self.model.correlation(step, count)
+    }
+
+    /// The largest error over the natural scale, and the frequency where it is.
+    pub fn worst(&self) -> (f64, f64) {
+        let peak = self.density.iter().map(|it| it.value).fold(0.0, f64::max);
+        let relative = |it: &Estimate| it.error / it.value.abs().max(FLOOR * peak);
+        let errors = self.omega.iter().zip(&self.density);
+        errors
+            .map(|(w, it)| (relative(it), *w))
+            .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
+    }
+}
+
+/// A peak of a spectrum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// Its circular frequency.
+    pub omega: Estimate,
+    /// The density there.
+    pub density: Estimate,
+    /// Width between the frequencies to either side where the density is half of it; None where it does
+    /// not fall that far before it rises again or ends.
+    pub width: Option<Estimate>,
+}
+
+/// A maximum is a peak if it stands out by this factor over the higher of the valleys to either side.
+const STANDS_OUT: f64 = 1.1;
+
+impl Spectrum {
+    /// The density at any frequency within the range of `omega`, from the model of all of them.
+    pub fn at(&self, omega: f64) -> f64 {
+        FRAC_2_PI * self.model.at(omega).value
+    }
+
+    /// The largest relative error within 0.1 of a frequency.
+    fn relative_error(&self, omega: f64) -> f64 {
+        let near = self.omega.iter().zip(&self.density);
+        let near = near.filter(|(w, _)| (*w - omega).abs() <= 0.1);
+        near.map(|(_, it)| it.error / it.value.abs().max(f64::MIN_POSITIVE))
+            .fold(0.0, f64::max)
+    }
+
+    /// The peaks within the range, the highest first.
+    pub fn peaks(&self) -> Vec<Peak> {
+        let value = |k: usize| self.density[k].value;
+        let n = self.omega.len();
+        let mut peaks = Vec::new();
+        for k in 1..n.saturating_sub(1) {
+            if value(k) <= value(k - 1) || value(k) < value(k + 1) {
+                continue;
+            }
+            // The lowest point before something higher, to either side.
+            let valley = |range: &mut dyn Iterator<Item = usize>| {
+                range
+                    .map(value)
+                    .take_while(|v| *v <= value(k))
+                    .fold(value(k), f64::min)
+            };
+            let saddle = valley(&mut (0..k).rev()).max(valley(&mut (k + 1..n)));
+            if value(k) > STANDS_OUT * saddle {
+                peaks.push(self.peak(k));
+            }
+        }
+        peaks.sort_by(|a, b| b.density.value.total_cmp(&a.density.value));
+        peaks
+    }
+
+    /// The peak at the maximum `k` of the samples.
+    fn peak(&self, k: usize) -> Peak {
+        let ln = |omega: f64| self.at(omega).max(f64::MIN_POSITIVE).ln();
+        let (mut low, mut high) = (self.omega[k - 1], self.omega[k + 1]);
+        // Golden section; a maximum is known to the root of the rounding.
+        let golden = 0.5 * (5f64.sqrt() - 1.0);
+        while high - low > 1e-8 * high {
+            let (a, b) = (high - golden * (high - low), low + golden * (high - low));
+            if ln(a) > ln(b) {
+                high = b;
+            } else {
+                low = a;
+            }
+        }
+        let omega = 0.5 * (low + high);
+        let density = self.at(omega);
+        let half = |step: &dyn Fn(usize) -> Option<usize>| -> Option<f64> {
+            let (mut at, mut inner) = (k, omega);
+            loop {
+                at = step(at)?;
+                let outer = self.omega[at];
+                if self.density[at].value > density {
+                    return None;
+                }
+                if self.density[at].value < 0.5 * density {
+                    let (mut inside, mut outside) = (inner, outer);
+                    for _ in 0..50 {
+                        let middle = 0.5 * (inside + outside);
+                        if self.at(middle) > 0.5 * density {
+                            inside = middle;
+                        } else {
+                            outside = middle;
+                        }
+                    }
+                    return Some(0.5 * (inside + outside));
+                }
+                inner = outer;
+            }
+        };
+        let below = half(&|at| at.checked_sub(1));
+        let above = half(&|at| Some(at + 1).filter(|at| *at < self.omega.len()));
+        let share = self.relative_error(omega);
+        let width = below.zip(above).map(|(below, above)| above - below);
+        // Errors of the density move a maximum by their slope over its curvature: at most by about the
+        // width times their share.
+        let moved = width.unwrap_or(omega) * share + 1e-8 * omega;
+        let estimate = |value: f64, error: f64| Estimate::new(value, error, Origin::Space);
+        Peak {
+            omega: estimate(omega, moved),
+            density: estimate(density, density * share),
+            width: width.map(|width| estimate(width, 2.0 * moved)),
+        }
+    }
+
+    /// The highest peak beyond one and a half times the frequency of the highest of all, over it: how
+    /// strong the second harmonic is, as a ratio of densities.
+    pub fn harmonic_ratio(&self) -> Option<Estimate> {
+        let peaks = self.peaks();
+        let main = peaks.first()?;
+        let second = peaks
+            .iter()
+            .find(|it| it.omega.value > 1.5 * main.omega.value)?;
+        let ratio = second.density.value / main.density.value;
+        let share = |it: &Peak| it.density.error / it.density.value;
+        let error = ratio * (share(main) + share(second));
+        Some(Estimate::new(ratio, error, Origin::Space))
+    }
+}
+
+/// The spectrum of `quantity` in the stationary motion at the ascending circular frequencies `omegas`.
+///
+/// The operator is refined until the change is within `settings.tolerance` of the natural scale, the
+/// larger of the value and 1e-6 of the peak; `settings.cells` fixes the finest one, as functions of q and
+/// of v. `progress` is called with the fraction done.
+///
+/// # Errors
+/// [`Error::NoStationaryLaw`] for a contact that does not confine; [`Error::Invalid`] for no
+/// frequencies, or frequencies that are negative, not finite or not ascending; [`Error::Limit`] beyond
+/// `settings.max_seconds`.
+pub fn spectrum(
+    oscillator: &Oscillator,
+    quantity: Quantity,
+    omegas: &[f64],
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Spectrum> {
+    oscillator.displacement_law()?;
+    check(omegas)?;
+    let began = Instant::now();
+    let tolerance = settings.tolerance;
+    let solve = |resolution: Resolution, share: f64| -> Result<(Reduced, Vec<Answer>)> {
+        let full = Hierarchy::new(oscillator, quantity, resolution)?;
+        let go_on = |solved: usize| {
+            progress(share * (solved as f64 / 60.0).min(1.0));
+            if began.elapsed().as_secs_f64() > settings.max_seconds {
+                return Err(Error::Limit {
+                    key: "accuracy.max_seconds",
+                    limit: settings.max_seconds.to_string(),
+                    what: format!("{solved} frequencies of the spectrum were solved"),
+                });
+            }
+            Ok(())
+        };
+        let model = Reduced::new(&full, omegas, MODEL * tolerance, FLOOR, SOLVES, &go_on)?;
+        let answers = omegas.iter().map(|w| model.at(*w)).collect();
+        Ok((model, answers))
+    };
+    let mut resolution = first(settings);
+    let (_, mut coarse) = solve(resolution, 0.2)?;
+    loop {
+        resolution = finer(resolution);
+        let (model, fine) = solve(resolution, 0.9)?;
+        let density = estimates(omegas, &coarse, &fine);
+        let mut it = Spectrum {
+            quantity,
+            omega: omegas.to_vec(),
+            density,
+            variance: model.variance,
+            functions: [resolution.across(), 2 * resolution.pairs],
+            solves: model.solved.len(),
+            dimension: model.dimension(),
+            reached: true,
+            model,
+        };
+        it.reached = it.worst().0 <= tolerance;
+        let next = finer(resolution);
+        let fits = next.memory() * 2 < settings.max_memory && next.across() <= WIDEST;
+        // The next round takes as many solves, each of them longer.
+        let spent = began.elapsed().as_secs_f64();
+        let longer = next.operations() / resolution.operations();
+        let in_time = spent * (1.0 + longer) < settings.max_seconds;
+        if it.reached || settings.cells.is_some() || !fits || !in_time {
+            progress(1.0);
+            return Ok(it);
+        }
+        coarse = fine;
+    }
+}
+
+fn check(omegas: &[f64]) -> Result<()> {
+    if omegas.is_empty() {
+        return Err(Error::invalid(
+            "omegas",
+            "an empty list",
+            "at least one frequency",
+        ));
+    }
+    for (k, omega) in omegas.iter().enumerate() {
+        let name = format!("omegas[{k}]");
+        finite(&name, *omega)?;
+        if *omega < 0.0 || (k > 0 && *omega <= omegas[k - 1]) {
+            let accepted = "ascending frequencies, none negative";
+            return Err(Error::invalid(name, omega, accepted));
+        }
+    }
+    Ok(())
+}
+
+/// The coarse operator of the first comparison.
+fn first(settings: &Settings) -> Resolution {
+    // Beyond 23 T lies 1e-10 of the probability of energies; a function there changes no spectrum by
+    // more than that times the square of its size, about 1e3.
+    let level = 23.0;
+    match settings.cells {
+        Some([q, v]) => Resolution {
+            elements: ((q as f64 / super::hermite::DEGREE as f64 / FINER).round() as usize).max(2),
+            pairs: ((v as f64 / 2.0 / FINER).round() as usize).max(2),
+            level,
+        },
+        None => Resolution {
+            elements: 6,
+            pairs: 24,
+            level,
+        },
+    }
+}
+
+fn finer(it: Resolution) -> Resolution {
+    Resolution {
+        elements: (it.elements as f64 * FINER).round() as usize,
+        pairs: (it.pairs as f64 * FINER).round() as usize,
+        level: it.level + 1.5,
+    }
+}
+
+/// The fine answers; their error is the largest relative change nearby, since a difference of two curves
+/// crosses zero where they are no better than elsewhere.
+fn estimates(omegas: &[f64], coarse: &[Answer], fine: &[Answer]) -> Vec<Estimate> {
+    let change: Vec<f64> = coarse
+        .iter()
+        .zip(fine)
+        .map(|(a, b)| (a.value - b.value).abs() / b.value.abs().max(f64::MIN_POSITIVE))
+        .collect();
+    let mut first = 0;
+    let nearby = |k: usize| {
+        while omegas[k] - omegas[first] > 0.1 {
+            first += 1;
+        }
+        let last = omegas.partition_point(|w| *w <= omegas[k] + 0.1);
+        change[first..last].iter().fold(0.0f64, |a, b| a.max(*b))
+    };
+    let changes: Vec<f64> = (0..omegas.len()).map(nearby).collect();
+    fine.iter()
+        .zip(&changes)
+        .map(|(it, change)| {
+            let value = FRAC_2_PI * it.value;
+            let error = FRAC_2_PI * it.error + value.abs() * change;
+            Estimate::new(value, error, Origin::Space)
+        })
+        .collect()
+}
+
+/// What a spectrum takes: cells are functions of q and of v, steps frequencies to solve for.
+pub fn cost(settings: &Settings) -> (Cost, String) {
+    // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
+    // one round more.
+    let mut resolution = first(settings);
+    let rounds = match settings.cells {
+        Some(_) => 1,
+        None => 4 + (-3.0 - settings.tolerance.log10()).clamp(0.0, 4.0) as usize,
+    };
+    for _ in 0..rounds {
+        resolution = finer(resolution);
+    }
+    let solves = 55.0;
+    // 5e9 operations a second and processor, and the coarser operators half as much again.
+    let seconds = 1.5 * solves * resolution.operations() / 5e9;
+    let threads = rayon::current_num_threads() as f64;
+    let cost = Cost {
+        cells: [resolution.across(), 2 * resolution.pairs],
+        steps: solves as u64,
+        memory: resolution.memory() * threads as u64
+            + (2 * 16 * solves as usize * resolution.across() * 2 * resolution.pairs) as u64,
+        seconds: seconds / threads,
+    };
+    let method = "resolvent in Hermite functions and spectral elements; a reduced model joins the \
+                  frequencies";
+    (cost, method.into())
+}

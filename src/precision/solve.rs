@@ -1,0 +1,136 @@
+//! One run of one method, from nothing to its numbers.
+
+use super::case::Case;
+use super::method::{Level, Method};
+use crate::error::Result;
+use crate::fokker_planck::density::Density;
+use crate::fokker_planck::flow_map::{self, FlowMap};
+use crate::fokker_planck::generator::Generator;
+use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::observables::Observables;
+use crate::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use crate::moments::Moments;
+use crate::monte_carlo::{self, EnsembleSettings, Scheme};
+
+/// What a run gives.
+#[derive(Debug, Clone)]
+pub(super) struct Answer {
+    pub(super) moments: Moments,
+    /// None for paths.
+    pub(super) density: Option<Density>,
+    pub(super) unknowns: usize,
+    pub(super) steps: u64,
+    /// Estimated bytes of all arrays.
+    pub(super) memory: u64,
+}
+
+impl Answer {
+    /// Cells in q and v.
+    pub(super) fn cells(&self) -> [usize; 2] {
+        self.density.as_ref().map_or([0; 2], |it| it.mesh().cells())
+    }
+}
+
+/// Part of the error aimed at that the box may leave out.
+const BOX: f64 = 0.05;
+
+/// Part of it that the steps may make.
+const STEPS: f64 = 0.3;
+
+/// The mesh of a level.
+pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
+    let settings = Settings {
+        // The box leaves out a thousandth of the tolerance.
+        tolerance: (1e3 * BOX * level.tolerance).min(0.5),
+        ..Settings::default()
+    };
+    let (mesh, _) = choice::mesh(
+        &case.oscillator,
+        &case.initial,
+        case.until,
+        drift,
+        &settings,
+        level.finer,
+    )?;
+    Ok(mesh)
+}
+
+/// Runs a method; paths take the seed.
+pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Result<Answer> {
+    match method {
+        Method::Volumes { drift, time } => volumes(case, drift, time, level),
+        Method::FlowMap { order, splitting } => {
+            let oscillator = &case.oscillator;
+            let step = flow_map::Settings::to(STEPS * level.tolerance, oscillator)?.step;
+            let settings = flow_map::Settings {
+                order,
+                splitting,
+                step,
+                positive: false,
+            };
+            let mesh = mesh(case, Drift::Order8, level)?;
+            let mut map = FlowMap::new(oscillator, &mesh, settings)?;
+            let mut density = map.start(&case.initial)?;
+            map.advance(&mut density, case.until)?;
+            let observables = Observables::new(oscillator, &mesh, Drift::Order8, map.weights())?;
+            Ok(Answer {
+                moments: observables
+                    .raw(&map.ratio(&density))
+                    .moments(oscillator.contact()),
+                unknowns: map.columns().iter().map(std::ops::Range::len).sum(),
+                steps: map.progress().steps as u64,
+                memory: choice::flow_map_memory(mesh.cells()),
+                density: Some(density),
+            })
+        }
+        Method::Paths(scheme) => paths(case, scheme, level.paths, seed),
+    }
+}
+
+fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result<Answer> {
+    let oscillator = &case.oscillator;
+    let mesh = mesh(case, drift, level)?;
+    let generator = Generator::new(oscillator, &mesh, drift)?;
+    let settings = Settings {
+        tolerance: STEPS * level.tolerance,
+        ..Settings::default()
+    };
+    let mut march = choice::march(oscillator, &generator, time, &settings, case.until);
+    let mut density = Density::start(&generator, &case.initial)?;
+    march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
+    let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
+    let factored = matches!(time, TimeScheme::BackwardEuler | TimeScheme::Implicit);
+    Ok(Answer {
+        moments: observables
+            .raw(&density.ratio(&generator))
+            .moments(oscillator.contact()),
+        unknowns: generator.unknowns(),
+        steps: march.steps(),
+        memory: choice::memory(mesh.cells(), drift, factored),
+        density: Some(density),
+    })
+}
+
+fn paths(case: &Case, scheme: Scheme, paths: u64, seed: u64) -> Result<Answer> {
+    let settings = EnsembleSettings {
+        paths,
+        seed,
+        scheme,
+        ..EnsembleSettings::default()
+    };
+    let it = monte_carlo::run(
+        &case.oscillator,
+        &case.initial,
+        &[case.until],
+        &settings,
+        &|_| (),
+    )?;
+    Ok(Answer {
+        moments: it.moments[0],
+        density: None,
+        unknowns: 0,
+        steps: it.steps,
+        // Sums and noise of one task a thread.
+        memory: rayon::current_num_threads() as u64 * 1_000_000,
+    })
+}

@@ -1,0 +1,190 @@
+//! A folder of the validation: its items, its scenes, and what came of them.
+
+use super::evidence::Evidence;
+use super::item::{Item, Row};
+use super::numbers::{self, COMPUTED, Name};
+use super::{ITEMS, pictures};
+use crate::error::{Error, Result};
+use crate::estimate::Estimate;
+use crate::json::Json;
+use crate::plan::Plan;
+use crate::report::File;
+use crate::results::Results;
+use crate::scene::text::SceneText;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A folder as it is read.
+#[derive(Debug, Clone)]
+pub struct Folder {
+    path: PathBuf,
+    /// Its name, as `table-4`.
+    pub name: String,
+    /// What is to be said before its numbers.
+    pub about: String,
+    /// Its items, in their order.
+    pub items: Vec<Item>,
+}
+
+/// A folder with its answers.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Its name.
+    pub name: String,
+    /// What is to be said before its numbers.
+    pub about: String,
+    /// Its items with their answers.
+    pub rows: Vec<Row>,
+    /// Its pictures.
+    pub pictures: Vec<File>,
+}
+
+/// A scene that was run, under its label.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// The label of its items.
+    pub label: String,
+    /// What came of it.
+    pub results: Results,
+    json: Json,
+}
+
+/// The last part of a path.
+pub fn name_of(path: &Path) -> String {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    full.file_name()
+        .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+impl Folder {
+    /// The folder at `path`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where there is no list of items, or a line in it is not an item.
+    pub fn read(path: &Path) -> Result<Self> {
+        let list = path.join(ITEMS);
+        let shown = list.display().to_string();
+        let text = fs::read_to_string(&list).map_err(|error| {
+            let accepted = format!("a folder with a {ITEMS}: {shown}: {error}");
+            Error::invalid("validate", path.display(), accepted)
+        })?;
+        let mut items = Vec::new();
+        for (k, line) in text.lines().enumerate().skip(1) {
+            if !line.trim().is_empty() && !line.starts_with('#') {
+                items.push(Item::parse(line, &format!("{shown} line {}", k + 1))?);
+            }
+        }
+        Ok(Self {
+            name: name_of(path),
+            about: fs::read_to_string(path.join("about.md")).unwrap_or_default(),
+            items,
+            path: path.to_owned(),
+        })
+    }
+
+    /// Whether every number is a closed form, so that all of it takes no time.
+    pub fn is_quick(&self) -> bool {
+        let quick = ["stationary", "crossings", "rig", "oscillator", "damping"];
+        let first = |name: &Name| {
+            let keys: Vec<&str> = name.path.split(['.', ' ']).collect();
+            let sampled = keys.contains(&"monte_carlo");
+            keys.first().is_some_and(|key| quick.contains(key)) && !sampled
+        };
+        self.items.iter().flat_map(Item::names).all(first)
+    }
+
+    /// The labels of the scenes its items need, in their order.
+    pub fn labels(&self) -> Vec<String> {
+        let mut labels: Vec<String> = Vec::new();
+        for name in self.items.iter().flat_map(Item::names) {
+            if name.label != COMPUTED && !labels.contains(&name.label) {
+                labels.push(name.label.clone());
+            }
+        }
+        labels
+    }
+
+    fn scene(&self, label: &str) -> Result<SceneText> {
+        let (file, overrides) = numbers::scene(label);
+        let path = self.path.join(format!("{file}.toml"));
+        let text = fs::read_to_string(&path).map_err(|error| {
+            let accepted = format!("the name of a scene in the folder: {error}");
+            Error::invalid(path.display().to_string(), label, accepted)
+        })?;
+        SceneText::parse(&path.display().to_string(), &text, &overrides)
+            .map_err(|error| Error::invalid(path.display().to_string(), label, error.to_string()))
+    }
+
+    /// Run every scene and answer every item. `progress` is told each label before it is run.
+    ///
+    /// # Errors
+    /// Those of the scenes; [`Error::Invalid`] for a number that does not exist.
+    pub fn run(&self, progress: &dyn Fn(&str)) -> Result<Outcome> {
+        let mut runs = Vec::new();
+        for label in self.labels() {
+            progress(&label);
+            let text = self.scene(&label)?;
+            let results = Plan::of(text.scene())?.run_quietly()?;
+            runs.push(Run {
+                json: results.json(),
+                label,
+                results,
+            });
+        }
+        progress("comparing");
+        let evidence = Evidence::new(&self.path, &runs);
+        let number = |name: &Name| -> Result<Estimate> {
+            if name.label == COMPUTED {
+                return evidence.number(&name.path);
+            }
+            let found = runs.iter().find(|run| run.label == name.label);
+            found
+                .and_then(|run| numbers::at(&run.json, &name.path))
+                .ok_or_else(|| {
+                    let accepted = "the path of a number in results.json";
+                    Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
+                })
+        };
+        let per_length = |name: &Name, length: f64| -> Result<f64> {
+            let found = runs.iter().find(|run| run.label == name.label);
+            found
+                .and_then(|run| run.error_in_record(&name.path, length))
+                .ok_or_else(|| {
+                    let accepted =
+                        "a stationary number of a scene with [monte_carlo], for \"sampled\"";
+                    Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
+                })
+        };
+        let answer = |item: &Item| item.answer(&number, &per_length);
+        let rows = self.items.iter().map(answer).collect::<Result<_>>()?;
+        Ok(Outcome {
+            name: self.name.clone(),
+            about: self.about.clone(),
+            rows,
+            pictures: pictures::of(&self.name, &runs)?,
+        })
+    }
+}
+
+impl Run {
+    /// One standard error of a stationary number in a plain record of that dimensionless length, from
+    /// the long records of this scene.
+    fn error_in_record(&self, path: &str, length: f64) -> Option<f64> {
+        let records = self.results.records.as_ref()?;
+        let last = path.rsplit('.').next()?;
+        let plain = records.moments.named();
+        let moment = plain.iter().find(|(name, _)| *name == last);
+        let error = match moment.and_then(|(_, number)| *number) {
+            Some(number) => number.error,
+            None => {
+                let (section, rest) = path.split_once('.')?;
+                let sampled = match section {
+                    "rig" => format!("rig.monte_carlo.{rest}"),
+                    other => format!("monte_carlo.{other}.{rest}"),
+                };
+                numbers::at(&self.json, &sampled)?.error
+            }
+        };
+        Some(error * (records.duration / length).sqrt())
+    }
+}
