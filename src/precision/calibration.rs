@@ -19,7 +19,7 @@ pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 const TEN: f64 = 10.0;
 
 /// Seconds after which a run is stopped; it then counts as one that says it did not reach the tolerance.
-pub const MAX_SECONDS: f64 = 60.0;
+pub const MAX_SECONDS: f64 = 20.0;
 
 /// Goals: share of numbers whose error is above the bar, and median of bar over error.
 pub const MOST_TOO_SMALL: f64 = 0.02;
@@ -283,7 +283,7 @@ impl Run {
         let seconds = clock.seconds();
         let (end, numbers) = match results {
             Ok(results) => {
-                let end = if falls_short(&results) {
+                let end = if results.falls_short() {
                     End::Short
                 } else {
                     End::Met
@@ -301,12 +301,6 @@ impl Run {
             numbers,
         }
     }
-}
-
-/// Whether the results say that the tolerance is not met.
-fn falls_short(results: &Results) -> bool {
-    let warnings = &results.run.warnings;
-    warnings.iter().any(|it| it.contains("is not met"))
 }
 
 fn judge(case: &Case, results: &Results) -> Vec<Judged> {

@@ -62,7 +62,11 @@ pub fn cases() -> Result<Vec<Case>> {
     read(SCENES, TRUTHS)
 }
 
-fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
+/// The scenes and truths of two files in the form of those stored.
+///
+/// # Errors
+/// [`Error::Invalid`] for a line that does not read.
+pub fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
     let mut cases: Vec<Case> = rows("scenes.csv", scenes)
         .map(|row| row.case())
         .collect::<Result<_>>()?;
@@ -167,7 +171,7 @@ mod tests {
             case.scene.check().unwrap();
             for t in case.scene.outputs.moments_at.list() {
                 let here = case.truths.iter().filter(|it| it.t == t).count();
-                assert!(here >= 7, "scene {}, t = {t}: {here} truths", case.number);
+                assert!(here >= 6, "scene {}, t = {t}: {here} truths", case.number);
             }
         }
     }

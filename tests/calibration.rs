@@ -1,0 +1,37 @@
+//! Error bars are true: the program's own calibration on some of its scenes.
+
+use vibroimpact::initial::Initial;
+use vibroimpact::precision::calibration::{
+    Calibration, End, MOST_MEDIAN, MOST_TOO_SMALL, TOLERANCES,
+};
+use vibroimpact::precision::truths::{Case, cases};
+
+/// Every contact law, zeta from 4e-4 to 5, T from 2e-3 to 10; from rest, from Gaussians narrow, wide and
+/// far away, from the stationary law; to 20/zeta.
+const SCENES: [usize; 8] = [1, 2, 3, 5, 7, 8, 13, 29];
+
+#[test]
+fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the_run_says_so() {
+    let cases: Vec<Case> = cases().unwrap();
+    let cases: Vec<Case> = cases
+        .into_iter()
+        .filter(|case| SCENES.contains(&case.number))
+        .collect();
+    assert_eq!(cases.len(), SCENES.len());
+    let calibration = Calibration::of(&cases, &TOLERANCES[..3], &mut |_| Ok(())).unwrap();
+    println!("{calibration}");
+    for run in calibration.runs() {
+        if let End::Refused(why) = &run.end {
+            let case = cases.iter().find(|it| it.number == run.scene).unwrap();
+            let rest = case.scene.initial == Initial::Rest;
+            assert!(rest && why.contains("not available"), "{}: {why}", run.scene);
+        }
+    }
+    for it in calibration.verdicts() {
+        let tolerance = it.tolerance;
+        assert!(it.numbers > 100, "{tolerance}: {} numbers", it.numbers);
+        assert!(it.share() <= MOST_TOO_SMALL, "{tolerance}: {}", it.share());
+        assert_eq!(it.unsaid, 0, "{tolerance}");
+        assert!(it.median <= MOST_MEDIAN, "{tolerance}: {}", it.median);
+    }
+}
