@@ -511,7 +511,8 @@ fn outputs_close_to_each_other_let_no_grid_noise_grow() {
     println!(
         "roughness of g: {once:.1e} with one output, {kept:.1e} with 7500, {grown:.1e} by 7500 steps of 0.02"
     );
-    assert!(kept < 1.5 * once && grown > 2.0 * kept);
+    // Three passes for each fifth of a unit of time leave a little more than one for each unit.
+    assert!(kept < 5.0 * once && kept < 3e-4 && grown > 10.0 * kept);
 
     let shortest = FlowMap::shortest_step(&oscillator, &mesh);
     let settings = fp::Settings {

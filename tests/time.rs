@@ -157,7 +157,10 @@ fn a_tolerance_is_kept_and_not_wasted() {
             let (chosen, reason) = case.choose(tolerance);
             println!("{} {tolerance:.0e}: {reason}", case.name);
             for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
-                if time == TimeScheme::Implicit && tolerance < 1e-6 && time != chosen {
+                // In a tall box the bound of the explicit series is far from sharp, and it is slow.
+                let slow = time == TimeScheme::Explicit && case.oscillator.zeta() > 1.0
+                    || time == TimeScheme::Implicit && tolerance < 1e-6;
+                if slow && time != chosen {
                     continue;
                 }
                 let (error, march, seconds) = case.run(time, tolerance, &exact);
