@@ -3,6 +3,7 @@
 use super::choice::{self, Cost, Settings, TimeScheme, Way};
 use super::flux::Drift;
 use super::generator::Generator;
+use super::opening;
 use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -37,7 +38,9 @@ pub fn cost(
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
-    let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, 1.0)?;
+    let opening = opening::cost(oscillator, initial, until, drift, settings)?;
+    let finer = opening.map_or(1.0, |_| opening::REFINED);
+    let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
     let n = cells[0] as f64 * cells[1] as f64;
     let matrix = matches!(
@@ -84,7 +87,7 @@ pub fn cost(
         steps: steps.ceil() as u64,
         memory: choice::memory(cells, drift, matrix),
         // The coarse run that measures the error takes 0.4 of the fine one.
-        seconds: 1.4 * seconds,
+        seconds: 1.4 * (seconds + opening.unwrap_or(0.0)),
     };
     Ok((cost, format!("{}; {reason}", way.name(drift))))
 }
