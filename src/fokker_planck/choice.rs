@@ -379,6 +379,19 @@ pub(super) fn way(
     until: f64,
     settings: &Settings,
 ) -> Result<(Drift, Way, String)> {
+    let (drift, way, mut reason) = method(oscillator, initial, until, settings)?;
+    if is_narrow(oscillator, initial, drift, settings)? {
+        reason += "; the start is too narrow for a mesh, so a small mesh moves with it at first";
+    }
+    Ok((drift, way, reason))
+}
+
+fn method(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    settings: &Settings,
+) -> Result<(Drift, Way, String)> {
     let zeta = oscillator.zeta();
     let volumes_asked = settings.drift.is_some() || settings.time.is_some();
     let flow_map = match settings.method {

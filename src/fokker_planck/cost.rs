@@ -3,6 +3,7 @@
 use super::choice::{self, Cost, Settings, TimeScheme, Way};
 use super::flux::Drift;
 use super::generator::Generator;
+use super::opening;
 use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -65,6 +66,8 @@ pub(super) fn run(
     (finer, longer): (f64, f64),
 ) -> Result<Cost> {
     let until = times.last().copied().unwrap_or(0.0);
+    let opening = opening::cost(oscillator, initial, until, drift, settings)?;
+    let finer = finer * opening.map_or(1.0, |_| opening::REFINED);
     let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
     let n = cells[0] as f64 * cells[1] as f64;
@@ -114,7 +117,7 @@ pub(super) fn run(
             Way::FlowMap => choice::flow_map_memory(cells),
             Way::Volumes(_) => choice::memory(cells, drift, matrix),
         },
-        seconds,
+        seconds: seconds + opening.unwrap_or(0.0),
     })
 }
 

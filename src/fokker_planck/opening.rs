@@ -40,13 +40,20 @@ pub(super) struct Look {
 /// Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the
 /// order of h t^3, so its velocity by h t^4 = 2e-7 h.
 const EARLY: f64 = 0.02;
+/// What rounding leaves of a packet's moments, the motion being known to 1e-12: 3e-10 of themselves for
+/// the linear law, whose covariance is known.
+const ROUNDING: f64 = 1e-9;
 /// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
 /// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
 /// to wait a few units for a coarser mesh pays in a run of fifty.
-const REFINED: f64 = 1.25;
+pub(super) const REFINED: f64 = 1.25;
 /// The part of the tolerance that the changes of the packet's mass may add up to: it then no longer fits
 /// its frame, and a finer mesh takes over.
 const TORN: f64 = 0.2;
+/// As much of that as makes it worth while to hand over to a mesh finer by [`WORTH`] than the stationary
+/// law asks for: a displaced packet bends along its orbit, and what it then loses are its tails.
+const BENT: f64 = 0.1;
+const WORTH: f64 = 2.5;
 
 /// Cells per deviation of what is handed over. A Gaussian of 2 cells per deviation loses 1e-4 of its
 /// variance in twenty passes of a spline of degree 7 (measured), in proportion to the eighth power.
@@ -70,6 +77,27 @@ fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)
         reach: beyond + (-2.0 * choice::neglected(tolerance).ln()).sqrt(),
         step: longer * weak.min(strong).min(1.0),
     }
+}
+
+/// Seconds on one core that the opening of a run will take, if its start needs one. The packet is as wide
+/// as a mesh needs once the noise has added that variance; 3 us a node and step (measured).
+pub(super) fn cost(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    drift: Drift,
+    settings: &choice::Settings,
+) -> Result<Option<f64>> {
+    if !choice::is_narrow(oscillator, initial, drift, settings)? {
+        return Ok(None);
+    }
+    let fineness = fineness(oscillator, settings.tolerance, (1.0, 1.0));
+    let widths = choice::thermal_widths(oscillator, settings.tolerance);
+    let wide = cells_per_deviation(settings.tolerance) * widths[0].max(widths[1]) / REFINED;
+    let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
+    let time = (-left.ln() / (2.0 * oscillator.zeta())).min(until);
+    let nodes = (2.0 * fineness.reach / fineness.cell).powi(2);
+    Ok(Some(3e-6 * nodes * time / fineness.step))
 }
 
 impl<'a> Opening<'a> {
@@ -120,6 +148,15 @@ impl<'a> Opening<'a> {
         &self.packet
     }
 
+    /// What the packet has cost so far, in probability; a point has cost nothing.
+    pub(super) fn cost(&self) -> f64 {
+        if self.packet.is_point() {
+            0.0
+        } else {
+            ROUNDING + self.packet.defect()
+        }
+    }
+
     /// Comes to time t, or to where a mesh takes over, and says whether it came to t. `watch` is told the
     /// time.
     pub(super) fn advance(
@@ -148,8 +185,18 @@ impl<'a> Opening<'a> {
             Some(_) => self.widest(mesh),
             None => self.finest,
         };
-        let wide = |(deviation, width): (f64, f64)| deviation >= enough * width;
-        self.narrowest().into_iter().zip(widths).all(wide) || self.is_torn()
+        let wide = |finer: f64| {
+            let pairs = self.narrowest().into_iter().zip(widths);
+            pairs
+                .into_iter()
+                .all(|(deviation, width)| deviation >= enough * width * finer)
+        };
+        wide(1.0) || self.is_torn() || (self.is_bent() && wide(REFINED / WORTH))
+    }
+
+    /// Whether the packet begins not to fit its frame.
+    fn is_bent(&self) -> bool {
+        self.packet.defect() > BENT * TORN * self.settings.tolerance
     }
 
     /// Whether the packet no longer fits its frame.

@@ -335,11 +335,7 @@ impl Task<'_> {
         let columns = propagator.columns().to_vec();
         let (mut now, spent, opened) = match &opening {
             None => (0.0, 0.0, 0),
-            Some(it) => (
-                it.packet().time(),
-                handed + it.packet().defect(),
-                it.packet().steps(),
-            ),
+            Some(it) => (it.packet().time(), handed + it.cost(), it.packet().steps()),
         };
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
@@ -429,7 +425,7 @@ impl Task<'_> {
             entropy: look.entropy,
             distance: look.distance,
             snapshot: wanted.then(|| opening.snapshot()).transpose()?,
-            opening: opening.packet().defect(),
+            opening: opening.cost(),
             framed: true,
         })
     }
