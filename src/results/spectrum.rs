@@ -1,0 +1,155 @@
+//! The spectrum: from the resolvent, by Welch's method, and of the linear oscillator.
+
+use super::curve;
+use crate::error::Result;
+use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::{Peak, Spectrum};
+use crate::json::Json;
+use crate::monte_carlo::{self, SeriesSettings};
+use crate::oscillator::Oscillator;
+use crate::spectrum::{Welch, linear};
+
+/// A one-sided spectrum per circular frequency: its integral over omega is the variance.
+#[derive(Debug, Clone)]
+pub struct SpectrumNumbers {
+    /// From the resolvent of the Fokker-Planck operator, at the frequencies of Welch's method.
+    pub solved: Spectrum,
+    /// Of the linearised contact, G(q) = q.
+    pub linear: Vec<f64>,
+    /// Peaks of the solved spectrum, the highest first.
+    pub peaks: Vec<Peak>,
+    /// Density of the highest peak beyond 1.5 times the frequency of the highest of all, over its.
+    pub harmonic_ratio: Option<Estimate>,
+    /// By sampling.
+    pub sampled: Option<SampledSpectrum>,
+}
+
+/// A spectrum by Welch's method, and what it had to be expected to be.
+#[derive(Debug, Clone)]
+pub struct SampledSpectrum {
+    /// The estimate, with its standard error.
+    pub density: Vec<Estimate>,
+    /// Its expectation: the solved spectrum seen through window and sampling.
+    pub expectation: Vec<f64>,
+    /// RMS magnitude, sqrt(G 1.5 d omega), as in the paper's figures.
+    pub magnitude: Vec<f64>,
+    /// Segments averaged.
+    pub averages: usize,
+    /// Distance of two frequencies.
+    pub bin: f64,
+    /// Time between samples.
+    pub spacing: f64,
+}
+
+impl SpectrumNumbers {
+    /// Of a solved spectrum.
+    pub fn of(oscillator: &Oscillator, solved: Spectrum) -> Self {
+        Self {
+            linear: solved
+                .omega
+                .iter()
+                .map(|w| linear(oscillator, *w))
+                .collect(),
+            peaks: solved.peaks(),
+            harmonic_ratio: solved.harmonic_ratio(),
+            sampled: None,
+            solved,
+        }
+    }
+
+    /// The same by sampling. The mean taken off the records is the exact one.
+    ///
+    /// # Errors
+    /// Those of [`monte_carlo::series`].
+    pub fn sample(
+        &mut self,
+        oscillator: &Oscillator,
+        welch: &Welch,
+        settings: &SeriesSettings,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<()> {
+        let (contact, law) = (oscillator.contact(), oscillator.displacement_law()?);
+        let mean = law.expect(|q| settings.quantity.of(contact, q)).value;
+        let visit = |record: &[f64]| {
+            let record: Vec<f64> = record.iter().map(|x| x - mean).collect();
+            welch.record(&record)
+        };
+        let records = monte_carlo::series(oscillator, settings, &visit, progress)?;
+        let averages = records.iter().map(|it| it.segments).sum();
+        let samples = welch.record_length(1);
+        let correlation = self.solved.correlation(settings.spacing, samples);
+        let mut density = welch.average(&records);
+        let mut expectation = welch.expectation(&correlation);
+        density.truncate(self.solved.omega.len());
+        expectation.truncate(self.solved.omega.len());
+        self.sampled = Some(SampledSpectrum {
+            magnitude: density.iter().map(|it| welch.magnitude(it.value)).collect(),
+            density,
+            expectation,
+            averages,
+            bin: welch.spacing(),
+            spacing: settings.spacing,
+        });
+        Ok(())
+    }
+
+    /// Expectation and estimate at every frequency. The standard error is taken at the expectation: that
+    /// of the estimate follows its fluctuations, and low values would seem too sure.
+    pub fn pairs(&self) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
+        let sampled = self.sampled.as_ref();
+        let values = sampled.into_iter().flat_map(|it| {
+            let both = it.expectation.iter().zip(&it.density);
+            both.zip(&self.solved.density)
+        });
+        values.map(|((expected, got), exact)| {
+            let share = |it: &Estimate| it.error / it.value.abs().max(f64::MIN_POSITIVE);
+            let error = expected * share(exact);
+            (
+                Estimate::new(*expected, error, Origin::Space),
+                Estimate::new(got.value, expected * share(got), Origin::Sampling),
+            )
+        })
+    }
+
+    /// The section of results.json.
+    pub(super) fn json(&self) -> Json {
+        let it = &self.solved;
+        let some = |all: &[Estimate]| curve(all.iter().copied().map(Some));
+        let mut json = Json::object([
+            ("quantity", Json::from(it.quantity.name())),
+            ("omega", Json::numbers(it.omega.iter().copied())),
+            ("fokker_planck", some(&it.density)),
+        ]);
+        if let Some(sampled) = &self.sampled {
+            json.push("monte_carlo", some(&sampled.density));
+            let expectation = sampled.expectation.iter().copied();
+            json.push("monte_carlo_expectation", Json::numbers(expectation));
+        }
+        json.push("linear", Json::numbers(self.linear.iter().copied()));
+        let peaks = self.peaks.iter().map(|peak| {
+            Json::object([
+                ("omega", Json::from(peak.omega)),
+                ("density", Json::from(peak.density)),
+                ("half_power_width", Json::from(peak.width)),
+            ])
+        });
+        json.push("peaks", Json::List(peaks.collect()));
+        json.push("harmonic_ratio", self.harmonic_ratio);
+        let mut method = Json::object([
+            (
+                "name",
+                Json::from("resolvent in Hermite functions and spectral elements"),
+            ),
+            ("functions", Json::from(it.functions.to_vec())),
+            ("solves", Json::from(it.solves)),
+            ("dimension", Json::from(it.dimension)),
+        ]);
+        if let Some(sampled) = &self.sampled {
+            method.push("averages", sampled.averages);
+            method.push("spacing", sampled.spacing);
+            method.push("window", "hann");
+        }
+        json.push("method", method);
+        json
+    }
+}
