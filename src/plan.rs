@@ -316,8 +316,11 @@ impl Plan {
         let samples = welch.record_length(WELCH_SEGMENTS);
         let sampling = self.scene.monte_carlo.clone().unwrap_or_default();
         let records = match sampling.duration {
-            Some(duration) => (duration / (samples as f64 * spacing)).ceil().max(32.0),
-            None => (WELCH_AVERAGES / WELCH_SEGMENTS) as f64,
+            // A duration of one's own; the default one is that of long records.
+            Some(duration) if duration != MonteCarlo::DURATION => {
+                (duration / (samples as f64 * spacing)).ceil().max(32.0)
+            }
+            _ => (WELCH_AVERAGES / WELCH_SEGMENTS) as f64,
         };
         let settings = SeriesSettings {
             quantity: request.quantity,

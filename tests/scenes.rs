@@ -1044,7 +1044,10 @@ const BAD: &[(&str, &str)] = &[
         "steps without end",
         "@[outputs]\nmoments_at = [1e6]\n[method]\nstep = 1e-300",
     ),
-    ("spectrum", "@[outputs]\nspectrum = { until = 4.0 }"),
+    (
+        "spectrum without end",
+        "@[outputs]\nspectrum = { until = 1e9 }",
+    ),
     ("first loss", "@[outputs]\nfirst_loss = { until = 200 }"),
     ("crossings by number", "@[outputs]\ncrossings = 20"),
     ("crossings without window", "@[outputs]\ncrossings = {}"),

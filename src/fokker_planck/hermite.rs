@@ -303,7 +303,8 @@ impl Hierarchy {
 }
 
 /// Ends of the elements: equal lengths on either side of the loss of contact, numbers in proportion to
-/// the root of the length, since flights are parabolas in time.
+/// the root of the length, since flights are parabolas in time, and never more in flight than in contact,
+/// where the motion turns fastest.
 fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
     let contact = oscillator.contact();
     let rise = resolution.level * oscillator.temperature();
@@ -315,8 +316,7 @@ fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
         return (0..=count).map(at).collect();
     };
     let (flight, held) = ((loss - left).sqrt(), (right - loss).sqrt());
-    // At least a third of the elements hold the contact, where the motion turns fastest.
-    let most = (2 * count / 3).max(1);
+    let most = (count / 2).max(1);
     let below = (count as f64 * flight / (flight + held)).round() as usize;
     let below = below.clamp(1, most);
     let above = count - below;

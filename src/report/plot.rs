@@ -1179,7 +1179,7 @@ pub fn spectrum(results: &Results) -> Result<Option<File>> {
         write(area, &title, (panel.left, 22.0), 15.0, Hang::Left, INK)?;
         panel.axes(area, x_label, y_label)?;
         panel.curve(area, &linear, GREY, 1.0)?;
-        let x_legend = panel.right() - 250.0;
+        let x_legend = panel.right() - 282.0;
         let mut y_legend = 62.0;
         let mut entry = |colour, mark, words: &str| {
             let drawn = legend(area, (x_legend, y_legend), colour, mark, words);

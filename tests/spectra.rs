@@ -1,0 +1,331 @@
+//! Spectra: against closed forms, against the flow map, against sampling.
+
+use std::f64::consts::PI;
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::fokker_planck::domain::Domain;
+use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
+use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
+use vibroimpact::fokker_planck::{Settings, Spectrum, spectrum};
+use vibroimpact::initial::Initial;
+use vibroimpact::monte_carlo::{Noise, Scheme, SeriesSettings, series};
+use vibroimpact::oscillator::{Oscillator, Quantity};
+use vibroimpact::plan::Plan;
+use vibroimpact::scene::{MonteCarlo, Outputs, Scene, SpectrumRequest};
+use vibroimpact::spectrum::{Welch, linear, of_correlation};
+
+const ZETA: f64 = 0.005;
+
+fn hertz(h: f64) -> Oscillator {
+    Oscillator::new(ContactLaw::Hertz, ZETA, h).unwrap()
+}
+
+fn grid(until: f64, count: usize) -> Vec<f64> {
+    (0..=count)
+        .map(|k| until * k as f64 / count as f64)
+        .collect()
+}
+
+fn to(tolerance: f64) -> Settings {
+    Settings {
+        tolerance,
+        ..Settings::default()
+    }
+}
+
+fn solve(it: &Oscillator, quantity: Quantity, omegas: &[f64], settings: &Settings) -> Spectrum {
+    spectrum(it, quantity, omegas, settings, &|_| ()).unwrap()
+}
+
+#[test]
+fn the_linear_contact_has_the_spectrum_of_the_linear_oscillator_peak_included() {
+    // The peak lies at sqrt(1 - 2 zeta^2), between points of any grid.
+    let mut omegas = grid(4.0, 400);
+    omegas.extend((1..200).map(|k| 0.98 + 2e-4 * f64::from(k)));
+    omegas.sort_by(f64::total_cmp);
+    omegas.dedup();
+    for (zeta, h) in [(ZETA, 2e-3), (0.3, 1e-4), (2.0, 0.1)] {
+        let it = Oscillator::new(ContactLaw::Linear, zeta, h).unwrap();
+        for quantity in [Quantity::Force, Quantity::Displacement] {
+            let got = solve(&it, quantity, &omegas, &to(1e-5));
+            let error = |(w, g): (&f64, &vibroimpact::estimate::Estimate)| {
+                let exact = linear(&it, *w);
+                assert!(
+                    (g.value - exact).abs() <= g.error.max(1e-9 * exact),
+                    "{w}: {g}"
+                );
+                (g.value / exact - 1.0).abs()
+            };
+            let worst = omegas
+                .iter()
+                .zip(&got.density)
+                .map(error)
+                .fold(0.0, f64::max);
+            println!("zeta = {zeta}, {quantity:?}: {worst:.1e} of the value at worst");
+            assert!(worst < 1e-4);
+            if zeta == ZETA {
+                let peak = got.peaks()[0];
+                let exact = (1.0 - 2.0 * zeta * zeta).sqrt();
+                assert!((peak.omega.value - exact).abs() < 1e-7, "{}", peak.omega);
+                // Half-power width 2 zeta, to zeta^2.
+                let width = peak.width.unwrap();
+                assert!((width.value / (2.0 * zeta) - 1.0).abs() < 1e-4, "{width}");
+                assert_eq!(got.peaks().len(), 1);
+            }
+        }
+    }
+}
+
+#[test]
+fn displacement_and_force_have_the_reference_values_and_error_bars_that_hold() {
+    let it = hertz(2e-3);
+    // Two-sided without 1/2 pi, from an independent spectral solver: 4.998 and 4.583.
+    let got = solve(&it, Quantity::Displacement, &[0.8, 1.0], &to(1e-3));
+    for (g, reference) in got.density.iter().zip([4.583, 4.998]) {
+        println!("S_qq = {:.6}, reference {reference}", PI * g.value);
+        assert!((PI * g.value - reference).abs() < 1e-3);
+    }
+    // At zero frequency the spectrum of the force is the excitation's, whatever the level.
+    for h in [8e-5, 2e-3] {
+        let zero = solve(&hertz(h), Quantity::Force, &[0.0, 1e-3], &to(1e-3));
+        let g = zero.density[0];
+        println!("h = {h}: G_NN(0) = {g}, 2h = {}", 2.0 * h);
+        assert!((g.value / (2.0 * h) - 1.0).abs() < 1e-6);
+    }
+    let omegas = grid(4.0, 80);
+    let coarse = solve(&it, Quantity::Force, &omegas, &to(3e-2));
+    let fine = solve(&it, Quantity::Force, &omegas, &to(1e-3));
+    assert!(coarse.functions[0] < fine.functions[0] && fine.reached);
+    let mut worst = 0.0f64;
+    for ((w, a), b) in omegas.iter().zip(&coarse.density).zip(&fine.density) {
+        let share = (a.value - b.value).abs() / (a.error + b.error);
+        worst = worst.max(share);
+        assert!(share <= 1.0, "{w}: {a} against {b}");
+    }
+    println!("largest error over its bar: {worst:.2}");
+}
+
+#[test]
+fn the_spectrum_of_the_force_integrates_to_its_variance_at_every_level_of_the_paper() {
+    // Fine where low levels have peaks of width 2 zeta; beyond 5 lies less than 1e-4 of the variance.
+    let mut omegas = grid(5.0, 500);
+    omegas.extend((1..1600).map(|k| 0.5 + 5e-4 * f64::from(k)));
+    omegas.sort_by(f64::total_cmp);
+    omegas.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+    let levels = [3e-6, 8e-5, 5e-4, 1.2e-3, 2e-3, 3.2e-3];
+    let deviations = [0.030698, 0.158308, 0.392361, 0.595294, 0.747927, 0.911292];
+    let mut before = (2.0, 0.0);
+    for (h, deviation) in levels.into_iter().zip(deviations) {
+        let began = std::time::Instant::now();
+        let got = solve(&hertz(h), Quantity::Force, &omegas, &to(1e-1));
+        let both = omegas.windows(2).zip(got.density.windows(2));
+        let integral: f64 = both
+            .map(|(w, g)| 0.5 * (w[1] - w[0]) * (g[0].value + g[1].value))
+            .sum();
+        let share = integral / (deviation * deviation) - 1.0;
+        let peak = got.peaks()[0];
+        let width = peak.width.unwrap();
+        println!(
+            "h = {h}: integral off by {share:.1e}; peak at {:.4}, width {:.4}, harmonic {:.2e}; {:.1} s",
+            peak.omega.value,
+            width.value,
+            got.harmonic_ratio().unwrap().value,
+            began.elapsed().as_secs_f64()
+        );
+        assert!(share.abs() < 1e-3);
+        // Peaks move to lower frequency and broaden with the level (section 5.3.2).
+        assert!(peak.omega.value < before.0 && width.value > before.1);
+        before = (peak.omega.value, width.value);
+    }
+}
+
+#[test]
+fn the_resolvent_agrees_with_the_correlation_function_of_the_flow_map() {
+    let it = hertz(2e-3);
+    let (step, count) = (0.25, 6000);
+    let domain = Domain::closed(&it, &Initial::Stationary, 1e-11).unwrap();
+    let law = it.contact();
+    let mesh = Mesh {
+        q: Axis::displacement(law, it.temperature(), domain.q, 120, 1).unwrap(),
+        v: Axis::velocity(domain.v[1], 100, 1).unwrap(),
+    };
+    let settings = flow_map::Settings {
+        step,
+        ..flow_map::Settings::default()
+    };
+    let mut flow = FlowMap::new(&it, &mesh, settings).unwrap();
+    // The signed density (N - E N) p_s; E N = 0.
+    let mut signed = flow.start(&Initial::Stationary).unwrap();
+    let force: Vec<f64> = mesh.q.centres().iter().map(|q| law.force(*q)).collect();
+    let nv = mesh.v.len();
+    for (row, n) in signed.cells_mut().chunks_exact_mut(nv).zip(&force) {
+        row.iter_mut().for_each(|p| *p *= n);
+    }
+    let mut correlation = Vec::with_capacity(count);
+    for _ in 0..count {
+        let rows = signed.cells().chunks_exact(nv).zip(&force);
+        correlation.push(
+            rows.map(|(row, n)| n * row.iter().sum::<f64>())
+                .sum::<f64>(),
+        );
+        flow.advance(&mut signed, step).unwrap();
+    }
+    let (omega, by_time) = of_correlation(&correlation, step).unwrap();
+    let kept = omega.partition_point(|w| *w <= 4.0);
+    let thinned: Vec<usize> = (0..kept).step_by(16).collect();
+    let omegas: Vec<f64> = thinned.iter().map(|k| omega[*k]).collect();
+    let got = solve(&it, Quantity::Force, &omegas, &to(1e-2));
+    let peak = got.density.iter().map(|g| g.value).fold(0.0, f64::max);
+    let (mut worst, mut relative) = (0.0f64, 0.0f64);
+    for (k, g) in thinned.iter().zip(&got.density) {
+        let off = (by_time[*k] - g.value).abs();
+        worst = worst.max(off / peak);
+        relative = relative.max(off / g.value.max(1e-3 * peak));
+    }
+    println!(
+        "flow map against resolvent: {worst:.1e} of the peak, {relative:.1e} of values above 1e-3 of it"
+    );
+    assert!(worst < 5e-4 && relative < 1e-2);
+    // The reduced model knows the correlation function too.
+    let model = got.correlation(step, 400);
+    let off = model.iter().zip(&correlation).map(|(a, b)| (a - b).abs());
+    let off = off.fold(0.0, f64::max) / correlation[0];
+    println!("correlation functions: {off:.1e} of the variance");
+    assert!(off < 1e-3);
+}
+
+#[test]
+fn welch_agrees_with_its_own_expectation_within_a_family_wise_99_percent_band() {
+    let it = hertz(2e-3);
+    for (nyquist, quantity) in [(8.0, Quantity::Force), (4.3, Quantity::Displacement)] {
+        let welch = Welch::new(2048, 1024, PI / nyquist).unwrap();
+        let settings = SeriesSettings {
+            quantity,
+            spacing: PI / nyquist,
+            samples: welch.record_length(5),
+            records: 80,
+            seed: 3,
+            scheme: Scheme::Auto,
+            step: None,
+            noise: Noise::White,
+            max_seconds: 100.0,
+        };
+        let law = it.displacement_law().unwrap();
+        let mean = law.expect(|q| quantity.of(it.contact(), q)).value;
+        let visit = |record: &[f64]| {
+            let deviation: Vec<f64> = record.iter().map(|x| x - mean).collect();
+            welch.record(&deviation)
+        };
+        let records = series(&it, &settings, &visit, &|_| ()).unwrap();
+        assert_eq!(records.len() * records[0].segments, 400);
+        let estimate = welch.average(&records);
+        let omegas = welch.omega();
+        let exact = solve(&it, quantity, &omegas, &to(1e-2));
+        let expected = welch.expectation(&exact.correlation(PI / nyquist, 2048));
+        // Bonferroni: 1 % shared by all bins, z of 1 - 0.005/1025.
+        let band = 4.42;
+        let (mut worst, mut sum) = (0.0f64, 0.0);
+        for (k, (g, e)) in estimate.iter().zip(&expected).enumerate() {
+            let z = (g.value - e) / (g.error / g.value * e);
+            worst = worst.max(z.abs());
+            sum += z * z;
+            assert!(z.abs() < band, "{}: {g} against {e}, z = {z:.1}", omegas[k]);
+        }
+        let bias = |w: f64| {
+            let k = (w / welch.spacing()).round() as usize;
+            expected[k] / exact.density[k].value
+        };
+        println!(
+            "{quantity:?}: worst z {worst:.2}, mean square {:.2}; expectation over exact at 0.97: {:.3}, \
+             at 4: {:.3}",
+            sum / estimate.len() as f64,
+            bias(0.97),
+            bias(4.0)
+        );
+        // Neither ignored nor hidden: errors are neither too large nor too small.
+        assert!((0.5..2.0).contains(&(sum / estimate.len() as f64)));
+        if quantity == Quantity::Displacement {
+            assert!(bias(4.0) > 1.2, "what lies beyond 4.3 folds back");
+        }
+    }
+}
+
+#[test]
+fn welch_is_biased_at_a_sharp_peak_and_near_nyquist_as_known() {
+    let it = Oscillator::new(ContactLaw::Linear, ZETA, 2e-3).unwrap();
+    let damped = (1.0 - ZETA * ZETA).sqrt();
+    let correlation = |t: f64| {
+        let (sin, cos) = (damped * t).sin_cos();
+        it.temperature() * (-ZETA * t).exp() * (cos + ZETA / damped * sin)
+    };
+    // Derived beforehand: numerics of the two Nyquist frequencies, Hann, 2048 samples.
+    for (nyquist, at_peak) in [(4.3, 0.85), (8.6, 0.66)] {
+        let step = PI / nyquist;
+        let welch = Welch::new(2048, 1024, step).unwrap();
+        let lags: Vec<f64> = (0..2048)
+            .map(|k| correlation(step * f64::from(k)))
+            .collect();
+        let expected = welch.expectation(&lags);
+        let ratio = |w: f64| {
+            let k = (w / welch.spacing()).round() as usize;
+            expected[k] / linear(&it, welch.omega()[k])
+        };
+        println!(
+            "Nyquist {nyquist}: {:.3} at the peak, {:.3} at 4",
+            ratio(1.0),
+            ratio(4.0)
+        );
+        assert!((ratio(1.0) - at_peak).abs() < 0.02);
+        if nyquist == 4.3 {
+            assert!((ratio(4.0) - 1.56).abs() < 0.02);
+        }
+        // Parseval in the mean.
+        let inner: f64 = expected[1..1024].iter().sum();
+        let integral = welch.spacing() * (inner + 0.5 * (expected[0] + expected[1024]));
+        assert!((integral / it.temperature() - 1.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_scene_gets_both_spectra_with_their_agreement() {
+    let mut scene = Scene::new(hertz(2e-3));
+    scene.outputs = Outputs {
+        spectrum: Some(SpectrumRequest {
+            until: 2.5,
+            quantity: Quantity::Force,
+        }),
+        ..Outputs::nothing()
+    };
+    scene.monte_carlo = Some(MonteCarlo {
+        duration: Some(1e5),
+        ..MonteCarlo::default()
+    });
+    scene.method.cells = Some([89, 100]);
+    let results = Plan::of(&scene).unwrap().run_quietly().unwrap();
+    let it = results.spectrum.as_ref().unwrap();
+    assert_eq!(it.solved.functions, [89, 100]);
+    assert_eq!(it.linear.len(), it.solved.omega.len());
+    assert!((it.solved.omega.last().unwrap() - 2.5).abs() < 1e-9);
+    let ratio = it.harmonic_ratio.unwrap();
+    assert!((ratio.value - 0.01913).abs() < 1e-3, "{ratio}");
+    let agreement = results.agreement.unwrap();
+    println!(
+        "worst {:.1} of {} numbers",
+        agreement.worst, agreement.compared
+    );
+    assert!(agreement.compared > 500 && agreement.worst < 5.0);
+    let json = results.json().to_string();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let curve = &json["spectrum"];
+    for name in ["fokker_planck", "monte_carlo"] {
+        assert_eq!(
+            curve[name]["value"].as_array().unwrap().len(),
+            curve["omega"].as_array().unwrap().len()
+        );
+    }
+    assert!(
+        curve["peaks"][0]["half_power_width"]["value"]
+            .as_f64()
+            .unwrap()
+            > 0.03
+    );
+}
