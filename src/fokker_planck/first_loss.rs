@@ -40,7 +40,7 @@ pub struct FirstLoss {
 /// Most output times after t = 0.
 const OUTPUTS: f64 = 200.0;
 /// Runs that refine until the tolerance is met.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 2;
 /// Nodes and step of the coarse run over those of the fine one.
 const COARSE: f64 = 0.7;
 
@@ -120,7 +120,7 @@ impl Layout {
 
     /// Steps of a fine run, with those of the long run.
     fn all_steps(&self) -> f64 {
-        self.steps() + 2.0 * 26.0 * self.stride(self.step) as f64
+        self.steps() + 1.2 * 18.0 * self.stride(self.step) as f64
     }
 }
 
@@ -213,14 +213,14 @@ pub fn first_loss(
         let here = task.run(&layout, &fine, &|part| share(0.5 + 0.5 * part))?;
         let (it, worst) = task.report(&layout, &here, [&other, &slow]);
         let spent = task.started.elapsed().as_secs_f64();
-        // A round with steps refined by 1.6 and the mesh that follows takes about three times as long.
-        let enough = 4.0 * spent > settings.max_seconds;
+        // A round with half the step and the mesh that follows takes about four times as long.
+        let enough = 5.0 * spent > settings.max_seconds;
         let chosen = settings.step.is_some() || settings.cells.is_some();
         if worst <= 1.0 || round == ROUNDS || enough || chosen {
             progress(1.0);
             return Ok(it);
         }
-        refined *= 1.6;
+        refined *= 2.0;
         round += 1;
     }
 }
@@ -308,7 +308,6 @@ impl Task<'_> {
         self.late()?;
         let it = self.oscillator;
         let absorbed = Absorbed::new(it, self.loss, fineness)?;
-        eprintln!("built {:?}", self.started.elapsed());
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
         let lines = absorbed.displacements(0.5 * deviation, |q| law.density(q));
@@ -316,7 +315,6 @@ impl Task<'_> {
         let (start, total) = self.start(&absorbed, &stationary);
         let outflow = absorbed.outflow(it, &lines);
 
-        eprintln!("starts {:?}", self.started.elapsed());
         // Losses up to each step, summed from the losses in each: the survival's small parts keep digits.
         let step = fineness.step;
         let every = (layout.every as f64 * layout.step / step).round() as usize;
@@ -352,10 +350,8 @@ impl Task<'_> {
             .map(|k| (slope(k, 2) - density[k]).abs())
             .collect();
 
-        eprintln!("marched {} {:?}", lost.len(), self.started.elapsed());
         let stride = layout.stride(step);
         let long = long_run(&absorbed, stride, &|| self.late())?;
-        eprintln!("long {} {:?} {:?}", long.steps, long.residuals, self.started.elapsed());
         progress(1.0);
         // Losses a step of the slowest mode, by detailed balance; small numbers keep their digits.
         let held = dot(&stationary.weights, &long.mode);

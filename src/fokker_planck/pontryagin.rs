@@ -13,7 +13,7 @@ use ndarray::Array2;
 use num_complex::Complex;
 
 /// Vectors of the space.
-const VECTORS: usize = 24;
+const VECTORS: usize = 16;
 /// Spaces built one after another, at the most.
 const CYCLES: usize = 6;
 /// Residual, relative to the right-hand side, at which an iteration ends: far below the error of any mesh.
