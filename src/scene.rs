@@ -323,11 +323,6 @@ const NOT_YET: &[NotYet] = &[
         instead: "leave it out",
     },
     NotYet {
-        key: "outputs.first_loss",
-        asked: |scene| scene.outputs.first_loss.is_some(),
-        instead: "leave it out; outputs.stationary gives the rate of loss",
-    },
-    NotYet {
         key: "initial.kind",
         asked: |scene| scene.initial == Initial::Rest && scene.outputs.transient(),
         instead: "a transient from rest (the default start) needs [initial] kind = \"gaussian\" \
@@ -360,7 +355,8 @@ impl Scene {
     pub fn wants_records(&self) -> bool {
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
-        it.is_some_and(|it| asked(it) || self.outputs.moments_at.is_empty())
+        let nothing_else = self.outputs.moments_at.is_empty() && self.outputs.first_loss.is_none();
+        it.is_some_and(|it| asked(it) || nothing_else)
     }
 
     /// The window of [`Outputs::crossings`] as a dimensionless time.
@@ -427,7 +423,7 @@ impl Scene {
         let outputs = &self.outputs;
         if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates or crossings";
+                            decay_rates, first_loss or crossings";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if !self.oscillator.contact().is_confining() {
@@ -457,10 +453,43 @@ impl Scene {
             positive("outputs.spectrum.until", spectrum.until)?;
         }
         if let Some(until) = outputs.first_loss {
-            positive("outputs.first_loss.until", until)?;
+            self.check_first_loss(until)?;
         }
         if let Some(window) = outputs.crossings {
             self.check_crossings(window)?;
+        }
+        Ok(())
+    }
+
+    fn check_first_loss(&self, until: f64) -> Result<()> {
+        let key = "outputs.first_loss.until";
+        positive(key, until)?;
+        if until > Times::LATEST {
+            let accepted = format!("a time up to {:e}", Times::LATEST);
+            return Err(Error::invalid(key, num(until), accepted));
+        }
+        let contact = self.oscillator.contact();
+        if !contact.is_confining() {
+            return Err(self.no_law("outputs.first_loss", "asked for"));
+        }
+        if contact.loss_point().is_none() {
+            let accepted = format!(
+                "a contact law that can lose contact; \"{}\" never does",
+                contact.name()
+            );
+            return Err(Error::invalid("outputs.first_loss", "asked for", accepted));
+        }
+        if self
+            .monte_carlo
+            .as_ref()
+            .is_some_and(|it| it.noise != Noise::White)
+        {
+            let accepted = "\"white\", with outputs.first_loss";
+            return Err(Error::invalid(
+                "monte_carlo.noise",
+                "a sum of cosines",
+                accepted,
+            ));
         }
         Ok(())
     }

@@ -204,9 +204,8 @@ impl Absorbed {
         let mesh = Contact::new(oscillator, loss, fineness)?;
         let step = fineness.step;
         let rest = (-2.0 * oscillator.zeta() * step).exp();
-        let spread = (oscillator.temperature()
-            * -(-4.0 * oscillator.zeta() * step).exp_m1())
-        .sqrt();
+        let spread =
+            (oscillator.temperature() * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
         let motion = Motion::new(oscillator.contact());
         let whole = critical(oscillator, loss, &mesh, step);
         let half = critical(oscillator, loss, &mesh, 0.5 * step);
@@ -269,27 +268,27 @@ impl Absorbed {
         self.first.len()
     }
 
-    pub(crate) fn step(&self) -> f64 {
-        self.step
-    }
-
     /// u <- P u, `scratch` of the same length.
     pub(crate) fn advance(&self, field: &mut Vec<f64>, scratch: &mut Vec<f64>) {
         let nv = self.mesh.nodes[1];
         let before: &[f64] = field;
-        scratch
-            .par_chunks_mut(nv)
-            .zip(&self.rows)
-            .for_each_init(Vec::new, |moved: &mut Vec<f64>, (row_out, row)| {
+        scratch.par_chunks_mut(nv).zip(&self.rows).for_each_init(
+            Vec::new,
+            |moved: &mut Vec<f64>, (row_out, row)| {
                 moved.clear();
                 moved.extend(row.stencils.iter().map(|it| it.value(before, nv)));
                 for (j, out) in row_out.iter_mut().enumerate() {
                     let (low, start) = row.spans[j];
                     let end = row.spans[j + 1].1;
                     let kernel = &row.kernel[start as usize..end as usize];
-                    *out = kernel.iter().zip(&moved[low as usize..]).map(|(k, w)| k * w).sum();
+                    *out = kernel
+                        .iter()
+                        .zip(&moved[low as usize..])
+                        .map(|(k, w)| k * w)
+                        .sum();
                 }
-            });
+            },
+        );
         std::mem::swap(field, scratch);
     }
 
@@ -329,10 +328,16 @@ impl Absorbed {
         let ends = [mean - 8.0 * deviation, mean + 8.0 * deviation];
         // Survival has the scale of the noise, the start that of its deviation.
         let scale = (2.0 * self.spread).min(0.5 * deviation);
-        let cuts = self.cuts(oscillator, &lines.iter().map(|line| line.0).collect::<Vec<_>>());
+        let cuts = self.cuts(
+            oscillator,
+            &lines.iter().map(|line| line.0).collect::<Vec<_>>(),
+        );
         for ((q, weight), cut) in lines.iter().zip(cuts) {
             for (v, w) in from_cut(cut, ends, scale) {
-                points.push(([*q, v], weight * w * normal((v - mean) / deviation) / deviation));
+                points.push((
+                    [*q, v],
+                    weight * w * normal((v - mean) / deviation) / deviation,
+                ));
             }
             lost += weight * lower((cut - mean) / deviation);
         }
@@ -341,12 +346,16 @@ impl Absorbed {
 
     /// Points and weights for integrals over q in contact of `density`, which has the scale `scale`, up to
     /// the edge of the mesh.
-    pub(crate) fn displacements(&self, scale: f64, density: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
+    pub(crate) fn displacements(
+        &self,
+        scale: f64,
+        density: impl Fn(f64) -> f64,
+    ) -> Vec<(f64, f64)> {
         let [nq, _] = self.mesh.nodes;
         let mut lines = Vec::new();
         for i in 0..nq - 1 {
             let nodes = [i, i + 1].map(|i| self.mesh.q(i));
-            // Panels of two cells, but none longer than the density's own scale.
+            // A panel a cell, but none longer than the density's own scale.
             let parts = ((nodes[1] - nodes[0]) / scale).ceil().max(1.0);
             for part in 0..parts as usize {
                 let width = self.mesh.spacing[0] / parts;
@@ -372,7 +381,10 @@ impl Absorbed {
         let deviation = oscillator.temperature().sqrt();
         let ends = [-8.0 * deviation, 8.0 * deviation];
         let scale = self.spread.min(0.5 * deviation);
-        let cuts = self.cuts(oscillator, &lines.iter().map(|line| line.0).collect::<Vec<_>>());
+        let cuts = self.cuts(
+            oscillator,
+            &lines.iter().map(|line| line.0).collect::<Vec<_>>(),
+        );
         let mut near = Vec::new();
         let mut points = Vec::new();
         for ((q, weight), cut) in lines.iter().zip(cuts) {
@@ -406,7 +418,13 @@ impl Absorbed {
 
     /// The critical velocity over half a step.
     fn cuts(&self, oscillator: &Oscillator, q: &[f64]) -> Vec<f64> {
-        Cut::new(oscillator, self.loss, 0.5 * self.step, 2.0 * self.mesh.speed).of(q)
+        Cut::new(
+            oscillator,
+            self.loss,
+            0.5 * self.step,
+            2.0 * self.mesh.speed,
+        )
+        .of(q)
     }
 
     /// What points that outlive half a step see of the field, and the weight of those that do not.

@@ -90,7 +90,9 @@ impl Layout {
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce) / refined;
         let longest = settings.step.map_or(automatic, |step| step / refined);
         // The coarse step is twice the fine one and still ends on every time.
-        let outputs = (until / (2.0 * longest * refined)).floor().clamp(8.0, OUTPUTS);
+        let outputs = (until / (2.0 * longest * refined))
+            .floor()
+            .clamp(8.0, OUTPUTS);
         let gap = until / outputs;
         let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
@@ -249,9 +251,8 @@ pub fn first_loss_cost(
     }
     let layout = Layout::of(oscillator, initial, loss, until, settings, 1.0)?;
     let [nq, nv] = layout.nodes.map(|n| n as f64);
-    let spread = (oscillator.temperature()
-        * -(-4.0 * oscillator.zeta() * layout.step).exp_m1())
-    .sqrt();
+    let spread =
+        (oscillator.temperature() * -(-4.0 * oscillator.zeta() * layout.step).exp_m1()).sqrt();
     // Quadrature points of a row: 3.2 a deviation of the noise.
     let speed = (2.0 * (1.0 + layout.level * oscillator.temperature())).sqrt();
     let points = 3.2 * 2.0 * speed / spread;
@@ -263,7 +264,9 @@ pub fn first_loss_cost(
         memory: memory as u64,
         // 20 ns a point and step and 10 ns a node; building takes 4 us a point. The runs that measure the
         // error take as long again.
-        seconds: 2.0 * nq * (points * (4e-6 + 2e-8 * layout.all_steps()) + nv * 1e-8 * layout.all_steps()),
+        seconds: 2.0
+            * nq
+            * (points * (4e-6 + 2e-8 * layout.all_steps()) + nv * 1e-8 * layout.all_steps()),
     };
     let step = format!("{:.3}", layout.step);
     Ok((
@@ -370,7 +373,11 @@ impl Task<'_> {
                 (seen * stationary.total / (held * rate), rate)
             }
         };
-        let forgets = if long.sum.is_none() { rate * layout.memory } else { 0.0 };
+        let forgets = if long.sum.is_none() {
+            rate * layout.memory
+        } else {
+            0.0
+        };
         Ok(Run {
             survival,
             density,
@@ -407,7 +414,8 @@ impl Task<'_> {
             let error = gaps(&|run| run.survival[k]) + outside * (1.0 - fine.survival[k]) + 4e-16;
             note(error / tolerance, "survival", Some(*t));
             survival.push(Estimate::new(fine.survival[k], error, Origin::Space));
-            let error = gaps(&|run| run.density[k]) + fine.wobble[k] + outside * fine.density[k].abs();
+            let error =
+                gaps(&|run| run.density[k]) + fine.wobble[k] + outside * fine.density[k].abs();
             if peak > 0.0 {
                 note(error / (tolerance * peak), "density", Some(*t));
             }
@@ -420,7 +428,11 @@ impl Task<'_> {
         let mean_time = number(&|run| run.mean_time, fine.residuals[0]);
         let rate = number(&|run| run.rate, fine.residuals[1]);
         let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
-        note(mean_time.error / (tolerance * mean_time.value), "mean_time", None);
+        note(
+            mean_time.error / (tolerance * mean_time.value),
+            "mean_time",
+            None,
+        );
         note(rate.error / (tolerance * rate.value), "rate", None);
         let mut warnings = Vec::new();
         if !(worst.0 <= 1.0) {

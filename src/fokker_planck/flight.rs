@@ -64,7 +64,11 @@ impl Flight {
         let contact = oscillator.contact();
         let Some(loss) = contact.loss_point() else {
             let accepted = "a law that can lose contact, for the time of flight";
-            return Err(Error::invalid("oscillator.contact", contact.name(), accepted));
+            return Err(Error::invalid(
+                "oscillator.contact",
+                contact.name(),
+                accepted,
+            ));
         };
         Ok(Self {
             temperature: oscillator.temperature(),
@@ -84,7 +88,8 @@ impl Flight {
         }
         let first = self.first_returns(t);
         let all = self.returns(t);
-        if later * all.value < first.error {
+        // Where its error is a good part of it, the expansion in the friction has no say.
+        if later * first.value < first.error {
             Estimate::new(all.value, all.error + later * all.value, Origin::Quadrature)
         } else {
             first
@@ -107,7 +112,8 @@ impl Flight {
             let x = w * once - self.pull * twice;
             let mean = -(w * left - self.pull * once - slope * x);
             let z = mean / spread;
-            let speed = spread * ((-0.5 * z * z).exp() / TAU.sqrt() + z * 0.5 * libm::erfc(-z / SQRT_2));
+            let speed =
+                spread * ((-0.5 * z * z).exp() / TAU.sqrt() + z * 0.5 * libm::erfc(-z / SQRT_2));
             let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
             start * speed * (-0.5 * x * x / var_x).exp() / (TAU * var_x).sqrt()
         };
@@ -126,7 +132,8 @@ impl Flight {
             // Mean of the bridge: w - (c + w) u + 3 (c - w) u (1 - u), squared and integrated.
             let (s, d) = (c + w, 3.0 * (c - w));
             let square = t
-                * (w * w - w * s + s * s / 3.0 + d * d / 30.0 + 2.0 * w * d / 6.0 - 2.0 * s * d / 12.0);
+                * (w * w - w * s + s * s / 3.0 + d * d / 30.0 + 2.0 * w * d / 6.0
+                    - 2.0 * s * d / 12.0);
             let bridge = half * (square + spread);
             let second = half * half * 4.0 * square * spread + half * spread;
             let exponent = -2.0 * (c * c - c * w + w * w) / t + pull * (c + w)
@@ -142,9 +149,8 @@ impl Flight {
         };
         let breaks = around(0.5 * pull * t, 0.6 * t.sqrt());
         let total = |doubt: bool, relative: f64| {
-            let outer = |w: f64| {
-                quadrature::integrate(|c| law(w, c, doubt), &breaks, 0.1 * relative).value
-            };
+            let outer =
+                |w: f64| quadrature::integrate(|c| law(w, c, doubt), &breaks, 0.1 * relative).value;
             quadrature::integrate(outer, &breaks, relative)
         };
         let value = total(false, 1e-8);
@@ -165,7 +171,11 @@ fn around(centre: f64, width: f64) -> Vec<f64> {
 
 /// (1 - e^-g)/g.
 fn one_less(g: f64) -> f64 {
-    if g < 1e-8 { 1.0 - 0.5 * g } else { -(-g).exp_m1() / g }
+    if g < 1e-8 {
+        1.0 - 0.5 * g
+    } else {
+        -(-g).exp_m1() / g
+    }
 }
 
 /// (g - 1 + e^-g)/g^2.

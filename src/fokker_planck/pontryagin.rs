@@ -58,7 +58,11 @@ pub(super) fn long_run(
         Ok(field)
     };
     // Survival after the first step, and the sum of the first `stride`.
-    let survival: Vec<f64> = absorbed.lost_first().iter().map(|lost| 1.0 - lost).collect();
+    let survival: Vec<f64> = absorbed
+        .lost_first()
+        .iter()
+        .map(|lost| 1.0 - lost)
+        .collect();
     let mut given = vec![0.0; n];
     several(&survival, Some(&mut given))?;
     let size = norm(&given);
