@@ -2,6 +2,7 @@
 //! before anything runs.
 
 use crate::error::{Error, Result};
+use crate::estimate::Estimate;
 use crate::fokker_planck::{self, Settings, Task};
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
 use crate::results::{CrossingNumbers, Results, SpectrumNumbers, StationaryNumbers, peak_memory};
@@ -37,6 +38,8 @@ pub enum Part {
     Stationary,
     /// Losses of contact in a window, by Rice's formula.
     Crossings,
+    /// The first loss of contact, by the backward equation.
+    FirstLoss,
     /// The transient of the Fokker-Planck equation.
     Transient,
     /// Its steady state on the mesh.
@@ -49,6 +52,8 @@ pub enum Part {
     MonteCarlo,
     /// Sampled records for the spectrum by Welch's method.
     Series,
+    /// The first losses of an ensemble of paths.
+    FirstLossPaths,
     /// Long records of the stationary motion.
     Records,
 }
@@ -59,12 +64,14 @@ impl Part {
         match self {
             Self::Stationary => "stationary",
             Self::Crossings => "crossings",
+            Self::FirstLoss => "first_loss",
             Self::Transient => "transient",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
             Self::Spectrum => "spectrum",
             Self::MonteCarlo => "monte_carlo",
             Self::Series => "welch",
+            Self::FirstLossPaths => "first_loss_paths",
             Self::Records => "records",
         }
     }
@@ -143,6 +150,9 @@ impl Plan {
         if outputs.crossings.is_some() {
             plan.add(Part::Crossings, &[("outputs.crossings", true)])?;
         }
+        if outputs.first_loss.is_some() {
+            plan.add(Part::FirstLoss, &[("outputs.first_loss", true)])?;
+        }
         if outputs.transient() {
             let why = [
                 ("outputs.moments_at", !outputs.moments_at.is_empty()),
@@ -164,6 +174,9 @@ impl Plan {
         }
         if scene.wants_paths() {
             plan.add(Part::MonteCarlo, &[("monte_carlo", true)])?;
+        }
+        if scene.monte_carlo.is_some() && outputs.first_loss.is_some() {
+            plan.add(Part::FirstLossPaths, &[("outputs.first_loss", true)])?;
         }
         if scene.wants_records() {
             let (alone, crossings) = (!scene.wants_paths(), outputs.crossings.is_some());
@@ -260,7 +273,11 @@ impl Plan {
                     seconds: 1e-3,
                 });
             }
-            Part::MonteCarlo => return self.ensemble_cost(),
+            Part::MonteCarlo => return self.ensemble_cost(self.scene.outputs.moments_at.last()),
+            Part::FirstLossPaths => {
+                return self.ensemble_cost(self.scene.outputs.first_loss.unwrap_or(0.0));
+            }
+            Part::FirstLoss => return self.first_loss_cost(),
             Part::Series => return self.series_cost(),
             Part::Spectrum => Task::Spectrum,
             Part::Records => return self.record_cost(),
@@ -283,16 +300,34 @@ impl Plan {
         })
     }
 
-    fn ensemble_cost(&self) -> Result<Cost> {
-        let settings = self.ensemble_settings().unwrap_or_default();
+    fn first_loss_cost(&self) -> Result<Cost> {
         let Scene {
             oscillator,
             initial,
             outputs,
             ..
         } = &self.scene;
+        let until = outputs.first_loss.unwrap_or(0.0);
+        let (it, method) =
+            fokker_planck::first_loss_cost(oscillator, initial, until, &self.settings)?;
+        Ok(Cost {
+            method,
+            cells: Some(it.cells),
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        })
+    }
+
+    fn ensemble_cost(&self, until: f64) -> Result<Cost> {
+        let settings = self.ensemble_settings().unwrap_or_default();
+        let Scene {
+            oscillator,
+            initial,
+            ..
+        } = &self.scene;
         let (scheme, step) = monte_carlo::scheme_and_step(oscillator, initial, &settings)?;
-        let steps = (outputs.moments_at.last() / step).ceil();
+        let steps = (until / step).ceil();
         let threads = rayon::current_num_threads() as f64;
         Ok(Cost {
             method: format!("{} paths, {scheme}, step {}", settings.paths, short(step)),
@@ -397,6 +432,37 @@ impl Plan {
                 if let Some(time) = self.scene.crossings_window() {
                     let law = Stationary::of(oscillator)?;
                     results.crossings = Some(CrossingNumbers::of(&law, time));
+                    let flights = fokker_planck::flight_law(oscillator)?;
+                    let tolerance = settings.tolerance;
+                    let most = |f: &dyn Fn(&Estimate) -> f64| {
+                        flights.density.iter().map(f).fold(0.0, f64::max)
+                    };
+                    let ratio = most(&|x| x.error) / (tolerance * most(&|x| x.value));
+                    if ratio > 1.0 {
+                        results.run.warnings.push(format!(
+                            "the tolerance {tolerance:e} is not met: the error of crossings.flight_density \
+                             is {ratio:.1} times too large; its closed form expands in the friction"
+                        ));
+                    }
+                    results.flights = Some(flights);
+                }
+            }
+            Part::FirstLoss => {
+                if let Some(until) = outputs.first_loss {
+                    let it =
+                        fokker_planck::first_loss(oscillator, initial, until, &settings, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.first_loss = Some(it);
+                }
+            }
+            Part::FirstLossPaths => {
+                if let (Some(settings), Some(it)) = (self.ensemble_settings(), &results.first_loss)
+                {
+                    let times = it.times.clone();
+                    let it =
+                        monte_carlo::first_loss(oscillator, initial, &times, &settings, progress)?;
+                    results.first_loss_paths = Some(it);
+                    results.agreement = results.agree();
                 }
             }
             Part::Transient => {
@@ -489,7 +555,7 @@ impl Plan {
         if cost.steps > MOST_STEPS {
             let sampling = self.scene.monte_carlo.as_ref();
             let (key, step) = match part {
-                Part::MonteCarlo | Part::Records | Part::Series => {
+                Part::MonteCarlo | Part::FirstLossPaths | Part::Series | Part::Records => {
                     ("monte_carlo.step", sampling.and_then(|it| it.step))
                 }
                 _ => ("method.step", self.scene.method.step),

@@ -6,10 +6,12 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall};
-use crate::fokker_planck::{DecayRate, Method, Steady, Transient};
+use crate::fokker_planck::{DecayRate, FirstLoss, FlightLaw, Method, Steady, Transient};
 use crate::json::Json;
 use crate::moments::Moments;
-use crate::monte_carlo::{Crossings, EnsembleResult, Histogram, RecordResult, Scheme};
+use crate::monte_carlo::{
+    Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
+};
 use crate::quadrature;
 use crate::rig::Rig;
 use crate::scene::{Noise, Scene};
@@ -25,6 +27,10 @@ pub struct Results {
     pub stationary: Option<StationaryNumbers>,
     /// Losses of contact by Rice's formula.
     pub crossings: Option<CrossingNumbers>,
+    /// The law of the time of flight.
+    pub flights: Option<FlightLaw>,
+    /// The first loss of contact, by the backward equation.
+    pub first_loss: Option<FirstLoss>,
     /// The transient of the Fokker-Planck equation.
     pub transient: Option<Transient>,
     /// Its steady state on the mesh.
@@ -35,6 +41,8 @@ pub struct Results {
     pub spectrum: Option<SpectrumNumbers>,
     /// The transient by sampling.
     pub monte_carlo: Option<EnsembleResult>,
+    /// The first loss of contact by sampling.
+    pub first_loss_paths: Option<FirstLossResult>,
     /// Stationary statistics of long records.
     pub records: Option<RecordResult>,
     /// How well the sampled numbers agree with the others.
@@ -248,11 +256,14 @@ impl Results {
             scene: scene.clone(),
             stationary: None,
             crossings: None,
+            flights: None,
+            first_loss: None,
             transient: None,
             steady: None,
             decay_rates: None,
             spectrum: None,
             monte_carlo: None,
+            first_loss_paths: None,
             records: None,
             agreement: None,
             shortfalls: Vec::new(),
@@ -304,6 +315,9 @@ impl Results {
         if let Some(it) = &self.crossings {
             all.push("crossings", self.crossings_json(it, None));
         }
+        if let Some(it) = &self.first_loss {
+            all.push("first_loss", first_loss_json(it));
+        }
         if let Some(it) = &self.transient {
             all.push("transient", transient_json(it));
         }
@@ -328,7 +342,7 @@ impl Results {
         if let Some(it) = &self.spectrum {
             all.push("spectrum", it.json());
         }
-        if self.monte_carlo.is_some() || self.records.is_some() {
+        if self.monte_carlo.is_some() || self.records.is_some() || self.first_loss_paths.is_some() {
             all.push("monte_carlo", self.monte_carlo_json());
         }
         if let Some(it) = &self.agreement {
@@ -390,6 +404,12 @@ impl Results {
         let mut pairs = Vec::new();
         if let (Some(a), Some(b)) = (&self.transient, &self.monte_carlo) {
             pairs = common((&a.times, &a.moments), (&b.times, &b.moments));
+        }
+        if let (Some(a), Some(b)) = (&self.first_loss, &self.first_loss_paths) {
+            let both = a.survival.iter().zip(&b.survival).zip(&b.times);
+            // Nobody has been lost at the start.
+            let both = both.filter(|(_, t)| **t > 0.0);
+            pairs.extend(both.map(|((a, b), t)| ("survival", Some(*t), *a, *b)));
         }
         let mut seen = Vec::new();
         let mut put = |name, a: Option<Estimate>, b: Option<Estimate>| {
@@ -459,6 +479,12 @@ impl Results {
             );
             all.push("stationary", stationary);
         }
+        if let Some(it) = &self.first_loss_paths {
+            all.push(
+                "first_loss",
+                sampled_first_loss_json(it, settings.map(|it| it.paths)),
+            );
+        }
         if let Some((seen, numbers)) = self.sampled_crossings() {
             all.push("crossings", self.crossings_json(&numbers, Some(seen)));
         }
@@ -470,11 +496,14 @@ impl Results {
         for (name, number) in numbers.iter() {
             json.push(name, number);
         }
-        // With noise in flight the law of its length is known from records alone.
-        let flights = seen.and_then(|_| self.sampled_flights());
-        let centres = flights.map(|it| Json::numbers(centres(it)));
-        json.push("flight_time", centres);
-        let density = flights.map(|it| curve(it.density.iter().map(|x| Some(*x))));
+        let (times, density) = match (seen, self.sampled_flights(), &self.flights) {
+            (Some(_), Some(it), _) => (centres(it).collect(), it.density.as_slice()),
+            (None, _, Some(it)) => (it.times.clone(), it.density.as_slice()),
+            _ => (Vec::new(), &[][..]),
+        };
+        let known = !times.is_empty();
+        json.push("flight_time", known.then(|| Json::numbers(times)));
+        let density = known.then(|| curve(density.iter().map(|x| Some(*x))));
         json.push("flight_density", density);
         if let Some(it) = seen {
             json.push("losses_seen", it.losses);
@@ -673,6 +702,40 @@ fn transient_json(it: &Transient) -> Json {
     json.push("l1_distance", curve(it.distance.iter().copied()));
     json.push("method", method_json(&it.method));
     json
+}
+
+fn first_loss_json(it: &FirstLoss) -> Json {
+    Json::object([
+        ("t", Json::numbers(it.times.iter().copied())),
+        ("survival", curve(it.survival.iter().map(|x| Some(*x)))),
+        ("density", curve(it.density.iter().map(|x| Some(*x)))),
+        ("mean_time", Json::from(Some(it.mean_time))),
+        ("rate", Json::from(Some(it.rate))),
+        ("rate_over_rice", Json::from(Some(it.rate_over_rice))),
+        ("method", method_json(&it.method)),
+    ])
+}
+
+fn sampled_first_loss_json(it: &FirstLossResult, paths: Option<u64>) -> Json {
+    // The mean time is known once every path has been lost; up to the last time it is another number.
+    let all_lost = it.survival.last().is_some_and(|s| s.value == 0.0);
+    Json::object([
+        ("t", Json::numbers(it.times.iter().copied())),
+        ("survival", curve(it.survival.iter().map(|x| Some(*x)))),
+        ("density", curve(it.density.iter().map(|x| Some(*x)))),
+        ("mean_time", Json::from(all_lost.then_some(it.mean_time))),
+        ("rate", Json::from(None::<Estimate>)),
+        ("mean_time_up_to_last", Json::from(Some(it.mean_time))),
+        (
+            "method",
+            Json::object([
+                ("name", Json::from(it.scheme.name())),
+                ("paths", Json::from(paths)),
+                ("step", Json::from(it.step)),
+                ("path_steps", Json::from(it.path_steps)),
+            ]),
+        ),
+    ])
 }
 
 fn method_json(it: &Method) -> Json {

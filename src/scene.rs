@@ -298,21 +298,6 @@ pub struct MethodChoice {
     pub step: Option<f64>,
 }
 
-/// A key of the scene format whose computation does not exist yet.
-struct NotYet {
-    key: &'static str,
-    asked: fn(&Scene) -> bool,
-    instead: &'static str,
-}
-
-/// Everything the scene format knows and this version cannot compute. A line goes when its computation
-/// comes.
-const NOT_YET: &[NotYet] = &[NotYet {
-    key: "outputs.first_loss",
-    asked: |scene| scene.outputs.first_loss.is_some(),
-    instead: "leave it out; outputs.stationary gives the rate of loss",
-}];
-
 impl Scene {
     /// The stationary law of `oscillator`, and nothing else.
     pub fn new(oscillator: Oscillator) -> Self {
@@ -334,11 +319,14 @@ impl Scene {
     }
 
     /// Whether long records are asked for: by Monte Carlo without times, for crossings, or by their
-    /// duration.
+    /// duration. First losses and spectra have samples of their own.
     pub fn wants_records(&self) -> bool {
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
-        it.is_some_and(|it| asked(it) || self.outputs.moments_at.is_empty())
+        let outputs = &self.outputs;
+        let others = outputs.first_loss.is_some() || outputs.spectrum.is_some();
+        let stationary = outputs.moments_at.is_empty() && (outputs.stationary || !others);
+        it.is_some_and(|it| asked(it) || stationary)
     }
 
     /// Whether the spectrum is asked for by sampling too.
@@ -355,19 +343,13 @@ impl Scene {
     /// Everything that can be said against the scene without computing.
     ///
     /// # Errors
-    /// [`Error::Invalid`], [`Error::NotAvailable`] or [`Error::NoStationaryLaw`], each naming the key.
+    /// [`Error::Invalid`] or [`Error::NoStationaryLaw`], naming the key.
     pub fn check(&self) -> Result<()> {
         self.check_title()?;
         self.check_initial()?;
         self.check_outputs()?;
         self.check_monte_carlo()?;
-        self.check_accuracy()?;
-        for gap in NOT_YET {
-            if (gap.asked)(self) {
-                return Err(Error::not_available(gap.key, gap.instead));
-            }
-        }
-        Ok(())
+        self.check_accuracy()
     }
 
     fn check_title(&self) -> Result<()> {
@@ -410,7 +392,7 @@ impl Scene {
         let outputs = &self.outputs;
         if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum or crossings";
+                            decay_rates, spectrum, first_loss or crossings";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if !self.oscillator.contact().is_confining() {
@@ -449,10 +431,43 @@ impl Scene {
             }
         }
         if let Some(until) = outputs.first_loss {
-            positive("outputs.first_loss.until", until)?;
+            self.check_first_loss(until)?;
         }
         if let Some(window) = outputs.crossings {
             self.check_crossings(window)?;
+        }
+        Ok(())
+    }
+
+    fn check_first_loss(&self, until: f64) -> Result<()> {
+        let key = "outputs.first_loss.until";
+        positive(key, until)?;
+        if until > Times::LATEST {
+            let accepted = format!("a time up to {:e}", Times::LATEST);
+            return Err(Error::invalid(key, num(until), accepted));
+        }
+        let contact = self.oscillator.contact();
+        if !contact.is_confining() {
+            return Err(self.no_law("outputs.first_loss", "asked for"));
+        }
+        if contact.loss_point().is_none() {
+            let accepted = format!(
+                "a contact law that can lose contact; \"{}\" never does",
+                contact.name()
+            );
+            return Err(Error::invalid("outputs.first_loss", "asked for", accepted));
+        }
+        if self
+            .monte_carlo
+            .as_ref()
+            .is_some_and(|it| it.noise != Noise::White)
+        {
+            let accepted = "\"white\", with outputs.first_loss";
+            return Err(Error::invalid(
+                "monte_carlo.noise",
+                "a sum of cosines",
+                accepted,
+            ));
         }
         Ok(())
     }

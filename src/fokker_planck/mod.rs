@@ -1,11 +1,14 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
 
+mod absorbed;
 mod bars;
 pub mod choice;
 pub mod cost;
 pub mod density;
 pub mod difference;
 pub mod domain;
+pub mod first_loss;
+pub mod flight;
 pub mod flow_map;
 pub mod flux;
 mod frame;
@@ -19,6 +22,7 @@ pub mod observables;
 mod opening;
 mod ornstein_uhlenbeck;
 mod packet;
+mod pontryagin;
 mod propagator;
 mod radius;
 mod refinement;
@@ -31,6 +35,8 @@ pub mod transient;
 pub use choice::{Cost, Method, Settings, TimeScheme, TransientMethod};
 pub use cost::{Task, cost};
 pub use density::Snapshot;
+pub use first_loss::{FirstLoss, first_loss, first_loss_cost};
+pub use flight::{FlightLaw, flight_law};
 pub use flux::Drift;
 pub use modes::{DecayRate, DecayRates, decay_rates};
 pub use spectrum::{Peak, Spectrum, spectrum};

@@ -2,6 +2,7 @@
 
 pub mod data;
 pub mod folder;
+pub mod losses;
 pub mod page;
 pub mod plot;
 pub mod terminal;
@@ -54,7 +55,15 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
             files.extend(data::stationary(results)?);
             files.extend(plot::force(results)?);
         }
-        Part::Crossings => files.extend(data::crossings(results)),
+        Part::Crossings => {
+            files.extend(data::crossings(results));
+            files.extend(losses::flights(results)?);
+            files.extend(plot::flights(results)?);
+        }
+        Part::FirstLoss | Part::FirstLossPaths => {
+            files.extend(losses::first_loss(results)?);
+            files.extend(plot::survival(results)?);
+        }
         Part::Transient => {
             files.extend(data::transient(results)?);
             files.extend(plot::densities(results)?);

@@ -1,6 +1,7 @@
 //! The table on the terminal: 80 columns, readable by a stranger.
 
 use crate::estimate::Estimate;
+use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::plan::{Part, Plan, bytes, seconds};
 use crate::results::{Results, distance};
@@ -155,6 +156,7 @@ pub fn table(results: &Results, colour: bool) -> String {
     stationary(&mut table, results);
     records(&mut table, results);
     crossings(&mut table, results);
+    first_loss(&mut table, results);
     deterministic(&mut table, results);
     spectrum(&mut table, results);
     course(&mut table, results);
@@ -410,6 +412,55 @@ fn spectrum(table: &mut Table, results: &Results) {
         );
         table.paragraph("", &text);
     }
+}
+
+fn first_loss(table: &mut Table, results: &Results) {
+    let Some(it) = &results.first_loss else {
+        return;
+    };
+    let sampled = results.first_loss_paths.as_ref();
+    let mut head = format!("{:<26}{:>18}", "FIRST LOSS OF CONTACT", "backward eq.");
+    if sampled.is_some() {
+        let _ = write!(head, "{:>18}{:>7}", "paths", "z");
+    }
+    table.heading(head);
+    let mut row = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
+        let mut line = format!("{symbol:<8} {words:<17} {:>17}", cell(Some(a)));
+        if sampled.is_some() {
+            let _ = write!(line, " {:>17}", cell(b));
+        }
+        if let Some(z) = b.and_then(|b| distance(a, b)) {
+            let _ = write!(line, "{z:>7.1}");
+        }
+        table.line(line);
+    };
+    let last = it.times.len() - 1;
+    for k in [last / 8, last / 4, last / 2, last] {
+        let seen = sampled.and_then(|it| it.survival.get(k).copied());
+        let words = format!("survives {}", brief(it.times[k]));
+        row("S", &words, it.survival[k], seen);
+    }
+    let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
+    row(
+        "mean",
+        "time to the loss",
+        it.mean_time,
+        lost.map(|it| it.mean_time),
+    );
+    row("rate", "S ~ exp(-rate t)", it.rate, None);
+    row("", "over Rice's rate", it.rate_over_rice, None);
+    let text = format!(
+        "{} x {} nodes, step {:.3}; in the end the survival falls as exp(-rate t); from {}",
+        it.method.cells[0],
+        it.method.cells[1],
+        it.method.step,
+        match results.scene.initial {
+            Initial::Rest => "rest",
+            Initial::Stationary => "the stationary law given contact",
+            Initial::Gaussian { .. } => "the Gaussian start",
+        }
+    );
+    table.paragraph("", &text);
 }
 
 fn deterministic(table: &mut Table, results: &Results) {
@@ -690,6 +741,7 @@ pub fn plan(plan: &Plan) -> String {
     let left_out: Vec<&str> = [
         (Part::Stationary, "closed form"),
         (Part::Crossings, "crossings"),
+        (Part::FirstLoss, "first loss"),
         (Part::Transient, "transient"),
         (Part::Steady, "steady state"),
         (Part::DecayRates, "decay rates"),
@@ -728,7 +780,8 @@ mod tests {
                 "{text}"
             );
             assert!(text.contains("not asked for, not computed:"), "{text}");
-            let most = text.contains("not asked for, not computed: crossings, long records\n");
+            let most =
+                text.contains("not asked for, not computed: crossings, first loss, long records\n");
             assert_eq!(most, *name == "default", "{text}");
         }
     }

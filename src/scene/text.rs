@@ -30,6 +30,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("free-fall", include_str!("../scenes/free-fall.toml")),
     ("overdamped", include_str!("../scenes/overdamped.toml")),
     ("rare-loss", include_str!("../scenes/rare-loss.toml")),
+    ("first-loss", include_str!("../scenes/first-loss.toml")),
     ("extreme", include_str!("../scenes/extreme.toml")),
     ("stationary", include_str!("../scenes/stationary.toml")),
     ("spectrum", include_str!("../scenes/spectrum.toml")),

@@ -1,0 +1,550 @@
+//! The backward equation with the first loss of contact absorbed,
+//!
+//! u_t = v u_q - (2 zeta v + G) u_v + pi h u_vv in q > q_loss,  u = 0 at q = q_loss for v < 0,
+//!
+//! by undamped motion over tau, watched for the loss of contact, and the exact Ornstein-Uhlenbeck step in
+//! between (Strang splitting). A point is lost within a motion if and only if its velocity is below the
+//! critical one of its displacement, found to rounding; the noise is integrated from there upward, so no
+//! stencil crosses the jump. What remains is smooth in sqrt(q - q_loss), and the mesh is uniform in it near
+//! the loss point.
+
+use super::trajectory::Motion;
+use crate::error::{Error, Result};
+use crate::oscillator::Oscillator;
+use rayon::prelude::*;
+
+/// Points of the Lagrange interpolation in each direction: order 6.
+const POINTS: usize = 6;
+
+/// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
+const REACH: f64 = 7.2;
+
+/// Gauss-Legendre nodes and weights of 8 points on [-1, 1].
+const GAUSS: [(f64, f64); 8] = [
+    (-0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
+    (-0.796_666_477_413_626_7, 0.222_381_034_453_374_47),
+    (-0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (-0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_47),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
+];
+
+/// Gauss-Legendre nodes and weights of 4 points on [-1, 1].
+const GAUSS4: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_8),
+    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_8),
+];
+
+/// How fine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Fineness {
+    /// Nodes in q and in v.
+    pub(crate) nodes: [usize; 2],
+    /// Step.
+    pub(crate) step: f64,
+    /// Energy above the loss of contact, in T, at the edge of the mesh.
+    pub(crate) level: f64,
+}
+
+/// Nodes in contact: q = q_loss + b (sqrt(1 + y^2) - 1), v = c sinh(eta), y and eta uniform.
+#[derive(Debug, Clone)]
+pub(crate) struct Contact {
+    loss: f64,
+    bend: f64,
+    grade: f64,
+    /// Spacing of y and of eta.
+    spacing: [f64; 2],
+    nodes: [usize; 2],
+    /// Highest speed.
+    pub(crate) speed: f64,
+}
+
+impl Contact {
+    fn new(oscillator: &Oscillator, loss: f64, fineness: &Fineness) -> Result<Self> {
+        let contact = oscillator.contact();
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        let top = contact.potential(loss) - lowest + fineness.level * oscillator.temperature();
+        let Some((_, right)) = contact.turning_points(top) else {
+            return Err(Error::NoStationaryLaw {
+                what: "the first loss of contact".into(),
+                contact: contact.name().into(),
+                why: "nothing brings the motion back".into(),
+            });
+        };
+        let speed = (2.0 * top).sqrt();
+        // A fall from rest covers x = s^2/2: near the wall y is the speed at which it is hit.
+        let bend = 1.0;
+        let reach = (right - loss) / bend + 1.0;
+        let reach = (reach * reach - 1.0).sqrt();
+        // Twice as fine at the turning points as at the speed at which contact is lost.
+        let rise = contact.potential(loss) - lowest;
+        let grade = (2.0 * rise / 3.0).max(oscillator.temperature()).sqrt();
+        let end = (speed / grade).asinh();
+        let [nq, nv] = fineness.nodes;
+        Ok(Self {
+            loss,
+            bend,
+            grade,
+            spacing: [reach / (nq - 1) as f64, 2.0 * end / (nv - 1) as f64],
+            nodes: fineness.nodes,
+            speed,
+        })
+    }
+
+    pub(crate) fn q(&self, i: usize) -> f64 {
+        let y = i as f64 * self.spacing[0];
+        self.loss + self.bend * y * y / ((1.0 + y * y).sqrt() + 1.0)
+    }
+
+    pub(crate) fn v(&self, j: usize) -> f64 {
+        let middle = 0.5 * (self.nodes[1] - 1) as f64;
+        self.grade * ((j as f64 - middle) * self.spacing[1]).sinh()
+    }
+
+    /// The stencil of a point: its first node in each direction, and weights; clamped to the mesh.
+    fn stencil(&self, [q, v]: [f64; 2]) -> Stencil {
+        let x = ((q - self.loss) / self.bend).max(0.0);
+        let y = (x * (x + 2.0)).sqrt() / self.spacing[0];
+        let middle = 0.5 * (self.nodes[1] - 1) as f64;
+        let eta = (v / self.grade).asinh() / self.spacing[1] + middle;
+        let mut it = Stencil::default();
+        for (d, place) in [y, eta].into_iter().enumerate() {
+            let n = self.nodes[d];
+            let place = place.clamp(0.0, (n - 1) as f64);
+            let first = (place.floor() as usize)
+                .saturating_sub(POINTS / 2 - 1)
+                .min(n - POINTS);
+            it.first[d] = first as u32;
+            let z = place - first as f64;
+            for a in 0..POINTS {
+                let mut weight = 1.0;
+                for b in 0..POINTS {
+                    if b != a {
+                        weight *= (z - b as f64) / (a as f64 - b as f64);
+                    }
+                }
+                it.weights[d][a] = weight;
+            }
+        }
+        it
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Stencil {
+    first: [u32; 2],
+    weights: [[f64; POINTS]; 2],
+}
+
+impl Stencil {
+    fn value(&self, field: &[f64], nv: usize) -> f64 {
+        let start = self.first[0] as usize * nv + self.first[1] as usize;
+        let mut sum = 0.0;
+        for (a, wa) in self.weights[0].iter().enumerate() {
+            let row = &field[start + a * nv..start + a * nv + POINTS];
+            let mut part = 0.0;
+            for (x, wb) in row.iter().zip(&self.weights[1]) {
+                part += x * wb;
+            }
+            sum += wa * part;
+        }
+        sum
+    }
+
+    fn add(&self, weight: f64, field: &mut [f64], nv: usize) {
+        let start = self.first[0] as usize * nv + self.first[1] as usize;
+        for (a, wa) in self.weights[0].iter().enumerate() {
+            for (b, wb) in self.weights[1].iter().enumerate() {
+                field[start + a * nv + b] += weight * wa * wb;
+            }
+        }
+    }
+}
+
+/// One row q = q_i of the noise after a watched motion: u(q_i, v_j) <- sum_m K_jm u(Phi(q_i, v_m)).
+#[derive(Debug, Clone)]
+struct Row {
+    stencils: Vec<Stencil>,
+    /// Per node of v the first quadrature point its kernel reaches, and where its weights start.
+    spans: Vec<(u32, u32)>,
+    kernel: Vec<f64>,
+}
+
+/// The survival of contact over one step, on a mesh.
+#[derive(Debug, Clone)]
+pub(crate) struct Absorbed {
+    mesh: Contact,
+    rows: Vec<Row>,
+    /// Deviation of the velocity that a step adds.
+    spread: f64,
+    step: f64,
+    /// Probability of a loss within the first half step after a kick.
+    first: Vec<f64>,
+    /// ... between half a step and a step.
+    second: Vec<f64>,
+    loss: f64,
+}
+
+/// Weights on the nodes: what a start sees of the survival after a whole number of steps.
+#[derive(Debug, Clone)]
+pub(crate) struct Start {
+    pub(crate) weights: Vec<f64>,
+    /// Lost at once or within half a step.
+    pub(crate) lost: f64,
+    /// The weight of everything.
+    pub(crate) total: f64,
+}
+
+impl Absorbed {
+    pub(crate) fn new(oscillator: &Oscillator, loss: f64, fineness: &Fineness) -> Result<Self> {
+        let mesh = Contact::new(oscillator, loss, fineness)?;
+        let step = fineness.step;
+        let rest = (-2.0 * oscillator.zeta() * step).exp();
+        let spread =
+            (oscillator.temperature() * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
+        let motion = Motion::new(oscillator.contact());
+        let whole = critical(oscillator, loss, &mesh, step);
+        let half = critical(oscillator, loss, &mesh, 0.5 * step);
+        let [nq, nv] = mesh.nodes;
+        let edge = mesh.speed + REACH * spread;
+        let rows: Vec<Row> = (0..nq)
+            .into_par_iter()
+            .map(|i| {
+                let points = from_cut(whole[i], [-edge, edge], spread);
+                let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
+                let mut ends = vec![[0.0; 2]; starts.len()];
+                motion.after(&starts, &[step], &mut ends);
+                let mut row = Row {
+                    stencils: ends.iter().map(|end| mesh.stencil(*end)).collect(),
+                    spans: Vec::with_capacity(nv),
+                    kernel: Vec::new(),
+                };
+                for j in 0..nv {
+                    let centre = rest * mesh.v(j);
+                    let low = points.partition_point(|(v, _)| *v < centre - REACH * spread);
+                    let high = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
+                    row.spans.push((low as u32, row.kernel.len() as u32));
+                    row.kernel.extend(
+                        points[low..high]
+                            .iter()
+                            .map(|(v, weight)| weight * normal((v - centre) / spread) / spread),
+                    );
+                }
+                row.spans.push((0, row.kernel.len() as u32));
+                row
+            })
+            .collect();
+        let below = |cut: f64, j: usize| lower((cut - rest * mesh.v(j)) / spread);
+        let mut first = vec![0.0; nq * nv];
+        let mut second = vec![0.0; nq * nv];
+        for i in 0..nq {
+            for j in 0..nv {
+                first[i * nv + j] = below(half[i], j);
+                // A difference of tails, taken on the side where they are small.
+                let (a, b) = (half[i] - rest * mesh.v(j), whole[i] - rest * mesh.v(j));
+                second[i * nv + j] = if a + b > 0.0 {
+                    lower(-a / spread) - lower(-b / spread)
+                } else {
+                    lower(b / spread) - lower(a / spread)
+                };
+            }
+        }
+        Ok(Self {
+            mesh,
+            rows,
+            spread,
+            step,
+            first,
+            second,
+            loss,
+        })
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.first.len()
+    }
+
+    /// u <- P u, `scratch` of the same length.
+    pub(crate) fn advance(&self, field: &mut Vec<f64>, scratch: &mut Vec<f64>) {
+        let nv = self.mesh.nodes[1];
+        let before: &[f64] = field;
+        scratch.par_chunks_mut(nv).zip(&self.rows).for_each_init(
+            Vec::new,
+            |moved: &mut Vec<f64>, (row_out, row)| {
+                moved.clear();
+                moved.extend(row.stencils.iter().map(|it| it.value(before, nv)));
+                for (j, out) in row_out.iter_mut().enumerate() {
+                    let (low, start) = row.spans[j];
+                    let end = row.spans[j + 1].1;
+                    let kernel = &row.kernel[start as usize..end as usize];
+                    *out = kernel
+                        .iter()
+                        .zip(&moved[low as usize..])
+                        .map(|(k, w)| k * w)
+                        .sum();
+                }
+            },
+        );
+        std::mem::swap(field, scratch);
+    }
+
+    /// Probability of a loss within the first half step after a kick: 1 - u after the first step.
+    pub(crate) fn lost_first(&self) -> &[f64] {
+        &self.first
+    }
+
+    /// What the second step loses: u after the first less u after the second.
+    pub(crate) fn lost_second(&self) -> Vec<f64> {
+        let (mut field, mut scratch) = (self.first.clone(), vec![0.0; self.len()]);
+        self.advance(&mut field, &mut scratch);
+        for (a, b) in field.iter_mut().zip(&self.second) {
+            *a += b;
+        }
+        field
+    }
+
+    /// A start at a point.
+    pub(crate) fn point(&self, oscillator: &Oscillator, z: [f64; 2]) -> Start {
+        let cut = self.cuts(oscillator, &[z[0]])[0];
+        let lost = z[0] < self.loss || z[1] < cut;
+        let alive: &[([f64; 2], f64)] = if lost { &[] } else { &[(z, 1.0)] };
+        self.seen(oscillator, alive, f64::from(u8::from(lost)))
+    }
+
+    /// A start with independent q and v: points and weights of q, and a Gaussian in v.
+    pub(crate) fn lines(
+        &self,
+        oscillator: &Oscillator,
+        lines: &[(f64, f64)],
+        mean: f64,
+        deviation: f64,
+    ) -> Start {
+        let mut points = Vec::new();
+        let mut lost = 0.0;
+        let ends = [mean - 8.0 * deviation, mean + 8.0 * deviation];
+        // Survival has the scale of the noise, the start that of its deviation.
+        let scale = (2.0 * self.spread).min(0.5 * deviation);
+        let cuts = self.cuts(
+            oscillator,
+            &lines.iter().map(|line| line.0).collect::<Vec<_>>(),
+        );
+        for ((q, weight), cut) in lines.iter().zip(cuts) {
+            for (v, w) in from_cut(cut, ends, scale) {
+                points.push((
+                    [*q, v],
+                    weight * w * normal((v - mean) / deviation) / deviation,
+                ));
+            }
+            lost += weight * lower((cut - mean) / deviation);
+        }
+        self.seen(oscillator, &points, lost)
+    }
+
+    /// Points and weights for integrals over q in contact of `density`, which has the scale `scale`, up to
+    /// the edge of the mesh.
+    pub(crate) fn displacements(
+        &self,
+        scale: f64,
+        density: impl Fn(f64) -> f64,
+    ) -> Vec<(f64, f64)> {
+        let [nq, _] = self.mesh.nodes;
+        let mut lines = Vec::new();
+        for i in 0..nq - 1 {
+            let nodes = [i, i + 1].map(|i| self.mesh.q(i));
+            // A panel a cell, but none longer than the density's own scale.
+            let parts = ((nodes[1] - nodes[0]) / scale).ceil().max(1.0);
+            for part in 0..parts as usize {
+                let width = self.mesh.spacing[0] / parts;
+                let low = i as f64 * self.mesh.spacing[0] + part as f64 * width;
+                for (x, w) in GAUSS4 {
+                    let y = low + 0.5 * width * (1.0 + x);
+                    let root = (1.0 + y * y).sqrt();
+                    let q = self.loss + self.mesh.bend * y * y / (root + 1.0);
+                    let weight = 0.5 * width * w * self.mesh.bend * y / root * density(q);
+                    // What would underflow in any sum.
+                    if weight > 1e-300 {
+                        lines.push((q, weight));
+                    }
+                }
+            }
+        }
+        lines
+    }
+
+    /// What one step loses of the stationary law that carries a field u, R L_1 u: by detailed balance the
+    /// probability of a loss in the step from the mirrored state. Small numbers keep their digits.
+    pub(crate) fn outflow(&self, oscillator: &Oscillator, lines: &[(f64, f64)]) -> Start {
+        let deviation = oscillator.temperature().sqrt();
+        let ends = [-8.0 * deviation, 8.0 * deviation];
+        let scale = self.spread.min(0.5 * deviation);
+        let cuts = self.cuts(
+            oscillator,
+            &lines.iter().map(|line| line.0).collect::<Vec<_>>(),
+        );
+        let mut near = Vec::new();
+        let mut points = Vec::new();
+        for ((q, weight), cut) in lines.iter().zip(cuts) {
+            let law = |v: f64| weight * normal(v / deviation) / deviation;
+            // Both ends of [cut, -cut] are roots.
+            if cut > ends[0] {
+                for (v, w) in from_cut(cut, [ends[0], 0.0], scale) {
+                    near.push(([*q, v], w * law(v)));
+                    near.push(([*q, -v], w * law(v)));
+                }
+                for (v, w) in from_cut(-cut, ends, scale) {
+                    points.push(([*q, v], w * law(v)));
+                }
+            } else {
+                near.extend(
+                    from_cut(cut, ends, scale)
+                        .into_iter()
+                        .map(|(v, w)| ([*q, v], w * law(v))),
+                );
+            }
+        }
+        let mirrored: Vec<[f64; 2]> = near.iter().map(|(z, _)| [z[0], -z[1]]).collect();
+        let mut images = vec![[0.0; 2]; mirrored.len()];
+        Motion::new(oscillator.contact()).after(&mirrored, &[0.5 * self.step], &mut images);
+        let nv = self.mesh.nodes[1];
+        points.extend(near.iter().zip(images).map(|((z, weight), image)| {
+            (*z, weight * self.mesh.stencil(image).value(&self.first, nv))
+        }));
+        self.seen(oscillator, &points, 0.0)
+    }
+
+    /// The critical velocity over half a step.
+    fn cuts(&self, oscillator: &Oscillator, q: &[f64]) -> Vec<f64> {
+        Cut::new(
+            oscillator,
+            self.loss,
+            0.5 * self.step,
+            2.0 * self.mesh.speed,
+        )
+        .of(q)
+    }
+
+    /// What points that outlive half a step see of the field, and the weight of those that do not.
+    fn seen(&self, oscillator: &Oscillator, alive: &[([f64; 2], f64)], lost: f64) -> Start {
+        let starts: Vec<[f64; 2]> = alive.iter().map(|(z, _)| *z).collect();
+        let mut ends = vec![[0.0; 2]; starts.len()];
+        Motion::new(oscillator.contact()).after(&starts, &[0.5 * self.step], &mut ends);
+        let mut it = Start {
+            weights: vec![0.0; self.len()],
+            lost,
+            total: lost,
+        };
+        for ((_, weight), end) in alive.iter().zip(ends) {
+            it.total += weight;
+            let stencil = self.mesh.stencil(end);
+            stencil.add(*weight, &mut it.weights, self.mesh.nodes[1]);
+        }
+        it
+    }
+}
+
+/// Points and weights for an integral from a cut to an edge of a function smooth on the scale `scale`, but
+/// for a square root at the cut.
+fn from_cut(cut: f64, [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
+    // Eight points over 2.5 deviations integrate a Gaussian to 1e-9.
+    let width = 2.5 * scale;
+    let mut points = Vec::new();
+    let mut low = cut.clamp(start, edge);
+    if cut > start {
+        let root = width.min(edge - low).sqrt();
+        for (x, w) in GAUSS {
+            let r = 0.5 * root * (x + 1.0);
+            points.push((low + r * r, w * 0.5 * root * 2.0 * r));
+        }
+        low += root * root;
+    }
+    let panels = ((edge - low) / width - 1e-9).ceil().max(0.0) as usize;
+    let width = (edge - low) / panels.max(1) as f64;
+    for k in 0..panels {
+        let centre = low + (k as f64 + 0.5) * width;
+        points.extend(GAUSS.map(|(x, w)| (centre + 0.5 * width * x, 0.5 * width * w)));
+    }
+    points
+}
+
+fn critical(oscillator: &Oscillator, loss: f64, mesh: &Contact, time: f64) -> Vec<f64> {
+    let nodes: Vec<f64> = (0..mesh.nodes[0]).map(|i| mesh.q(i)).collect();
+    Cut::new(oscillator, loss, time, 2.0 * mesh.speed).of(&nodes)
+}
+
+/// The velocity below which an undamped motion is lost within a time.
+struct Cut<'a> {
+    oscillator: &'a Oscillator,
+    loss: f64,
+    time: f64,
+    /// Speed beyond which nothing is asked.
+    fastest: f64,
+}
+
+impl<'a> Cut<'a> {
+    fn new(oscillator: &'a Oscillator, loss: f64, time: f64, fastest: f64) -> Self {
+        Self {
+            oscillator,
+            loss,
+            time,
+            fastest,
+        }
+    }
+
+    /// At each of these displacements. A motion that meets the loss point at the end of the time with
+    /// velocity -w began at the mirror image of where one from the loss point with velocity w ends; nearer
+    /// to it the critical motion grazes on the way.
+    fn of(&self, q: &[f64]) -> Vec<f64> {
+        let contact = self.oscillator.contact();
+        let motion = Motion::new(contact);
+        let after = |speeds: &[f64]| {
+            let starts: Vec<[f64; 2]> = speeds.iter().map(|w| [self.loss, *w]).collect();
+            let mut ends = vec![[0.0; 2]; starts.len()];
+            motion.after(&starts, &[self.time], &mut ends);
+            ends
+        };
+        let grazed = after(&[0.0])[0][0];
+        let far = q.iter().fold(grazed, |a, b| a.max(*b));
+        // Straight motion at the least: the contact resists, but for the preload that hastens by a time.
+        let top = (2.0 * (far - self.loss) / self.time + 2.0 * self.time).min(self.fastest);
+        let (mut low, mut high) = (vec![0.0; q.len()], vec![top; q.len()]);
+        // Halving to rounding.
+        for _ in 0..54 {
+            let middle: Vec<f64> = low.iter().zip(&high).map(|(a, b)| 0.5 * (a + b)).collect();
+            for (k, end) in after(&middle).into_iter().enumerate() {
+                if end[0] < q[k] {
+                    low[k] = middle[k];
+                } else {
+                    high[k] = middle[k];
+                }
+            }
+        }
+        let ends = after(&high);
+        let top_potential = contact.potential(self.loss);
+        q.iter()
+            .zip(ends)
+            .map(|(q, end)| {
+                if *q <= grazed {
+                    -(2.0 * (top_potential - contact.potential(*q)).max(0.0)).sqrt()
+                } else if end[0] < q - 1e-6 {
+                    f64::NEG_INFINITY
+                } else {
+                    -end[1]
+                }
+            })
+            .collect()
+    }
+}
+
+/// Standard normal density.
+fn normal(x: f64) -> f64 {
+    (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt()
+}
+
+/// Standard normal distribution function, relative accuracy kept in the lower tail.
+fn lower(x: f64) -> f64 {
+    0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
+}

@@ -1,0 +1,504 @@
+//! The first loss of contact from any start: survival, density, mean time and exponential rate.
+//!
+//! One run of the backward equation ([`super::absorbed`]) answers every start; from the stationary law it
+//! carries the density too, by detailed balance with reversed velocity, so that the rate of losses so rare
+//! that no path shows one keeps its digits.
+
+use super::absorbed::{Absorbed, Fineness, Start};
+use super::choice::{Cost, Method, Settings};
+use super::pontryagin::{dot, long_run};
+use super::trajectory::Motion;
+use crate::error::{Error, Result};
+use crate::estimate::{Estimate, Origin};
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use std::time::Instant;
+
+/// The first loss of contact: going down through q_loss.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FirstLoss {
+    /// Times, from 0 to the last one asked for, equally spaced.
+    pub times: Vec<f64>,
+    /// P(no loss of contact up to t). A start below the loss point is lost at t = 0; the stationary start
+    /// is taken given contact.
+    pub survival: Vec<Estimate>,
+    /// Density -dS/dt of the first loss.
+    pub density: Vec<Estimate>,
+    /// Mean time to the first loss, by Pontryagin's equation.
+    pub mean_time: Estimate,
+    /// Rate at which the survival falls in the end: S ~ exp(-rate t).
+    pub rate: Estimate,
+    /// That rate over the rate of losses in the stationary law given contact: the share of losses that
+    /// come after the motion has forgotten the one before.
+    pub rate_over_rice: Estimate,
+    /// How it was computed.
+    pub method: Method,
+    /// What a reader of the numbers should know.
+    pub warnings: Vec<String>,
+}
+
+/// Most output times after t = 0.
+const OUTPUTS: f64 = 200.0;
+/// Runs that refine until the tolerance is met.
+const ROUNDS: usize = 2;
+/// Nodes and step of the coarse run over those of the fine one.
+const COARSE: f64 = 0.7;
+
+/// Steps, meshes and times of a task.
+#[derive(Debug, Clone)]
+struct Layout {
+    times: Vec<f64>,
+    /// Steps between times of the fine run, even.
+    every: usize,
+    step: f64,
+    nodes: [usize; 2],
+    level: f64,
+    /// Time over which the motion forgets.
+    memory: f64,
+}
+
+impl Layout {
+    fn of(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        loss: f64,
+        until: f64,
+        settings: &Settings,
+        refined: f64,
+    ) -> Result<Self> {
+        let t = oscillator.temperature();
+        let contact = oscillator.contact();
+        let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
+        // One hundredth of the tolerance above the edge, and a start with its Gaussian.
+        let mut level = (100.0 / settings.tolerance).ln().clamp(8.0, 30.0) + 2.0;
+        if let Initial::Gaussian { mean, deviation } = initial {
+            let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
+            for (a, b) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+                let energy = oscillator.energy(far(0, a).max(loss), far(1, b));
+                level = level.max((energy - rise) / t);
+            }
+        }
+        let speed = (2.0 * (rise + level * t)).sqrt();
+        // A motion must not come back to the loss point within a step: a quarter of the fastest bounce.
+        let bounce = bounce(oscillator, loss, speed);
+        // Noise gathered at the middle of a step errs by 2 pi h step^3/24 in the variance of q where the
+        // law varies on the scale T of U: half the tolerance of T^2.
+        let zeta = oscillator.zeta();
+        let tolerance = settings.tolerance;
+        let noisy = (6.0 * tolerance * t / zeta).cbrt();
+        let damped = (12.0 * tolerance / zeta).sqrt();
+        let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce) / refined;
+        let longest = settings.step.map_or(automatic, |step| step / refined);
+        // The coarse step is twice the fine one and still ends on every time.
+        let outputs = (until / (2.0 * longest * refined))
+            .floor()
+            .clamp(8.0, OUTPUTS);
+        let gap = until / outputs;
+        let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
+        let step = gap / every as f64;
+        let memory = (0.5 / zeta).max(2.0 * zeta);
+        let nodes = match settings.cells {
+            Some(cells) => cells.map(|n| n.max(16)),
+            None => nodes(oscillator, rise, speed, step),
+        };
+        Ok(Self {
+            times: (0..=outputs as usize).map(|k| k as f64 * gap).collect(),
+            every,
+            step,
+            nodes,
+            level,
+            memory,
+        })
+    }
+
+    /// Krylov vectors a tenth of the memory apart, but no closer than a step.
+    fn stride(&self, step: f64) -> usize {
+        (0.1 * self.memory / step).ceil().clamp(1.0, 1e6) as usize
+    }
+
+    fn steps(&self) -> f64 {
+        (self.every * (self.times.len() - 1)) as f64
+    }
+
+    /// Steps of a fine run, with those of the long run.
+    fn all_steps(&self) -> f64 {
+        self.steps() + 1.2 * 18.0 * self.stride(self.step) as f64
+    }
+}
+
+/// Nodes so that the mesh of v follows the noise of a step: 0.4 of its deviation at the turning points,
+/// where contact is lost. In sqrt(q - q_loss) survival is smoother: 0.7 as many.
+fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64) -> [usize; 2] {
+    let t = oscillator.temperature();
+    let spread = (t * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
+    let grade = (2.0 * rise / 3.0).max(t).sqrt();
+    let v = 2.0 * (speed / grade).asinh() * grade / (0.4 * spread);
+    // More do not fit a run of seconds; the error then says so.
+    let v = v.clamp(100.0, 600.0);
+    [(0.7 * v) as usize, v as usize]
+}
+
+/// Time from the loss point back to it at this speed.
+fn bounce(oscillator: &Oscillator, loss: f64, speed: f64) -> f64 {
+    // Contact is never softer than the preload: the time is found from below.
+    let times: Vec<f64> = (-60..=20).map(|k| (0.1 * f64::from(k)).exp()).collect();
+    let mut ends = vec![[0.0; 2]; times.len()];
+    Motion::new(oscillator.contact()).after(&[[loss, speed]], &times, &mut ends);
+    let back = ends.iter().position(|end| end[0] <= loss);
+    back.map_or(1.0, |k| times[k.saturating_sub(1)])
+}
+
+/// The numbers of one mesh and step.
+struct Run {
+    survival: Vec<f64>,
+    density: Vec<f64>,
+    /// What the order of differentiation changes in the density.
+    wobble: Vec<f64>,
+    mean_time: f64,
+    rate: f64,
+    over_rice: f64,
+    /// Relative error of mean time and rate beyond mesh and step.
+    residuals: [f64; 2],
+    steps: u64,
+}
+
+struct Task<'a> {
+    oscillator: &'a Oscillator,
+    initial: &'a Initial,
+    loss: f64,
+    settings: &'a Settings,
+    started: Instant,
+}
+
+/// The first loss of contact from `initial`, up to the time `until` and in the long run. Errors from two
+/// meshes and two steps.
+///
+/// # Errors
+/// [`Error::Invalid`] for a contact law that cannot lose contact, [`Error::NoStationaryLaw`] for one that
+/// does not confine, [`Error::Limit`] when `max_seconds` is reached.
+pub fn first_loss(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<FirstLoss> {
+    let task = Task {
+        oscillator,
+        initial,
+        loss: loss_point(oscillator)?,
+        settings,
+        started: Instant::now(),
+    };
+    let mut refined = 1.0;
+    let mut round = 1;
+    loop {
+        let layout = Layout::of(oscillator, initial, task.loss, until, settings, refined)?;
+        // The tail above the edge, and the rounding of a sum.
+        let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
+        let coarse = Fineness {
+            nodes: layout.nodes.map(|n| ((n as f64 * COARSE) as usize).max(12)),
+            step: layout.step,
+            level: layout.level,
+        };
+        let other = task.run(&layout, &coarse, &|part| share(0.25 * part))?;
+        let long = Fineness {
+            nodes: layout.nodes,
+            step: 2.0 * layout.step,
+            level: layout.level,
+        };
+        let slow = task.run(&layout, &long, &|part| share(0.25 + 0.25 * part))?;
+        let fine = Fineness {
+            step: layout.step,
+            ..long
+        };
+        let here = task.run(&layout, &fine, &|part| share(0.5 + 0.5 * part))?;
+        let (it, worst) = task.report(&layout, &here, [&other, &slow]);
+        let spent = task.started.elapsed().as_secs_f64();
+        // A round with half the step and the mesh that follows takes about four times as long.
+        let enough = 5.0 * spent > settings.max_seconds;
+        let chosen = settings.step.is_some() || settings.cells.is_some();
+        if worst <= 1.0 || round == ROUNDS || enough || chosen {
+            progress(1.0);
+            return Ok(it);
+        }
+        refined *= 2.0;
+        round += 1;
+    }
+}
+
+fn loss_point(oscillator: &Oscillator) -> Result<f64> {
+    let contact = oscillator.contact();
+    contact.loss_point().ok_or_else(|| {
+        let accepted = "a law that can lose contact, for first_loss";
+        Error::invalid("oscillator.contact", contact.name(), accepted)
+    })
+}
+
+/// The cost of [`first_loss`].
+///
+/// # Errors
+/// As [`first_loss`], but for the limit.
+pub fn first_loss_cost(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    settings: &Settings,
+) -> Result<(Cost, String)> {
+    let loss = loss_point(oscillator)?;
+    if !oscillator.contact().is_confining() {
+        oscillator.displacement_law()?;
+    }
+    let layout = Layout::of(oscillator, initial, loss, until, settings, 1.0)?;
+    let [nq, nv] = layout.nodes.map(|n| n as f64);
+    let spread =
+        (oscillator.temperature() * -(-4.0 * oscillator.zeta() * layout.step).exp_m1()).sqrt();
+    // Quadrature points of a row: 3.2 a deviation of the noise.
+    let speed = (2.0 * (1.0 + layout.level * oscillator.temperature())).sqrt();
+    let points = 3.2 * 2.0 * speed / spread;
+    // A stencil of 112 bytes a point; a kernel of 46 points a node.
+    let memory = nq * (points * 112.0 + nv * 46.0 * 8.0) + 40.0 * 8.0 * nq * nv;
+    let cost = Cost {
+        cells: layout.nodes,
+        steps: layout.all_steps() as u64,
+        memory: memory as u64,
+        // 20 ns a point and step and 10 ns a node; building takes 4 us a point. The runs that measure the
+        // error take as long again.
+        seconds: 2.0
+            * nq
+            * (points * (4e-6 + 2e-8 * layout.all_steps()) + nv * 1e-8 * layout.all_steps()),
+    };
+    let step = format!("{:.3}", layout.step);
+    Ok((
+        cost,
+        format!(
+            "backward equation along the exact motion, absorbed at the loss point; step {}",
+            step.trim_end_matches('0')
+        ),
+    ))
+}
+
+impl Task<'_> {
+    fn late(&self) -> Result<()> {
+        if self.started.elapsed().as_secs_f64() <= self.settings.max_seconds {
+            return Ok(());
+        }
+        Err(Error::Limit {
+            key: "accuracy.max_seconds",
+            limit: format!("{}", self.settings.max_seconds),
+            what: "the first loss of contact was not done".into(),
+        })
+    }
+
+    /// The start as weights, and what its survival is divided by.
+    fn start(&self, absorbed: &Absorbed, stationary: &Start) -> (Start, f64) {
+        match *self.initial {
+            Initial::Rest => (absorbed.point(self.oscillator, [0.0, 0.0]), 1.0),
+            Initial::Stationary => (stationary.clone(), stationary.total),
+            Initial::Gaussian { mean, deviation } => {
+                let density = |q: f64| {
+                    let x = (q - mean[0]) / deviation[0];
+                    (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
+                };
+                let lines = absorbed.displacements(deviation[0], density);
+                let it = absorbed.lines(self.oscillator, &lines, mean[1], deviation[1]);
+                (it, 1.0)
+            }
+        }
+    }
+
+    fn run(&self, layout: &Layout, fineness: &Fineness, progress: &dyn Fn(f64)) -> Result<Run> {
+        self.late()?;
+        let it = self.oscillator;
+        let absorbed = Absorbed::new(it, self.loss, fineness)?;
+        let law = it.displacement_law()?;
+        let deviation = it.temperature().sqrt();
+        let lines = absorbed.displacements(0.5 * deviation, |q| law.density(q));
+        let stationary = absorbed.lines(it, &lines, 0.0, deviation);
+        let (start, total) = self.start(&absorbed, &stationary);
+        let outflow = absorbed.outflow(it, &lines);
+
+        // Losses up to each step, summed from the losses in each: the survival's small parts keep digits.
+        let step = fineness.step;
+        let every = (layout.every as f64 * layout.step / step).round() as usize;
+        let count = every * (layout.times.len() - 1);
+        let mut lost = vec![0.0, start.lost + dot(&start.weights, absorbed.lost_first())];
+        let mut losses = absorbed.lost_second();
+        let mut scratch = vec![0.0; losses.len()];
+        // The stationary law loses in each step what leaves it of those that have survived, by detailed
+        // balance: no small part of a small number.
+        let balanced = *self.initial == Initial::Stationary;
+        let mut leaving = outflow.total;
+        let mut left = vec![0.0, leaving];
+        leaving -= dot(&outflow.weights, absorbed.lost_first());
+        // As many steps more as the differences at the end want.
+        while lost.len() <= count + 3 {
+            lost.push(lost[lost.len() - 1] + dot(&start.weights, &losses));
+            left.push(left[left.len() - 1] + leaving);
+            leaving -= dot(&outflow.weights, &losses);
+            absorbed.advance(&mut losses, &mut scratch);
+            if lost.len().is_multiple_of(16) {
+                self.late()?;
+                progress(0.6 * lost.len() as f64 / count as f64);
+            }
+        }
+        let inside = start.total / total;
+        let survival: Vec<f64> = (0..layout.times.len())
+            .map(|k| (inside - lost[k * every] / total).clamp(0.0, 1.0))
+            .collect();
+        let gone = if balanced { &left } else { &lost };
+        let slope = |k: usize, half: usize| derivative(gone, k * every, half) / (step * total);
+        let density: Vec<f64> = (0..layout.times.len()).map(|k| slope(k, 3)).collect();
+        let wobble = (0..layout.times.len())
+            .map(|k| (slope(k, 2) - density[k]).abs())
+            .collect();
+
+        let stride = layout.stride(step);
+        let long = long_run(&absorbed, stride, &|| self.late())?;
+        progress(1.0);
+        // Losses a step of the slowest mode, by detailed balance; small numbers keep their digits.
+        let held = dot(&stationary.weights, &long.mode);
+        let per_step = dot(&outflow.weights, &long.mode) / held;
+        let rate = -(-per_step).ln_1p() / step;
+        let rice = law.density(self.loss) * deviation / std::f64::consts::TAU.sqrt();
+        let (mean_time, direct) = match &long.sum {
+            Some(sum) => {
+                let sum = dot(&start.weights, sum);
+                // Trapezes with the first correction of Euler and Maclaurin.
+                let mean = step * (0.5 * inside + sum / total) - step * step / 12.0 * density[0];
+                (mean, -long.factor.ln() / step)
+            }
+            None => {
+                let seen = dot(&start.weights, &long.mode) / total;
+                (seen * stationary.total / (held * rate), rate)
+            }
+        };
+        let forgets = if long.sum.is_none() {
+            rate * layout.memory
+        } else {
+            0.0
+        };
+        Ok(Run {
+            survival,
+            density,
+            wobble,
+            mean_time,
+            rate,
+            over_rice: rate * stationary.total / rice,
+            residuals: [
+                long.residuals[0] / (rate * stride as f64 * step) + forgets,
+                (direct / rate - 1.0).abs(),
+            ],
+            steps: lost.len() as u64 + long.steps,
+        })
+    }
+
+    /// The fine run with its errors, and the largest of them over the tolerance.
+    fn report(&self, layout: &Layout, fine: &Run, others: [&Run; 2]) -> (FirstLoss, f64) {
+        let tolerance = self.settings.tolerance;
+        // What the edge of the mesh leaves out of the losses.
+        let outside = (-layout.level).exp() * (1.0 + layout.level);
+        let gaps = |f: &dyn Fn(&Run) -> f64| -> f64 {
+            others.iter().map(|other| (f(fine) - f(other)).abs()).sum()
+        };
+        let mut worst = (0.0, "", None);
+        let mut note = |ratio: f64, name, t| {
+            if ratio > worst.0 || ratio.is_nan() {
+                worst = (ratio, name, t);
+            }
+        };
+        let peak = fine.density.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        let (mut survival, mut density) = (Vec::new(), Vec::new());
+        for (k, t) in layout.times.iter().enumerate() {
+            // Beyond the edge all is lost, whatever the mesh says.
+            let error = gaps(&|run| run.survival[k]) + outside * (1.0 - fine.survival[k]) + 4e-16;
+            note(error / tolerance, "survival", Some(*t));
+            survival.push(Estimate::new(fine.survival[k], error, Origin::Space));
+            let error =
+                gaps(&|run| run.density[k]) + fine.wobble[k] + outside * fine.density[k].abs();
+            if peak > 0.0 {
+                note(error / (tolerance * peak), "density", Some(*t));
+            }
+            density.push(Estimate::new(fine.density[k], error, Origin::Space));
+        }
+        let number = |f: &dyn Fn(&Run) -> f64, residual: f64| {
+            let error = gaps(f) + (residual + outside) * f(fine);
+            Estimate::new(f(fine), error, Origin::Space)
+        };
+        let mean_time = number(&|run| run.mean_time, fine.residuals[0]);
+        let rate = number(&|run| run.rate, fine.residuals[1]);
+        let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
+        note(
+            mean_time.error / (tolerance * mean_time.value),
+            "mean_time",
+            None,
+        );
+        note(rate.error / (tolerance * rate.value), "rate", None);
+        let mut warnings = Vec::new();
+        if !(worst.0 <= 1.0) {
+            let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
+            warnings.push(format!(
+                "the tolerance {tolerance:e} is not met: the error of first_loss.{}{at} is {:.1} times too \
+                 large; a shorter method.step would help",
+                worst.1, worst.0
+            ));
+        }
+        let [nq, nv] = layout.nodes;
+        let it = FirstLoss {
+            times: layout.times.clone(),
+            survival,
+            density,
+            mean_time,
+            rate,
+            rate_over_rice,
+            method: Method {
+                name: "backward equation along the exact motion, order 6".into(),
+                reason: "absorbed where each motion loses contact".into(),
+                cells: layout.nodes,
+                unknowns: nq * nv,
+                domain: self.domain(layout),
+                step: layout.step,
+                steps: fine.steps + others.iter().map(|other| other.steps).sum::<u64>(),
+                neglected: outside,
+            },
+            warnings,
+        };
+        (it, worst.0)
+    }
+
+    fn domain(&self, layout: &Layout) -> [f64; 4] {
+        let contact = self.oscillator.contact();
+        let rise = contact.potential(self.loss) - contact.lowest_potential().unwrap_or(0.0);
+        let top = rise + layout.level * self.oscillator.temperature();
+        let right = contact.turning_points(top).map_or(self.loss, |ends| ends.1);
+        let speed = (2.0 * top).sqrt();
+        [self.loss, right, -speed, speed]
+    }
+}
+
+/// Slope at point k of values a unit apart, by the polynomial through 2 half + 1 of them, central where
+/// they are there: order 2 half.
+fn derivative(values: &[f64], k: usize, half: usize) -> f64 {
+    let points = (2 * half + 1).min(values.len());
+    let first = k.saturating_sub(half).min(values.len() - points);
+    let z = (k - first) as f64;
+    let mut slope = 0.0;
+    for a in 0..points {
+        // Derivative of the Lagrange polynomial of node a at node z.
+        let mut weight = 0.0;
+        for b in 0..points {
+            if b == a {
+                continue;
+            }
+            let mut product = 1.0 / (a as f64 - b as f64);
+            for c in 0..points {
+                if c != a && c != b {
+                    product *= (z - c as f64) / (a as f64 - c as f64);
+                }
+            }
+            weight += product;
+        }
+        slope += weight * values[first + a];
+    }
+    slope
+}

@@ -1,0 +1,113 @@
+//! First losses and flights as files.
+
+use super::File;
+use crate::error::{Error, Result};
+use crate::estimate::Estimate;
+use crate::results::Results;
+use ndarray::{Array1, arr0};
+use ndarray_npy::{NpzWriter, WriteNpzError};
+use std::fmt::Write;
+use std::io::Cursor;
+use std::path::PathBuf;
+
+/// A number as it reads back exactly; empty where it does not exist.
+fn field(x: f64) -> String {
+    if x.is_finite() {
+        format!("{x:?}")
+    } else {
+        String::new()
+    }
+}
+
+fn pair(it: Option<&Estimate>) -> String {
+    it.map_or(",".into(), |it| {
+        format!("{},{}", field(it.value), field(it.error))
+    })
+}
+
+/// first_loss.csv and first_loss.npz: survival and density of the first loss, beside the paths.
+///
+/// # Errors
+/// [`Error::Io`] for an array that cannot be packed.
+pub fn first_loss(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.first_loss else {
+        return Ok(Vec::new());
+    };
+    let paths = results.first_loss_paths.as_ref();
+    let mut table = String::from(
+        "t [1/W],survival [1],error [1],density [W],error [W],survival of paths [1],standard error [1],\
+         mean density since the time before [W],standard error [W]\n",
+    );
+    for (k, t) in it.times.iter().enumerate() {
+        let _ = writeln!(
+            table,
+            "{},{},{},{},{}",
+            field(*t),
+            pair(it.survival.get(k)),
+            pair(it.density.get(k)),
+            pair(paths.and_then(|it| it.survival.get(k))),
+            pair(paths.and_then(|it| it.density.get(k)))
+        );
+    }
+    let arrays = arrays(
+        "first_loss.npz",
+        &it.times,
+        &[("survival", &it.survival), ("density", &it.density)],
+        &[("mean_time", it.mean_time), ("rate", it.rate)],
+    )?;
+    Ok(vec![File::text("first_loss.csv", table), arrays])
+}
+
+/// flight_law.csv and flight_law.npz: the density of the time of flight.
+///
+/// # Errors
+/// [`Error::Io`] for an array that cannot be packed.
+pub fn flights(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.flights else {
+        return Ok(Vec::new());
+    };
+    let mut table = String::from("flight time [1/W],density [W],error [W]\n");
+    for (t, density) in it.times.iter().zip(&it.density) {
+        let _ = writeln!(table, "{},{}", field(*t), pair(Some(density)));
+    }
+    let arrays = arrays(
+        "flight_law.npz",
+        &it.times,
+        &[("density", &it.density)],
+        &[],
+    )?;
+    Ok(vec![File::text("flight_law.csv", table), arrays])
+}
+
+/// t, and each curve and number with its error.
+fn arrays(
+    name: &str,
+    times: &[f64],
+    curves: &[(&str, &[Estimate])],
+    numbers: &[(&str, Estimate)],
+) -> Result<File> {
+    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
+        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+        npz.add_array("t", &Array1::from(times.to_vec()))?;
+        for (name, curve) in curves {
+            let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
+            npz.add_array(*name, &of(|x| x.value))?;
+            npz.add_array(format!("{name}_error"), &of(|x| x.error))?;
+        }
+        for (name, number) in numbers {
+            npz.add_array(*name, &arr0(number.value))?;
+            npz.add_array(format!("{name}_error"), &arr0(number.error))?;
+        }
+        Ok(npz.finish()?.into_inner())
+    };
+    match pack() {
+        Ok(bytes) => Ok(File {
+            name: name.into(),
+            bytes,
+        }),
+        Err(error) => Err(Error::Io {
+            path: PathBuf::from(name),
+            source: std::io::Error::other(error.to_string()),
+        }),
+    }
+}

@@ -1,0 +1,203 @@
+//! First losses of contact and flights: the backward equation and closed forms against paths, against each
+//! other, and against asymptotics.
+
+#![allow(clippy::print_stdout, missing_docs)]
+
+use std::f64::consts::PI;
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::estimate::Estimate;
+use vibroimpact::fokker_planck::flight::{Flight, flight_law};
+use vibroimpact::fokker_planck::{FirstLoss, Settings, first_loss};
+use vibroimpact::initial::Initial;
+use vibroimpact::monte_carlo::{self, EnsembleSettings, RecordSettings};
+use vibroimpact::oscillator::Oscillator;
+use vibroimpact::quadrature;
+use vibroimpact::stationary::Stationary;
+
+fn hertz(zeta: f64, h: f64) -> Oscillator {
+    Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap()
+}
+
+fn survive(it: &Oscillator, initial: &Initial, until: f64, step: f64) -> FirstLoss {
+    let settings = Settings {
+        step: Some(step),
+        ..Settings::default()
+    };
+    first_loss(it, initial, until, &settings, &|_| {}).unwrap()
+}
+
+#[test]
+fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gaussian() {
+    let gaussian = Initial::gaussian([0.3, -0.2], [0.5, 0.4]).unwrap();
+    for (h, initial) in [
+        (1.2e-3, Initial::Rest),
+        (3.2e-3, Initial::Stationary),
+        (3.2e-3, gaussian),
+    ] {
+        let it = hertz(0.005, h);
+        let exact = survive(&it, &initial, 100.0, 0.5);
+        let settings = EnsembleSettings {
+            paths: 60_000,
+            ..EnsembleSettings::default()
+        };
+        let paths =
+            monte_carlo::first_loss(&it, &initial, &exact.times, &settings, &|_| {}).unwrap();
+        let mut worst: f64 = 0.0;
+        for (k, t) in exact.times.iter().enumerate().step_by(10) {
+            let (a, b) = (exact.survival[k], paths.survival[k]);
+            assert!(a.error < 1e-3, "{t}: {a}");
+            // All or none of the paths have no standard error.
+            if b.error > 0.0 && *t > 0.0 {
+                worst = worst.max((a.value - b.value).abs() / a.error.hypot(b.error));
+            }
+        }
+        let (a, b) = (
+            exact.survival.last().unwrap(),
+            paths.survival.last().unwrap(),
+        );
+        println!(
+            "h = {h}, {}: S(100) {a}, paths {b}; worst {worst:.2}",
+            initial.name()
+        );
+        assert!(worst < 4.0);
+    }
+}
+
+#[test]
+fn the_mean_time_is_the_integral_of_the_survival() {
+    let it = hertz(0.05, 3e-2);
+    for initial in [Initial::Rest, Initial::Stationary] {
+        let got = survive(&it, &initial, 200.0, 0.25);
+        let gap = got.times[1];
+        let last = got.times.len() - 1;
+        let mut integral = 0.5 * (got.survival[0].value + got.survival[last].value);
+        integral += got.survival[1..last].iter().map(|s| s.value).sum::<f64>();
+        // Trapezes with their first correction, and the exponential tail.
+        let ends = got.density[0].value - got.density[last].value;
+        let integral =
+            gap * integral - gap * gap / 12.0 * ends + got.survival[last].value / got.rate.value;
+        println!(
+            "{}: Pontryagin {}, integral {integral:.6}",
+            initial.name(),
+            got.mean_time
+        );
+        assert!((got.mean_time.value / integral - 1.0).abs() < 2e-4);
+        assert!(got.mean_time.error < 1e-2 * got.mean_time.value);
+    }
+}
+
+#[test]
+fn survival_converges_with_second_order_in_the_step() {
+    let it = hertz(0.005, 3.2e-3);
+    let at = |step: f64| survive(&it, &Initial::Stationary, 40.0, step);
+    let (a, b, c) = (at(1.0), at(0.5), at(0.25));
+    let rate = |x: &FirstLoss| x.rate.value;
+    let (coarse, fine) = ((rate(&a) - rate(&b)).abs(), (rate(&b) - rate(&c)).abs());
+    let order = (coarse / fine).log2();
+    println!(
+        "rate {:.6e} {:.6e} {:.6e}: order {order:.2}",
+        rate(&a),
+        rate(&b),
+        rate(&c)
+    );
+    assert!(fine < 1e-3 * rate(&c));
+    assert!(order > 1.0 || coarse < 1e-4 * rate(&c));
+    // The error bar holds what a halved step changes.
+    assert!((rate(&b) - rate(&c)).abs() <= b.rate.error + c.rate.error);
+    for (x, y) in b.survival.last().iter().zip(c.survival.last()) {
+        assert!((x.value - y.value).abs() <= x.error + y.error);
+    }
+}
+
+/// Energy a period takes at the level of the loss over T, and the factor of Mel'nikov and Meshkov
+/// (J. Chem. Phys. 85, 1986, 1018) by which re-losses lower the rate.
+fn melnikov(it: &Oscillator) -> (f64, f64) {
+    let contact = it.contact();
+    let (low, high) = contact.turning_points(0.9).unwrap();
+    let speed = |q: f64| (2.0 * (0.9 - contact.potential(q)).max(0.0)).sqrt();
+    let action = 2.0 * quadrature::integrate(speed, &[low, 0.0, high], 1e-8).value;
+    let delta = 2.0 * it.zeta() * action / it.temperature();
+    let f = |l: f64| {
+        let x = l * l + 0.25;
+        (-(-delta * x).exp_m1()).ln() / x
+    };
+    let breaks = [-60.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 60.0];
+    (
+        delta,
+        (quadrature::integrate(f, &breaks, 1e-8).value / (2.0 * PI)).exp(),
+    )
+}
+
+#[test]
+fn the_rate_of_rare_losses_is_rice_s_times_the_share_that_is_not_a_repetition() {
+    // 5.75e-14 losses per unit time by Rice's formula at h = 1e-4; corrections of T/U = 3.5 % of the
+    // exponent are beyond the asymptotics.
+    for (zeta, h) in [(0.005, 1e-4), (0.02, 4e-4)] {
+        let it = hertz(zeta, h);
+        let got = survive(&it, &Initial::Stationary, 60.0, 0.5);
+        let rice = Stationary::of(&it).unwrap().loss_rate().unwrap().value;
+        let (delta, factor) = melnikov(&it);
+        println!(
+            "zeta {zeta}, h {h}: rate {}, Rice {rice:.4e}, ratio {} against {factor:.4} (delta {delta:.2})",
+            got.rate, got.rate_over_rice
+        );
+        assert!((got.rate.value / rice - got.rate_over_rice.value).abs() < 1e-6);
+        assert!((got.rate_over_rice.value / factor - 1.0).abs() < 0.04);
+        assert!(got.rate.error < 1e-2 * got.rate.value);
+        assert!((got.mean_time.value * got.rate.value - 1.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn flights_have_the_mean_and_the_norm_of_the_stationary_law_and_the_density_of_the_records() {
+    let it = hertz(0.005, 2e-3);
+    let law = flight_law(&it).unwrap();
+    let gap = law.times[1] - law.times[0];
+    let (mut norm, mut mean) = (0.0, 0.0);
+    for (t, p) in law.times.iter().zip(&law.density) {
+        norm += gap * p.value;
+        mean += gap * t * p.value;
+    }
+    let exact = Stationary::of(&it).unwrap().mean_flight().unwrap().value;
+    println!("norm {norm:.7}, mean {mean:.6} against {exact:.6}");
+    // A share of 2e-5 is longer than the curve.
+    assert!((norm - 1.0).abs() < 1e-4 && (mean / exact - 1.0).abs() < 3e-4);
+
+    let settings = RecordSettings {
+        duration: 4e5,
+        ..RecordSettings::default()
+    };
+    let records = monte_carlo::records(&it, &settings, &|_| {}).unwrap();
+    let seen = records.crossings.unwrap().flight_time;
+    let flight = Flight::of(&it).unwrap();
+    let (mut square, mut count) = (0.0, 0.0);
+    for (ends, p) in seen.edges.windows(2).zip(&seen.density) {
+        // Bins in the bulk, where the counts are nearly Gaussian; the mean over a bin by Simpson's rule.
+        let middle = 0.5 * (ends[0] + ends[1]);
+        if p.error > 0.0 && p.value > 30.0 * p.error / 5.0 {
+            let at = |t: f64| flight.density(t).value;
+            let exact = (at(ends[0].max(1e-9)) + 4.0 * at(middle) + at(ends[1])) / 6.0;
+            square += ((p.value - exact) / p.error).powi(2);
+            count += 1.0;
+        }
+    }
+    println!("{count} bins, chi^2 per bin {:.2}", square / count);
+    assert!(count > 20.0 && square / count < 1.0 + 5.0 * (2.0f64 / count).sqrt());
+}
+
+#[test]
+fn the_two_laws_of_flight_meet_and_short_flights_are_mckean_s() {
+    let it = hertz(0.005, 2e-3);
+    let flight = Flight::of(&it).unwrap();
+    // Where re-losses have died out and friction has not yet come in.
+    let t = 90.0 * it.noise();
+    let (a, b) = (flight.first_returns(t), flight.returns(t));
+    println!("at t = {t:.3}: first returns {a}, all returns {b}");
+    assert!((a.value / b.value - 1.0).abs() < 1e-5);
+    assert!((a.value - b.value).abs() < a.error + 1e-7 * b.value);
+    // Without force and friction a flight of t -> 0 from the flux w dw/T: by self-similarity the density
+    // tends to a constant, 2 zeta/5 by McKean's law.
+    let short: Estimate = flight.density(1e-7 * it.noise());
+    println!("density of the shortest flights {short}");
+    assert!((short.value / (0.4 * it.zeta()) - 1.0).abs() < 1e-3);
+}
