@@ -39,6 +39,15 @@ pub fn cost(
     };
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
     let opening = opening::cost(oscillator, initial, until, drift, settings)?;
+    if let Some((bill, side)) = opening.and_then(|it| it.alone.map(|side| (it, side))) {
+        let cost = Cost {
+            cells: [side; 2],
+            steps: bill.steps.ceil() as u64,
+            memory: choice::memory([side; 2], drift, false),
+            seconds: 1.4 * bill.seconds,
+        };
+        return Ok((cost, reason));
+    }
     let finer = opening.map_or(1.0, |_| opening::REFINED);
     let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
@@ -87,7 +96,7 @@ pub fn cost(
         steps: steps.ceil() as u64,
         memory: choice::memory(cells, drift, matrix),
         // The coarse run that measures the error takes 0.4 of the fine one.
-        seconds: 1.4 * (seconds + opening.unwrap_or(0.0)),
+        seconds: 1.4 * (seconds + opening.map_or(0.0, |it| it.seconds)),
     };
     Ok((cost, format!("{}; {reason}", way.name(drift))))
 }
