@@ -240,6 +240,11 @@ pub(super) fn is_narrow(
         .any(|(thermal, start)| start * REFINED < thermal))
 }
 
+/// Whether a run never leaves the frame of its packet, and has no other mesh.
+pub(super) fn stays_in_frame(oscillator: &Oscillator, initial: &Initial) -> bool {
+    *initial == Initial::Rest && !oscillator.contact().is_confining()
+}
+
 /// The mesh and its box for a run until `until`; for a narrow start, those without regard to how narrow
 /// it is. `finer` times as many cells as chosen, or as the settings give.
 ///
@@ -379,6 +384,10 @@ pub(super) fn way(
     until: f64,
     settings: &Settings,
 ) -> Result<(Drift, Way, String)> {
+    if stays_in_frame(oscillator, initial) {
+        let reason = "a point in a law that leaves every box: a small mesh moves with it for good";
+        return Ok((Drift::Order8, Way::FlowMap, reason.into()));
+    }
     let (drift, way, mut reason) = method(oscillator, initial, until, settings)?;
     if is_narrow(oscillator, initial, drift, settings)? {
         reason += "; the start is too narrow for a mesh, so a small mesh moves with it at first";

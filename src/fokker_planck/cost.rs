@@ -67,7 +67,16 @@ pub(super) fn run(
 ) -> Result<Cost> {
     let until = times.last().copied().unwrap_or(0.0);
     let opening = opening::cost(oscillator, initial, until, drift, settings)?;
-    let finer = finer * opening.map_or(1.0, |_| opening::REFINED);
+    if let Some((bill, side)) = opening.as_ref().and_then(|it| it.alone.map(|side| (it, side))) {
+        // The packet's own frame, the same whatever the mesh would be.
+        return Ok(Cost {
+            cells: [side; 2],
+            steps: bill.steps.ceil() as u64,
+            memory: choice::memory([side; 2], drift, false),
+            seconds: bill.seconds * finer.powi(2) / longer,
+        });
+    }
+    let finer = finer * opening.as_ref().map_or(1.0, |_| opening::REFINED);
     let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
     let n = cells[0] as f64 * cells[1] as f64;
@@ -117,7 +126,7 @@ pub(super) fn run(
             Way::FlowMap => choice::flow_map_memory(cells),
             Way::Volumes(_) => choice::memory(cells, drift, matrix),
         },
-        seconds: seconds + opening.unwrap_or(0.0),
+        seconds: seconds + opening.map_or(0.0, |it| it.seconds),
     })
 }
 

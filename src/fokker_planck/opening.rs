@@ -76,10 +76,22 @@ fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)
         cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.25) / finer.max(0.5),
         reach: beyond + (-2.0 * choice::neglected(tolerance).ln()).sqrt(),
         step: longer * weak.min(strong).min(1.0),
+        beside: if longer > 1.0 { 1.0 } else { 1.5 },
     }
 }
 
-/// Seconds on one core that the opening of a run will take, if its start needs one. The packet is as wide
+/// What an opening will take.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bill {
+    /// Seconds on one core.
+    pub(super) seconds: f64,
+    /// Steps.
+    pub(super) steps: f64,
+    /// Cells along either side, where there is no other mesh.
+    pub(super) alone: Option<usize>,
+}
+
+/// What the opening of a run will take on one core, if its start needs one. The packet is as wide
 /// as a mesh needs once the noise has added that variance; 3 us a node and step (measured).
 pub(super) fn cost(
     oscillator: &Oscillator,
@@ -87,7 +99,7 @@ pub(super) fn cost(
     until: f64,
     drift: Drift,
     settings: &choice::Settings,
-) -> Result<Option<f64>> {
+) -> Result<Option<Bill>> {
     if !choice::is_narrow(oscillator, initial, drift, settings)? {
         return Ok(None);
     }
@@ -96,8 +108,15 @@ pub(super) fn cost(
     let wide = cells_per_deviation(settings.tolerance) * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
     let time = (-left.ln() / (2.0 * oscillator.zeta())).min(until);
-    let nodes = (2.0 * fineness.reach / fineness.cell).powi(2);
-    Ok(Some(3e-6 * nodes * time / fineness.step))
+    let side = 2.0 * (fineness.reach / fineness.cell).ceil();
+    let forever = choice::stays_in_frame(oscillator, initial);
+    let time = if forever { until } else { time };
+    let steps = time / fineness.step;
+    Ok(Some(Bill {
+        seconds: 3e-6 * side * side * steps,
+        steps,
+        alone: forever.then_some(side as usize),
+    }))
 }
 
 impl<'a> Opening<'a> {
@@ -153,7 +172,7 @@ impl<'a> Opening<'a> {
         if self.packet.is_point() {
             0.0
         } else {
-            ROUNDING + self.packet.defect()
+            ROUNDING + self.packet.defect() + self.packet.step_error()
         }
     }
 
@@ -164,13 +183,24 @@ impl<'a> Opening<'a> {
         t: f64,
         watch: &mut dyn FnMut(f64) -> Result<()>,
     ) -> Result<bool> {
-        while self.packet.time() < t {
-            if !self.packet.is_point() && self.is_wide() {
+        let left = t - self.packet.time();
+        if left <= 0.0 {
+            return Ok(true);
+        }
+        self.packet.open(left);
+        let left = t - self.packet.time();
+        if left <= 0.0 {
+            return Ok(true);
+        }
+        let steps = self.packet.divide(left);
+        for _ in 0..steps {
+            if self.is_wide() {
                 return Ok(false);
             }
-            self.packet.advance(t - self.packet.time());
+            self.packet.advance(left / steps as f64);
             watch(self.packet.time())?;
         }
+        self.packet.arrive(t);
         Ok(true)
     }
 
