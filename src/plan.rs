@@ -419,32 +419,12 @@ impl Plan {
                 results.decay_rates =
                     Some(fokker_planck::decay_rates(oscillator, count, &settings)?);
             }
-            Part::Spectrum => {
-                let (welch, asked) = self.welch()?;
-                let until = outputs.spectrum.map_or(0.0, |it| it.until) * (1.0 + 1e-9);
-                let mut omegas = welch.omega();
-                omegas.retain(|omega| *omega <= until);
-                let it = fokker_planck::spectrum(
-                    oscillator,
-                    asked.quantity,
-                    &omegas,
-                    &settings,
-                    progress,
-                )?;
-                if !it.reached {
-                    let (error, omega) = it.worst();
-                    results.run.warnings.push(format!(
-                        "the spectrum is known to {error:.1e} of its value only, at omega = {omega:.3}: \
-                         raise accuracy.max_seconds or accuracy.tolerance"
-                    ));
-                }
-                results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
-            }
+            Part::Spectrum => self.compute_spectrum(&settings, results, progress)?,
             Part::Series => {
-                let (welch, mut settings) = self.welch()?;
-                settings.max_seconds = max_seconds;
+                let (welch, mut series) = self.welch()?;
+                series.max_seconds = max_seconds;
                 if let Some(mut it) = results.spectrum.take() {
-                    it.sample(oscillator, &welch, &settings, progress)?;
+                    it.sample(oscillator, &welch, &series, progress)?;
                     results.spectrum = Some(it);
                     results.agreement = results.agree();
                 }
@@ -477,6 +457,29 @@ impl Plan {
                 }
             }
         }
+        Ok(())
+    }
+
+    fn compute_spectrum(
+        &self,
+        settings: &Settings,
+        results: &mut Results,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<()> {
+        let oscillator = &self.scene.oscillator;
+        let (welch, asked) = self.welch()?;
+        let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
+        let mut omegas = welch.omega();
+        omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
+        let it = fokker_planck::spectrum(oscillator, asked.quantity, &omegas, settings, progress)?;
+        if !it.reached {
+            let (error, omega) = it.worst();
+            results.run.warnings.push(format!(
+                "the spectrum is known to {error:.1e} of its value only, at omega = {omega:.3}: leave \
+                 method.cells out, or raise accuracy.max_seconds or accuracy.tolerance"
+            ));
+        }
+        results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
         Ok(())
     }
 
