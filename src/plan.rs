@@ -493,27 +493,12 @@ impl Plan {
                 results.decay_rates = Some(it.rates);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
             }
-            Part::Spectrum => {
-                let (welch, asked) = self.welch()?;
-                let until = outputs.spectrum.map_or(0.0, |it| it.until) * (1.0 + 1e-9);
-                let mut omegas = welch.omega();
-                omegas.retain(|omega| *omega <= until);
-                let it = fokker_planck::spectrum(
-                    oscillator,
-                    asked.quantity,
-                    &omegas,
-                    &settings,
-                    progress,
-                )?;
-                let shortfall = it.shortfall(&settings);
-                results.fall_short(part.name(), shortfall.as_ref(), true);
-                results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
-            }
+            Part::Spectrum => self.compute_spectrum(&settings, results, progress)?,
             Part::Series => {
-                let (welch, mut settings) = self.welch()?;
-                settings.max_seconds = max_seconds;
+                let (welch, mut series) = self.welch()?;
+                series.max_seconds = max_seconds;
                 if let Some(mut it) = results.spectrum.take() {
-                    it.sample(oscillator, &welch, &settings, progress)?;
+                    it.sample(oscillator, &welch, &series, progress)?;
                     results.spectrum = Some(it);
                     results.agreement = results.agree();
                 }
@@ -546,6 +531,24 @@ impl Plan {
                 }
             }
         }
+        Ok(())
+    }
+
+    fn compute_spectrum(
+        &self,
+        settings: &Settings,
+        results: &mut Results,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<()> {
+        let oscillator = &self.scene.oscillator;
+        let (welch, asked) = self.welch()?;
+        let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
+        let mut omegas = welch.omega();
+        omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
+        let it = fokker_planck::spectrum(oscillator, asked.quantity, &omegas, settings, progress)?;
+        let shortfall = it.shortfall(settings);
+        results.fall_short(Part::Spectrum.name(), shortfall.as_ref(), true);
+        results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
         Ok(())
     }
 

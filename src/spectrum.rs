@@ -186,7 +186,9 @@ impl Welch {
             }
         }
         let scale = self.step / (PI * self.power() * segments.max(1) as f64);
-        density.iter_mut().for_each(|g| *g *= scale);
+        for g in &mut density {
+            *g *= scale;
+        }
         Periodogram { density, segments }
     }
 
@@ -291,7 +293,7 @@ mod tests {
     fn a_sine_of_amplitude_a_has_the_rms_magnitude_a_over_root_two() {
         let welch = Welch::new(256, 256, 0.1).unwrap();
         let wave: Vec<f64> = (0..256)
-            .map(|n| 3.0 * (TAU * 20.0 * n as f64 / 256.0).cos())
+            .map(|n| 3.0 * (TAU * 20.0 * f64::from(n) / 256.0).cos())
             .collect();
         let got = welch.magnitude(welch.record(&wave).density[20]);
         assert!((got - 3.0 / 2f64.sqrt()).abs() < 1e-12, "{got}");

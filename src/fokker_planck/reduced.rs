@@ -281,7 +281,9 @@ fn hessenberg(matrix: &mut Array2<f64>, others: &mut [&mut Array2<f64>]) {
             }
         };
         reflect(matrix);
-        others.iter_mut().for_each(|other| reflect(other));
+        for other in others.iter_mut() {
+            reflect(other);
+        }
         matrix
             .slice_axis_mut(Axis(0), Slice::from(k + 2..))
             .column_mut(k)
