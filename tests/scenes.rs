@@ -348,6 +348,10 @@ fn every_built_in_scene_runs_when_its_size_is_cut() {
         if text.contains("density_at") {
             arguments.extend(["--set", "outputs.density_at=[0.1]"]);
         }
+        if text.contains("first_loss") {
+            let set = ["outputs.first_loss.until=20", "method.step=1.0"];
+            arguments.extend(set.iter().flat_map(|set| ["--set", set]));
+        }
         if text.contains("[monte_carlo]") {
             arguments.extend(["--set", "monte_carlo.paths=20"]);
         }
@@ -690,7 +694,15 @@ fn losses_of_contact_follow_rice_and_are_counted_in_a_window_of_seconds() {
         "{losses}"
     );
     assert!((value(&exact["mean_flight"]) - 1.986_918).abs() < 1e-6);
-    assert!(exact["flight_time"].is_null() && exact["flight_density"].is_null());
+    let list = |it: &Value| -> Vec<f64> {
+        let all = it.as_array().unwrap().iter();
+        all.map(|x| x.as_f64().unwrap()).collect()
+    };
+    let t = list(&exact["flight_time"]);
+    let p = list(&exact["flight_density"]["value"]);
+    let mass: f64 = p.iter().map(|p| p * (t[1] - t[0])).sum();
+    assert!((mass - 1.0).abs() < 1e-3, "{mass}");
+    assert!(room.join("results/long/flight_law.npz").is_file());
     for name in [
         "loss_rate",
         "losses_in_window",
@@ -1048,7 +1060,19 @@ const BAD: &[(&str, &str)] = &[
         "spectrum without end",
         "@[outputs]\nspectrum = { until = 1e9 }",
     ),
-    ("first loss", "@[outputs]\nfirst_loss = { until = 200 }"),
+    (
+        "first loss without end",
+        "@[outputs]\nfirst_loss = { until = 1e10 }",
+    ),
+    ("first loss at once", "@[outputs]\nfirst_loss = { until = 0 }"),
+    (
+        "first loss of a linear oscillator",
+        "[oscillator]\ncontact = \"linear\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nfirst_loss = { until = 20 }",
+    ),
+    (
+        "first loss under cosines",
+        "@[outputs]\nfirst_loss = { until = 20 }\n[monte_carlo]\nnoise = { cosines = 400, band = 8.0 }",
+    ),
     ("crossings by number", "@[outputs]\ncrossings = 20"),
     ("crossings without window", "@[outputs]\ncrossings = {}"),
     ("no window", "@[outputs]\ncrossings = { window = 0 }"),
