@@ -192,6 +192,6 @@ fn short() -> Criterion {
 criterion_group! {
     name = benches;
     config = short();
-    targets = apply, assembled, solve, unit
+    targets = solve, apply, assembled, unit
 }
 criterion_main!(benches);

@@ -180,7 +180,7 @@ fn a_tolerance_is_kept_and_not_wasted() {
                 let bound = march.longest() > 0.7 * march.longest_stable();
                 let factor = match time {
                     TimeScheme::Imex if bound => f64::INFINITY,
-                    TimeScheme::Implicit if march.steps() < 40 => 200.0,
+                    TimeScheme::Implicit if march.steps() < 40 => 100.0,
                     _ => 20.0,
                 };
                 assert!(error > tolerance / factor);

@@ -562,7 +562,8 @@ pub(super) fn euler_step_on(mesh: &Mesh) -> f64 {
 }
 
 /// The scheme with its choice of steps for a run until `until`, such that the error in time stays below
-/// `settings.tolerance` in the L1 norm; a tenth to a half of it is measured (tests/time.rs).
+/// `settings.tolerance` in the L1 norm; a tenth to a half of it is measured where accuracy bounds many
+/// steps, a hundredth of it in a few implicit ones, and less where stability bounds them (tests/time.rs).
 pub fn march(
     oscillator: &Oscillator,
     generator: &Generator,
