@@ -170,11 +170,18 @@ pub fn decay_rates(
     let missing = rates.len() < count;
     let shortfall = (missing || worst > tolerance).then(|| Shortfall {
         number: if missing {
-            format!("decay rate {} of {count}, not seen alike on two meshes,", rates.len() + 1)
+            format!(
+                "decay rate {} of {count}, not seen alike on two meshes,",
+                rates.len() + 1
+            )
         } else {
             "a decay rate".into()
         },
-        ratio: if missing { f64::INFINITY } else { worst / tolerance },
+        ratio: if missing {
+            f64::INFINITY
+        } else {
+            worst / tolerance
+        },
         tolerance,
         free: why.1,
         reason: why.0,

@@ -27,7 +27,7 @@ pub(super) enum Propagator {
 
 /// Steps of the flow map between two looks at the clock and at the stationary law: its ends cost two
 /// passes an interval.
-const CHUNK: f64 = 64.0;
+pub(super) const CHUNK: f64 = 64.0;
 
 impl Propagator {
     /// The flow map of `oscillator` on `mesh`.
