@@ -84,11 +84,11 @@ fn every_bar_is_within_the_tolerance_and_reaches_the_truth() {
 fn cells_and_steps_of_the_user_are_not_refined_and_the_bar_says_what_they_are_worth() {
     let it = solve(&Settings {
         tolerance: 1e-5,
-        cells: Some([60, 40]),
+        cells: Some([120, 80]),
         step: Some(1.0),
         ..Settings::default()
     });
-    assert_eq!(it.method.cells, [60, 40]);
+    assert_eq!(it.method.cells, [120, 80]);
     let shortfall = it.shortfall.unwrap();
     assert!(!shortfall.free && shortfall.ratio > 1.0, "{shortfall}");
 }

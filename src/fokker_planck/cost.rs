@@ -5,6 +5,7 @@ use super::flow_map::HELD;
 use super::flux::Drift;
 use super::generator::Generator;
 use super::propagator::CHUNK;
+use super::refinement;
 use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -36,6 +37,11 @@ pub fn cost(
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
     let until = times.last().copied().unwrap_or(0.0);
+    // The box that the transient will choose.
+    let settings = &Settings {
+        neglected: Some(refinement::neglected(oscillator, initial, settings)?),
+        ..settings.clone()
+    };
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
     let fine = run(
         oscillator,

@@ -124,8 +124,9 @@ pub fn decay_rates(
         (0..all.len()).min_by(|a, b| distance(&all[*a]).total_cmp(&distance(&all[*b])))
     };
     let places: Vec<usize> = wanted.filter_map(nearest).collect();
+    // Nothing found yet: everywhere again.
     let shifts: Vec<C> = (0..all.len())
-        .filter(|k| places.contains(k))
+        .filter(|k| places.is_empty() || places.contains(k))
         .map(|k| all[k])
         .collect();
     let mut fine = solve(1, &shifts)?;

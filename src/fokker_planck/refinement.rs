@@ -62,7 +62,7 @@ fn steps(way: Way) -> (f64, f64) {
     match way {
         Way::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
         Way::Volumes(_) => (1.5, 2.0),
-        Way::FlowMap => (1.25, 2.0),
+        Way::FlowMap => (1.5, 2.0),
     }
 }
 
