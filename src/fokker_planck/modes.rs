@@ -76,6 +76,7 @@ struct Level {
 /// # Errors
 /// [`crate::Error::NoStationaryLaw`] for a contact without one; those of [`slowest`] on the first two
 /// meshes.
+#[expect(clippy::too_many_lines, reason = "one loop over one state")]
 pub fn decay_rates(
     oscillator: &Oscillator,
     count: usize,
