@@ -103,11 +103,22 @@ pub struct Shortfall {
 
 impl fmt::Display for Shortfall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "the tolerance {:e} is not met: the error of {} is {:.1} times too large; {}",
-            self.tolerance, self.number, self.ratio, self.reason
-        )
+        let Self {
+            number,
+            ratio,
+            tolerance,
+            reason,
+            ..
+        } = self;
+        write!(f, "the tolerance {tolerance:e} is not met: ")?;
+        if ratio.is_finite() {
+            write!(
+                f,
+                "the error of {number} is {ratio:.1} times too large; {reason}"
+            )
+        } else {
+            write!(f, "{number} is not known; {reason}")
+        }
     }
 }
 

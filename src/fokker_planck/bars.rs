@@ -45,7 +45,7 @@ pub(super) fn beyond(ratio: f64) -> f64 {
 /// A difference that passes through zero, on its way from one output to the next or beside those of the
 /// other numbers, is not taken for less than this part of its neighbours'.
 const NEIGHBOURS: f64 = 0.5;
-const OTHERS: f64 = 0.1;
+const OTHERS: f64 = 0.3;
 
 /// `factor` times the differences of two runs, none far below those of its neighbours: the times within
 /// a quarter of a period for the same number, the other numbers at the same time.

@@ -1,9 +1,12 @@
 //! What a computation will take, from the sizes of its mesh alone: for plans.
 
 use super::choice::{self, Cost, Settings, TimeScheme, Way};
+use super::flow_map::HELD;
 use super::flux::Drift;
 use super::generator::Generator;
 use super::opening;
+use super::propagator::CHUNK;
+use super::refinement;
 use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -38,6 +41,11 @@ pub fn cost(
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
     let until = times.last().copied().unwrap_or(0.0);
+    // The box that the transient will choose.
+    let settings = &Settings {
+        neglected: Some(refinement::neglected(oscillator, initial, settings)?),
+        ..settings.clone()
+    };
     let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
     let fine = run(
         oscillator,
@@ -54,6 +62,12 @@ pub fn cost(
     };
     Ok((cost, format!("{}; {reason}", way.name(drift))))
 }
+
+/// Seconds a cell of one core: to trace a flow map and find its stencils, for a pass of the motion and the
+/// noise, and for the numbers of an output time.
+const MAP_SECONDS: f64 = 0.5e-6;
+const PASS_SECONDS: f64 = 30e-9;
+const LOOK_SECONDS: f64 = 60e-9;
 
 /// The cost of one run on a mesh `finer` times as fine as the first guess, with steps `longer` times as
 /// long.
@@ -84,16 +98,14 @@ pub(super) fn run(
         way,
         Way::Volumes(TimeScheme::BackwardEuler | TimeScheme::Implicit)
     );
+    let mut bytes = choice::memory(cells, drift, matrix) as f64;
     let (steps, seconds) = match way {
         Way::FlowMap => {
-            let step = choice::flow_map_settings(oscillator, settings, longer)?.step;
-            let steps = (until / step).ceil();
-            // A pass takes about 25 ns a cell and 0.5 ns a cell and row of the noise matrix, building the
-            // maps 3 us a cell.
-            (
-                steps,
-                n * (3e-6 + steps * (25e-9 + 0.5e-9 * cells[1] as f64)),
-            )
+            let map = choice::flow_map_settings(oscillator, settings, longer)?;
+            let [steps, passes, maps] = map.size(times, CHUNK);
+            let [each, rest] = map.bytes();
+            bytes = n * (maps.min(HELD) * each + rest);
+            (steps, n * (MAP_SECONDS * maps + PASS_SECONDS * passes))
         }
         Way::Volumes(time) => {
             let generator = Generator::new(oscillator, &mesh, drift)?;
@@ -122,11 +134,10 @@ pub(super) fn run(
     Ok(Cost {
         cells,
         steps: steps.ceil() as u64,
-        memory: match way {
-            Way::FlowMap => choice::flow_map_memory(cells),
-            Way::Volumes(_) => choice::memory(cells, drift, matrix),
-        },
-        seconds: seconds + opening.map_or(0.0, |it| it.seconds),
+        memory: bytes as u64,
+        seconds: seconds
+            + n * LOOK_SECONDS * times.len() as f64
+            + opening.map_or(0.0, |it| it.seconds),
     })
 }
 
@@ -149,8 +160,8 @@ fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Resul
     } else {
         (
             6.0,
-            n * 6.0 * 6.0 * wide * 2e-6,
-            "shift and invert on two meshes",
+            n * 6.0 * wide * 2e-6,
+            "shift and invert on two meshes or more",
         )
     };
     let cost = Cost {

@@ -195,6 +195,60 @@ impl Settings {
     }
 }
 
+impl Settings {
+    /// Steps, passes over the mesh and flow maps of a run through `times`, whose intervals are cut into
+    /// chunks of at most `chunk` steps.
+    pub(super) fn size(&self, times: &[f64], chunk: f64) -> [f64; 3] {
+        let (mut steps, mut passes, mut now) = (0.0, 0.0, 0.0);
+        let mut motions: Vec<f64> = Vec::new();
+        let mut known: Vec<(f64, f64)> = Vec::new();
+        for t in times {
+            let duration = t - now;
+            now = *t;
+            if duration <= 0.0 {
+                continue;
+            }
+            let chunks = (duration / (chunk * self.step)).ceil().max(1.0);
+            let interval = duration / chunks;
+            let count = (interval / self.step - 1e-9).ceil().max(1.0);
+            let same = |x: f64, y: f64| (x - y).abs() <= 1e-9 * interval;
+            steps += chunks * count;
+            if let Some((_, each)) = known.iter().find(|(it, _)| same(*it, interval)) {
+                passes += chunks * each;
+                continue;
+            }
+            let (mut nodes, _) = self.splitting.quadrature(count as usize);
+            nodes.push(count);
+            let tau = interval / count;
+            let mut before = 0.0;
+            for node in &nodes {
+                let motion = (node - before) * tau;
+                before = *node;
+                if !motions.iter().any(|it| same(*it, motion)) {
+                    motions.push(motion);
+                }
+            }
+            known.push((interval, nodes.len() as f64));
+            passes += chunks * nodes.len() as f64;
+        }
+        [steps, passes, motions.len() as f64]
+    }
+
+    /// Bytes of a map and of everything else, per cell.
+    pub(super) fn bytes(&self) -> [f64; 2] {
+        let stencil = match self.order {
+            Order::Fourth => 8.0,
+            Order::Sixth => 14.0,
+            Order::Eighth => 16.0,
+        };
+        // Values, panels, coefficients, the density and what observables and outputs copy.
+        [8.0 * stencil + 4.0, 10.0 * 8.0]
+    }
+}
+
+/// Flow maps that are held at once at most.
+pub(super) const HELD: f64 = KEPT as f64 + 5.0;
+
 /// What propagation did so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {

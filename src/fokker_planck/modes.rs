@@ -76,6 +76,7 @@ struct Level {
 /// # Errors
 /// [`crate::Error::NoStationaryLaw`] for a contact without one; those of [`slowest`] on the first two
 /// meshes.
+#[expect(clippy::too_many_lines, reason = "one loop over one state")]
 pub fn decay_rates(
     oscillator: &Oscillator,
     count: usize,
@@ -124,8 +125,9 @@ pub fn decay_rates(
         (0..all.len()).min_by(|a, b| distance(&all[*a]).total_cmp(&distance(&all[*b])))
     };
     let places: Vec<usize> = wanted.filter_map(nearest).collect();
+    // Nothing found yet: everywhere again.
     let shifts: Vec<C> = (0..all.len())
-        .filter(|k| places.contains(k))
+        .filter(|k| places.is_empty() || places.contains(k))
         .map(|k| all[k])
         .collect();
     let mut fine = solve(1, &shifts)?;
@@ -170,11 +172,18 @@ pub fn decay_rates(
     let missing = rates.len() < count;
     let shortfall = (missing || worst > tolerance).then(|| Shortfall {
         number: if missing {
-            format!("decay rate {} of {count}, not seen alike on two meshes,", rates.len() + 1)
+            format!(
+                "decay rate {} of {count}, not seen alike on two meshes,",
+                rates.len() + 1
+            )
         } else {
             "a decay rate".into()
         },
-        ratio: if missing { f64::INFINITY } else { worst / tolerance },
+        ratio: if missing {
+            f64::INFINITY
+        } else {
+            worst / tolerance
+        },
         tolerance,
         free: why.1,
         reason: why.0,

@@ -42,7 +42,7 @@ pub(super) struct Anchor {
 
 /// Steps of the flow map between two looks at the clock and at the stationary law: its ends cost two
 /// passes an interval.
-const CHUNK: f64 = 64.0;
+pub(super) const CHUNK: f64 = 64.0;
 
 /// Cells times steps between two looks, where a mesh is so large that `CHUNK` steps take long: some
 /// seconds.

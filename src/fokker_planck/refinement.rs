@@ -61,8 +61,7 @@ pub(super) fn neglected(
 fn steps(way: Way) -> (f64, f64) {
     match way {
         Way::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
-        Way::Volumes(_) => (1.5, 2.0),
-        Way::FlowMap => (1.25, 2.0),
+        Way::Volumes(_) | Way::FlowMap => (1.5, 2.0),
     }
 }
 
@@ -77,6 +76,7 @@ struct Level {
 ///
 /// # Errors
 /// Those of the first two runs; later ones end the refinement.
+#[expect(clippy::too_many_lines, reason = "one loop over one state")]
 pub(super) fn refined(
     task: &Task,
     reason: String,

@@ -1,0 +1,161 @@
+//! A tolerance in, an error bar out: bars that hold, bars that are small enough, and what is said when
+//! they are not.
+
+use std::process::Command;
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::fokker_planck::{Settings, Task, Transient, cost, decay_rates, transient};
+use vibroimpact::initial::Initial;
+use vibroimpact::oscillator::Oscillator;
+use vibroimpact::scales::Scales;
+
+/// Scene A: Hertz, h = 2e-3, zeta = 0.005, start N((1, 0), 0.4^2).
+fn scene_a() -> (Oscillator, Initial) {
+    let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+    (
+        oscillator,
+        Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap(),
+    )
+}
+
+const TIMES: [f64; 3] = [5.0, 10.0, 20.0];
+
+/// Values of an independent solver, with the unit of their last digit.
+const TRUTH: [(usize, &str, f64, f64); 14] = [
+    (0, "mean_q", -0.223621, 1e-6),
+    (0, "mean_force", -0.125884, 1e-6),
+    (0, "std_force", 0.479410, 1e-6),
+    (0, "skewness_force", -0.02399, 1e-5),
+    (0, "mean_energy", 0.733349, 1e-6),
+    (1, "mean_q", -1.08770, 1e-5),
+    (1, "mean_force", -0.752841, 1e-6),
+    (1, "std_force", 0.28726, 3e-5),
+    (1, "mean_energy", 0.726840, 3e-6),
+    (2, "mean_q", 0.493075, 1e-6),
+    (2, "mean_force", 0.634542, 1e-6),
+    (2, "std_force", 0.67746, 1e-5),
+    (2, "mean_energy", 0.722197, 1e-6),
+    (2, "contact_loss_probability", 0.03026, 1e-5),
+];
+
+fn solve(settings: &Settings) -> Transient {
+    let (oscillator, start) = scene_a();
+    transient(&oscillator, &start, &TIMES, &[], settings, &|_| ()).unwrap()
+}
+
+fn largest_bar(it: &Transient) -> f64 {
+    let scales = Scales::of(&scene_a().0);
+    let bars = it.moments.iter().flat_map(|moments| {
+        let pairs = moments.named().into_iter().zip(scales.each(moments));
+        pairs.filter_map(|((_, number), scale)| Some(number?.error / scale))
+    });
+    bars.fold(0.0, f64::max)
+}
+
+#[test]
+fn every_bar_is_within_the_tolerance_and_reaches_the_truth() {
+    for tolerance in [1e-2, 1e-3] {
+        let it = solve(&Settings {
+            tolerance,
+            ..Settings::default()
+        });
+        println!(
+            "{tolerance:e}: {:?} cells, {} steps, largest bar {:.1e}; {}",
+            it.method.cells,
+            it.method.steps,
+            largest_bar(&it),
+            it.method.reason
+        );
+        assert!(it.shortfall.is_none(), "{:?}", it.shortfall);
+        assert!(largest_bar(&it) <= tolerance);
+        for (k, name, truth, digit) in TRUTH {
+            let named = it.moments[k].named();
+            let number = named.iter().find(|it| it.0 == name).unwrap().1.unwrap();
+            let error = (number.value - truth).abs();
+            println!(
+                "{name} at {}: error {error:.1e}, bar {:.1e}",
+                TIMES[k], number.error
+            );
+            assert!(error <= number.error + digit, "{name} at {}", TIMES[k]);
+        }
+    }
+}
+
+#[test]
+fn cells_and_steps_of_the_user_are_not_refined_and_the_bar_says_what_they_are_worth() {
+    let it = solve(&Settings {
+        tolerance: 1e-5,
+        cells: Some([120, 80]),
+        step: Some(1.0),
+        ..Settings::default()
+    });
+    assert_eq!(it.method.cells, [120, 80]);
+    let shortfall = it.shortfall.unwrap();
+    assert!(!shortfall.free && shortfall.ratio > 1.0, "{shortfall}");
+}
+
+#[test]
+fn a_limit_of_memory_ends_refinement_with_its_name_and_the_best_so_far() {
+    let (oscillator, start) = scene_a();
+    let free = Settings {
+        tolerance: 1e-4,
+        ..Settings::default()
+    };
+    let (size, _) = cost(&oscillator, &start, Task::Transient(&TIMES), &free).unwrap();
+    let it = solve(&Settings {
+        max_memory: size.memory + size.memory / 20,
+        ..free
+    });
+    let shortfall = it
+        .shortfall
+        .expect("kurtosis of a narrow force needs more cells");
+    println!("{shortfall}");
+    assert!(shortfall.free && shortfall.reason.contains("max_memory"));
+    assert_eq!(it.method.cells, size.cells);
+}
+
+#[test]
+fn a_decay_rate_is_as_accurate_as_its_tolerance_asks() {
+    let (oscillator, _) = scene_a();
+    for tolerance in [1e-2, 1e-4] {
+        let settings = Settings {
+            tolerance,
+            ..Settings::default()
+        };
+        let it = decay_rates(&oscillator, 2, &settings).unwrap();
+        println!("{tolerance:e}: {:?}", it);
+        assert!(it.shortfall.is_none() && it.rates.len() == 2);
+        for (rate, truth) in it.rates.iter().zip([-0.008834, -0.017142]) {
+            assert!(rate.error <= tolerance * rate.re.abs());
+            assert!((rate.re - truth).abs() <= rate.error + 1e-6, "{rate:?}");
+        }
+    }
+}
+
+#[test]
+fn a_tolerance_that_upwind_cannot_reach_ends_with_status_3_and_its_results() {
+    let folder = std::env::temp_dir().join(format!("vibroimpact-tolerance-{}", std::process::id()));
+    let run = |cells: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+        command.args(["run", "overdamped", "--force", "--out"]);
+        command.arg(&folder);
+        for set in ["method.drift=\"upwind\"", "monte_carlo.paths=10"] {
+            command.args(["--set", set]);
+        }
+        command.args(cells);
+        let it = command.output().unwrap();
+        (
+            it.status.code(),
+            String::from_utf8_lossy(&it.stdout).into_owned(),
+        )
+    };
+    let (status, table) = run(&[]);
+    assert_eq!(status, Some(3), "{table}");
+    assert!(table.contains("TOLERANCE NOT REACHED"), "{table}");
+    let all = std::fs::read_to_string(folder.join("results.json")).unwrap();
+    assert!(all.contains("\"transient\"") && all.contains("is not met"));
+    // Cells of the user are the user's: a warning, and no complaint.
+    let (status, table) = run(&["--set", "method.cells=[40, 30]"]);
+    assert_eq!(status, Some(0), "{table}");
+    assert!(table.contains("is not met"), "{table}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
