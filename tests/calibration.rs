@@ -24,7 +24,11 @@ fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the
         if let End::Refused(why) = &run.end {
             let case = cases.iter().find(|it| it.number == run.scene).unwrap();
             let rest = case.scene.initial == Initial::Rest;
-            assert!(rest && why.contains("not available"), "{}: {why}", run.scene);
+            assert!(
+                rest && why.contains("not available"),
+                "{}: {why}",
+                run.scene
+            );
         }
     }
     for it in calibration.verdicts() {

@@ -106,7 +106,9 @@ fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
             "kurtosis_force" => 4,
             _ => 0,
         };
-        let large = named[i].1.map_or(0.0, |number| number.value.abs() / scale[i]);
+        let large = named[i]
+            .1
+            .map_or(0.0, |number| number.value.abs() / scale[i]);
         outside[i] * narrower.powi(power).max(large).max(1.0)
     })
 }
@@ -183,7 +185,11 @@ impl Bars {
         let mut worst = (0.0, 0, 0);
         for (k, scale) in self.scales.iter().enumerate() {
             for (i, scale) in scale.iter().enumerate() {
-                let here = part(k, i) / scale;
+                // A number that is 0 without error has no scale where the scale is its value.
+                let here = match part(k, i) {
+                    0.0 => 0.0,
+                    part => part / scale,
+                };
                 if here > worst.0 || here.is_nan() {
                     worst = (here, k, i);
                 }

@@ -156,11 +156,13 @@ pub(super) fn refined(
                 shorter = wanted.clamp(1.25, if finer > 1.0 { finer.max(1.25) } else { 2.0 });
             }
             if finer == 1.0 && shorter == 1.0 {
-                let fixed = if space_free { "step" } else { "cells" };
-                return Ok(Next::Stop(
-                    format!("method.{fixed} is that of the scene"),
-                    false,
-                ));
+                // Nothing is fixed: the box, or a bar that is no number, of which refinement knows nothing.
+                let (text, free) = match (space_free, time_free) {
+                    (true, true) => ("neither cells nor steps are what it lacks", true),
+                    (true, false) => ("method.step is that of the scene", false),
+                    (false, _) => ("method.cells is that of the scene", false),
+                };
+                return Ok(Next::Stop(text.into(), free));
             }
             if rounds >= 3 && search.stalled() {
                 let text = "finer meshes change it no more: that is rounding".to_string();
