@@ -114,6 +114,29 @@ fn undershoot(moments: &Moments, g: &[f64], observables: &Observables) -> [f64; 
     std::array::from_fn(|k| change(k).unwrap_or(0.0))
 }
 
+/// Refuses outputs that are no densities.
+fn believable(
+    outputs: &[Output],
+    step: f64,
+    domain: &Domain,
+    temperature: f64,
+    mesh: &Mesh,
+) -> Result<()> {
+    if let Some(o) = outputs.iter().find(|o| !o.mass.is_finite()) {
+        return Err(Error::Mesh {
+            what: format!(
+                "the density grew without bound with steps of {step:.2e} up to t = {}",
+                o.t
+            ),
+            help: "a smaller method.step, or more method.cells".into(),
+        });
+    }
+    match outputs.iter().find(|o| o.negative > NO_DENSITY) {
+        Some(o) => Err(lost(o, domain, temperature, mesh)),
+        None => Ok(()),
+    }
+}
+
 /// A run whose density is none.
 fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
     let [nq, nv] = mesh.cells();
@@ -351,7 +374,7 @@ impl Task<'_> {
             if now < t && settled.is_none() {
                 let mut watch = |done: f64, density: &Density| {
                     looks += 1;
-                    if looks % every > 0 {
+                    if !looks.is_multiple_of(every) {
                         return Ok(true);
                     }
                     progress((now + done) / until);
@@ -370,18 +393,7 @@ impl Task<'_> {
             });
         }
         let step = propagator.step();
-        if let Some(o) = outputs.iter().find(|o| !o.mass.is_finite()) {
-            return Err(Error::Mesh {
-                what: format!(
-                    "the density grew without bound with steps of {step:.2e} up to t = {}",
-                    o.t
-                ),
-                help: "a smaller method.step, or more method.cells".into(),
-            });
-        }
-        if let Some(o) = outputs.iter().find(|o| o.negative > NO_DENSITY) {
-            return Err(lost(o, &domain, oscillator.temperature(), &mesh));
-        }
+        believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
         Ok(Run {
             outputs,
             steps: opened + propagator.steps(),
@@ -438,6 +450,17 @@ impl Task<'_> {
         })
     }
 
+    /// What the boxes leave out or let go.
+    fn outside(&self, fine: &Run, coarse: &Run) -> f64 {
+        let outside = fine.domain.neglected.max(coarse.domain.neglected);
+        if self.oscillator.contact().is_confining() {
+            return outside;
+        }
+        // Open edges let go what comes to them, again and again.
+        let all = fine.outputs.iter().chain(&coarse.outputs);
+        all.map(|o| (1.0 - o.mass).abs()).fold(outside, f64::max)
+    }
+
     /// Joins two runs: the fine one's numbers, with the errors that `difference` says (of number i at
     /// time k, from the fine and the coarse value) and what the box leaves out.
     fn report(
@@ -450,17 +473,7 @@ impl Task<'_> {
     ) -> Transient {
         let scales = Scales::of(self.oscillator);
         let confining = self.oscillator.contact().is_confining();
-        let mut outside = fine.domain.neglected.max(coarse.domain.neglected);
-        if !confining {
-            // Open edges let go what comes to them, again and again.
-            let gone = |run: &Run| {
-                run.outputs
-                    .iter()
-                    .map(|o| (1.0 - o.mass).abs())
-                    .fold(0.0, f64::max)
-            };
-            outside = outside.max(gone(&fine)).max(gone(coarse));
-        }
+        let outside = self.outside(&fine, coarse);
         let weight = fine.domain.tail_weight(self.oscillator.temperature());
         let mut moments = Vec::new();
         let mut unmet: Option<(f64, &str, f64)> = None;

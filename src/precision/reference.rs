@@ -51,7 +51,7 @@ pub struct Errors {
 /// A density to compare with.
 enum Shape {
     Exact(Gaussian),
-    Fine(Density),
+    Fine(Box<Density>),
 }
 
 struct Answers {
@@ -120,7 +120,7 @@ impl Reference {
         let answers = |it: Answer| -> Option<Answers> {
             let numbers = Numbers::of(&it.moments);
             Some(Answers {
-                shape: Shape::Fine(it.density?),
+                shape: Shape::Fine(Box::new(it.density?)),
                 numbers,
             })
         };
