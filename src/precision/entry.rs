@@ -79,7 +79,7 @@ const LONG: f64 = 0.5;
 /// Seconds of repetitions of one entry.
 const REPEATED: f64 = 0.4;
 
-/// Runs of one entry.
+/// Fewest and most runs of one entry; two of one that takes long.
 const RUNS: (u32, u32) = (3, 7);
 
 /// Runs the methods on a case; `watch` is told every entry. An entry that fails stops nothing.
@@ -151,6 +151,7 @@ fn entry(
     let (answer, first) = timed(1)?;
     let runs = match effort {
         Effort::Quick => 1,
+        Effort::Full if first > LONG => 2,
         Effort::Full => ((REPEATED / first) as u32).clamp(RUNS.0, RUNS.1),
     };
     let mut errors = vec![reference.errors(method, &answer)];
