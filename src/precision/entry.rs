@@ -11,7 +11,7 @@ use std::time::Instant;
 /// How much is run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
-    /// The two coarsest levels, once, against coarse references: for tests.
+    /// Two coarse levels, once, against coarse references: for tests.
     Quick,
     /// Everything.
     Full,
@@ -73,8 +73,9 @@ pub struct Survey {
     pub seconds: f64,
 }
 
-/// A level is not begun if the one before took longer, in seconds: the next may take eight times that.
-const LONG: f64 = 0.5;
+/// A level is not begun if the one before took longer, in processor seconds: the next may take eight times
+/// that.
+const LONG: f64 = 0.8;
 
 /// Seconds of repetitions of one entry.
 const REPEATED: f64 = 0.4;
@@ -108,13 +109,16 @@ pub fn survey(
     for method in methods {
         let mut levels = method.levels();
         if effort == Effort::Quick {
+            // Beyond the coarsest, which may not hold the start.
+            let skipped = levels.len().saturating_sub(4).min(2);
+            levels.drain(..skipped);
             levels.truncate(2);
         }
         for level in levels {
             match entry(case, *method, &level, effort, &reference) {
                 Ok(entry) => {
                     watch(&entry);
-                    let slow = entry.seconds[0] > LONG;
+                    let slow = entry.processor > LONG;
                     entries.push(entry);
                     if slow {
                         break;
