@@ -225,7 +225,8 @@ pub(super) fn is_narrow(
         }
         let neglected = neglected(settings.tolerance);
         let domain = Domain::closed(oscillator, initial, neglected)?;
-        // The coarse run has to hold it too.
+        // Refused in the user's own numbers; and the coarse run has to hold it too.
+        mesh_on(oscillator, domain, None, drift, settings, 1.0)?;
         let (mesh, _) = mesh_on(oscillator, domain, None, drift, settings, 0.75)?;
         let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
         let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];

@@ -74,7 +74,7 @@ pub fn cases() -> Result<Vec<Case>> {
             "linear",
             "G = q, zeta = 0.05, T = 0.25, t = 4 pi",
             (ContactLaw::Linear, 0.05, 0.025 / PI),
-            ([1.0, 0.0], [0.2; 2]),
+            ([1.0, 0.0], [0.3; 2]),
             4.0 * PI,
         )?,
         Case::new(

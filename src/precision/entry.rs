@@ -11,7 +11,7 @@ use std::time::Instant;
 /// How much is run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
-    /// The two coarsest levels, once, against coarse references: for tests.
+    /// Two coarse levels, once, against coarse references: for tests.
     Quick,
     /// Everything.
     Full,
@@ -73,13 +73,14 @@ pub struct Survey {
     pub seconds: f64,
 }
 
-/// A level is not begun if the one before took longer, in seconds: the next may take eight times that.
-const LONG: f64 = 0.5;
+/// A level is not begun if the one before took longer, in processor seconds: the next may take eight times
+/// that.
+const LONG: f64 = 0.8;
 
 /// Seconds of repetitions of one entry.
 const REPEATED: f64 = 0.4;
 
-/// Runs of one entry.
+/// Fewest and most runs of one entry; two of one that takes long.
 const RUNS: (u32, u32) = (3, 7);
 
 /// Runs the methods on a case; `watch` is told every entry. An entry that fails stops nothing.
@@ -108,13 +109,16 @@ pub fn survey(
     for method in methods {
         let mut levels = method.levels();
         if effort == Effort::Quick {
+            // Beyond the coarsest, which may not hold the start.
+            let skipped = levels.len().saturating_sub(4).min(2);
+            levels.drain(..skipped);
             levels.truncate(2);
         }
         for level in levels {
             match entry(case, *method, &level, effort, &reference) {
                 Ok(entry) => {
                     watch(&entry);
-                    let slow = entry.seconds[0] > LONG;
+                    let slow = entry.processor > LONG;
                     entries.push(entry);
                     if slow {
                         break;
@@ -151,6 +155,7 @@ fn entry(
     let (answer, first) = timed(1)?;
     let runs = match effort {
         Effort::Quick => 1,
+        Effort::Full if first > LONG => 2,
         Effort::Full => ((REPEATED / first) as u32).clamp(RUNS.0, RUNS.1),
     };
     let mut errors = vec![reference.errors(method, &answer)];

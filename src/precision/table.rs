@@ -108,8 +108,16 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
                 last.errors.diffusion,
             );
         }
-        for (method, why) in &survey.failures {
-            let _ = writeln!(all, "\n{method}: {why}");
+        let mut failed: Vec<Method> = survey.failures.iter().map(|it| it.0).collect();
+        failed.dedup();
+        for method in failed {
+            let levels = || survey.failures.iter().filter(|it| it.0 == method);
+            let why = levels().next().map_or("", |it| it.1.as_str());
+            let _ = writeln!(
+                all,
+                "\n{method}: {} levels refused: {why}",
+                levels().count()
+            );
         }
         all.push('\n');
     }

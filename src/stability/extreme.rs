@@ -1,5 +1,8 @@
 //! The scenes: each at an edge of what can be asked, as the TOML a user would write.
 
+// Tables of scenes, a line or two each.
+#![allow(clippy::too_many_lines)]
+
 use super::yardstick::Against;
 use std::f64::consts::PI;
 

@@ -30,8 +30,8 @@ use std::time::{Duration, Instant};
 /// Runs the scenes one after the other; `watch` is told each row. A scene that neither ends nor stops at
 /// three times its limit is left behind on its thread.
 pub fn run(scenes: Vec<Extreme>, watch: &dyn Fn(&Row)) -> Vec<Row> {
-    let one = |extreme| {
-        let row = run_one(extreme);
+    let one = |extreme: Extreme| {
+        let row = run_one(&extreme);
         watch(&row);
         row
     };
@@ -47,7 +47,7 @@ enum Outcome {
     Unread(String),
 }
 
-fn run_one(extreme: Extreme) -> Row {
+fn run_one(extreme: &Extreme) -> Row {
     let clock = Instant::now();
     let (send, receive) = channel();
     let job = extreme.clone();
@@ -65,10 +65,10 @@ fn run_one(extreme: Extreme) -> Row {
         Ok((outcome, extreme)) => verdict::row(&extreme, outcome, seconds),
         Err(RecvTimeoutError::Timeout) => {
             let message = format!("neither ended nor stopped within {seconds:.0} s");
-            verdict::lost(&extreme, Verdict::Late, message, seconds)
+            verdict::lost(extreme, Verdict::Late, message, seconds)
         }
         Err(RecvTimeoutError::Disconnected) => {
-            verdict::lost(&extreme, Verdict::Panicked, "it panicked".into(), seconds)
+            verdict::lost(extreme, Verdict::Panicked, "it panicked".into(), seconds)
         }
     }
 }

@@ -43,16 +43,14 @@ pub enum Against {
 impl fmt::Display for Against {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Gaussian => "closed form",
+            Self::Gaussian | Self::LinearRates => "closed form",
             Self::Flight => "closed form of flight",
-            Self::Stationary => "stationary law",
+            Self::Stationary | Self::Steady => "stationary law",
             Self::Start => "the start",
             Self::Paths => "Monte Carlo",
             Self::Other(overrides) => return f.write_str(&overrides.join(", ")),
             Self::EnergyLaw => "energy law",
             Self::FlightTail => "tail in closed form",
-            Self::LinearRates => "closed form",
-            Self::Steady => "stationary law",
             Self::Refusal => "to be refused",
         })
     }

@@ -130,7 +130,11 @@ fn spectrum(run: &Run, on_the_rig: bool) -> Result<Option<Chart>> {
     let oscillator = &run.results.scene.oscillator;
     let curve = magnitude(oscillator, on_the_rig)?;
     let words = "Fokker-Planck";
-    Ok(Some(spectra(run, on_the_rig, vec![Curve::new(words, Ink::Blue, Stroke::Line, curve)])))
+    Ok(Some(spectra(
+        run,
+        on_the_rig,
+        vec![Curve::new(words, Ink::Blue, Stroke::Line, curve)],
+    )))
 }
 
 /// Hertz as a thin line and the bilinear law (34) as a thick one, as in Figure 13.
@@ -167,7 +171,11 @@ fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {
     let (x_label, y_label, end) = if on_the_rig {
         ("frequency, Hz", "RMS magnitude, N/\u{221a}Hz", 1000.0)
     } else {
-        ("dimensionless circular frequency, \u{3d6}", "RMS magnitude of N", 4.4)
+        (
+            "dimensionless circular frequency, \u{3d6}",
+            "RMS magnitude of N",
+            4.4,
+        )
     };
     Chart {
         title: run.label.clone(),

@@ -31,7 +31,13 @@ pub fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
         max_seconds: SECONDS,
         ..Settings::default()
     };
-    fokker_planck::spectrum(oscillator, Quantity::Force, &frequencies(oscillator.zeta()), &settings, &|_| ())
+    fokker_planck::spectrum(
+        oscillator,
+        Quantity::Force,
+        &frequencies(oscillator.zeta()),
+        &settings,
+        &|_| (),
+    )
 }
 
 /// Frequencies 0.01 apart, and closer about 1, where a weakly driven oscillator has its peak of width
@@ -114,5 +120,9 @@ fn half_power(it: &Spectrum, peak: usize) -> Option<Estimate> {
     // Lines between frequencies cut the curve short by a quarter of a spacing at most.
     let spacing = it.omega[above + 1] - it.omega[above];
     let centre = it.omega[peak];
-    Some(Estimate::new(0.5 * width / centre, 0.25 * spacing / centre, Origin::Space))
+    Some(Estimate::new(
+        0.5 * width / centre,
+        0.25 * spacing / centre,
+        Origin::Space,
+    ))
 }
