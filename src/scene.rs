@@ -307,13 +307,11 @@ struct NotYet {
 
 /// Everything the scene format knows and this version cannot compute. A line goes when its computation
 /// comes.
-const NOT_YET: &[NotYet] = &[
-    NotYet {
-        key: "outputs.first_loss",
-        asked: |scene| scene.outputs.first_loss.is_some(),
-        instead: "leave it out; outputs.stationary gives the rate of loss",
-    },
-];
+const NOT_YET: &[NotYet] = &[NotYet {
+    key: "outputs.first_loss",
+    asked: |scene| scene.outputs.first_loss.is_some(),
+    instead: "leave it out; outputs.stationary gives the rate of loss",
+}];
 
 impl Scene {
     /// The stationary law of `oscillator`, and nothing else.

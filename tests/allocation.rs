@@ -41,8 +41,7 @@ fn no_step_allocates() {
             allocations(|| drop(std::hint::black_box(vec![1.0; 10]))) > 0,
             "the count sees nothing"
         );
-        let mut flow =
-            FlowMap::new(&oscillator, &mesh(1), FlowMapSettings::default()).unwrap();
+        let mut flow = FlowMap::new(&oscillator, &mesh(1), FlowMapSettings::default()).unwrap();
         let mut density = flow.start(&start).unwrap();
         flow.advance(&mut density, 20.0).unwrap();
         let before = flow.progress().passes;

@@ -294,7 +294,9 @@ fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair()
         let steps = (case.until / chebyshev.longest_step()).ceil();
         for _ in 0..steps as usize {
             let dt = case.until / steps;
-            chebyshev.march(&mut cells, dt, 0.6 * tolerance / steps).unwrap();
+            chebyshev
+                .march(&mut cells, dt, 0.6 * tolerance / steps)
+                .unwrap();
         }
         let error = distance(&cells, exact.cells());
         let mut best = (u64::MAX, f64::INFINITY, 0);
@@ -356,7 +358,10 @@ fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
                 shortest = shortest.min(last / before);
             }
         }
-        println!("{}: last step at least {shortest:.2} of the one before", time.name());
+        println!(
+            "{}: last step at least {shortest:.2} of the one before",
+            time.name()
+        );
         assert!(shortest > 0.45, "{}", time.name());
     }
 }
@@ -376,7 +381,9 @@ fn rough_data_need_no_low_order_steps_of_an_l_stable_scheme() {
         let mut scheme = Radau::new(&case.generator, Solver::Direct);
         let mut cells = case.start.cells().to_vec();
         for _ in 0..steps {
-            scheme.march(&mut cells, case.until / f64::from(steps), 0.0).unwrap();
+            scheme
+                .march(&mut cells, case.until / f64::from(steps), 0.0)
+                .unwrap();
         }
         errors.push(distance(&cells, exact.cells()));
     }

@@ -98,7 +98,16 @@ fn cases() -> Vec<Case> {
     use ContactLaw::{Bilinear, Free, Hertz, Linear};
     const LAWS: [ContactLaw; 8] = [Hertz, Bilinear, Hertz, Linear, Hertz, Bilinear, Hertz, Free];
     const KINDS: [&str; 11] = [
-        "wide", "rest", "wide", "narrow", "displaced", "wide", "narrow", "stationary", "displaced", "rest",
+        "wide",
+        "rest",
+        "wide",
+        "narrow",
+        "displaced",
+        "wide",
+        "narrow",
+        "stationary",
+        "displaced",
+        "rest",
         "wide",
     ];
     let mut draw = Draw(2026);
@@ -393,9 +402,16 @@ fn stored() -> BTreeMap<usize, String> {
 fn write_truths() {
     let cases = cases();
     let scenes: String = (1..).zip(&cases).map(|(k, it)| it.csv(k)).collect();
-    fs::write(folder().join("scenes.csv"), ABOUT_SCENES.to_owned() + &scenes).unwrap();
+    fs::write(
+        folder().join("scenes.csv"),
+        ABOUT_SCENES.to_owned() + &scenes,
+    )
+    .unwrap();
     let wanted: Vec<usize> = match std::env::var("SCENES") {
-        Ok(list) => list.split_whitespace().map(|it| it.parse().unwrap()).collect(),
+        Ok(list) => list
+            .split_whitespace()
+            .map(|it| it.parse().unwrap())
+            .collect(),
         Err(_) => (1..=cases.len()).collect(),
     };
     let (next, lines) = (AtomicUsize::new(0), Mutex::new(stored()));

@@ -462,7 +462,10 @@ mod tests {
         let verdict = it.verdicts()[0];
         assert_eq!((verdict.numbers, verdict.left_out), (5, 1));
         assert_eq!((verdict.too_small, verdict.unsaid), (1, 1));
-        assert_eq!((verdict.answered, verdict.short, verdict.stopped), (2, 1, 1));
+        assert_eq!(
+            (verdict.answered, verdict.short, verdict.stopped),
+            (2, 1, 1)
+        );
         assert_eq!(verdict.median, 3.0);
         assert!(!verdict.holds() && it.wrong().len() == 1);
         let nothing = number(f64::NAN, 1.0, 1e-9);

@@ -25,7 +25,7 @@ pub struct Evidence<'a> {
     runs: &'a [Run],
     draws: RefCell<BTreeMap<String, Draws>>,
     restarts: RefCell<BTreeMap<String, [f64; 3]>>,
-    spectra: Spectra,
+    spectra: &'a Spectra,
 }
 
 const STATISTICS: [&str; 3] = ["mean", "std", "skewness"];
@@ -35,13 +35,13 @@ const RECORDS: f64 = 400.0;
 
 impl<'a> Evidence<'a> {
     /// For one folder and its runs.
-    pub fn new(folder: &'a Path, runs: &'a [Run]) -> Self {
+    pub fn new(folder: &'a Path, runs: &'a [Run], spectra: &'a Spectra) -> Self {
         Self {
             folder,
             runs,
             draws: RefCell::default(),
             restarts: RefCell::default(),
-            spectra: Spectra::default(),
+            spectra,
         }
     }
 
@@ -70,7 +70,13 @@ impl<'a> Evidence<'a> {
         if let Some(which) = kind.strip_prefix("damping.") {
             return damping::number(self.folder, which);
         }
-        let unknown = || Error::invalid("computed", path, "a kind of number of src/validation/evidence.rs");
+        let unknown = || {
+            Error::invalid(
+                "computed",
+                path,
+                "a kind of number of src/validation/evidence.rs",
+            )
+        };
         if let Some(which) = kind.strip_prefix("density.") {
             let run = self.runs.iter().find(|run| run.label == keys);
             let [worst, chi_square] = run
@@ -94,8 +100,14 @@ impl<'a> Evidence<'a> {
         }
         if let Some(which) = kind.strip_prefix("rest-records.") {
             let k = STATISTICS.iter().position(|it| *it == which);
-            let it = self.rest_records(path, &keys)?.spread(k.ok_or_else(unknown)?);
-            return Ok(Estimate::new(it.value, it.error / RECORDS.sqrt(), Origin::Sampling));
+            let it = self
+                .rest_records(path, &keys)?
+                .spread(k.ok_or_else(unknown)?);
+            return Ok(Estimate::new(
+                it.value,
+                it.error / RECORDS.sqrt(),
+                Origin::Sampling,
+            ));
         }
         if let Some(which) = kind.strip_prefix("spectrum.") {
             let oscillator = keys.oscillator()?;

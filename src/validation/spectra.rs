@@ -9,11 +9,13 @@ use crate::fokker_planck::{self, Settings, Spectrum};
 use crate::oscillator::{Oscillator, Quantity};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
-/// Spectra that have been computed, by what they are of.
+/// Spectra of the force that have been computed, by oscillator: numbers and pictures of several folders
+/// ask for the same ones.
 #[derive(Default)]
 pub struct Spectra {
-    done: RefCell<BTreeMap<String, Spectrum>>,
+    done: RefCell<BTreeMap<String, Rc<Spectrum>>>,
 }
 
 /// Relative error asked of every value: below the width of a line in the pictures.
@@ -21,17 +23,19 @@ const TOLERANCE: f64 = 1e-2;
 /// Seconds for one spectrum.
 const SECONDS: f64 = 60.0;
 
-/// The spectrum of the force up to 4.4, a little more than the paper's 1 kHz over 232 Hz.
-///
-/// # Errors
-/// Those of [`fokker_planck::spectrum`].
-pub fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
+fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
     let settings = Settings {
         tolerance: TOLERANCE,
         max_seconds: SECONDS,
         ..Settings::default()
     };
-    fokker_planck::spectrum(oscillator, Quantity::Force, &frequencies(oscillator.zeta()), &settings, &|_| ())
+    fokker_planck::spectrum(
+        oscillator,
+        Quantity::Force,
+        &frequencies(oscillator.zeta()),
+        &settings,
+        &|_| (),
+    )
 }
 
 /// Frequencies 0.01 apart, and closer about 1, where a weakly driven oscillator has its peak of width
@@ -47,27 +51,34 @@ fn frequencies(zeta: f64) -> Vec<f64> {
 }
 
 impl Spectra {
-    /// `peak`, `second-peak`, `third-peak`: circular frequencies of the largest value in ]0.3, 1.5], of the
-    /// largest local one in ]1.5, 2.5] and ]2.5, 3.5]; `second-ratio`, `third-ratio`: RMS magnitude there
-    /// over that of the main peak; `half-power`: half the relative width of the main peak at half its
-    /// power, which is the damping ratio of a linear oscillator; `zero`: the value at zero frequency over
-    /// 2h, 1 in theory. None for another name, or a peak that is not there.
+    /// The spectrum of the force up to 4.4, a little more than the paper's 1 kHz over 232 Hz.
     ///
     /// # Errors
-    /// Those of [`spectrum`].
-    pub fn number(&self, oscillator: &Oscillator, which: &str) -> Result<Option<Estimate>> {
+    /// Those of [`fokker_planck::spectrum`].
+    pub fn of(&self, oscillator: &Oscillator) -> Result<Rc<Spectrum>> {
         let address = format!("{oscillator:?}");
-        if !self.done.borrow().contains_key(&address) {
-            let it = spectrum(oscillator)?;
-            self.done.borrow_mut().insert(address.clone(), it);
+        if let Some(it) = self.done.borrow().get(&address) {
+            return Ok(Rc::clone(it));
         }
-        let done = self.done.borrow();
-        let Some(it) = done.get(&address) else {
-            return Ok(None);
-        };
-        let main = highest(it, 0.3, 1.5);
+        let it = Rc::new(spectrum(oscillator)?);
+        self.done.borrow_mut().insert(address, Rc::clone(&it));
+        Ok(it)
+    }
+
+    /// `peak`: circular frequency of the largest local maximum in ]0.3, 1.5]; `second-peak`, `third-peak`: the
+    /// same in 1.5 to 2.5 and 2.5 to 3.5 times that; `second-ratio`, `third-ratio`: RMS magnitude there over
+    /// that of the main peak; `half-power`: half the relative width of the main peak at half its
+    /// power, which is the damping ratio of a linear oscillator; `zero`: the value at zero frequency over
+    /// 2h, 1 in theory. None for another name.
+    ///
+    /// # Errors
+    /// Those of [`Spectra::of`].
+    pub fn number(&self, oscillator: &Oscillator, which: &str) -> Result<Option<Estimate>> {
+        let it = self.of(oscillator)?;
+        let main = highest(&it, 0.3, 1.5);
+        let first = main.map_or(1.0, |k| it.omega[k]);
         let bands = [(1.5, 2.5), (2.5, 3.5)];
-        let [second, third] = bands.map(|(from, to)| highest(it, from, to));
+        let [second, third] = bands.map(|(from, to)| highest(&it, from * first, to * first));
         let place = |peak: Option<usize>| {
             let k = peak?;
             let step = (it.omega[k + 1] - it.omega[k - 1]) * 0.5;
@@ -85,20 +96,26 @@ impl Spectra {
             "third-peak" => place(third),
             "second-ratio" => ratio(second),
             "third-ratio" => ratio(third),
-            "half-power" => main.and_then(|k| half_power(it, k)),
+            "half-power" => main.and_then(|k| half_power(&it, k)),
             "zero" => it.density.first().map(|p| p.scaled(0.5 / oscillator.h())),
             _ => None,
         })
     }
 }
 
-/// The local maximum with the largest value between two frequencies.
+/// The local maximum with the largest value between two frequencies; where there is none, the shoulder:
+/// the place where ln G is least steep.
 fn highest(it: &Spectrum, from: f64, to: f64) -> Option<usize> {
     let value = |k: usize| it.density[k].value;
-    (1..it.omega.len() - 1)
-        .filter(|k| it.omega[*k] > from && it.omega[*k] <= to)
+    let inside = || (1..it.omega.len() - 1).filter(|k| it.omega[*k] > from && it.omega[*k] <= to);
+    let slope = |k: usize| {
+        let rise = (value(k + 1) / value(k - 1)).ln();
+        (rise / (it.omega[k + 1] - it.omega[k - 1])).abs()
+    };
+    let maximum = inside()
         .filter(|k| value(*k) >= value(k - 1) && value(*k) >= value(k + 1))
-        .max_by(|a, b| value(*a).total_cmp(&value(*b)))
+        .max_by(|a, b| value(*a).total_cmp(&value(*b)));
+    maximum.or_else(|| inside().min_by(|a, b| slope(*a).total_cmp(&slope(*b))))
 }
 
 /// Half the width at half the power over the frequency of the peak.
@@ -114,5 +131,9 @@ fn half_power(it: &Spectrum, peak: usize) -> Option<Estimate> {
     // Lines between frequencies cut the curve short by a quarter of a spacing at most.
     let spacing = it.omega[above + 1] - it.omega[above];
     let centre = it.omega[peak];
-    Some(Estimate::new(0.5 * width / centre, 0.25 * spacing / centre, Origin::Space))
+    Some(Estimate::new(
+        0.5 * width / centre,
+        0.25 * spacing / centre,
+        Origin::Space,
+    ))
 }

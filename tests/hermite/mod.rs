@@ -398,8 +398,7 @@ fn payoffs(
 ) -> [Vec<f64>; 8] {
     let degree = nodes.len() - 1;
     let loss = contact.loss_point().unwrap_or(f64::NEG_INFINITY);
-    let mut it: [Vec<f64>; 8] =
-        std::array::from_fn(|_| vec![0.0; (edges.len() - 1) * degree + 1]);
+    let mut it: [Vec<f64>; 8] = std::array::from_fn(|_| vec![0.0; (edges.len() - 1) * degree + 1]);
     for (e, ends) in edges.windows(2).enumerate() {
         let (a, b) = (ends[0], ends[1]);
         let lost = f64::from(u8::from(b <= loss));
