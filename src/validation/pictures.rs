@@ -28,7 +28,7 @@ pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
         "figure-2" | "figure-5" => charts_of(&|run| spectrum(run, known, true))?,
         "figure-10" | "figure-11" | "figure-12" => charts_of(&|run| spectrum(run, known, false))?,
         "figure-13" => charts_of(&|run| both_laws(run, known))?,
-        "approach" => charts_of(&approach)?,
+        "approach" => charts_of(&|run| Ok(approach(run)))?,
         _ => Vec::new(),
     };
     if panels.is_empty() {
@@ -194,10 +194,8 @@ fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {
 }
 
 /// Relative entropy, L1 distance and loss probability against time.
-fn approach(run: &Run) -> Result<Option<Chart>> {
-    let Some(it) = &run.results.transient else {
-        return Ok(None);
-    };
+fn approach(run: &Run) -> Option<Chart> {
+    let it = run.results.transient.as_ref()?;
     let log = |numbers: Vec<Option<f64>>| -> Vec<(f64, f64)> {
         let pairs = it.times.iter().zip(numbers);
         let pairs = pairs.filter_map(|(t, y)| Some((*t, y.filter(|y| *y > 0.0)?.log10())));
@@ -232,7 +230,7 @@ fn approach(run: &Run) -> Result<Option<Chart>> {
             vec![(0.0, y), (end, y)],
         ));
     }
-    Ok(Some(Chart {
+    Some(Chart {
         title: run.label.clone(),
         x_label: "\u{3c4}".into(),
         y_label: "distance to (21)".into(),
@@ -240,5 +238,5 @@ fn approach(run: &Run) -> Result<Option<Chart>> {
         y: (-7.0, 1.5),
         log: true,
         curves,
-    }))
+    })
 }
