@@ -233,7 +233,7 @@ fn approach(run: &Run) -> Option<Chart> {
     Some(Chart {
         title: run.label.clone(),
         x_label: "\u{3c4}".into(),
-        y_label: "distance to (21)".into(),
+        y_label: "distance to (21), probability".into(),
         x: (0.0, end),
         y: (-7.0, 1.5),
         log: true,

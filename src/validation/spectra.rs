@@ -44,6 +44,8 @@ fn frequencies(zeta: f64) -> Vec<f64> {
     let mut all: Vec<f64> = (0..=440).map(|k| 0.01 * f64::from(k)).collect();
     // A tenth of the half-power width over four widths to either side.
     all.extend((-80..=40).map(|k| 1.0 + 0.2 * zeta * f64::from(k)));
+    // The second peak is twice as wide at small levels, and shifts down by tenths at large ones.
+    all.extend((-100..=20).map(|k| 2.0 + 0.4 * zeta * f64::from(k)));
     all.retain(|w| *w >= 0.0);
     all.sort_by(f64::total_cmp);
     all.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
@@ -85,9 +87,11 @@ impl Spectra {
             Some(Estimate::new(it.omega[k], step, Origin::Space))
         };
         let ratio = |peak: Option<usize>| {
-            let (a, b) = (it.density[peak?], it.density[main?]);
+            let (p, m) = (peak?, main?);
+            let (a, b) = (it.density[p], it.density[m]);
             let value = (a.value / b.value).sqrt();
-            let relative = 0.5 * (a.error / a.value + b.error / b.value);
+            let between = rise(&it, p) + rise(&it, m);
+            let relative = 0.5 * (a.error / a.value + b.error / b.value + between);
             Some(Estimate::new(value, relative * value, Origin::Space))
         };
         Ok(match which {
@@ -116,6 +120,18 @@ fn highest(it: &Spectrum, from: f64, to: f64) -> Option<usize> {
         .filter(|k| value(*k) >= value(k - 1) && value(*k) >= value(k + 1))
         .max_by(|a, b| value(*a).total_cmp(&value(*b)));
     maximum.or_else(|| inside().min_by(|a, b| slope(*a).total_cmp(&slope(*b))))
+}
+
+/// How far the parabola through ln G at a frequency and its neighbours rises above it, at a maximum: what
+/// lies between the frequencies.
+fn rise(it: &Spectrum, k: usize) -> f64 {
+    let ln = |k: usize| it.density[k].value.ln();
+    let (below, here, above) = (ln(k - 1), ln(k), ln(k + 1));
+    let bend = 2.0 * here - below - above;
+    if here < below.max(above) || bend <= 0.0 {
+        return 0.0;
+    }
+    (above - below).powi(2) / (8.0 * bend)
 }
 
 /// Half the width at half the power over the frequency of the peak.
