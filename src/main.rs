@@ -467,6 +467,7 @@ fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
         Some(path) => Some(Folder::open(path, existing)?),
         None => None,
     };
+    let spectra = validation::Spectra::default();
     let mut outcomes = Vec::new();
     for folder in &folders {
         let start = std::time::Instant::now();
@@ -476,7 +477,9 @@ fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
         } else {
             ProgressDrawTarget::stderr()
         });
-        let outcome = folder.run(&|label| bar.set_message(format!("{}  {label}", folder.name)))?;
+        let outcome = folder.run(&spectra, &|label| {
+            bar.set_message(format!("{}  {label}", folder.name))
+        })?;
         bar.finish_and_clear();
         let place = target.join(&outcome.name);
         std::fs::create_dir_all(&place).map_err(|source| Error::Io {

@@ -370,8 +370,11 @@ fn every_built_in_scene_runs_when_its_size_is_cut() {
 fn commands_and_arguments_that_do_not_exist_are_refused_with_status_2() {
     let room = room("commands");
     for (arguments, word) in [
-        (&["validate"][..], "not available yet"),
-        (&["validate", "table-4", "--out", "x"], "not available yet"),
+        (&["validate"][..], "a folder of folders with a paper.csv"),
+        (
+            &["validate", "table-4", "--out", "x"],
+            "a folder with a paper.csv",
+        ),
         (&["precision", "--calibrate"], "not available yet"),
         (&["stability"], "not available yet"),
         (&["rnu"], "rnu"),

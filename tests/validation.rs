@@ -6,7 +6,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use vibroimpact::validation::{self, Folder, Outcome, equations, readme};
+use vibroimpact::validation::{self, Folder, Outcome, Spectra, equations, readme};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("validation")
@@ -25,7 +25,9 @@ fn read() -> Vec<Folder> {
 
 /// The page against folders computed now.
 fn compare(folders: Vec<Folder>) {
-    let outcomes: Vec<Outcome> = folders.iter().map(|it| it.run(&|_| ()).unwrap()).collect();
+    let spectra = Spectra::default();
+    let run = |it: &Folder| it.run(&spectra, &|_| ()).unwrap();
+    let outcomes: Vec<Outcome> = folders.iter().map(run).collect();
     let numbers: usize = outcomes.iter().map(|it| it.rows.len()).sum();
     println!("{numbers} numbers of {} folders", outcomes.len());
     let differences = readme::differences(&page(), &outcomes);
@@ -76,7 +78,7 @@ fn the_page_holds_every_folder_and_every_item() {
 #[test]
 fn a_changed_number_makes_the_page_stale() {
     let table_4 = Folder::read(&root().join("table-4")).unwrap();
-    let mut outcome = table_4.run(&|_| ()).unwrap();
+    let mut outcome = table_4.run(&Spectra::default(), &|_| ()).unwrap();
     assert!(readme::differences(&page(), &[outcome.clone()]).is_empty());
     outcome.rows[1].ours.value *= 1.0 + 1e-5;
     let found = readme::differences(&page(), &[outcome.clone()]);

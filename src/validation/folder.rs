@@ -3,6 +3,7 @@
 use super::evidence::Evidence;
 use super::item::{Item, Row};
 use super::numbers::{self, COMPUTED, Name};
+use super::spectra::Spectra;
 use super::{ITEMS, pictures};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
@@ -115,11 +116,12 @@ impl Folder {
             .map_err(|error| Error::invalid(path.display().to_string(), label, error.to_string()))
     }
 
-    /// Run every scene and answer every item. `progress` is told each label before it is run.
+    /// Run every scene and answer every item. `progress` is told each label before it is run;
+    /// `spectra` keeps spectra from folder to folder.
     ///
     /// # Errors
     /// Those of the scenes; [`Error::Invalid`] for a number that does not exist.
-    pub fn run(&self, progress: &dyn Fn(&str)) -> Result<Outcome> {
+    pub fn run(&self, spectra: &Spectra, progress: &dyn Fn(&str)) -> Result<Outcome> {
         let mut runs = Vec::new();
         for label in self.labels() {
             progress(&label);
@@ -132,7 +134,7 @@ impl Folder {
             });
         }
         progress("comparing");
-        let evidence = Evidence::new(&self.path, &runs);
+        let evidence = Evidence::new(&self.path, &runs, spectra);
         let number = |name: &Name| -> Result<Estimate> {
             if name.label == COMPUTED {
                 return evidence.number(&name.path);
@@ -161,7 +163,7 @@ impl Folder {
             name: self.name.clone(),
             about: self.about.clone(),
             rows,
-            pictures: pictures::of(&self.name, &runs)?,
+            pictures: pictures::of(&self.name, &runs, spectra)?,
         })
     }
 }

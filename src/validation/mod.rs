@@ -18,6 +18,7 @@ pub mod spectra;
 
 pub use folder::{Folder, Outcome};
 pub use item::{Row, Verdict};
+pub use spectra::Spectra;
 
 use crate::error::{Error, Result};
 use std::fs;

@@ -2,6 +2,7 @@
 
 use super::cosines::Procedure;
 use super::folder::Run;
+use super::spectra::Spectra;
 use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::oscillator::Oscillator;
@@ -16,7 +17,7 @@ use crate::stationary::Stationary;
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn, [`crate::Error::NoStationaryLaw`] for the
 /// density of a force that has none.
-pub fn of(folder: &str, runs: &[Run]) -> Result<Vec<File>> {
+pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
     let charts_of = |each: &dyn Fn(&Run) -> Result<Option<Chart>>| -> Result<Vec<Chart>> {
         let all = runs.iter().map(each);
         all.filter_map(Result::transpose).collect()
@@ -24,10 +25,10 @@ pub fn of(folder: &str, runs: &[Run]) -> Result<Vec<File>> {
     let panels = match folder {
         "figure-3" | "figure-6" | "figure-8" | "figure-9" => charts_of(&density)?,
         "figure-4" | "figure-7" => charts_of(&trace)?,
-        "figure-2" | "figure-5" => charts_of(&|run| spectrum(run, true))?,
-        "figure-10" | "figure-11" | "figure-12" => charts_of(&|run| spectrum(run, false))?,
-        "figure-13" => charts_of(&both_laws)?,
-        "approach" => charts_of(&approach)?,
+        "figure-2" | "figure-5" => charts_of(&|run| spectrum(run, known, true))?,
+        "figure-10" | "figure-11" | "figure-12" => charts_of(&|run| spectrum(run, known, false))?,
+        "figure-13" => charts_of(&|run| both_laws(run, known))?,
+        "approach" => charts_of(&|run| Ok(approach(run)))?,
         _ => Vec::new(),
     };
     if panels.is_empty() {
@@ -126,9 +127,9 @@ fn trace(run: &Run) -> Result<Option<Chart>> {
 }
 
 /// The RMS magnitude spectrum of N: over the circular frequency, or over the frequency on the rig.
-fn spectrum(run: &Run, on_the_rig: bool) -> Result<Option<Chart>> {
+fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart>> {
     let oscillator = &run.results.scene.oscillator;
-    let curve = magnitude(oscillator, on_the_rig)?;
+    let curve = magnitude(oscillator, known, on_the_rig)?;
     let words = "Fokker-Planck";
     Ok(Some(spectra(
         run,
@@ -138,11 +139,11 @@ fn spectrum(run: &Run, on_the_rig: bool) -> Result<Option<Chart>> {
 }
 
 /// Hertz as a thin line and the bilinear law (34) as a thick one, as in Figure 13.
-fn both_laws(run: &Run) -> Result<Option<Chart>> {
+fn both_laws(run: &Run, known: &Spectra) -> Result<Option<Chart>> {
     let hertz = &run.results.scene.oscillator;
     let linear = Oscillator::new(ContactLaw::Bilinear, hertz.zeta(), hertz.h())?;
-    let thick = magnitude(&linear, false)?;
-    let thin = magnitude(hertz, false)?;
+    let thick = magnitude(&linear, known, false)?;
+    let thin = magnitude(hertz, known, false)?;
     let curves = vec![
         Curve::new("linear in contact (34)", Ink::Grey, Stroke::Thick, thick),
         Curve::new("Hertz", Ink::Blue, Stroke::Line, thin),
@@ -151,8 +152,12 @@ fn both_laws(run: &Run) -> Result<Option<Chart>> {
 }
 
 /// log10 of sqrt(G): of N over the circular frequency, or in newtons per root hertz over hertz.
-fn magnitude(oscillator: &Oscillator, on_the_rig: bool) -> Result<Vec<(f64, f64)>> {
-    let it = super::spectra::spectrum(oscillator)?;
+fn magnitude(
+    oscillator: &Oscillator,
+    known: &Spectra,
+    on_the_rig: bool,
+) -> Result<Vec<(f64, f64)>> {
+    let it = known.of(oscillator)?;
     let rig = Rig::new(110.0, 232.0, 7e-6)?;
     let (x, y) = if on_the_rig {
         // The integral over frequency stays the variance.
@@ -189,10 +194,8 @@ fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {
 }
 
 /// Relative entropy, L1 distance and loss probability against time.
-fn approach(run: &Run) -> Result<Option<Chart>> {
-    let Some(it) = &run.results.transient else {
-        return Ok(None);
-    };
+fn approach(run: &Run) -> Option<Chart> {
+    let it = run.results.transient.as_ref()?;
     let log = |numbers: Vec<Option<f64>>| -> Vec<(f64, f64)> {
         let pairs = it.times.iter().zip(numbers);
         let pairs = pairs.filter_map(|(t, y)| Some((*t, y.filter(|y| *y > 0.0)?.log10())));
@@ -227,13 +230,13 @@ fn approach(run: &Run) -> Result<Option<Chart>> {
             vec![(0.0, y), (end, y)],
         ));
     }
-    Ok(Some(Chart {
+    Some(Chart {
         title: run.label.clone(),
         x_label: "\u{3c4}".into(),
-        y_label: "distance to (21)".into(),
+        y_label: "distance to (21), probability".into(),
         x: (0.0, end),
         y: (-7.0, 1.5),
         log: true,
         curves,
-    }))
+    })
 }

@@ -9,11 +9,13 @@ use crate::fokker_planck::{self, Settings, Spectrum};
 use crate::oscillator::{Oscillator, Quantity};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
-/// Spectra that have been computed, by what they are of.
+/// Spectra of the force that have been computed, by oscillator: numbers and pictures of several folders
+/// ask for the same ones.
 #[derive(Default)]
 pub struct Spectra {
-    done: RefCell<BTreeMap<String, Spectrum>>,
+    done: RefCell<BTreeMap<String, Rc<Spectrum>>>,
 }
 
 /// Relative error asked of every value: below the width of a line in the pictures.
@@ -21,11 +23,7 @@ const TOLERANCE: f64 = 1e-2;
 /// Seconds for one spectrum.
 const SECONDS: f64 = 60.0;
 
-/// The spectrum of the force up to 4.4, a little more than the paper's 1 kHz over 232 Hz.
-///
-/// # Errors
-/// Those of [`fokker_planck::spectrum`].
-pub fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
+fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
     let settings = Settings {
         tolerance: TOLERANCE,
         max_seconds: SECONDS,
@@ -46,6 +44,8 @@ fn frequencies(zeta: f64) -> Vec<f64> {
     let mut all: Vec<f64> = (0..=440).map(|k| 0.01 * f64::from(k)).collect();
     // A tenth of the half-power width over four widths to either side.
     all.extend((-80..=40).map(|k| 1.0 + 0.2 * zeta * f64::from(k)));
+    // The second peak is twice as wide at small levels, and shifts down by tenths at large ones.
+    all.extend((-100..=20).map(|k| 2.0 + 0.4 * zeta * f64::from(k)));
     all.retain(|w| *w >= 0.0);
     all.sort_by(f64::total_cmp);
     all.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
@@ -53,36 +53,45 @@ fn frequencies(zeta: f64) -> Vec<f64> {
 }
 
 impl Spectra {
-    /// `peak`, `second-peak`, `third-peak`: circular frequencies of the largest value in ]0.3, 1.5], of the
-    /// largest local one in ]1.5, 2.5] and ]2.5, 3.5]; `second-ratio`, `third-ratio`: RMS magnitude there
-    /// over that of the main peak; `half-power`: half the relative width of the main peak at half its
-    /// power, which is the damping ratio of a linear oscillator; `zero`: the value at zero frequency over
-    /// 2h, 1 in theory. None for another name, or a peak that is not there.
+    /// The spectrum of the force up to 4.4, a little more than the paper's 1 kHz over 232 Hz.
     ///
     /// # Errors
-    /// Those of [`spectrum`].
-    pub fn number(&self, oscillator: &Oscillator, which: &str) -> Result<Option<Estimate>> {
+    /// Those of [`fokker_planck::spectrum`].
+    pub fn of(&self, oscillator: &Oscillator) -> Result<Rc<Spectrum>> {
         let address = format!("{oscillator:?}");
-        if !self.done.borrow().contains_key(&address) {
-            let it = spectrum(oscillator)?;
-            self.done.borrow_mut().insert(address.clone(), it);
+        if let Some(it) = self.done.borrow().get(&address) {
+            return Ok(Rc::clone(it));
         }
-        let done = self.done.borrow();
-        let Some(it) = done.get(&address) else {
-            return Ok(None);
-        };
-        let main = highest(it, 0.3, 1.5);
+        let it = Rc::new(spectrum(oscillator)?);
+        self.done.borrow_mut().insert(address, Rc::clone(&it));
+        Ok(it)
+    }
+
+    /// `peak`: circular frequency of the largest local maximum in ]0.3, 1.5]; `second-peak`, `third-peak`: the
+    /// same in 1.5 to 2.5 and 2.5 to 3.5 times that; `second-ratio`, `third-ratio`: RMS magnitude there over
+    /// that of the main peak; `half-power`: half the relative width of the main peak at half its
+    /// power, which is the damping ratio of a linear oscillator; `zero`: the value at zero frequency over
+    /// 2h, 1 in theory. None for another name.
+    ///
+    /// # Errors
+    /// Those of [`Spectra::of`].
+    pub fn number(&self, oscillator: &Oscillator, which: &str) -> Result<Option<Estimate>> {
+        let it = self.of(oscillator)?;
+        let main = highest(&it, 0.3, 1.5);
+        let first = main.map_or(1.0, |k| it.omega[k]);
         let bands = [(1.5, 2.5), (2.5, 3.5)];
-        let [second, third] = bands.map(|(from, to)| highest(it, from, to));
+        let [second, third] = bands.map(|(from, to)| highest(&it, from * first, to * first));
         let place = |peak: Option<usize>| {
             let k = peak?;
             let step = (it.omega[k + 1] - it.omega[k - 1]) * 0.5;
             Some(Estimate::new(it.omega[k], step, Origin::Space))
         };
         let ratio = |peak: Option<usize>| {
-            let (a, b) = (it.density[peak?], it.density[main?]);
+            let (p, m) = (peak?, main?);
+            let (a, b) = (it.density[p], it.density[m]);
             let value = (a.value / b.value).sqrt();
-            let relative = 0.5 * (a.error / a.value + b.error / b.value);
+            let between = rise(&it, p) + rise(&it, m);
+            let relative = 0.5 * (a.error / a.value + b.error / b.value + between);
             Some(Estimate::new(value, relative * value, Origin::Space))
         };
         Ok(match which {
@@ -91,20 +100,38 @@ impl Spectra {
             "third-peak" => place(third),
             "second-ratio" => ratio(second),
             "third-ratio" => ratio(third),
-            "half-power" => main.and_then(|k| half_power(it, k)),
+            "half-power" => main.and_then(|k| half_power(&it, k)),
             "zero" => it.density.first().map(|p| p.scaled(0.5 / oscillator.h())),
             _ => None,
         })
     }
 }
 
-/// The local maximum with the largest value between two frequencies.
+/// The local maximum with the largest value between two frequencies; where there is none, the shoulder:
+/// the place where ln G is least steep.
 fn highest(it: &Spectrum, from: f64, to: f64) -> Option<usize> {
     let value = |k: usize| it.density[k].value;
-    (1..it.omega.len() - 1)
-        .filter(|k| it.omega[*k] > from && it.omega[*k] <= to)
+    let inside = || (1..it.omega.len() - 1).filter(|k| it.omega[*k] > from && it.omega[*k] <= to);
+    let slope = |k: usize| {
+        let rise = (value(k + 1) / value(k - 1)).ln();
+        (rise / (it.omega[k + 1] - it.omega[k - 1])).abs()
+    };
+    let maximum = inside()
         .filter(|k| value(*k) >= value(k - 1) && value(*k) >= value(k + 1))
-        .max_by(|a, b| value(*a).total_cmp(&value(*b)))
+        .max_by(|a, b| value(*a).total_cmp(&value(*b)));
+    maximum.or_else(|| inside().min_by(|a, b| slope(*a).total_cmp(&slope(*b))))
+}
+
+/// How far the parabola through ln G at a frequency and its neighbours rises above it, at a maximum: what
+/// lies between the frequencies.
+fn rise(it: &Spectrum, k: usize) -> f64 {
+    let ln = |k: usize| it.density[k].value.ln();
+    let (below, here, above) = (ln(k - 1), ln(k), ln(k + 1));
+    let bend = 2.0 * here - below - above;
+    if here < below.max(above) || bend <= 0.0 {
+        return 0.0;
+    }
+    (above - below).powi(2) / (8.0 * bend)
 }
 
 /// Half the width at half the power over the frequency of the peak.
