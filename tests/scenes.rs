@@ -348,6 +348,9 @@ fn every_built_in_scene_runs_when_its_size_is_cut() {
         if text.contains("density_at") {
             arguments.extend(["--set", "outputs.density_at=[0.1]"]);
         }
+        if text.contains("spectrum") {
+            arguments.extend(["--set", "outputs.spectrum={until=1.2}"]);
+        }
         if text.contains("[monte_carlo]") {
             arguments.extend(["--set", "monte_carlo.paths=20"]);
         }
