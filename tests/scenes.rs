@@ -352,6 +352,9 @@ fn every_built_in_scene_runs_when_its_size_is_cut() {
             let set = ["outputs.first_loss.until=20", "method.step=1.0"];
             arguments.extend(set.iter().flat_map(|set| ["--set", set]));
         }
+        if text.contains("spectrum") {
+            arguments.extend(["--set", "outputs.spectrum={until=1.2}"]);
+        }
         if text.contains("[monte_carlo]") {
             arguments.extend(["--set", "monte_carlo.paths=20"]);
         }
