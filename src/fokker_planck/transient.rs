@@ -202,27 +202,14 @@ impl Task<'_> {
             }
             Ok(())
         };
-        let mut outputs = Vec::with_capacity(times.len());
         let opening = Opening::of(oscillator, initial, times, drift, settings, (finer, longer))?;
-        let opening = match opening {
-            None => None,
-            Some(mut opening) => {
-                let mut watch = |come: f64| {
-                    progress(come / until);
-                    in_time(come)
-                };
-                for &t in times {
-                    if !opening.advance(t, &mut watch)? {
-                        break;
-                    }
-                    outputs.push(self.look(t, &opening)?);
-                }
-                if outputs.len() == times.len() {
-                    return opened(outputs, &opening);
-                }
-                Some(opening)
-            }
-        };
+        let (opening, mut outputs) = self.open(opening, times, &mut |come| {
+            progress(come / until);
+            in_time(come)
+        })?;
+        if let Some(opening) = opening.as_ref().filter(|_| outputs.len() == times.len()) {
+            return opened(outputs, opening);
+        }
         let (mesh, domain) = match &opening {
             None => choice::mesh(oscillator, initial, until, drift, settings, finer)?,
             Some(opening) => opening.mesh()?,
@@ -254,7 +241,7 @@ impl Task<'_> {
             if now < t && settled.is_none() {
                 let mut watch = |done: f64, density: &Density| {
                     looks += 1;
-                    if looks % every > 0 {
+                    if !looks.is_multiple_of(every) {
                         return Ok(true);
                     }
                     progress((now + done) / until);
@@ -288,6 +275,25 @@ impl Task<'_> {
             unknowns: propagator.unknowns(),
             settled,
         })
+    }
+
+    /// Carries a packet, if there is one, through the times that it reaches before a mesh takes over.
+    fn open<'b>(
+        &self,
+        mut opening: Option<Opening<'b>>,
+        times: &[f64],
+        watch: &mut dyn FnMut(f64) -> Result<()>,
+    ) -> Result<(Option<Opening<'b>>, Vec<Output>)> {
+        let mut outputs = Vec::with_capacity(times.len());
+        if let Some(opening) = &mut opening {
+            for &t in times {
+                if !opening.advance(t, watch)? {
+                    break;
+                }
+                outputs.push(self.look(t, opening)?);
+            }
+        }
+        Ok((opening, outputs))
     }
 
     fn observe(
