@@ -394,22 +394,6 @@ fn commands_and_arguments_that_do_not_exist_are_refused_with_status_2() {
         let (_, err) = expect(2, &room, arguments);
         assert!(err.contains(word), "{arguments:?}: {err}");
     }
-    fs::write(room.join("small.toml"), SMALL).unwrap();
-    let narrow = "initial.deviation=[1e-3,1e-3]";
-    let sets = [
-        "run",
-        "small.toml",
-        "--set",
-        narrow,
-        "--set",
-        "method.drift=8",
-    ];
-    let (_, err) = expect(
-        2,
-        &room,
-        &[&sets[..], &["--set", "outputs.stationary=false"]].concat(),
-    );
-    assert!(err.contains("initial.deviation"), "{err}");
     fs::write(room.join("latin.toml"), b"title = \"\xe9\"").unwrap();
     let (_, err) = expect(2, &room, &["run", "latin.toml"]);
     assert!(err.contains("not UTF-8: byte 9"), "{err}");

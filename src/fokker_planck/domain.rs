@@ -151,6 +151,7 @@ impl Domain {
     /// T (1 - e^{-2 zeta t}) in two directions (exact for G = q, on the average over a period): where the
     /// stationary law needs the level L, the start needs (r e^{-zeta t} + sqrt(2 L (1 - e^{-2 zeta
     /// t})))^2/2, at most r^2/2 + L.
+    #[must_use]
     pub fn raised(self, oscillator: &Oscillator, initial: &Initial, until: f64) -> Self {
         let Initial::Gaussian {
             mean: [q, v],

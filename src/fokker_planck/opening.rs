@@ -282,7 +282,7 @@ impl<'a> Opening<'a> {
                             deviation / width,
                             Density::NARROWEST
                         ),
-                        help: "more cells, or none named in the scene".into(),
+                        help: "more method.cells, none at all, or a wider initial.deviation".into(),
                     });
                 }
             }

@@ -318,27 +318,14 @@ impl Task<'_> {
             }
             Ok(())
         };
-        let mut outputs = Vec::with_capacity(times.len());
         let opening = Opening::of(oscillator, initial, times, drift, settings, (finer, longer))?;
-        let opening = match opening {
-            None => None,
-            Some(mut opening) => {
-                let mut watch = |come: f64| {
-                    progress(come / until);
-                    in_time(come)
-                };
-                for &t in times {
-                    if !opening.advance(t, &mut watch)? {
-                        break;
-                    }
-                    outputs.push(self.look(t, &opening)?);
-                }
-                if outputs.len() == times.len() {
-                    return opened(outputs, &opening, began);
-                }
-                Some(opening)
-            }
-        };
+        let (opening, mut outputs) = self.open(opening, times, &mut |come| {
+            progress(come / until);
+            in_time(come)
+        })?;
+        if let Some(opening) = opening.as_ref().filter(|_| outputs.len() == times.len()) {
+            return opened(outputs, opening, began);
+        }
         let (mesh, domain) = match &opening {
             None => choice::mesh(oscillator, initial, until, drift, settings, finer)?,
             Some(opening) => opening.mesh()?,
@@ -400,6 +387,25 @@ impl Task<'_> {
             settled,
             seconds: began.elapsed().as_secs_f64(),
         })
+    }
+
+    /// Carries a packet, if there is one, through the times that it reaches before a mesh takes over.
+    fn open<'b>(
+        &self,
+        mut opening: Option<Opening<'b>>,
+        times: &[f64],
+        watch: &mut dyn FnMut(f64) -> Result<()>,
+    ) -> Result<(Option<Opening<'b>>, Vec<Output>)> {
+        let mut outputs = Vec::with_capacity(times.len());
+        if let Some(opening) = &mut opening {
+            for &t in times {
+                if !opening.advance(t, watch)? {
+                    break;
+                }
+                outputs.push(self.look(t, opening)?);
+            }
+        }
+        Ok((opening, outputs))
     }
 
     fn observe(

@@ -27,6 +27,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("h-3.2e-3", include_str!("../scenes/h-3.2e-3.toml")),
     ("bilinear", include_str!("../scenes/bilinear.toml")),
     ("displaced", include_str!("../scenes/displaced.toml")),
+    ("dropped", include_str!("../scenes/dropped.toml")),
     ("free-fall", include_str!("../scenes/free-fall.toml")),
     ("overdamped", include_str!("../scenes/overdamped.toml")),
     ("rare-loss", include_str!("../scenes/rare-loss.toml")),
