@@ -8,7 +8,7 @@ use crate::moments::Moments;
 use crate::monte_carlo::Histogram;
 use crate::results::Results;
 use crate::stationary::Stationary;
-use ndarray::arr0;
+use ndarray::{Array1, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
 use std::io::Cursor;
@@ -267,6 +267,39 @@ fn density(name: String, snapshot: &Snapshot) -> Result<File> {
     };
     match pack() {
         Ok(bytes) => Ok(File { name, bytes }),
+        Err(error) => Err(Error::Io {
+            path: PathBuf::from(name),
+            source: std::io::Error::other(error.to_string()),
+        }),
+    }
+}
+
+/// t, and each curve and number with its error.
+pub(super) fn arrays(
+    name: &str,
+    times: &[f64],
+    curves: &[(&str, &[Estimate])],
+    numbers: &[(&str, Estimate)],
+) -> Result<File> {
+    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
+        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+        npz.add_array("t", &Array1::from(times.to_vec()))?;
+        for (name, curve) in curves {
+            let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
+            npz.add_array(*name, &of(|x| x.value))?;
+            npz.add_array(format!("{name}_error"), &of(|x| x.error))?;
+        }
+        for (name, number) in numbers {
+            npz.add_array(*name, &arr0(number.value))?;
+            npz.add_array(format!("{name}_error"), &arr0(number.error))?;
+        }
+        Ok(npz.finish()?.into_inner())
+    };
+    match pack() {
+        Ok(bytes) => Ok(File {
+            name: name.into(),
+            bytes,
+        }),
         Err(error) => Err(Error::Io {
             path: PathBuf::from(name),
             source: std::io::Error::other(error.to_string()),
