@@ -408,6 +408,7 @@ impl Plan {
     }
 
     /// Compute one part into `results`.
+    #[allow(clippy::too_many_lines)] // One arm a part.
     fn compute(
         &self,
         part: Part,

@@ -1054,7 +1054,10 @@ const BAD: &[(&str, &str)] = &[
         "first loss without end",
         "@[outputs]\nfirst_loss = { until = 1e10 }",
     ),
-    ("first loss at once", "@[outputs]\nfirst_loss = { until = 0 }"),
+    (
+        "first loss at once",
+        "@[outputs]\nfirst_loss = { until = 0 }",
+    ),
     (
         "first loss of a linear oscillator",
         "[oscillator]\ncontact = \"linear\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nfirst_loss = { until = 20 }",

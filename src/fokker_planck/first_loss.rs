@@ -65,7 +65,7 @@ impl Layout {
         until: f64,
         settings: &Settings,
         refined: f64,
-    ) -> Result<Self> {
+    ) -> Self {
         let t = oscillator.temperature();
         let contact = oscillator.contact();
         let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
@@ -101,14 +101,14 @@ impl Layout {
             Some(cells) => cells.map(|n| n.max(16)),
             None => nodes(oscillator, rise, speed, step),
         };
-        Ok(Self {
+        Self {
             times: (0..=outputs as usize).map(|k| k as f64 * gap).collect(),
             every,
             step,
             nodes,
             level,
             memory,
-        })
+        }
     }
 
     /// Krylov vectors a tenth of the memory apart, but no closer than a step.
@@ -193,7 +193,7 @@ pub fn first_loss(
     let mut refined = 1.0;
     let mut round = 1;
     loop {
-        let layout = Layout::of(oscillator, initial, task.loss, until, settings, refined)?;
+        let layout = Layout::of(oscillator, initial, task.loss, until, settings, refined);
         // The tail above the edge, and the rounding of a sum.
         let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
         let coarse = Fineness {
@@ -249,7 +249,7 @@ pub fn first_loss_cost(
     if !oscillator.contact().is_confining() {
         oscillator.displacement_law()?;
     }
-    let layout = Layout::of(oscillator, initial, loss, until, settings, 1.0)?;
+    let layout = Layout::of(oscillator, initial, loss, until, settings, 1.0);
     let [nq, nv] = layout.nodes.map(|n| n as f64);
     let spread =
         (oscillator.temperature() * -(-4.0 * oscillator.zeta() * layout.step).exp_m1()).sqrt();
@@ -435,7 +435,7 @@ impl Task<'_> {
         );
         note(rate.error / (tolerance * rate.value), "rate", None);
         let mut warnings = Vec::new();
-        if !(worst.0 <= 1.0) {
+        if worst.0 > 1.0 || worst.0.is_nan() {
             let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
             warnings.push(format!(
                 "the tolerance {tolerance:e} is not met: the error of first_loss.{}{at} is {:.1} times too \

@@ -356,3 +356,36 @@ fn packed(name: String, bytes: std::result::Result<Vec<u8>, WriteNpzError>) -> R
         }),
     }
 }
+
+/// t, and each curve and number with its error.
+pub(super) fn arrays(
+    name: &str,
+    times: &[f64],
+    curves: &[(&str, &[Estimate])],
+    numbers: &[(&str, Estimate)],
+) -> Result<File> {
+    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
+        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+        npz.add_array("t", &Array1::from(times.to_vec()))?;
+        for (name, curve) in curves {
+            let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
+            npz.add_array(*name, &of(|x| x.value))?;
+            npz.add_array(format!("{name}_error"), &of(|x| x.error))?;
+        }
+        for (name, number) in numbers {
+            npz.add_array(*name, &arr0(number.value))?;
+            npz.add_array(format!("{name}_error"), &arr0(number.error))?;
+        }
+        Ok(npz.finish()?.into_inner())
+    };
+    match pack() {
+        Ok(bytes) => Ok(File {
+            name: name.into(),
+            bytes,
+        }),
+        Err(error) => Err(Error::Io {
+            path: PathBuf::from(name),
+            source: std::io::Error::other(error.to_string()),
+        }),
+    }
+}

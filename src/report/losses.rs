@@ -1,14 +1,11 @@
 //! First losses and flights as files.
 
 use super::File;
-use crate::error::{Error, Result};
+use super::data::arrays;
+use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::results::Results;
-use ndarray::{Array1, arr0};
-use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
-use std::io::Cursor;
-use std::path::PathBuf;
 
 /// A number as it reads back exactly; empty where it does not exist.
 fn field(x: f64) -> String {
@@ -28,7 +25,7 @@ fn pair(it: Option<&Estimate>) -> String {
 /// first_loss.csv and first_loss.npz: survival and density of the first loss, beside the paths.
 ///
 /// # Errors
-/// [`Error::Io`] for an array that cannot be packed.
+/// [`crate::Error::Io`] for an array that cannot be packed.
 pub fn first_loss(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
@@ -61,7 +58,7 @@ pub fn first_loss(results: &Results) -> Result<Vec<File>> {
 /// flight_law.csv and flight_law.npz: the density of the time of flight.
 ///
 /// # Errors
-/// [`Error::Io`] for an array that cannot be packed.
+/// [`crate::Error::Io`] for an array that cannot be packed.
 pub fn flights(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.flights else {
         return Ok(Vec::new());
@@ -77,37 +74,4 @@ pub fn flights(results: &Results) -> Result<Vec<File>> {
         &[],
     )?;
     Ok(vec![File::text("flight_law.csv", table), arrays])
-}
-
-/// t, and each curve and number with its error.
-fn arrays(
-    name: &str,
-    times: &[f64],
-    curves: &[(&str, &[Estimate])],
-    numbers: &[(&str, Estimate)],
-) -> Result<File> {
-    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
-        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
-        npz.add_array("t", &Array1::from(times.to_vec()))?;
-        for (name, curve) in curves {
-            let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
-            npz.add_array(*name, &of(|x| x.value))?;
-            npz.add_array(format!("{name}_error"), &of(|x| x.error))?;
-        }
-        for (name, number) in numbers {
-            npz.add_array(*name, &arr0(number.value))?;
-            npz.add_array(format!("{name}_error"), &arr0(number.error))?;
-        }
-        Ok(npz.finish()?.into_inner())
-    };
-    match pack() {
-        Ok(bytes) => Ok(File {
-            name: name.into(),
-            bytes,
-        }),
-        Err(error) => Err(Error::Io {
-            path: PathBuf::from(name),
-            source: std::io::Error::other(error.to_string()),
-        }),
-    }
 }
