@@ -145,7 +145,7 @@ fn every_equation_has_an_item_and_a_test_that_exist() {
             let (file, name) = item.split_once(": ").unwrap_or_else(|| panic!("{item}"));
             let text = fs::read_to_string(src.join(file)).unwrap_or_else(|_| panic!("{file}"));
             let last = name.rsplit("::").next().unwrap();
-            let found = ["fn ", "struct ", "enum ", "    "]
+            let found = ["fn ", "struct ", "enum ", "trait ", "    "]
                 .iter()
                 .any(|word| text.contains(&format!("{word}{last}")));
             assert!(found, "{file} has no {last}");

@@ -83,15 +83,24 @@ impl Folder {
         })
     }
 
-    /// Whether every number is a closed form, so that all of it takes no time.
+    /// Whether it takes a second or less: closed forms and long records, no transient, spectrum or draw.
     pub fn is_quick(&self) -> bool {
-        let quick = ["stationary", "crossings", "rig", "oscillator", "damping"];
-        let first = |name: &Name| {
-            let keys: Vec<&str> = name.path.split(['.', ' ']).collect();
-            let sampled = keys.contains(&"monte_carlo");
-            keys.first().is_some_and(|key| quick.contains(key)) && !sampled
+        let slow = [
+            "transient",
+            "decay_rates",
+            "spectrum",
+            "draws",
+            "records",
+            "restarts",
+            "rest-records",
+        ];
+        let quick = |name: &Name| {
+            !name
+                .path
+                .split(['.', ' '])
+                .any(|key| slow.iter().any(|it| key.split('[').next() == Some(it)))
         };
-        self.items.iter().flat_map(Item::names).all(first)
+        self.items.iter().flat_map(Item::names).all(quick)
     }
 
     /// The labels of the scenes its items need, in their order.
