@@ -86,30 +86,17 @@ pub(super) fn differences(a: &Run, b: &Run, factor: f64, scales: &Scales) -> Tab
     table
 }
 
-/// What the box leaves out of each number at one time, in natural scales. Shapes and deviations of a
-/// force narrower than the stationary one weigh a lost tail by its own deviation, and a shape far above
-/// its scale moves with itself.
+/// What the box leaves out of each number at one time, in natural scales: `outside` is that of the
+/// stationary law, whose tails no start within the box outweighs. A number far above its scale, as a
+/// kurtosis may be, moves with itself.
 fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
     if it.framed {
         return [0.0; 11];
     }
     let named = it.moments.named();
-    let deviation = |name: &str| named.iter().position(|it| it.0 == name);
-    let narrower = deviation("std_force")
-        .and_then(|i| named[i].1.map(|number| scale[i] / number.value))
-        .filter(|it| it.is_finite())
-        .map_or(1.0, |it| it.max(1.0));
     std::array::from_fn(|i| {
-        let power = match named[i].0 {
-            "std_force" => 1,
-            "skewness_force" => 3,
-            "kurtosis_force" => 4,
-            _ => 0,
-        };
-        let large = named[i]
-            .1
-            .map_or(0.0, |number| number.value.abs() / scale[i]);
-        outside[i] * narrower.powi(power).max(large).max(1.0)
+        let size = named[i].1.map_or(0.0, |number| number.value.abs() / scale[i]);
+        outside[i] * size.max(1.0)
     })
 }
 
