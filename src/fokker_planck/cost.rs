@@ -170,5 +170,5 @@ fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Resul
         memory: choice::memory(cells, drift, true),
         seconds,
     };
-    Ok((cost, format!("finite volumes, {drift:?}; {words}")))
+    Ok((cost, format!("finite volumes, {}; {words}", drift.name())))
 }
