@@ -276,12 +276,12 @@ fn calibrate(survey: &Survey) -> std::result::Result<(), Stop> {
 
 fn no_such_scene(name: &str) -> Stop {
     let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-    let guess = nearest(name, &names).map_or(String::new(), |it| format!("; did you mean {it}?"));
+    let guess = nearest(name, &names).map_or(String::new(), |it| format!("did you mean {it}? "));
     let message = format!("there is no built-in scene {name:?}");
     Stop::new(
         2,
         message,
-        &format!("accepted: {}{guess}", names.join(", ")),
+        &format!("{guess}accepted: {}", names.join(", ")),
     )
 }
 

@@ -95,7 +95,9 @@ fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
     }
     let named = it.moments.named();
     std::array::from_fn(|i| {
-        let size = named[i].1.map_or(0.0, |number| number.value.abs() / scale[i]);
+        let size = named[i]
+            .1
+            .map_or(0.0, |number| number.value.abs() / scale[i]);
         outside[i] * size.max(1.0)
     })
 }
@@ -189,7 +191,9 @@ impl Bars {
     pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
         let values: Vec<_> = run.outputs.iter().map(|it| it.moments.named()).collect();
         self.largest(|k, i| {
-            values[k][i].1.map_or(0.0, |number| {
+            // A shape of a force that does not vary does not exist, and has no bar.
+            let number = values[k][i].1.filter(|number| !number.value.is_nan());
+            number.map_or(0.0, |number| {
                 self.parts(k, i, number.value).iter().map(|it| it.0).sum()
             })
         })

@@ -131,7 +131,8 @@ pub(super) fn refined(
         }
         let attempt = |bars: &mut Bars, search: &mut Search| -> Result<Next> {
             // Where the box takes all of it, mesh and steps still aim at something.
-            let goal = (settings.tolerance - bars.worst_outside()).max(BOX_SHARE * settings.tolerance);
+            let goal =
+                (settings.tolerance - bars.worst_outside()).max(BOX_SHARE * settings.tolerance);
             let ratio = fine.finer / coarse.finer;
             if bars.joint {
                 // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow

@@ -780,8 +780,9 @@ mod tests {
                 "{text}"
             );
             assert!(text.contains("not asked for, not computed:"), "{text}");
-            let most = text
-                .contains("not asked for, not computed: crossings, first loss, spectrum, Welch, long\n");
+            let most = text.contains(
+                "not asked for, not computed: crossings, first loss, spectrum, Welch, long\n",
+            );
             assert_eq!(most, *name == "default", "{text}");
         }
     }
