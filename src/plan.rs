@@ -2,7 +2,6 @@
 //! before anything runs.
 
 use crate::error::{Error, Result};
-use crate::estimate::Estimate;
 use crate::fokker_planck::{self, Settings, Task};
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
 use crate::results::{CrossingNumbers, Results, SpectrumNumbers, StationaryNumbers, peak_memory};
@@ -434,17 +433,8 @@ impl Plan {
                     let law = Stationary::of(oscillator)?;
                     results.crossings = Some(CrossingNumbers::of(&law, time));
                     let flights = fokker_planck::flight_law(oscillator)?;
-                    let tolerance = settings.tolerance;
-                    let most = |f: &dyn Fn(&Estimate) -> f64| {
-                        flights.density.iter().map(f).fold(0.0, f64::max)
-                    };
-                    let ratio = most(&|x| x.error) / (tolerance * most(&|x| x.value));
-                    if ratio > 1.0 {
-                        results.run.warnings.push(format!(
-                            "the tolerance {tolerance:e} is not met: the error of crossings.flight_density \
-                             is {ratio:.1} times too large; its closed form expands in the friction"
-                        ));
-                    }
+                    let shortfall = flights.shortfall(settings.tolerance);
+                    results.fall_short(part.name(), shortfall.as_ref(), true);
                     results.flights = Some(flights);
                 }
             }
@@ -452,13 +442,15 @@ impl Plan {
                 if let Some(until) = outputs.first_loss {
                     let it =
                         fokker_planck::first_loss(oscillator, initial, until, &settings, progress)?;
-                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
                     results.first_loss = Some(it);
                 }
             }
             Part::FirstLossPaths => {
-                if let (Some(settings), Some(it)) = (self.ensemble_settings(), &results.first_loss)
+                if let (Some(mut settings), Some(it)) =
+                    (self.ensemble_settings(), &results.first_loss)
                 {
+                    settings.max_seconds = max_seconds;
                     let times = it.times.clone();
                     let it =
                         monte_carlo::first_loss(oscillator, initial, &times, &settings, progress)?;

@@ -89,7 +89,15 @@ fn the_mean_time_is_the_integral_of_the_survival() {
 #[test]
 fn survival_converges_with_second_order_in_the_step() {
     let it = hertz(0.005, 3.2e-3);
-    let at = |step: f64| survive(&it, &Initial::Stationary, 40.0, step);
+    // One mesh, so that what is left is the step.
+    let at = |step: f64| {
+        let settings = Settings {
+            step: Some(step),
+            cells: Some([118, 168]),
+            ..Settings::default()
+        };
+        first_loss(&it, &Initial::Stationary, 40.0, &settings, &|_| {}).unwrap()
+    };
     let (a, b, c) = (at(1.0), at(0.5), at(0.25));
     let rate = |x: &FirstLoss| x.rate.value;
     let (coarse, fine) = ((rate(&a) - rate(&b)).abs(), (rate(&b) - rate(&c)).abs());
@@ -132,9 +140,14 @@ fn melnikov(it: &Oscillator) -> (f64, f64) {
 fn the_rate_of_rare_losses_is_rice_s_times_the_share_that_is_not_a_repetition() {
     // 5.75e-14 losses per unit time by Rice's formula; corrections of T/U = 3.5 % of the
     // exponent are beyond the asymptotics.
-    for (zeta, h) in [(0.02, 4e-4)] {
+    for (zeta, h) in [(0.02, 4e-4), (0.005, 1e-4)] {
         let it = hertz(zeta, h);
-        let got = survive(&it, &Initial::Stationary, 60.0, 0.5);
+        let settings = Settings {
+            tolerance: 1e-2,
+            ..Settings::default()
+        };
+        let got = first_loss(&it, &Initial::Stationary, 60.0, &settings, &|_| {}).unwrap();
+        assert!(got.shortfall.is_none());
         let rice = Stationary::of(&it).unwrap().loss_rate().unwrap().value;
         let (delta, factor) = melnikov(&it);
         println!(
@@ -201,4 +214,89 @@ fn the_two_laws_of_flight_meet_and_short_flights_are_mckean_s() {
     let short: Estimate = flight.density(1e-7 * it.noise());
     println!("density of the shortest flights {short}");
     assert!((short.value / (4.0 * 0.096354167 * it.zeta()) - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_long_time_is_continued_in_closed_form() {
+    let it = hertz(0.005, 3.2e-3);
+    for initial in [Initial::Stationary, Initial::Rest] {
+        let short = survive(&it, &initial, 1500.0, 0.5);
+        let long = survive(&it, &initial, 3e6, 0.5);
+        let over = |it: &FirstLoss| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
+        println!("over the tolerance: {} and {}", over(&short), over(&long));
+        assert!(over(&short).max(over(&long)) < 3.0);
+        assert!(long.method.steps < 20_000, "{}", long.method.steps);
+        // The whole march against the one that ends when the hazard is constant.
+        let (last, rate) = (short.survival.last().unwrap(), short.rate.value);
+        let near = survive(&it, &initial, 1200.0, 0.5);
+        let expected = near.survival.last().unwrap().value * (-rate * 300.0).exp();
+        println!(
+            "{}: S(1500) {last}, from S(1200) {expected:.6e}",
+            initial.name()
+        );
+        assert!((last.value - expected).abs() <= last.error);
+        assert!((last.value / expected - 1.0).abs() < 1e-2);
+    }
+}
+
+#[test]
+fn three_meshes_show_the_order_in_space_at_the_singular_point() {
+    // The survival is singular at (q_loss, 0); the mesh is graded there, and after each kick the noise has
+    // smoothed the field.
+    let it = hertz(0.005, 3.2e-3);
+    let at = |n: usize| {
+        let settings = Settings {
+            step: Some(0.5),
+            cells: Some([7 * n / 10, n]),
+            ..Settings::default()
+        };
+        let got = first_loss(&it, &Initial::Rest, 60.0, &settings, &|_| {}).unwrap();
+        got.survival.last().unwrap().value
+    };
+    // Against a mesh whose own error is far below.
+    let exact = at(320);
+    let errors: Vec<f64> = [40, 60, 90]
+        .map(at)
+        .iter()
+        .map(|s| (s - exact).abs())
+        .collect();
+    let order = |a: f64, b: f64| (a / b).ln() / 1.5f64.ln();
+    let orders = [order(errors[0], errors[1]), order(errors[1], errors[2])];
+    println!("errors {errors:.2e?}, orders {orders:.2?}");
+    assert!(orders[0].min(orders[1]) > 2.5, "{orders:?}");
+}
+
+#[test]
+fn paths_stop_at_the_limit_of_time_and_a_tolerance_out_of_reach_is_a_shortfall() {
+    let it = hertz(0.005, 3.2e-3);
+    let settings = EnsembleSettings {
+        paths: 1 << 40,
+        max_seconds: 0.2,
+        ..EnsembleSettings::default()
+    };
+    let error =
+        monte_carlo::first_loss(&it, &Initial::Rest, &[10.0], &settings, &|_| {}).unwrap_err();
+    assert!(error.to_string().contains("max_seconds"), "{error}");
+
+    let settings = Settings {
+        tolerance: 1e-7,
+        max_memory: 60_000_000,
+        cells: Some([40, 60]),
+        step: Some(0.5),
+        ..Settings::default()
+    };
+    let got = first_loss(&it, &Initial::Rest, 20.0, &settings, &|_| {}).unwrap();
+    // The scene said how fine: not the program's fault.
+    assert!(!got.shortfall.unwrap().free);
+    let free = Settings {
+        cells: None,
+        step: None,
+        max_memory: 1_000_000,
+        tolerance: 3e-5,
+        ..settings
+    };
+    let got = first_loss(&it, &Initial::Rest, 20.0, &free, &|_| {}).unwrap();
+    let shortfall = got.shortfall.unwrap();
+    println!("{shortfall}");
+    assert!(shortfall.free && shortfall.reason.contains("max_memory"));
 }

@@ -189,6 +189,15 @@ pub(crate) struct Absorbed {
     loss: f64,
 }
 
+/// The velocities at one displacement, in an integral over q.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Line {
+    q: f64,
+    weight: f64,
+    /// Velocity below which contact is lost within half a step.
+    cut: f64,
+}
+
 /// Weights on the nodes: what a start sees of the survival after a whole number of steps.
 #[derive(Debug, Clone)]
 pub(crate) struct Start {
@@ -228,11 +237,18 @@ impl Absorbed {
                     let low = points.partition_point(|(v, _)| *v < centre - REACH * spread);
                     let high = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
                     row.spans.push((low as u32, row.kernel.len() as u32));
+                    let from = row.kernel.len();
                     row.kernel.extend(
                         points[low..high]
                             .iter()
                             .map(|(v, weight)| weight * normal((v - centre) / spread) / spread),
                     );
+                    // What is not lost is carried on to rounding: losses may be rarer than 1e-14 a step.
+                    let carried: f64 = row.kernel[from..].iter().sum();
+                    if carried > 1e-10 {
+                        let part = lower((centre - whole[i]) / spread) / carried;
+                        row.kernel[from..].iter_mut().for_each(|k| *k *= part);
+                    }
                 }
                 row.spans.push((0, row.kernel.len() as u32));
                 row
@@ -315,11 +331,11 @@ impl Absorbed {
         self.seen(oscillator, alive, f64::from(u8::from(lost)))
     }
 
-    /// A start with independent q and v: points and weights of q, and a Gaussian in v.
+    /// A start with independent q and v: lines of q, and a Gaussian in v.
     pub(crate) fn lines(
         &self,
         oscillator: &Oscillator,
-        lines: &[(f64, f64)],
+        lines: &[Line],
         mean: f64,
         deviation: f64,
     ) -> Start {
@@ -328,14 +344,10 @@ impl Absorbed {
         let ends = [mean - 8.0 * deviation, mean + 8.0 * deviation];
         // Survival has the scale of the noise, the start that of its deviation.
         let scale = (2.0 * self.spread).min(0.5 * deviation);
-        let cuts = self.cuts(
-            oscillator,
-            &lines.iter().map(|line| line.0).collect::<Vec<_>>(),
-        );
-        for ((q, weight), cut) in lines.iter().zip(cuts) {
+        for &Line { q, weight, cut } in lines {
             for (v, w) in from_cut(cut, ends, scale) {
                 points.push((
-                    [*q, v],
+                    [q, v],
                     weight * w * normal((v - mean) / deviation) / deviation,
                 ));
             }
@@ -344,13 +356,14 @@ impl Absorbed {
         self.seen(oscillator, &points, lost)
     }
 
-    /// Points and weights for integrals over q in contact of `density`, which has the scale `scale`, up to
+    /// Lines for integrals over q in contact of `density`, which has the scale `scale`, up to
     /// the edge of the mesh.
     pub(crate) fn displacements(
         &self,
+        oscillator: &Oscillator,
         scale: f64,
         density: impl Fn(f64) -> f64,
-    ) -> Vec<(f64, f64)> {
+    ) -> Vec<Line> {
         let [nq, _] = self.mesh.nodes;
         let mut lines = Vec::new();
         for i in 0..nq - 1 {
@@ -372,37 +385,42 @@ impl Absorbed {
                 }
             }
         }
+        let q: Vec<f64> = lines.iter().map(|line| line.0).collect();
+        let cuts: Vec<f64> = q
+            .par_chunks(64)
+            .flat_map_iter(|q| self.cuts(oscillator, q))
+            .collect();
         lines
+            .into_iter()
+            .zip(cuts)
+            .map(|((q, weight), cut)| Line { q, weight, cut })
+            .collect()
     }
 
     /// What one step loses of the stationary law that carries a field u, R L_1 u: by detailed balance the
     /// probability of a loss in the step from the mirrored state. Small numbers keep their digits.
-    pub(crate) fn outflow(&self, oscillator: &Oscillator, lines: &[(f64, f64)]) -> Start {
+    pub(crate) fn outflow(&self, oscillator: &Oscillator, lines: &[Line]) -> Start {
         let deviation = oscillator.temperature().sqrt();
         let ends = [-8.0 * deviation, 8.0 * deviation];
         let scale = self.spread.min(0.5 * deviation);
-        let cuts = self.cuts(
-            oscillator,
-            &lines.iter().map(|line| line.0).collect::<Vec<_>>(),
-        );
         let mut near = Vec::new();
         let mut points = Vec::new();
-        for ((q, weight), cut) in lines.iter().zip(cuts) {
+        for &Line { q, weight, cut } in lines {
             let law = |v: f64| weight * normal(v / deviation) / deviation;
             // Both ends of [cut, -cut] are roots.
             if cut > ends[0] {
                 for (v, w) in from_cut(cut, [ends[0], 0.0], scale) {
-                    near.push(([*q, v], w * law(v)));
-                    near.push(([*q, -v], w * law(v)));
+                    near.push(([q, v], w * law(v)));
+                    near.push(([q, -v], w * law(v)));
                 }
                 for (v, w) in from_cut(-cut, ends, scale) {
-                    points.push(([*q, v], w * law(v)));
+                    points.push(([q, v], w * law(v)));
                 }
             } else {
                 near.extend(
                     from_cut(cut, ends, scale)
                         .into_iter()
-                        .map(|(v, w)| ([*q, v], w * law(v))),
+                        .map(|(v, w)| ([q, v], w * law(v))),
                 );
             }
         }
@@ -413,6 +431,25 @@ impl Absorbed {
         points.extend(near.iter().zip(images).map(|((z, weight), image)| {
             (*z, weight * self.mesh.stencil(image).value(&self.first, nv))
         }));
+        self.seen(oscillator, &points, 0.0)
+    }
+
+    /// What enters contact in stationary motion, a unit of time: the flux v p_s(q_loss, v) of v > 0. By
+    /// integration by parts in the stationary law p_s, what of it is still in contact after t is the
+    /// density at t of the first loss from p_s.
+    pub(crate) fn entering(&self, oscillator: &Oscillator, density: f64) -> Start {
+        let deviation = oscillator.temperature().sqrt();
+        let scale = self.spread.min(0.5 * deviation);
+        let cut = self.cuts(oscillator, &[self.loss])[0].max(0.0);
+        // From (q_loss, 0) the survival rises as a root of v.
+        let start = -f64::MIN_POSITIVE;
+        let points: Vec<([f64; 2], f64)> = from_cut(cut, [start, 8.0 * deviation], scale)
+            .into_iter()
+            .map(|(v, w)| {
+                let flux = density * v * normal(v / deviation) / deviation;
+                ([self.loss, v], w * flux)
+            })
+            .collect();
         self.seen(oscillator, &points, 0.0)
     }
 
@@ -510,15 +547,34 @@ impl<'a> Cut<'a> {
         let far = q.iter().fold(grazed, |a, b| a.max(*b));
         // Straight motion at the least: the contact resists, but for the preload that hastens by a time.
         let top = (2.0 * (far - self.loss) / self.time + 2.0 * self.time).min(self.fastest);
+        let gaps = |speeds: &[f64]| -> Vec<f64> {
+            let ends = after(speeds);
+            ends.iter().zip(q).map(|(end, q)| end[0] - q).collect()
+        };
         let (mut low, mut high) = (vec![0.0; q.len()], vec![top; q.len()]);
-        // Halving to rounding.
-        for _ in 0..54 {
-            let middle: Vec<f64> = low.iter().zip(&high).map(|(a, b)| 0.5 * (a + b)).collect();
-            for (k, end) in after(&middle).into_iter().enumerate() {
-                if end[0] < q[k] {
-                    low[k] = middle[k];
+        let (mut below, mut above) = (gaps(&low), gaps(&high));
+        // The Illinois variant of the false position (Dowell and Jarratt, BIT 11, 1971, 168), to rounding;
+        // halving where it does not shrink the bracket.
+        for round in 0..60 {
+            let open =
+                |k: usize| high[k] - low[k] > 1e-15 * top && q[k] > grazed && above[k] != 0.0;
+            if !(0..q.len()).any(open) {
+                break;
+            }
+            let middle: Vec<f64> = (0..q.len())
+                .map(|k| {
+                    let part = below[k] / (below[k] - above[k]);
+                    let halve = round % 4 == 3 || !(part > 0.0 && part < 1.0);
+                    low[k] + (high[k] - low[k]) * if halve { 0.5 } else { part }
+                })
+                .collect();
+            for (k, gap) in gaps(&middle).into_iter().enumerate() {
+                if gap < 0.0 {
+                    (low[k], below[k]) = (middle[k], gap);
+                    above[k] *= 0.5;
                 } else {
-                    high[k] = middle[k];
+                    (high[k], above[k]) = (middle[k], gap);
+                    below[k] *= 0.5;
                 }
             }
         }

@@ -9,7 +9,7 @@ use super::choice::{Cost, Method, Settings};
 use super::pontryagin::{dot, long_run};
 use super::trajectory::Motion;
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::time::Instant;
@@ -33,14 +33,14 @@ pub struct FirstLoss {
     pub rate_over_rice: Estimate,
     /// How it was computed.
     pub method: Method,
-    /// What a reader of the numbers should know.
-    pub warnings: Vec<String>,
+    /// What was not reached of the tolerance.
+    pub shortfall: Option<Shortfall>,
 }
 
 /// Most output times after t = 0.
 const OUTPUTS: f64 = 200.0;
 /// Runs that refine until the tolerance is met.
-const ROUNDS: usize = 2;
+const ROUNDS: usize = 3;
 /// Nodes and step of the coarse run over those of the fine one.
 const COARSE: f64 = 0.7;
 
@@ -99,7 +99,11 @@ impl Layout {
         let memory = (0.5 / zeta).max(2.0 * zeta);
         let nodes = match settings.cells {
             Some(cells) => cells.map(|n| n.max(16)),
-            None => nodes(oscillator, rise, speed, step),
+            None => {
+                // The interpolation of order 6 errs once a step; a finer round wants an eighth of it.
+                let part = (2.0 * step * tolerance / 1e-3).powf(1.0 / 6.0) / refined.cbrt();
+                nodes(oscillator, rise, speed, step, part)
+            }
         };
         Self {
             times: (0..=outputs as usize).map(|k| k as f64 * gap).collect(),
@@ -120,21 +124,36 @@ impl Layout {
         (self.every * (self.times.len() - 1)) as f64
     }
 
+    /// Quadrature points of a row: 3.2 a deviation of the noise.
+    fn points(&self, oscillator: &Oscillator) -> f64 {
+        let t = oscillator.temperature();
+        let spread = (t * -(-4.0 * oscillator.zeta() * self.step).exp_m1()).sqrt();
+        3.2 * 2.0 * (2.0 * (1.0 + self.level * t)).sqrt() / spread
+    }
+
+    /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors.
+    fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
+        let [nq, nv] = self.nodes.map(|n| n as f64);
+        nq * (self.points(oscillator) * 112.0 + nv * 46.0 * 8.0) + 40.0 * 8.0 * nq * nv
+    }
+
     /// Steps of a fine run, with those of the long run.
     fn all_steps(&self) -> f64 {
-        self.steps() + 1.2 * 18.0 * self.stride(self.step) as f64
+        self.steps().min(10.0 * self.memory / self.step)
+            + 1.2 * 18.0 * self.stride(self.step) as f64
     }
 }
 
-/// Nodes so that the mesh of v follows the noise of a step: 0.4 of its deviation at the turning points,
-/// where contact is lost. In sqrt(q - q_loss) survival is smoother: 0.7 as many.
-fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64) -> [usize; 2] {
+/// Nodes so that the mesh of v follows the noise of a step: half its deviation (times `part`) at the turning
+/// points, where contact is lost, which errs by a few 1e-4 at a step of 0.5. In sqrt(q - q_loss) survival is
+/// smoother: 0.7 as many.
+fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64, part: f64) -> [usize; 2] {
     let t = oscillator.temperature();
     let spread = (t * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
     let grade = (2.0 * rise / 3.0).max(t).sqrt();
-    let v = 2.0 * (speed / grade).asinh() * grade / (0.4 * spread);
+    let v = 2.0 * (speed / grade).asinh() * grade / (0.5 * part * spread);
     // More do not fit a run of seconds; the error then says so.
-    let v = v.clamp(100.0, 600.0);
+    let v = v.clamp(60.0, 600.0);
     [(0.7 * v) as usize, v as usize]
 }
 
@@ -149,10 +168,13 @@ fn bounce(oscillator: &Oscillator, loss: f64, speed: f64) -> f64 {
 }
 
 /// The numbers of one mesh and step.
+#[derive(Debug, Clone, Default)]
 struct Run {
     survival: Vec<f64>,
+    /// What a survival continued in closed form may be off.
+    drift: Vec<f64>,
     density: Vec<f64>,
-    /// What the order of differentiation changes in the density.
+    /// What the order of differentiation changes in the density, or its continuation.
     wobble: Vec<f64>,
     mean_time: f64,
     rate: f64,
@@ -161,6 +183,21 @@ struct Run {
     residuals: [f64; 2],
     steps: u64,
 }
+
+/// Losses up to each step.
+struct March {
+    gone: Vec<f64>,
+    /// The same by detailed balance.
+    left: Vec<f64>,
+    /// Of what enters, in stationary motion.
+    entered: Vec<f64>,
+    /// The constant hazard a step of what survives after the last step, and its relative error; None where
+    /// the march went on to the end.
+    hazard: Option<(f64, f64)>,
+}
+
+/// Steps after the last one asked for.
+const ENDS: usize = 3;
 
 struct Task<'a> {
     oscillator: &'a Oscillator,
@@ -190,40 +227,52 @@ pub fn first_loss(
         settings,
         started: Instant::now(),
     };
-    let mut refined = 1.0;
-    let mut round = 1;
-    loop {
+    let mut best: Option<FirstLoss> = None;
+    for round in 1..=ROUNDS {
+        let refined = 2f64.powi(round as i32 - 1);
         let layout = Layout::of(oscillator, initial, task.loss, until, settings, refined);
-        // The tail above the edge, and the rounding of a sum.
-        let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
-        let coarse = Fineness {
-            nodes: layout.nodes.map(|n| ((n as f64 * COARSE) as usize).max(12)),
-            step: layout.step,
-            level: layout.level,
-        };
-        let other = task.run(&layout, &coarse, &|part| share(0.25 * part))?;
-        let long = Fineness {
-            nodes: layout.nodes,
-            step: 2.0 * layout.step,
-            level: layout.level,
-        };
-        let slow = task.run(&layout, &long, &|part| share(0.25 + 0.25 * part))?;
-        let fine = Fineness {
-            step: layout.step,
-            ..long
-        };
-        let here = task.run(&layout, &fine, &|part| share(0.5 + 0.5 * part))?;
-        let (it, worst) = task.report(&layout, &here, [&other, &slow]);
-        let spent = task.started.elapsed().as_secs_f64();
-        // A round with half the step and the mesh that follows takes about four times as long.
-        let enough = 5.0 * spent > settings.max_seconds;
-        let chosen = settings.step.is_some() || settings.cells.is_some();
-        if worst <= 1.0 || round == ROUNDS || enough || chosen {
-            progress(1.0);
-            return Ok(it);
+        if let Some(it) = &mut best {
+            // Half the step and the mesh that follows: four times the time and twice the memory.
+            let spent = task.started.elapsed().as_secs_f64();
+            let key = if 5.0 * spent > settings.max_seconds {
+                "accuracy.max_seconds"
+            } else if layout.memory_bytes(oscillator) > settings.max_memory as f64 {
+                "accuracy.max_memory"
+            } else {
+                ""
+            };
+            if !key.is_empty() {
+                limited(it, key);
+                break;
+            }
         }
-        refined *= 2.0;
-        round += 1;
+        let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
+        match task.round(&layout, &share) {
+            Ok((it, worst)) => {
+                best = Some(it);
+                if worst <= 1.0 || task.chosen() {
+                    break;
+                }
+            }
+            // The round before is an answer.
+            Err(error @ Error::Limit { key, .. }) => match &mut best {
+                Some(it) => {
+                    limited(it, key);
+                    break;
+                }
+                None => return Err(error),
+            },
+            Err(error) => return Err(error),
+        }
+    }
+    progress(1.0);
+    best.ok_or_else(|| task.limit())
+}
+
+/// A finer round was not to be had.
+fn limited(it: &mut FirstLoss, key: &str) {
+    if let Some(shortfall) = &mut it.shortfall {
+        shortfall.reason = format!("a finer mesh does not fit {key}");
     }
 }
 
@@ -251,17 +300,11 @@ pub fn first_loss_cost(
     }
     let layout = Layout::of(oscillator, initial, loss, until, settings, 1.0);
     let [nq, nv] = layout.nodes.map(|n| n as f64);
-    let spread =
-        (oscillator.temperature() * -(-4.0 * oscillator.zeta() * layout.step).exp_m1()).sqrt();
-    // Quadrature points of a row: 3.2 a deviation of the noise.
-    let speed = (2.0 * (1.0 + layout.level * oscillator.temperature())).sqrt();
-    let points = 3.2 * 2.0 * speed / spread;
-    // A stencil of 112 bytes a point; a kernel of 46 points a node.
-    let memory = nq * (points * 112.0 + nv * 46.0 * 8.0) + 40.0 * 8.0 * nq * nv;
+    let points = layout.points(oscillator);
     let cost = Cost {
         cells: layout.nodes,
         steps: layout.all_steps() as u64,
-        memory: memory as u64,
+        memory: layout.memory_bytes(oscillator) as u64,
         // 20 ns a point and step and 10 ns a node; building takes 4 us a point. The runs that measure the
         // error take as long again.
         seconds: 2.0
@@ -283,11 +326,42 @@ impl Task<'_> {
         if self.started.elapsed().as_secs_f64() <= self.settings.max_seconds {
             return Ok(());
         }
-        Err(Error::Limit {
+        Err(self.limit())
+    }
+
+    fn limit(&self) -> Error {
+        Error::Limit {
             key: "accuracy.max_seconds",
             limit: format!("{}", self.settings.max_seconds),
             what: "the first loss of contact was not done".into(),
-        })
+        }
+    }
+
+    /// Whether the scene says how fine.
+    fn chosen(&self) -> bool {
+        self.settings.step.is_some() || self.settings.cells.is_some()
+    }
+
+    /// A fine run, and its error from one on a coarser mesh and one of twice the step.
+    fn round(&self, layout: &Layout, progress: &dyn Fn(f64)) -> Result<(FirstLoss, f64)> {
+        let coarse = Fineness {
+            nodes: layout.nodes.map(|n| ((n as f64 * COARSE) as usize).max(12)),
+            step: layout.step,
+            level: layout.level,
+        };
+        let other = self.run(layout, &coarse, &|part| progress(0.25 * part))?;
+        let long = Fineness {
+            nodes: layout.nodes,
+            step: 2.0 * layout.step,
+            level: layout.level,
+        };
+        let slow = self.run(layout, &long, &|part| progress(0.25 + 0.25 * part))?;
+        let fine = Fineness {
+            step: layout.step,
+            ..long
+        };
+        let here = self.run(layout, &fine, &|part| progress(0.5 + 0.5 * part))?;
+        Ok(self.report(layout, &here, [&other, &slow]))
     }
 
     /// The start as weights, and what its survival is divided by.
@@ -300,7 +374,7 @@ impl Task<'_> {
                     let x = (q - mean[0]) / deviation[0];
                     (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
                 };
-                let lines = absorbed.displacements(deviation[0], density);
+                let lines = absorbed.displacements(self.oscillator, deviation[0], density);
                 let it = absorbed.lines(self.oscillator, &lines, mean[1], deviation[1]);
                 (it, 1.0)
             }
@@ -313,59 +387,93 @@ impl Task<'_> {
         let absorbed = Absorbed::new(it, self.loss, fineness)?;
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
-        let lines = absorbed.displacements(0.5 * deviation, |q| law.density(q));
+        let lines = absorbed.displacements(it, 0.5 * deviation, |q| law.density(q));
         let stationary = absorbed.lines(it, &lines, 0.0, deviation);
         let (start, total) = self.start(&absorbed, &stationary);
+        let balanced = *self.initial == Initial::Stationary;
         let outflow = absorbed.outflow(it, &lines);
-
-        // Losses up to each step, summed from the losses in each: the survival's small parts keep digits.
+        let entering = absorbed.entering(it, law.density(self.loss));
+        let balance = balanced.then_some([&outflow, &entering]);
         let step = fineness.step;
         let every = (layout.every as f64 * layout.step / step).round() as usize;
-        let count = every * (layout.times.len() - 1);
-        let mut lost = vec![0.0, start.lost + dot(&start.weights, absorbed.lost_first())];
-        let mut losses = absorbed.lost_second();
-        let mut scratch = vec![0.0; losses.len()];
-        // The stationary law loses in each step what leaves it of those that have survived, by detailed
-        // balance: no small part of a small number.
-        let balanced = *self.initial == Initial::Stationary;
-        let mut leaving = outflow.total;
-        let mut left = vec![0.0, leaving];
-        leaving -= dot(&outflow.weights, absorbed.lost_first());
-        // As many steps more as the differences at the end want.
-        while lost.len() <= count + 3 {
-            lost.push(lost[lost.len() - 1] + dot(&start.weights, &losses));
-            left.push(left[left.len() - 1] + leaving);
-            leaving -= dot(&outflow.weights, &losses);
-            absorbed.advance(&mut losses, &mut scratch);
-            if lost.len().is_multiple_of(16) {
-                self.late()?;
-                progress(0.6 * lost.len() as f64 / count as f64);
-            }
-        }
-        let inside = start.total / total;
-        let survival: Vec<f64> = (0..layout.times.len())
-            .map(|k| (inside - lost[k * every] / total).clamp(0.0, 1.0))
-            .collect();
-        let gone = if balanced { &left } else { &lost };
-        let slope = |k: usize, half: usize| derivative(gone, k * every, half) / (step * total);
-        let density: Vec<f64> = (0..layout.times.len()).map(|k| slope(k, 3)).collect();
-        let wobble = (0..layout.times.len())
-            .map(|k| (slope(k, 2) - density[k]).abs())
-            .collect();
-
+        let march = self.march(
+            &absorbed,
+            &start,
+            balance,
+            every * (layout.times.len() - 1),
+            (0.5 * layout.memory / step).ceil() as usize,
+            &|part| progress(0.4 * part),
+        )?;
         let stride = layout.stride(step);
-        let long = long_run(&absorbed, stride, &|| self.late())?;
+        let enough = 1e-3 * self.settings.tolerance.min(1e-3);
+        // Losses a step of a mode, by detailed balance; small numbers keep their digits.
+        let per_step = |mode: &[f64]| {
+            let held = dot(&stationary.weights, mode);
+            dot(&outflow.weights, mode) / held
+        };
+        // So rare that a start is forgotten long before: the mean time is the slowest mode's.
+        let rare = |mode: &[f64]| {
+            let forgotten = per_step(mode) * layout.memory / step;
+            forgotten < 1e-2 * self.settings.tolerance
+        };
+        let long = long_run(&absorbed, stride, enough, &rare, &|| self.late())?;
         progress(1.0);
-        // Losses a step of the slowest mode, by detailed balance; small numbers keep their digits.
         let held = dot(&stationary.weights, &long.mode);
-        let per_step = dot(&outflow.weights, &long.mode) / held;
-        let rate = -(-per_step).ln_1p() / step;
+        let rate = -(-per_step(&long.mode)).ln_1p() / step;
         let rice = law.density(self.loss) * deviation / std::f64::consts::TAU.sqrt();
+        let inside = start.total / total;
+        let last = march.gone.len() - 1;
+        // What the hazard a step may be off.
+        let doubt = march.hazard.map_or(0.0, |(hazard, doubt)| {
+            // Losses so rare that the mode is all drown, but for detailed balance, in the rounding of a mesh.
+            if long.sum.is_none() {
+                doubt * rate * step
+            } else {
+                doubt * hazard + (hazard - rate * step).abs()
+            }
+        });
+        let count = layout.times.len();
+        let mut run = Run::default();
+        for k in 0..count {
+            let n = k * every;
+            // Beyond the march the survival falls at the rate of its end.
+            let (at, beyond) = if n + ENDS <= last || march.hazard.is_none() {
+                (n, 0.0)
+            } else {
+                (last - ENDS, (n + ENDS - last) as f64)
+            };
+            let fallen = (-rate * step * beyond).exp();
+            // Where next to nothing is lost, the sum of what leaves keeps its digits.
+            let gone = match march.left.get(at) {
+                Some(left) if balanced && *left < 1e-6 * total => *left,
+                _ => march.gone[at],
+            };
+            let survival = (inside - gone / total).clamp(0.0, 1.0) * fallen;
+            run.survival.push(survival);
+            run.drift.push(survival * doubt * beyond);
+            let (density, wobble) = if balanced {
+                ((entering.total - march.entered[at]) / total, 0.0)
+            } else {
+                let slope = |half| derivative(&march.gone, at, half) / (step * total);
+                let density: f64 = slope(3);
+                (density, (slope(2) - density).abs())
+            };
+            let density = density * fallen;
+            run.density.push(density);
+            let drift = if beyond > 0.0 {
+                density.abs() * doubt * (1.0 / (rate * step) + beyond)
+            } else {
+                0.0
+            };
+            run.wobble.push(wobble * fallen + drift);
+        }
+
         let (mean_time, direct) = match &long.sum {
             Some(sum) => {
                 let sum = dot(&start.weights, sum);
                 // Trapezes with the first correction of Euler and Maclaurin.
-                let mean = step * (0.5 * inside + sum / total) - step * step / 12.0 * density[0];
+                let mean =
+                    step * (0.5 * inside + sum / total) - step * step / 12.0 * run.density[0];
                 (mean, -long.factor.ln() / step)
             }
             None => {
@@ -378,19 +486,75 @@ impl Task<'_> {
         } else {
             0.0
         };
-        Ok(Run {
-            survival,
-            density,
-            wobble,
-            mean_time,
-            rate,
-            over_rice: rate * stationary.total / rice,
-            residuals: [
-                long.residuals[0] / (rate * stride as f64 * step) + forgets,
-                (direct / rate - 1.0).abs(),
-            ],
-            steps: lost.len() as u64 + long.steps,
-        })
+        run.mean_time = mean_time;
+        run.rate = rate;
+        run.over_rice = rate * stationary.total / rice;
+        run.residuals = [
+            long.residuals[0] / (rate * stride as f64 * step) + forgets,
+            (direct / rate - 1.0).abs(),
+        ];
+        run.steps = last as u64 + long.steps;
+        Ok(run)
+    }
+
+    /// Losses step by step, until they are constant in what survives. The stationary law loses in each step
+    /// what leaves it of those that have survived (`balance`: outflow and what enters), by detailed
+    /// balance: no small part of a small number.
+    fn march(
+        &self,
+        absorbed: &Absorbed,
+        start: &Start,
+        balance: Option<[&Start; 2]>,
+        count: usize,
+        window: usize,
+        progress: &dyn Fn(f64),
+    ) -> Result<March> {
+        let first = |it: &Start| it.lost + dot(&it.weights, absorbed.lost_first());
+        // Summed from the losses in each step, so that small parts keep their digits.
+        let mut leaving = balance.map_or(0.0, |[outflow, _]| outflow.total - first(outflow));
+        let mut march = March {
+            gone: vec![0.0, first(start)],
+            left: vec![0.0, balance.map_or(0.0, |[it, _]| it.total)],
+            entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
+            hazard: None,
+        };
+        let mut losses = absorbed.lost_second();
+        let mut scratch = vec![0.0; losses.len()];
+        let mut hazards = [f64::INFINITY; 3];
+        // As many steps more as the differences at the end want.
+        while march.gone.len() <= count + ENDS {
+            let n = march.gone.len();
+            march
+                .gone
+                .push(march.gone[n - 1] + dot(&start.weights, &losses));
+            if let Some([outflow, entering]) = balance {
+                march.left.push(march.left[n - 1] + leaving);
+                leaving -= dot(&outflow.weights, &losses);
+                let entered = march.entered[n - 1] + dot(&entering.weights, &losses);
+                march.entered.push(entered);
+            }
+            absorbed.advance(&mut losses, &mut scratch);
+            if n.is_multiple_of(16) {
+                self.late()?;
+                progress(n as f64 / count as f64);
+            }
+            if n.is_multiple_of(window) {
+                let before = march.gone[n - window];
+                let part = (march.gone[n] - before) / (start.total - before);
+                hazards = [hazards[1], hazards[2], -(-part).ln_1p() / window as f64];
+                let [a, b, c] = hazards;
+                let (change, earlier) = ((c - b).abs(), (b - a).abs());
+                // What is left of a change that shrinks geometrically, at the pace of energy or slower.
+                let pace = (change / earlier).max((-0.5f64).exp());
+                let doubt = change / (1.0 - pace) / c;
+                if pace < 0.9 && doubt < 1e-2 * self.settings.tolerance {
+                    march.hazard = Some((c, doubt));
+                    break;
+                }
+            }
+        }
+        progress(1.0);
+        Ok(march)
     }
 
     /// The fine run with its errors, and the largest of them over the tolerance.
@@ -407,11 +571,18 @@ impl Task<'_> {
                 worst = (ratio, name, t);
             }
         };
-        let peak = fine.density.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        // The exponential law has its rate for a peak, whatever the times asked for.
+        let peak = fine
+            .density
+            .iter()
+            .fold(fine.rate, |a: f64, b| a.max(b.abs()));
         let (mut survival, mut density) = (Vec::new(), Vec::new());
         for (k, t) in layout.times.iter().enumerate() {
             // Beyond the edge all is lost, whatever the mesh says.
-            let error = gaps(&|run| run.survival[k]) + outside * (1.0 - fine.survival[k]) + 4e-16;
+            let error = gaps(&|run| run.survival[k])
+                + fine.drift[k]
+                + outside * (1.0 - fine.survival[k])
+                + 4e-16;
             note(error / tolerance, "survival", Some(*t));
             survival.push(Estimate::new(fine.survival[k], error, Origin::Space));
             let error =
@@ -434,15 +605,19 @@ impl Task<'_> {
             None,
         );
         note(rate.error / (tolerance * rate.value), "rate", None);
-        let mut warnings = Vec::new();
-        if worst.0 > 1.0 || worst.0.is_nan() {
-            let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
-            warnings.push(format!(
-                "the tolerance {tolerance:e} is not met: the error of first_loss.{}{at} is {:.1} times too \
-                 large; a shorter method.step would help",
-                worst.1, worst.0
-            ));
-        }
+        let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
+        let chosen = self.chosen();
+        let shortfall = (worst.0 > 1.0 || worst.0.is_nan()).then(|| Shortfall {
+            number: format!("first_loss.{}{at}", worst.1),
+            ratio: worst.0,
+            tolerance,
+            free: !chosen,
+            reason: if chosen {
+                "its step or its cells are those of the scene".into()
+            } else {
+                format!("refined {} times", ROUNDS - 1)
+            },
+        });
         let [nq, nv] = layout.nodes;
         let it = FirstLoss {
             times: layout.times.clone(),
@@ -461,7 +636,7 @@ impl Task<'_> {
                 steps: fine.steps + others.iter().map(|other| other.steps).sum::<u64>(),
                 neglected: outside,
             },
-            warnings,
+            shortfall,
         };
         (it, worst.0)
     }

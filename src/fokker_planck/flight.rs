@@ -13,7 +13,7 @@
 //!   slowly.
 
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
 use std::f64::consts::{PI, SQRT_2, TAU};
@@ -25,6 +25,21 @@ pub struct FlightLaw {
     pub times: Vec<f64>,
     /// Density at each.
     pub density: Vec<Estimate>,
+}
+
+impl FlightLaw {
+    /// What is missing to the tolerance, relative to the largest density.
+    pub fn shortfall(&self, tolerance: f64) -> Option<Shortfall> {
+        let most = |f: &dyn Fn(&Estimate) -> f64| self.density.iter().map(f).fold(0.0, f64::max);
+        let ratio = most(&|it| it.error) / (tolerance * most(&|it| it.value));
+        (ratio > 1.0).then(|| Shortfall {
+            number: "crossings.flight_density".into(),
+            ratio,
+            tolerance,
+            free: true,
+            reason: "its closed form expands in the friction".into(),
+        })
+    }
 }
 
 /// Points of the curve.

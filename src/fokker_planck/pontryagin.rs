@@ -16,9 +16,6 @@ use num_complex::Complex;
 const VECTORS: usize = 16;
 /// Spaces built one after another, at the most.
 const CYCLES: usize = 6;
-/// Residual, relative to the right-hand side, at which an iteration ends: far below the error of any mesh.
-const ENOUGH: f64 = 1e-9;
-
 /// What the long run of an absorbed motion is.
 #[derive(Debug, Clone)]
 pub(super) struct LongRun {
@@ -33,10 +30,13 @@ pub(super) struct LongRun {
     pub(super) steps: u64,
 }
 
-/// `stride` steps a Krylov vector; `late` stops it.
+/// `stride` steps a Krylov vector; ends at the relative residual `enough`; `rare` says of a mode whether the
+/// sum can be told from it at all; `late` stops it.
 pub(super) fn long_run(
     absorbed: &Absorbed,
     stride: usize,
+    enough: f64,
+    rare: &dyn Fn(&[f64]) -> bool,
     late: &dyn Fn() -> Result<()>,
 ) -> Result<LongRun> {
     let n = absorbed.len();
@@ -71,19 +71,19 @@ pub(super) fn long_run(
     let mut left = given.clone();
     let mut residuals = [1.0, 1.0];
     let mut mode = given.clone();
-    let mut factor = 1.0;
+    let mut factor: f64 = 1.0;
     for cycle in 0..CYCLES {
-        let solving = residuals[0] > ENOUGH;
+        // The sum is as large as 1/(1 - factor).
+        let solving = residuals[0] > enough * (1.0 - factor).max(1e-3) || cycle == 0;
         let from = if solving { &left } else { &mode };
         let space = Space::of(from, &mut |field| several(field, None))?;
-        if residuals[1] > ENOUGH {
+        if residuals[1] > enough {
             let (vector, value, residual) = space.slowest()?;
             if residual < residuals[1] || cycle == 0 {
                 (mode, factor, residuals[1]) = (vector, value, residual);
             }
         }
-        // So slow that the sum cannot be told from the mode by doubles.
-        if 1.0 - factor < 1e-10 && residuals[1] <= 1e-6 {
+        if residuals[1] <= enough && rare(&mode) {
             return Ok(LongRun {
                 sum: None,
                 mode,
@@ -100,7 +100,7 @@ pub(super) fn long_run(
             }
             residuals[0] = norm(&left) / size;
         }
-        if residuals.iter().all(|r| *r <= ENOUGH) {
+        if residuals[0] <= enough * (1.0 - factor).max(1e-3) && residuals[1] <= enough {
             break;
         }
     }

@@ -42,7 +42,7 @@ pub struct FirstLossResult {
 ///
 /// # Errors
 /// As [`super::run`]; [`Error::Invalid`] for a law that cannot lose contact and for a scheme that does not
-/// locate crossings.
+/// locate crossings; [`Error::Limit`] where `max_seconds` are over.
 pub fn first_loss(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -52,11 +52,14 @@ pub fn first_loss(
 ) -> Result<FirstLossResult> {
     let plan = Plan::new(oscillator, initial, times, settings)?;
     let path_steps = plan.steps.saturating_mul(settings.paths);
+    let progress = &Progress::new(settings.paths, progress).within(settings.max_seconds);
     let run = Survive {
         plan: &plan,
-        progress: &Progress::new(settings.paths, progress),
+        progress,
     };
     let sums = law::dispatch(oscillator.contact(), run);
+    progress.in_time()?;
+    progress.finish();
     let n = settings.paths as f64;
     let (mut gone, mut start) = (0.0, 0.0);
     let (mut survival, mut density) = (Vec::new(), Vec::new());
@@ -241,6 +244,9 @@ impl WithLaw for Survive<'_, '_> {
             .map(|paths| {
                 let mut sums = LossSums::new(plan);
                 for first in paths.clone().step_by(LANES) {
+                    if self.progress.late() {
+                        break;
+                    }
                     let lanes = (LANES as u64).min(paths.end - first);
                     let times = pulp::Arch::new().dispatch(Group { law, plan, first });
                     for time in &times[..lanes as usize] {
@@ -255,7 +261,6 @@ impl WithLaw for Survive<'_, '_> {
         for part in &parts {
             total.add(part);
         }
-        self.progress.finish();
         total
     }
 }
