@@ -39,7 +39,9 @@ pub(super) fn neglected(
     settings: &Settings,
 ) -> Result<f64> {
     let mut outside = choice::neglected(settings.tolerance);
-    if !oscillator.contact().is_confining() || settings.neglected.is_some() {
+    // Cells of the scene may not carry a box as wide as every bar would like.
+    let given = settings.neglected.is_some() || settings.cells.is_some();
+    if !oscillator.contact().is_confining() || given {
         return Ok(settings.neglected.unwrap_or(outside));
     }
     let share = BOX_SHARE * settings.tolerance;

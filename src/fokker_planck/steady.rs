@@ -47,13 +47,8 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
     oscillator.displacement_law()?;
     let drift = settings.drift.unwrap_or(Drift::Upwind);
     let start = Initial::Stationary;
-    // Cells of the scene may not carry a box as wide as every bar would like.
-    let neglected = match settings.cells {
-        None => Some(refinement::neglected(oscillator, &start, settings)?),
-        Some(_) => settings.neglected,
-    };
     let boxed = Settings {
-        neglected,
+        neglected: Some(refinement::neglected(oscillator, &start, settings)?),
         ..settings.clone()
     };
     let (mesh, domain) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, 1.0)?;
