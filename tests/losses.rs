@@ -262,7 +262,7 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
         .collect();
     let order = |a: f64, b: f64| (a / b).ln() / 1.5f64.ln();
     let orders = [order(errors[0], errors[1]), order(errors[1], errors[2])];
-    println!("errors {errors:.2e?}, orders {orders:.2?}");
+    println!("errors {errors:?}, orders {orders:.2?}");
     assert!(orders[0].min(orders[1]) > 2.5, "{orders:?}");
 }
 
