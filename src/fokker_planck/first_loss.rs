@@ -3,6 +3,13 @@
 //! One run of the backward equation ([`super::absorbed`]) answers every start; from the stationary law it
 //! carries the density too, by detailed balance with reversed velocity, so that the rate of losses so rare
 //! that no path shows one keeps its digits.
+//!
+//! Orders seen (Hertz, zeta = 0.005, h = 3.2e-3): in space, at a step of 0.5, from 28 x 40, 42 x 60 and
+//! 63 x 90 nodes, the survival from rest errs by 1.7e-3, 4.5e-5 and 6.1e-6, order 8.9 and 4.9: the jump at
+//! (q_loss, 0) costs about one of the six orders of the interpolation on meshes that resolve it. In the
+//! step, on one mesh of 118 x 168, the rate changes by 5.6e-7 from 1 to 0.5 and by 4e-8 from 0.5 to 0.25;
+//! splitting is of second order, and the density of the stationary start of first order in
+//! the step near grazing losses. Error bars take the difference from twice the step whole.
 
 use super::absorbed::{Absorbed, Fineness, Start};
 use super::choice::{Cost, Method, Settings};
