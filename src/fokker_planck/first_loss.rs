@@ -203,6 +203,18 @@ struct March {
     hazard: Option<(f64, f64)>,
 }
 
+impl March {
+    /// What the hazard a step may be off, if losses go on at `rate` a step.
+    fn doubt(&self, rate: f64, rare: bool) -> f64 {
+        match self.hazard {
+            // Losses so rare drown, but for detailed balance, in the rounding of a mesh.
+            Some((_, doubt)) if rare => doubt * rate,
+            Some((hazard, doubt)) => doubt * hazard + (hazard - rate).abs(),
+            None => 0.0,
+        }
+    }
+}
+
 /// Steps after the last one asked for.
 const ENDS: usize = 3;
 
@@ -430,15 +442,7 @@ impl Task<'_> {
         let rice = law.density(self.loss) * deviation / std::f64::consts::TAU.sqrt();
         let inside = start.total / total;
         let last = march.gone.len() - 1;
-        // What the hazard a step may be off.
-        let doubt = march.hazard.map_or(0.0, |(hazard, doubt)| {
-            // Losses so rare that the mode is all drown, but for detailed balance, in the rounding of a mesh.
-            if long.sum.is_none() {
-                doubt * rate * step
-            } else {
-                doubt * hazard + (hazard - rate * step).abs()
-            }
-        });
+        let doubt = march.doubt(rate * step, long.sum.is_none());
         let count = layout.times.len();
         let mut run = Run::default();
         for k in 0..count {
