@@ -81,7 +81,10 @@ pub(super) fn run(
 ) -> Result<Cost> {
     let until = times.last().copied().unwrap_or(0.0);
     let opening = opening::cost(oscillator, initial, until, drift, settings)?;
-    if let Some((bill, side)) = opening.as_ref().and_then(|it| it.alone.map(|side| (it, side))) {
+    if let Some((bill, side)) = opening
+        .as_ref()
+        .and_then(|it| it.alone.map(|side| (it, side)))
+    {
         // The packet's own frame, the same whatever the mesh would be.
         return Ok(Cost {
             cells: [side; 2],

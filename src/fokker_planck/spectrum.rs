@@ -83,7 +83,8 @@ impl Spectrum {
             ratio: error / settings.tolerance,
             tolerance: settings.tolerance,
             free: settings.cells.is_none(),
-            reason: "the next resolution does not fit accuracy.max_seconds or accuracy.max_memory".into(),
+            reason: "the next resolution does not fit accuracy.max_seconds or accuracy.max_memory"
+                .into(),
         })
     }
 }
