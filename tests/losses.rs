@@ -262,7 +262,8 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
         .collect();
     let order = |a: f64, b: f64| (a / b).ln() / 1.5f64.ln();
     let orders = [order(errors[0], errors[1]), order(errors[1], errors[2])];
-    println!("errors {errors:.2e?}, orders {orders:.2?}");
+    let shown: Vec<String> = errors.iter().map(|error| format!("{error:.2e}")).collect();
+    println!("errors {}, orders {orders:.2?}", shown.join(", "));
     assert!(orders[0].min(orders[1]) > 2.5, "{orders:?}");
 }
 
