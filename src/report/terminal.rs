@@ -203,7 +203,9 @@ fn brief(x: f64) -> String {
     if exact.len() <= 8 {
         exact.strip_suffix(".0").unwrap_or(&exact).to_owned()
     } else if (1e-3..1e4).contains(&x.abs()) {
-        format!("{x:.4}")
+        // Four digits after the leading zeros: 0.00163 is not 0.0016.
+        let zeros = (-x.abs().log10().floor()).max(1.0) as usize;
+        format!("{x:.digits$}", digits = zeros + 3)
     } else {
         format!("{x:.2e}")
     }
