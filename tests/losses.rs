@@ -87,7 +87,7 @@ fn the_mean_time_is_the_integral_of_the_survival() {
 }
 
 #[test]
-fn survival_converges_with_second_order_in_the_step() {
+fn survival_converges_with_at_least_second_order_in_the_step() {
     let it = hertz(0.005, 3.2e-3);
     // One mesh, so that what is left is the step.
     let at = |step: f64| {
@@ -109,7 +109,7 @@ fn survival_converges_with_second_order_in_the_step() {
         rate(&c)
     );
     assert!(fine < 1e-3 * rate(&c));
-    assert!(order > 1.0 || coarse < 1e-4 * rate(&c));
+    assert!(order > 1.7);
     // The error bar holds what a halved step changes.
     assert!((rate(&b) - rate(&c)).abs() <= b.rate.error + c.rate.error);
     for (x, y) in b.survival.last().iter().zip(c.survival.last()) {
@@ -262,8 +262,7 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
         .collect();
     let order = |a: f64, b: f64| (a / b).ln() / 1.5f64.ln();
     let orders = [order(errors[0], errors[1]), order(errors[1], errors[2])];
-    let shown: Vec<String> = errors.iter().map(|error| format!("{error:.2e}")).collect();
-    println!("errors {}, orders {orders:.2?}", shown.join(", "));
+    println!("errors {errors:?}, orders {orders:.2?}");
     assert!(orders[0].min(orders[1]) > 2.5, "{orders:?}");
 }
 

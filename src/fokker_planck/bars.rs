@@ -42,6 +42,10 @@ pub(super) fn beyond(ratio: f64) -> f64 {
     1.0 / (ratio.powf(BELIEVED) - 1.0)
 }
 
+/// Negative cells of a mesh 4/3 times as fine that weigh less than this are on their way to nothing, with
+/// order 2.4 or more.
+const CONVERGING: f64 = 0.5;
+
 /// A difference that passes through zero, on its way from one output to the next or beside those of the
 /// other numbers, is not taken for less than this part of its neighbours'.
 const NEIGHBOURS: f64 = 0.5;
@@ -102,6 +106,17 @@ fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
     })
 }
 
+/// What negative cells weigh in the bar of a number, from what they weigh in a fine and in a coarse run.
+/// Where they converge the difference of the runs holds what they do; where they stand, both may agree on
+/// what is wrong.
+fn standing(fine: f64, coarse: f64) -> f64 {
+    if fine < CONVERGING * coarse {
+        0.0
+    } else {
+        fine.max(coarse)
+    }
+}
+
 impl Bars {
     /// Bars of `run`, nothing known of its mesh and steps yet; `outside` is what the box leaves out, in
     /// natural scales of the stationary law.
@@ -127,7 +142,7 @@ impl Bars {
                 .outputs
                 .iter()
                 .zip(&coarse.outputs)
-                .map(|(a, b)| std::array::from_fn(|i| a.undershoot[i].max(b.undershoot[i])))
+                .map(|(a, b)| std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i])))
                 .collect(),
             opening: run.outputs.iter().map(|it| it.opening).collect(),
             settled: run
@@ -143,11 +158,16 @@ impl Bars {
         }
     }
 
+    /// What is the same for every number of time k, in natural scales.
+    fn shared(&self, k: usize) -> f64 {
+        // A settled run stays within its distance of (21); tails weigh ten scales.
+        10.0 * self.settled[k] + self.opening[k] + self.alike
+    }
+
     /// Parts of the error of number i at time k: space, time, box, rounding.
     fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 4] {
         let scale = self.scales[k][i];
-        // A settled run stays within its distance of (21); tails weigh ten scales.
-        let shared = 10.0 * self.settled[k] + self.opening[k] + self.alike;
+        let shared = self.shared(k);
         [
             (self.space[k][i] + self.undershoot[k][i], Origin::Space),
             (self.time[k][i] + shared * scale, Origin::Time),
@@ -190,18 +210,26 @@ impl Bars {
     /// The largest bar over the natural scale, with its time and number.
     pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
         let values: Vec<_> = run.outputs.iter().map(|it| it.moments.named()).collect();
-        self.largest(|k, i| {
-            // A shape of a force that does not vary does not exist, and has no bar.
-            let number = values[k][i].1.filter(|number| !number.value.is_nan());
-            number.map_or(0.0, |number| {
-                self.parts(k, i, number.value).iter().map(|it| it.0).sum()
-            })
+        self.largest(|k, i| match values[k][i] {
+            (_, None) => 0.0,
+            // A force without a width has no shape.
+            ("skewness_force" | "kurtosis_force", Some(it)) if it.value.is_nan() => 0.0,
+            (_, Some(it)) => self.parts(k, i, it.value).iter().map(|it| it.0).sum(),
         })
     }
 
-    /// The largest part of the mesh over the natural scale.
+    /// The largest part of the mesh over the natural scale, negative cells included.
     pub(super) fn worst_space(&self) -> f64 {
-        self.largest(|k, i| self.space[k][i]).0
+        self.largest(|k, i| self.space[k][i] + self.undershoot[k][i])
+            .0
+    }
+
+    /// The largest part that neither mesh nor steps are known to change, over the natural scale.
+    pub(super) fn worst_fixed(&self) -> f64 {
+        self.largest(|k, i| {
+            (self.outside[k][i] + self.shared(k) + self.rounding) * self.scales[k][i]
+        })
+        .0
     }
 
     /// The largest part of the steps over the natural scale.

@@ -215,7 +215,9 @@ pub(super) fn is_narrow(
         Initial::Stationary => return Ok(false),
         Initial::Rest => return Ok(true),
         // The box of a law that leaves every box is as narrow as the start.
-        Initial::Gaussian { .. } if !oscillator.contact().is_confining() => return Ok(false),
+        Initial::Gaussian { .. } if !oscillator.contact().is_confining() => {
+            return Ok(stays_in_frame(oscillator, initial, settings));
+        }
         Initial::Gaussian { mean, deviation } => (mean, deviation),
     };
     if settings.cells.is_some() {
@@ -241,9 +243,23 @@ pub(super) fn is_narrow(
         .any(|(thermal, start)| start * REFINED < thermal))
 }
 
-/// Whether a run never leaves the frame of its packet, and has no other mesh.
-pub(super) fn stays_in_frame(oscillator: &Oscillator, initial: &Initial) -> bool {
-    *initial == Initial::Rest && !oscillator.contact().is_confining()
+/// Whether a run never leaves the frame of its packet, and has no other mesh: a law that leaves every box
+/// keeps the shape of a packet for good. A Gaussian start may ask for a box instead.
+pub(super) fn stays_in_frame(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    settings: &Settings,
+) -> bool {
+    let asked = settings.method.is_some()
+        || settings.drift.is_some()
+        || settings.time.is_some()
+        || settings.cells.is_some();
+    !oscillator.contact().is_confining()
+        && match initial {
+            Initial::Rest => true,
+            Initial::Gaussian { .. } => !asked,
+            Initial::Stationary => false,
+        }
 }
 
 /// The mesh and its box for a run until `until`; for a narrow start, those without regard to how narrow
@@ -385,8 +401,8 @@ pub(super) fn way(
     until: f64,
     settings: &Settings,
 ) -> Result<(Drift, Way, String)> {
-    if stays_in_frame(oscillator, initial) {
-        let reason = "a point in a law that leaves every box: a small mesh moves with it for good";
+    if stays_in_frame(oscillator, initial, settings) {
+        let reason = "in a law that leaves every box a small mesh moves with the density for good";
         return Ok((Drift::Order8, Way::FlowMap, reason.into()));
     }
     let (drift, way, mut reason) = method(oscillator, initial, until, settings)?;

@@ -3,6 +3,13 @@
 //! One run of the backward equation ([`super::absorbed`]) answers every start; from the stationary law it
 //! carries the density too, by detailed balance with reversed velocity, so that the rate of losses so rare
 //! that no path shows one keeps its digits.
+//!
+//! Orders seen (Hertz, zeta = 0.005, h = 3.2e-3): in space, at a step of 0.5, from 28 x 40, 42 x 60 and
+//! 63 x 90 nodes, the survival from rest errs by 1.7e-3, 4.5e-5 and 6.1e-6, order 8.9 and 4.9: the jump at
+//! (q_loss, 0) costs about one of the six orders of the interpolation on meshes that resolve it. In the
+//! step, on one mesh of 118 x 168, the rate changes by 5.6e-7 from 1 to 0.5 and by 4e-8 from 0.5 to 0.25;
+//! splitting is of second order, and the density of the stationary start of first order in
+//! the step near grazing losses. Error bars take the difference from twice the step whole.
 
 use super::absorbed::{Absorbed, Fineness, Start};
 use super::choice::{Cost, Method, Settings};
@@ -194,6 +201,18 @@ struct March {
     /// The constant hazard a step of what survives after the last step, and its relative error; None where
     /// the march went on to the end.
     hazard: Option<(f64, f64)>,
+}
+
+impl March {
+    /// What the hazard a step may be off, if losses go on at `rate` a step.
+    fn doubt(&self, rate: f64, rare: bool) -> f64 {
+        match self.hazard {
+            // Losses so rare drown, but for detailed balance, in the rounding of a mesh.
+            Some((_, doubt)) if rare => doubt * rate,
+            Some((hazard, doubt)) => doubt * hazard + (hazard - rate).abs(),
+            None => 0.0,
+        }
+    }
 }
 
 /// Steps after the last one asked for.
@@ -423,15 +442,7 @@ impl Task<'_> {
         let rice = law.density(self.loss) * deviation / std::f64::consts::TAU.sqrt();
         let inside = start.total / total;
         let last = march.gone.len() - 1;
-        // What the hazard a step may be off.
-        let doubt = march.hazard.map_or(0.0, |(hazard, doubt)| {
-            // Losses so rare that the mode is all drown, but for detailed balance, in the rounding of a mesh.
-            if long.sum.is_none() {
-                doubt * rate * step
-            } else {
-                doubt * hazard + (hazard - rate * step).abs()
-            }
-        });
+        let doubt = march.doubt(rate * step, long.sum.is_none());
         let count = layout.times.len();
         let mut run = Run::default();
         for k in 0..count {

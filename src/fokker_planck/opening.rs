@@ -109,7 +109,7 @@ pub(super) fn cost(
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
     let time = (-left.ln() / (2.0 * oscillator.zeta())).min(until);
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
-    let forever = choice::stays_in_frame(oscillator, initial);
+    let forever = choice::stays_in_frame(oscillator, initial, settings);
     let time = if forever { until } else { time };
     let steps = time / fineness.step;
     Ok(Some(Bill {

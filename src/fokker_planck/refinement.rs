@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::scales::Scales;
+use std::cell::Cell;
 
 /// Part of the tolerance that the box may take: it costs a few cells to make it small.
 const BOX_SHARE: f64 = 0.2;
@@ -28,6 +29,9 @@ const FINER: [f64; 6] = [1.2, 1.3, 1.45, 1.6, 1.8, 2.0];
 /// Order in space expected before any was seen, and the best hoped for before a limit is believed.
 const EXPECTED: f64 = 3.0;
 const HOPED: f64 = 8.0;
+
+/// The highest order believed once it was seen.
+const TRUSTED: f64 = 3.0;
 
 /// Order that meshes fine enough come to even where the first ones do not.
 const LIKELY: f64 = 3.5;
@@ -74,172 +78,68 @@ struct Level {
     run: Run,
 }
 
-/// Solves the task to its tolerance, or as far as its limits allow.
+/// Solves the task to its tolerance, or as far as its limits allow. Where the method is free, finite
+/// volumes take over from a flow map that cannot reach the tolerance or would need longer for it.
 ///
 /// # Errors
-/// Those of the first two runs; later ones end the refinement.
-#[expect(clippy::too_many_lines, reason = "one loop over one state")]
+/// Those of the first two runs; later ones end the refinement. Cells that the program chose itself are
+/// no error of the scene: if no mesh of its choice holds it, that is [`Error::Limit`].
 pub(super) fn refined(
     task: &Task,
     reason: String,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Transient> {
     let settings = task.settings;
-    let scales = Scales::of(task.oscillator);
-    let (longer, order) = steps(task.way);
-    let in_time = |ratio: f64| 1.0 / (ratio.powf(order) - 1.0);
-    let done = std::cell::Cell::new(0.0);
-    // Each run is expected to take three quarters of what is left.
-    let level = |finer: f64, longer: f64, part: f64| -> Result<Level> {
-        let before: f64 = done.get();
-        let left = 1.0 - before;
-        let run = task.run((finer, longer), task.times, &|x| {
-            progress(before + part * left * x)
-        })?;
-        done.set(before + part * left);
-        Ok(Level { finer, longer, run })
+    let free = task.way == Way::FlowMap
+        && settings.method.is_none()
+        && !choice::stays_in_frame(task.oscillator, task.initial, settings);
+    let volumes = if free { task.volumes().ok() } else { None };
+    let mut first = Refinement::new(*task, volumes.as_ref(), progress);
+    let (best, why) = match (first.pursue(reason), &volumes) {
+        (Ok((best, None)), _) => return Ok(best),
+        (Ok((best, Some(why))), _) => (Ok(best), why),
+        (Err(error), Some(_)) if is_unfit(&error) => {
+            let why = format!("the flow map could not: {error}");
+            (Err(error), why)
+        }
+        (Err(error), _) => return Err(unfit(error, settings)),
     };
-    let mut coarse = level(COARSE, longer, 0.3)?;
-    // The fine run takes 1.5 times as long at least: no use in beginning what cannot end.
-    if 2.5 * coarse.run.seconds > settings.max_seconds {
-        return Err(Error::Limit {
-            key: "accuracy.max_seconds",
-            limit: format!("{}", settings.max_seconds),
-            what: format!(
-                "the run on three quarters of the cells took {:.1} s, and the fine one would take {:.0} s or \
-                 more; fewer method.cells would do",
-                coarse.run.seconds,
-                1.5 * coarse.run.seconds
-            ),
-        });
-    }
-    let mut fine = level(1.0, 1.0, 0.9)?;
-    let mut bars = task.bars(
-        &fine.run,
-        &coarse.run,
-        beyond(1.0 / COARSE).max(in_time(longer)),
-    );
-    let (space_free, time_free) = (settings.cells.is_none(), settings.step.is_none());
-    let mut search = Search::new();
-    let (mut rounds, mut why) = (0, (String::new(), false));
-    loop {
-        let (worst, ..) = bars.worst(&fine.run);
-        if worst <= settings.tolerance {
-            break;
-        }
-        if !space_free && !time_free {
-            why = ("cells and step are those of the scene".into(), false);
-            break;
-        }
-        let attempt = |bars: &mut Bars, search: &mut Search| -> Result<Next> {
-            // Where the box takes all of it, mesh and steps still aim at something.
-            let goal =
-                (settings.tolerance - bars.worst_outside()).max(BOX_SHARE * settings.tolerance);
-            let ratio = fine.finer / coarse.finer;
-            if bars.joint {
-                // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow
-                // map adds an error of the mesh, so that the part of the steps holds some of it.
-                let between = level(coarse.finer, fine.longer, 0.3)?;
-                let cut = in_time(coarse.longer / fine.longer);
-                bars.time = bars::differences(&between.run, &coarse.run, cut, &scales);
-                bars.space = bars::differences(&fine.run, &between.run, beyond(ratio), &scales);
-                bars.joint = false;
-                if bars.worst(&fine.run).0 <= settings.tolerance {
-                    return Ok(Next::Done);
-                }
-            }
-            let (space, time) = (bars.worst_space(), bars.worst_time());
-            let (mut finer, mut shorter) = (1.0, 1.0);
-            if space_free && space > SPACE_SHARE * goal {
-                search.seen(space / beyond(ratio), &fine, &coarse);
-                finer = search.finer(space, SPACE_SHARE * goal, ratio);
-            }
-            if time_free && time > TIME_SHARE * goal {
-                // Not much shorter than the cells allow: short passes of a flow map damp nothing.
-                let wanted = (time / (TIME_SHARE * goal)).powf(1.0 / order);
-                shorter = wanted.clamp(1.25, if finer > 1.0 { finer.max(1.25) } else { 2.0 });
-            }
-            if finer == 1.0 && shorter == 1.0 {
-                // Nothing is fixed: the box, or a bar that is no number, of which refinement knows nothing.
-                let (text, free) = match (space_free, time_free) {
-                    (true, true) => ("neither cells nor steps are what it lacks", true),
-                    (true, false) => ("method.step is that of the scene", false),
-                    (false, _) => ("method.cells is that of the scene", false),
-                };
-                return Ok(Next::Stop(text.into(), free));
-            }
-            if rounds >= 3 && search.stalled() {
-                let text = "finer meshes change it no more: that is rounding".to_string();
-                return Ok(Next::Stop(text, true));
-            }
-            // What the next run will take, and what the last one would.
-            let left = settings.max_seconds - task.started.elapsed().as_secs_f64();
-            let work = |finer: f64, shorter: f64| -> Result<(f64, f64)> {
-                task.work(fine.finer * finer, fine.longer / shorter)
-            };
-            let (now, _) = work(1.0, 1.0)?;
-            let speed = fine.run.seconds / now;
-            let hoped = search.hoped(space, goal).max(finer.min(1.2));
-            for (finer, what) in [(finer, "the next refinement"), (hoped, "reaching it")] {
-                let (next, memory) = work(finer, shorter)?;
-                if memory > settings.max_memory as f64 {
-                    let text = format!(
-                        "{what} would need about {:.1e} bytes, and accuracy.max_memory = {:.1e}",
-                        memory, settings.max_memory as f64
-                    );
-                    return Ok(Next::Stop(text, true));
-                }
-                let seconds = next * speed;
-                if seconds > left {
-                    let text = format!(
-                        "{what} would take about {seconds:.1e} s, and {:.1e} s are left of \
-                         accuracy.max_seconds",
-                        left.max(0.0)
-                    );
-                    return Ok(Next::Stop(text, true));
-                }
-            }
-            level(fine.finer * finer, fine.longer / shorter, 0.75)
-                .map(|level| Next::Level(Box::new(level)))
-        };
-        match attempt(&mut bars, &mut search) {
-            Ok(Next::Done) => break,
-            Ok(Next::Stop(text, free)) => {
-                why = (text, free);
-                break;
-            }
-            Ok(Next::Level(next)) => {
-                let before = bars;
-                bars = task.bars(&next.run, &fine.run, 1.0);
-                let (ratio, cut) = (next.finer / fine.finer, fine.longer / next.longer);
-                let space = if ratio > 1.0 { beyond(ratio) } else { 0.0 };
-                let time = if cut > 1.0 { in_time(cut) } else { 0.0 };
-                let all = bars::differences(&next.run, &fine.run, space.max(time), &scales);
-                (bars.space, bars.time, bars.joint) = if cut == 1.0 {
-                    (all, before.time, false)
-                } else if ratio == 1.0 {
-                    (before.space, all, false)
-                } else {
-                    let none = vec![[0.0; 11]; all.len()];
-                    (all, none, true)
-                };
-                coarse = std::mem::replace(&mut fine, *next);
-                rounds += 1;
-            }
-            // The best so far stands.
-            Err(error @ (Error::Limit { .. } | Error::Mesh { .. } | Error::Invalid { .. })) => {
-                why = (format!("a finer run ended early: {error}"), true);
-                break;
-            }
-            Err(error) => return Err(error),
-        }
-    }
-    let reason = if rounds > 0 {
-        format!("{reason}; refined {rounds} times")
-    } else {
-        reason
+    let Some((volumes, reason)) = volumes else {
+        return best;
     };
-    Ok(task.report(fine.run, &coarse.run, &bars, reason, why, Vec::new()))
+    let second = Refinement::new(volumes, None, progress).pursue(format!("{why}; {reason}"));
+    match (second, best) {
+        (Ok((second, _)), Ok(best)) => {
+            let ratio = |it: &Transient| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
+            let better = ratio(&second) <= ratio(&best) || ratio(&best).is_nan();
+            Ok(if better { second } else { best })
+        }
+        (Ok((second, _)), Err(_)) => Ok(second),
+        // What there is stands, and says what it lacks.
+        (Err(_), Ok(best)) => Ok(best),
+        (Err(error), Err(_)) => Err(unfit(error, settings)),
+    }
+}
+
+/// Whether it is the mesh that does not hold the scene.
+fn is_unfit(error: &Error) -> bool {
+    match error {
+        Error::Mesh { .. } | Error::Linear { .. } => true,
+        Error::Invalid { key, .. } => key == "method.cells",
+        _ => false,
+    }
+}
+
+/// Cells of the program's own choice are no mistake of the scene's.
+fn unfit(error: Error, settings: &Settings) -> Error {
+    if settings.cells.is_some() || !is_unfit(&error) {
+        return error;
+    }
+    Error::Limit {
+        key: "accuracy.tolerance",
+        limit: format!("{:e}", settings.tolerance),
+        what: format!("no mesh tried holds the scene: {error}"),
+    }
 }
 
 /// What to do next.
@@ -248,8 +148,292 @@ enum Next {
     Done,
     /// No further, and whether the program was free to go further.
     Stop(String, bool),
+    /// Finite volumes, and why.
+    Switch(String),
     /// A finer run.
     Level(Box<Level>),
+}
+
+/// One method on its way to the tolerance.
+struct Refinement<'a> {
+    task: Task<'a>,
+    /// The task by finite volumes, if the method is free.
+    volumes: Option<&'a (Task<'a>, String)>,
+    scales: Scales,
+    /// Steps of the first coarse run over those of the fine one; order in time.
+    longer: f64,
+    order: f64,
+    /// Whether cells and steps are left to the program.
+    free: [bool; 2],
+    search: Search,
+    rounds: usize,
+    /// The part done.
+    done: Cell<f64>,
+    progress: &'a (dyn Fn(f64) + Sync),
+}
+
+impl<'a> Refinement<'a> {
+    fn new(
+        task: Task<'a>,
+        volumes: Option<&'a (Task<'a>, String)>,
+        progress: &'a (dyn Fn(f64) + Sync),
+    ) -> Self {
+        let (longer, order) = steps(task.way);
+        Self {
+            scales: Scales::of(task.oscillator),
+            longer,
+            order,
+            free: [task.settings.cells.is_none(), task.settings.step.is_none()],
+            search: Search::new(),
+            rounds: 0,
+            done: Cell::new(0.0),
+            volumes,
+            task,
+            progress,
+        }
+    }
+
+    /// What steps may still do after a cut by `ratio`, over the difference it made.
+    fn in_time(&self, ratio: f64) -> f64 {
+        1.0 / (ratio.powf(self.order) - 1.0)
+    }
+
+    /// A run that is expected to take this part of what is left.
+    fn level(&self, task: &Task, finer: f64, longer: f64, part: f64) -> Result<Level> {
+        let before = self.done.get();
+        let left = 1.0 - before;
+        let run = task.run((finer, longer), task.times, &|x| {
+            (self.progress)(before + part * left * x);
+        })?;
+        self.done.set(before + part * left);
+        Ok(Level { finer, longer, run })
+    }
+
+    /// The first coarse run: on finer cells, where those chosen do not hold the scene, and in a box so
+    /// large that it takes no more than its share, whatever the shape of the force.
+    fn coarse(&self, settings: &mut Settings) -> Result<(Level, f64)> {
+        let mut finer = 1.0;
+        let (mut boxes, mut meshes) = (0, 0);
+        loop {
+            let task = Task {
+                settings,
+                ..self.task
+            };
+            let coarse = match self.level(&task, COARSE * finer, self.longer, 0.3) {
+                Err(error)
+                    if self.free[0]
+                        && is_unfit(&error)
+                        && self.task.way != Way::FlowMap
+                        && meshes < 3 =>
+                {
+                    meshes += 1;
+                    finer *= 1.25;
+                    continue;
+                }
+                it => it?,
+            };
+            let outside = task.bars(&coarse.run, &coarse.run, 0.0).worst_outside();
+            let share = BOX_SHARE * settings.tolerance;
+            if outside <= share || boxes == 3 {
+                return Ok((coarse, finer));
+            }
+            boxes += 1;
+            let now = settings.neglected.unwrap_or(coarse.run.domain.neglected);
+            // The weights grow a little as the box does; e^-300 is as far as densities go.
+            settings.neglected = Some((now * 0.7 * share / outside).max(1e-130));
+        }
+    }
+
+    /// The answer, and why finite volumes should be asked instead, if they should.
+    fn pursue(&mut self, reason: String) -> Result<(Transient, Option<String>)> {
+        let mut settings = self.task.settings.clone();
+        let (mut coarse, first) = self.coarse(&mut settings)?;
+        let task = Task {
+            settings: &settings,
+            ..self.task
+        };
+        // The fine run takes 1.5 times as long at least: no use in beginning what cannot end.
+        if 2.5 * coarse.run.seconds > settings.max_seconds {
+            return Err(Error::Limit {
+                key: "accuracy.max_seconds",
+                limit: format!("{}", settings.max_seconds),
+                what: format!(
+                    "the run on three quarters of the cells took {:.1} s, and the fine one would take \
+                     {:.0} s or more; fewer method.cells would do",
+                    coarse.run.seconds,
+                    1.5 * coarse.run.seconds
+                ),
+            });
+        }
+        let mut fine = self.level(&task, first, 1.0, 0.9)?;
+        let factor = beyond(1.0 / COARSE).max(self.in_time(self.longer));
+        let mut bars = task.bars(&fine.run, &coarse.run, factor);
+        let (mut why, mut switch) = ((String::new(), false), None);
+        loop {
+            match self.next(&task, &mut bars, &fine, &coarse) {
+                Ok(Next::Done) => break,
+                Ok(Next::Stop(text, free)) => {
+                    why = (text, free);
+                    break;
+                }
+                Ok(Next::Switch(text)) => {
+                    why = (text.clone(), true);
+                    switch = Some(text);
+                    break;
+                }
+                Ok(Next::Level(next)) => {
+                    bars = self.refined_bars(&task, &next, &fine, bars);
+                    coarse = std::mem::replace(&mut fine, *next);
+                    self.rounds += 1;
+                }
+                // The best so far stands.
+                Err(error @ (Error::Limit { .. } | Error::Mesh { .. } | Error::Invalid { .. })) => {
+                    why = (format!("a finer run ended early: {error}"), true);
+                    break;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let reason = match self.rounds {
+            0 => reason,
+            rounds => format!("{reason}; refined {rounds} times"),
+        };
+        let answer = task.report(fine.run, &coarse.run, &bars, reason, why, Vec::new());
+        Ok((answer, switch))
+    }
+
+    /// The bars of `next`, finer than `fine`, whose bars were `before`.
+    fn refined_bars(&self, task: &Task, next: &Level, fine: &Level, before: Bars) -> Bars {
+        let mut bars = task.bars(&next.run, &fine.run, 1.0);
+        let (ratio, cut) = (next.finer / fine.finer, fine.longer / next.longer);
+        let space = if ratio > 1.0 {
+            self.search.beyond(ratio)
+        } else {
+            0.0
+        };
+        let time = if cut > 1.0 { self.in_time(cut) } else { 0.0 };
+        let all = bars::differences(&next.run, &fine.run, space.max(time), &self.scales);
+        (bars.space, bars.time, bars.joint) = if cut == 1.0 {
+            (all, before.time, false)
+        } else if ratio == 1.0 {
+            (before.space, all, false)
+        } else {
+            let none = vec![[0.0; 11]; all.len()];
+            (all, none, true)
+        };
+        bars
+    }
+
+    /// What to do after two runs.
+    fn next(&mut self, task: &Task, bars: &mut Bars, fine: &Level, coarse: &Level) -> Result<Next> {
+        let settings = task.settings;
+        if bars.worst(&fine.run).0 <= settings.tolerance {
+            return Ok(Next::Done);
+        }
+        if self.free == [false; 2] {
+            let text = "cells and step are those of the scene";
+            return Ok(Next::Stop(text.into(), false));
+        }
+        let goal = (settings.tolerance - bars.worst_fixed()).max(0.25 * settings.tolerance);
+        let ratio = fine.finer / coarse.finer;
+        if bars.joint {
+            // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow
+            // map adds an error of the mesh, so that the part of the steps holds some of it.
+            let between = self.level(task, coarse.finer, fine.longer, 0.3)?;
+            let cut = self.in_time(coarse.longer / fine.longer);
+            let space = self.search.beyond(ratio);
+            bars.time = bars::differences(&between.run, &coarse.run, cut, &self.scales);
+            bars.space = bars::differences(&fine.run, &between.run, space, &self.scales);
+            bars.joint = false;
+            if bars.worst(&fine.run).0 <= settings.tolerance {
+                return Ok(Next::Done);
+            }
+        }
+        let (space, time) = (bars.worst_space(), bars.worst_time());
+        let (mut finer, mut shorter) = (1.0, 1.0);
+        if self.free[0] && space > SPACE_SHARE * goal {
+            if ratio > 1.0 {
+                self.search
+                    .seen(space / self.search.beyond(ratio), fine, coarse);
+            }
+            finer = self.search.finer(space, SPACE_SHARE * goal, ratio);
+        }
+        if self.free[1] && time > TIME_SHARE * goal {
+            // Not much shorter than the cells allow: short passes of a flow map damp nothing.
+            let wanted = (time / (TIME_SHARE * goal)).powf(1.0 / self.order);
+            shorter = wanted.clamp(1.25, if finer > 1.0 { finer.max(1.25) } else { 2.0 });
+        }
+        if finer == 1.0 && shorter == 1.0 {
+            // Nothing is fixed: the box, or a bar that is no number, of which refinement knows nothing.
+            let (text, free) = match self.free {
+                [true, true] => ("neither cells nor steps are what it lacks", true),
+                [true, false] => ("method.step is that of the scene", false),
+                [false, _] => ("method.cells is that of the scene", false),
+            };
+            return Ok(Next::Stop(text.into(), free));
+        }
+        if self.rounds >= 3 && self.search.stalled() {
+            let text = "finer meshes change it no more: that is rounding".to_string();
+            return Ok(Next::Stop(text, true));
+        }
+        self.afford(task, (finer, shorter), fine, space / goal)
+    }
+
+    /// The next run, if there is time and memory for it and for what it should lead to; `short` is the
+    /// part of the mesh over what it may be.
+    fn afford(
+        &self,
+        task: &Task,
+        (finer, shorter): (f64, f64),
+        fine: &Level,
+        short: f64,
+    ) -> Result<Next> {
+        let settings = task.settings;
+        let left = settings.max_seconds - task.started.elapsed().as_secs_f64();
+        let work = |finer: f64, shorter: f64| -> Result<(f64, f64)> {
+            task.work(fine.finer * finer, fine.longer / shorter)
+        };
+        let (now, _) = work(1.0, 1.0)?;
+        let speed = fine.run.seconds / now;
+        let likely = self.search.needed(short, LIKELY).max(finer);
+        if let Some((volumes, _)) = self.volumes
+            && let Ok((seconds, memory)) = volumes.work(1.0, 1.0)
+            && memory <= settings.max_memory as f64
+        {
+            let here = work(likely, shorter)?.0 * speed;
+            // A coarse run and a fine one, of costs foreseen within a factor of 2.
+            let there = 2.0 * 1.3 * seconds;
+            if here > there && there < left {
+                let text = format!(
+                    "the flow map on {likely:.1} times finer cells would take about {here:.1} s, finite \
+                     volumes {there:.1} s"
+                );
+                return Ok(Next::Switch(text));
+            }
+        }
+        let hoped = self.search.needed(short, HOPED).max(finer.min(1.2));
+        for (finer, what) in [(finer, "the next refinement"), (hoped, "reaching it")] {
+            let (next, memory) = work(finer, shorter)?;
+            if memory > settings.max_memory as f64 {
+                let text = format!(
+                    "{what} would need about {:.1e} bytes, and accuracy.max_memory = {:.1e}",
+                    memory, settings.max_memory as f64
+                );
+                return Ok(Next::Stop(text, true));
+            }
+            let seconds = next * speed;
+            if seconds > left {
+                let text = format!(
+                    "{what} would take about {seconds:.1e} s, and {:.1e} s are left of \
+                     accuracy.max_seconds",
+                    left.max(0.0)
+                );
+                return Ok(Next::Stop(text, true));
+            }
+        }
+        self.level(task, fine.finer * finer, fine.longer / shorter, 0.75)
+            .map(|level| Next::Level(Box::new(level)))
+    }
 }
 
 /// What refining the mesh has shown so far.
@@ -296,15 +480,28 @@ impl Search {
     /// The smallest refinement whose bar is expected within the goal; the largest if none is.
     fn finer(&self, bar: f64, goal: f64, last: f64) -> f64 {
         let order = self.order().unwrap_or(EXPECTED);
-        let error = bar / beyond(last) / (last.powf(order) - 1.0);
-        let foreseen = |finer: f64| beyond(finer) * error * (1.0 - finer.powf(-order));
+        // Without a difference of meshes the bar itself is taken for the error.
+        let error = if last > 1.0 {
+            bar / self.beyond(last) / (last.powf(order) - 1.0)
+        } else {
+            bar
+        };
+        let foreseen = |finer: f64| self.beyond(finer) * error * (1.0 - finer.powf(-order));
         let enough = FINER.into_iter().find(|finer| foreseen(*finer) <= goal);
         enough.unwrap_or(FINER[FINER.len() - 1])
     }
 
-    /// How much finer the mesh must be at least.
-    fn hoped(&self, bar: f64, goal: f64) -> f64 {
-        let order = self.order().unwrap_or(HOPED).max(LIKELY);
-        (bar / goal).max(1.0).powf(1.0 / order)
+    /// How much finer the mesh must be where its part is `short` times what it may be: by the order seen,
+    /// else by `order`.
+    fn needed(&self, short: f64, order: f64) -> f64 {
+        let order = self.order().unwrap_or(order).max(LIKELY);
+        short.max(1.0).powf(1.0 / order)
+    }
+
+    /// The error of the finer of two runs over their difference: [`beyond`], or less where three meshes
+    /// have shown a higher order; half an order below it, since orders are not seen to better.
+    fn beyond(&self, ratio: f64) -> f64 {
+        let seen = self.order().map_or(0.0, |order| (order - 0.5).min(TRUSTED));
+        beyond(ratio).min(1.0 / (ratio.powf(seen) - 1.0).max(0.0))
     }
 }

@@ -1,7 +1,7 @@
 //! The transient: from a start through the output times, on two meshes, with an error on every number.
 
 use super::bars::{self, Bars};
-use super::choice::{self, Method, Settings, TimeScheme, Way};
+use super::choice::{self, Method, Settings, TimeScheme, TransientMethod, Way};
 use super::cost;
 use super::density::{Density, Snapshot};
 use super::domain::Domain;
@@ -82,7 +82,7 @@ pub(super) struct Task<'a> {
     pub(super) oscillator: &'a Oscillator,
     pub(super) initial: &'a Initial,
     pub(super) times: &'a [f64],
-    density_times: &'a [f64],
+    pub(super) density_times: &'a [f64],
     pub(super) drift: Drift,
     pub(super) way: Way,
     pub(super) settings: &'a Settings,
@@ -453,7 +453,25 @@ impl Task<'_> {
         })
     }
 
-    /// Work, in arbitrary units, and bytes of a run.
+    /// The same task by finite volumes, with the reason for their scheme.
+    pub(super) fn volumes(&self) -> Result<(Self, String)> {
+        let until = self.times.last().copied().unwrap_or(0.0);
+        let settings = Settings {
+            method: Some(TransientMethod::FiniteVolume),
+            ..self.settings.clone()
+        };
+        let (drift, way, reason) = choice::way(self.oscillator, self.initial, until, &settings)?;
+        Ok((
+            Self {
+                drift,
+                way,
+                ..*self
+            },
+            reason,
+        ))
+    }
+
+    /// Seconds on one core and bytes foreseen of a run.
     pub(super) fn work(&self, finer: f64, longer: f64) -> Result<(f64, f64)> {
         let size = cost::run(
             self.oscillator,
