@@ -64,7 +64,7 @@ pub enum Error {
         what: String,
     },
     /// A file or folder that cannot be read or written.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path} cannot be read or written: {source}", path = path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,

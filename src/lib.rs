@@ -31,9 +31,13 @@
 //! | The stationary law in closed form | [`stationary`] |
 //! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
+//! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
 //! | Spectra from records and correlation functions | [`spectrum`] |
+//! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
+//! | Signs, units, one- and two-sided, what is Ito | [`conventions`] |
+//! | What an error is, and relative to what | [`estimate`], [`scales`] |
 //! | Tables, files, pictures | [`report`] |
 //! | The paper, number by number | [`validation`] |
 //! | Error against run time, whether error bars are true | [`precision`] |

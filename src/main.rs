@@ -231,8 +231,9 @@ fn command(cli: Cli) -> std::result::Result<u8, Stop> {
             let lines: Vec<String> = BUILT_IN
                 .iter()
                 .map(|(name, text)| {
-                    let first = text.lines().next().unwrap_or("");
-                    format!("{name:<12} {}\n", first.trim_start_matches("# "))
+                    let comment = text.lines().map_while(|line| line.strip_prefix("# "));
+                    let about = terminal::wrap(&comment.collect::<Vec<_>>().join(" "), 67);
+                    format!("{name:<12} {}\n", about.join(&format!("\n{:13}", "")))
                 })
                 .collect();
             print(&lines.concat()).map(|()| 0)
@@ -313,10 +314,13 @@ fn read_text(path: &Path) -> std::result::Result<String, Stop> {
     let mut bytes = Vec::new();
     let read = std::fs::File::open(path).and_then(|it| it.take(MOST + 1).read_to_end(&mut bytes));
     if let Err(error) = read {
+        let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+        let guess = path.to_str().and_then(|it| nearest(it, &names));
+        let guess = guess.map_or(String::new(), |it| format!("; did you mean {it}?"));
         return Err(Stop::new(
             2,
             format!("{name} cannot be read: {error}"),
-            accepted,
+            &format!("{accepted}{guess}"),
         ));
     }
     if bytes.len() as u64 > MOST {

@@ -190,8 +190,11 @@ impl Plan {
     }
 
     fn add(&mut self, part: Part, why: &[(&'static str, bool)]) -> Result<()> {
-        let cost = self.cost(part)?;
-        self.check_cost(part, &cost)?;
+        let cost = self.cost(part).and_then(|cost| {
+            self.check_cost(part, &cost)?;
+            Ok(cost)
+        });
+        let cost = cost.map_err(|error| self.as_typed(error))?;
         self.stages.push(Stage {
             part,
             needed_by: why
@@ -202,6 +205,16 @@ impl Plan {
             cost,
         });
         Ok(())
+    }
+
+    /// A stage that takes finer cells than the scene's for its error is refused by the scene's own.
+    fn as_typed(&self, error: Error) -> Error {
+        match (error, self.scene.method.cells) {
+            (Error::Invalid { key, accepted, .. }, Some([q, v])) if key == "method.cells" => {
+                Error::invalid(key, format!("[{q}, {v}]"), accepted)
+            }
+            (error, _) => error,
+        }
     }
 
     /// The scene.

@@ -436,6 +436,10 @@ impl Results {
         let mut all = Json::Object(Vec::new());
         if let Some(it) = &self.monte_carlo {
             let mut transient = moments_json(&it.times, &it.moments);
+            // Names of the density on the mesh that paths have no number for.
+            for name in ["mass", "lowest_density", "relative_entropy"] {
+                transient.push(name, curve(it.times.iter().map(|_| None)));
+            }
             transient.push(
                 "method",
                 Json::object([

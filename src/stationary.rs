@@ -165,11 +165,11 @@ impl Stationary {
         Estimate::new(value, potential.error, Origin::Quadrature)
     }
 
-    /// P(q < q_loss), the Dirac mass of (28); 0 where it underflows. None for a law that cannot lose
-    /// contact.
+    /// P(q < q_loss), the Dirac mass of (28); 0 where it underflows, with the smallest normal number as
+    /// its error. None for a law that cannot lose contact.
     pub fn contact_loss_probability(&self) -> Option<Estimate> {
         let ln = self.law.ln_tail_below(self.contact().loss_point()?);
-        Some(ln.mapped(ln.value.exp(), ln.value.exp()))
+        Some(underflowing(ln.mapped(ln.value.exp(), ln.value.exp())))
     }
 
     /// log10 P(q < q_loss), finite also where the probability itself underflows.
@@ -186,7 +186,11 @@ impl Stationary {
         // The exponent of the density is known to a rounding of its size.
         let rounding = 4.0 * f64::EPSILON * (1.0 + self.law.ln_density(loss).abs());
         let error = value * (self.law.relative_error() + rounding);
-        Some(Estimate::new(value, error, Origin::Quadrature))
+        Some(underflowing(Estimate::new(
+            value,
+            error,
+            Origin::Quadrature,
+        )))
     }
 
     /// Mean time out of contact per loss, P(loss)/nu = sqrt(2 pi T)/|G(q_loss)|: the density at the loss
@@ -209,6 +213,14 @@ impl Stationary {
     /// Mean number of losses of contact in a dimensionless time.
     pub fn losses_in(&self, time: f64) -> Option<Estimate> {
         self.loss_rate().map(|rate| rate.scaled(time))
+    }
+}
+
+/// A positive number too small for a double is below the smallest normal one, not exactly 0.
+fn underflowing(it: Estimate) -> Estimate {
+    Estimate {
+        error: it.error.max(f64::MIN_POSITIVE),
+        ..it
     }
 }
 

@@ -37,7 +37,7 @@ fn unit(name: &str) -> &'static str {
 }
 
 /// A number as it reads back exactly; empty where it does not exist.
-fn field(x: f64) -> String {
+pub(super) fn field(x: f64) -> String {
     if x.is_finite() {
         format!("{x:?}")
     } else {
@@ -378,14 +378,5 @@ pub(super) fn arrays(
         }
         Ok(npz.finish()?.into_inner())
     };
-    match pack() {
-        Ok(bytes) => Ok(File {
-            name: name.into(),
-            bytes,
-        }),
-        Err(error) => Err(Error::Io {
-            path: PathBuf::from(name),
-            source: std::io::Error::other(error.to_string()),
-        }),
-    }
+    packed(name.into(), pack())
 }

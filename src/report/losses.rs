@@ -1,20 +1,11 @@
 //! First losses and flights as files.
 
 use super::File;
-use super::data::arrays;
+use super::data::{arrays, field};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::results::Results;
 use std::fmt::Write;
-
-/// A number as it reads back exactly; empty where it does not exist.
-fn field(x: f64) -> String {
-    if x.is_finite() {
-        format!("{x:?}")
-    } else {
-        String::new()
-    }
-}
 
 fn pair(it: Option<&Estimate>) -> String {
     it.map_or(",".into(), |it| {

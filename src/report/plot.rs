@@ -168,7 +168,8 @@ fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64, f64
         return None;
     }
     // Numbers that differ by rounding alone make a flat curve, not a noisy one.
-    let least = 1e-9 * low.abs().max(high.abs()).max(1e-290);
+    let size = low.abs().max(high.abs());
+    let least = if size > 0.0 { 1e-9 * size } else { 0.5 };
     let margin = (share * (high - low)).max(least);
     let out = (low - margin, high + margin);
     (out.0.is_finite() && out.1.is_finite()).then_some(out)
@@ -723,12 +724,12 @@ fn density_picture(
         ..main.clone()
     };
     let beside = Panel {
-        left: 530.0,
+        left: 544.0,
         width: 104.0,
         x: top(&by_v, &exact_v),
         ..main.clone()
     };
-    let file = picture(name, (716, 546), |area| {
+    let file = picture(name, (730, 546), |area| {
         write(area, title, (main.left, 22.0), 15.0, Hang::Left, INK)?;
         above.axes(area, "", "p(q)")?;
         above.curve(area, &exact_q, HALO, 5.0)?;
@@ -744,10 +745,10 @@ fn density_picture(
         loss_line(area, &main, results, true)?;
         loss_line(area, &above, results, false)?;
         main.frame(area)?;
-        key(area, (652.0, 168.0))?;
-        legend(area, (540.0, 62.0), BLUE, Mark::Line, "on the mesh")?;
+        key(area, (666.0, 168.0))?;
+        legend(area, (554.0, 62.0), BLUE, Mark::Line, "on the mesh")?;
         if law.is_some() {
-            legend(area, (540.0, 84.0), HALO, Mark::Halo, "stationary law")?;
+            legend(area, (554.0, 84.0), HALO, Mark::Halo, "stationary law")?;
         }
         Ok(())
     })?;
@@ -1428,6 +1429,12 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
 /// wider than the motion is cut.
 fn heights(curves: &[&[(f64, Estimate)]], level: Option<f64>) -> Option<(f64, f64)> {
     let all = || curves.iter().copied().flatten().map(|(_, y)| y);
+    let errors = || all().map(|y| y.error).filter(|error| error.is_finite());
+    let widest = errors().fold(0.0, f64::max);
+    let first = all().map(|y| y.value).next()?;
+    if widest > 0.0 && all().map(|y| y.value).chain(level).all(|y| y == first) {
+        return range([first - widest, first + widest], 0.08);
+    }
     let (low, high) = range(all().map(|y| y.value).chain(level), 0.0)?;
     let room = high - low;
     let ends = all().flat_map(|y| [y.value - y.error, y.value + y.error]);

@@ -69,10 +69,14 @@ pub fn cell(it: Option<Estimate>) -> String {
     };
     // Never more than nine characters before the sign of the error.
     let digits = digits.min(6usize.saturating_sub(size.log10().floor().max(0.0) as usize));
-    let error = if error == 0.0 {
-        "0".into()
-    } else {
-        format!("{error:.0e}")
+    let error = match error {
+        0.0 => "0".into(),
+        // 848 ± 30: one digit and its zeros, no power of ten.
+        1.0..1e4 => {
+            let power = 10f64.powf(error.log10().floor());
+            format!("{}", (error / power).round() * power)
+        }
+        _ => format!("{error:.0e}"),
     };
     let room = 14usize.saturating_sub(error.len());
     let fits = |digits: &usize| format!("{value:.digits$}").len() <= room;
@@ -88,10 +92,13 @@ pub fn cell(it: Option<Estimate>) -> String {
     format!("{number} ± {error}")
 }
 
+/// A blank at which no line is broken.
+const TOGETHER: char = '\u{a0}';
+
 /// Text broken at blanks into lines of at most `width` columns.
-fn wrap(text: &str, width: usize) -> Vec<String> {
+pub fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
+    for word in text.split([' ', '\n']).filter(|word| !word.is_empty()) {
         let last = lines.len() - 1;
         let room = lines[last].chars().count() + 1 + word.chars().count() <= width;
         if lines[last].is_empty() {
@@ -104,6 +111,9 @@ fn wrap(text: &str, width: usize) -> Vec<String> {
         }
     }
     lines
+        .into_iter()
+        .map(|line| line.replace(TOGETHER, " "))
+        .collect()
 }
 
 /// At most `TIMES` of `count` indices, spread evenly, the last among them.
@@ -176,7 +186,8 @@ fn head(table: &mut Table, results: &Results) {
         table.line(name);
     }
     let text = format!(
-        "{} contact, damping ratio zeta = {}, input level h = {}, T = {:.6}",
+        "{} contact, damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
+         T\u{a0}=\u{a0}{:.6}",
         oscillator.contact().name(),
         brief(oscillator.zeta()),
         brief(oscillator.h()),
@@ -192,7 +203,9 @@ fn brief(x: f64) -> String {
     if exact.len() <= 8 {
         exact.strip_suffix(".0").unwrap_or(&exact).to_owned()
     } else if (1e-3..1e4).contains(&x.abs()) {
-        format!("{x:.4}")
+        // Four digits after the leading zeros: 0.00163 is not 0.0016.
+        let zeros = (-x.abs().log10().floor()).max(1.0) as usize;
+        format!("{x:.digits$}", digits = zeros + 3)
     } else {
         format!("{x:.2e}")
     }
@@ -551,7 +564,7 @@ fn course(table: &mut Table, results: &Results) {
     if let Some(it) = deterministic {
         let [nq, nv] = it.method.cells;
         let text = format!(
-            "{}, {nq} x {nv} cells, {} of {}",
+            "{}, {nq} x {nv} cells, {} of at most {}",
             it.method.name,
             many(it.method.steps, "step"),
             brief(it.method.step)
@@ -699,7 +712,7 @@ pub fn plan(plan: &Plan) -> String {
     );
     table.line("");
     table.line(format!(
-        "{:<12}{:>13}{:>9}{:>9}{:>9}  needed by",
+        "{:<17}{:>11}{:>8}{:>8}{:>8}  needed by",
         "stage", "cells", "steps", "memory", "time"
     ));
     for stage in plan.stages() {
@@ -708,7 +721,7 @@ pub fn plan(plan: &Plan) -> String {
             .cells
             .map_or("no mesh".into(), |[q, v]| format!("{q} x {v}"));
         table.line(format!(
-            "{:<12}{:>13}{:>9}{:>9}{:>9}  {}",
+            "{:<17}{:>11}{:>8}{:>8}{:>8}  {}",
             stage.part.name(),
             cells,
             cost.steps,
@@ -719,7 +732,7 @@ pub fn plan(plan: &Plan) -> String {
     }
     table.line("");
     for stage in plan.stages() {
-        table.paragraph(&format!("{:<14}", stage.part.name()), &stage.cost.method);
+        table.paragraph(&format!("{:<18}", stage.part.name()), &stage.cost.method);
     }
     table.line("");
     let memory = plan
@@ -747,7 +760,7 @@ pub fn plan(plan: &Plan) -> String {
         (Part::DecayRates, "decay rates"),
         (Part::Spectrum, "spectrum"),
         (Part::MonteCarlo, "paths"),
-        (Part::Series, "Welch"),
+        (Part::Series, "Welch's spectrum"),
         (Part::Records, "long records"),
     ]
     .into_iter()
@@ -780,8 +793,9 @@ mod tests {
                 "{text}"
             );
             assert!(text.contains("not asked for, not computed:"), "{text}");
-            let most = text.contains(
-                "not asked for, not computed: crossings, first loss, spectrum, Welch, long\n",
+            let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            let most = flat.ends_with(
+                "not computed: crossings, first loss, spectrum, Welch's spectrum, long records",
             );
             assert_eq!(most, *name == "default", "{text}");
         }
@@ -796,6 +810,8 @@ mod tests {
         assert_eq!(cell(f64::NAN, 0.0), "-");
         assert_eq!(cell(0.0, 0.0), "0 exactly");
         assert_eq!(cell(-1288.9, 1e-10), "-1288.900 ± 1e-10");
+        assert_eq!(cell(847.59, 26.6), "848 ± 30");
+        assert_eq!(cell(42.38, 1.33), "42.4 ± 1");
         for value in [0.0, 1.0, -3.25, 99_999.9, -1e300, 1e-300, -94.247_779] {
             for error in [0.0, 1e-300, 1e-14, 3e-3, 20.0, 1e9] {
                 let text = cell(value, error);

@@ -310,7 +310,16 @@ impl Document {
                 old.remove(other);
             }
         }
-        merge(&mut self.root, table);
+        // Another kind of start leaves the Gaussian's mean and deviation behind.
+        if let Some(Value::Table(new)) = table.get("initial").map(|node| &node.value)
+            && new.contains_key("kind")
+            && let Some(Value::Table(old)) =
+                self.root.get_mut("initial").map(|node| &mut node.value)
+            && !matches!(&new["kind"].value, Value::Text(kind) if kind == "gaussian")
+        {
+            old.retain(|key, _| key == "kind");
+        }
+        merge(&mut self.root, table, key.split('.').count());
         Ok(())
     }
 
@@ -670,10 +679,13 @@ fn replace_places(table: &mut BTreeMap<String, Node>, all: &Place, value: Range<
     }
 }
 
-fn merge(old: &mut BTreeMap<String, Node>, new: BTreeMap<String, Node>) {
+/// Puts `new` into `old`; what stands at `depth` keys down replaces what was there, tables included.
+fn merge(old: &mut BTreeMap<String, Node>, new: BTreeMap<String, Node>, depth: usize) {
     for (key, node) in new {
         match (old.get_mut(&key).map(|it| &mut it.value), node.value) {
-            (Some(Value::Table(old)), Value::Table(new)) => merge(old, new),
+            (Some(Value::Table(old)), Value::Table(new)) if depth > 1 => {
+                merge(old, new, depth - 1);
+            }
             (_, value) => {
                 old.insert(key, Node { value, ..node });
             }
@@ -1014,6 +1026,12 @@ mod tests {
         assert_eq!(scene.oscillator.contact().name(), "bilinear");
         assert_eq!(scene.title, "two words");
         assert_eq!(scene.outputs.moments_at.list(), [1.0, 2.0]);
+        // A table given whole replaces the one of the file; another kind of start needs no clearing.
+        let moments = ["outputs.moments_at=[1]", "outputs.steady=true"];
+        let whole = set(&[moments[0], moments[1], "outputs={ stationary = true }"]).unwrap();
+        assert!(!whole.outputs.steady && whole.outputs.moments_at.is_empty());
+        let start = set(&["initial.mean=[1, 0]", "initial.kind=rest"]).unwrap();
+        assert_eq!(start.initial, crate::initial::Initial::Rest);
         let rig = "rig={ static_load = 110, frequency = 232, static_compression = 7e-6 }";
         let scene = set(&["oscillator.force_psd=0.17", rig]).unwrap();
         assert!((scene.oscillator.h() - 1.63e-3).abs() < 1e-5);
