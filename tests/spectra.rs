@@ -158,7 +158,9 @@ fn the_resolvent_agrees_with_the_correlation_function_of_the_flow_map() {
     let force: Vec<f64> = mesh.q.centres().iter().map(|q| law.force(*q)).collect();
     let nv = mesh.v.len();
     for (row, n) in signed.cells_mut().chunks_exact_mut(nv).zip(&force) {
-        row.iter_mut().for_each(|p| *p *= n);
+        for p in row.iter_mut() {
+            *p *= n;
+        }
     }
     let mut correlation = Vec::with_capacity(count);
     for _ in 0..count {
