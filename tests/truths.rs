@@ -121,7 +121,7 @@ fn cases() -> Vec<Case> {
             let contact = LAWS[k % 8].clone();
             let confining = contact.is_confining();
             let oscillator = Oscillator::new(contact.clone(), zeta, h).unwrap();
-            let mut gaussian = |draw: &mut Draw, s: [f64; 2], width: [f64; 2]| {
+            let gaussian = |draw: &mut Draw, s: [f64; 2], width: [f64; 2]| {
                 let s = draw.between(s[0], s[1]) * if draw.unit() < 0.5 { -1.0 } else { 1.0 };
                 let local = 0.5 * (place(&contact, t, s + 0.5) - place(&contact, t, s - 0.5));
                 let width = [0; 2].map(|_| draw.decades(width[0], width[1]));

@@ -25,20 +25,19 @@ use vibroimpact::quadrature;
 
 /// How fine.
 #[derive(Debug, Clone, Copy)]
-pub struct Resolution {
+pub(crate) struct Resolution {
     /// Elements in q.
-    pub elements: usize,
+    pub(crate) elements: usize,
     /// Their polynomial degree.
-    pub degree: usize,
+    pub(crate) degree: usize,
     /// Hermite functions in v.
-    pub modes: usize,
+    pub(crate) modes: usize,
     /// Energy at the edge in units of theta: 28 leaves out a probability of 1e-12.
-    pub level: f64,
+    pub(crate) level: f64,
 }
 
 /// The equation on its basis, and the state y = sqrt(M) c, row-major over nodes and modes.
-pub struct Hermite {
-    contact: ContactLaw,
+pub(crate) struct Hermite {
     theta: f64,
     modes: usize,
     degree: usize,
@@ -63,7 +62,7 @@ pub struct Hermite {
 
 impl Hermite {
     /// The start of a run that goes to `until`.
-    pub fn new(
+    pub(crate) fn new(
         oscillator: &Oscillator,
         initial: &Initial,
         until: f64,
@@ -128,7 +127,6 @@ impl Hermite {
         let zeta = oscillator.zeta();
         let n = |n: usize| n as f64;
         let mut it = Self {
-            contact,
             theta,
             modes,
             degree,
@@ -153,12 +151,6 @@ impl Hermite {
         it.axes = [zeta * n(modes) * hot, imaginary];
         it.start(initial, wide);
         it
-    }
-
-    /// Work of one unit of time, in multiplications, to compare resolutions by.
-    pub fn rate(&self) -> f64 {
-        let [a, b] = self.axes;
-        (a + b) * (self.state.len() * (self.degree + 1) * 2) as f64
     }
 
     /// Largest singular value of the derivative, by power iteration.
@@ -290,7 +282,7 @@ impl Hermite {
 
     /// Carries the state forward by `duration`: exp(tau A) as a Chebyshev series on the ellipse of the
     /// spectrum, whose foci are imaginary where transport is faster than friction and real elsewhere.
-    pub fn advance(&mut self, duration: f64) {
+    pub(crate) fn advance(&mut self, duration: f64) {
         let [a, b] = self.axes;
         let focal = (b * b - a * a).abs().sqrt().max(0.2 * (a + b));
         let real = a > b;
@@ -328,7 +320,7 @@ impl Hermite {
     }
 
     /// The raw expectations of the state.
-    pub fn raw(&self) -> RawMoments {
+    pub(crate) fn raw(&self) -> RawMoments {
         let (m, sigma) = (self.modes, self.theta.sqrt());
         let mode = |n: usize| -> Vec<f64> {
             let nodes = self.state.iter().skip(n).step_by(m).zip(&self.mass);
