@@ -24,7 +24,7 @@ pub(super) struct Bars {
     /// What negative cells weigh, in either run.
     undershoot: Table,
     /// What a narrow start has cost, in natural scales.
-    opening: Vec<f64>,
+    opening: Table,
     /// Natural scales.
     scales: Table,
     /// L1 distance to the stationary law at each time from which the march was not continued, else 0.
@@ -106,6 +106,40 @@ fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
     })
 }
 
+/// What a narrow start has cost each number, in natural scales. A packet errs in proportion to its own
+/// size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
+fn opened(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
+    if !it.framed {
+        return [it.opening; 11];
+    }
+    let m = &it.moments;
+    let energy = 0.5 * (m.var_v.value + m.var_q.value);
+    let [q, v, n] = [m.var_q.value, m.var_v.value, m.std_force.value.powi(2)].map(f64::sqrt);
+    let speed = m.mean_v.value.abs() * v + m.mean_force.value.abs() * q;
+    let own = [
+        q,
+        q * q,
+        v,
+        v * v,
+        q * v,
+        n,
+        n,
+        1.0,
+        1.0,
+        energy + speed,
+        1.0,
+    ];
+    std::array::from_fn(|i| {
+        if own[i] < scale[i] {
+            it.opening * own[i] / scale[i]
+        } else if scale[i] > 0.0 {
+            it.opening
+        } else {
+            0.0
+        }
+    })
+}
+
 /// What negative cells weigh in the bar of a number, from what they weigh in a fine and in a coarse run.
 /// Where they converge the difference of the runs holds what they do; where they stand, both may agree on
 /// what is wrong.
@@ -144,7 +178,12 @@ impl Bars {
                 .zip(&coarse.outputs)
                 .map(|(a, b)| std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i])))
                 .collect(),
-            opening: run.outputs.iter().map(|it| it.opening).collect(),
+            opening: run
+                .outputs
+                .iter()
+                .zip(&scales)
+                .map(|(it, scale)| opened(it, scale))
+                .collect(),
             settled: run
                 .outputs
                 .iter()
@@ -158,16 +197,16 @@ impl Bars {
         }
     }
 
-    /// What is the same for every number of time k, in natural scales.
-    fn shared(&self, k: usize) -> f64 {
+    /// What two runs share of the error of number i at time k, in natural scales.
+    fn shared(&self, k: usize, i: usize) -> f64 {
         // A settled run stays within its distance of (21); tails weigh ten scales.
-        10.0 * self.settled[k] + self.opening[k] + self.alike[k]
+        10.0 * self.settled[k] + self.opening[k][i] + self.alike[k]
     }
 
     /// Parts of the error of number i at time k: space, time, box, rounding.
     fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 4] {
         let scale = self.scales[k][i];
-        let shared = self.shared(k);
+        let shared = self.shared(k, i);
         [
             (self.space[k][i] + self.undershoot[k][i], Origin::Space),
             (self.time[k][i] + shared * scale, Origin::Time),
@@ -227,7 +266,7 @@ impl Bars {
     /// The largest part that neither mesh nor steps are known to change, over the natural scale.
     pub(super) fn worst_fixed(&self) -> f64 {
         self.largest(|k, i| {
-            (self.outside[k][i] + self.shared(k) + self.rounding) * self.scales[k][i]
+            (self.outside[k][i] + self.shared(k, i) + self.rounding) * self.scales[k][i]
         })
         .0
     }

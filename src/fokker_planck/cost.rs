@@ -65,8 +65,8 @@ pub fn cost(
 
 /// Seconds a cell of one core: to trace a flow map and find its stencils, for a pass of the motion and the
 /// noise, and for the numbers of an output time.
-const MAP_SECONDS: f64 = 0.5e-6;
-const PASS_SECONDS: f64 = 30e-9;
+const MAP_SECONDS: f64 = 0.3e-6;
+const PASS_SECONDS: f64 = 20e-9;
 const LOOK_SECONDS: f64 = 60e-9;
 
 /// The cost of one run on a mesh `finer` times as fine as the first guess, with steps `longer` times as

@@ -92,7 +92,7 @@ pub(super) struct Bill {
 }
 
 /// What the opening of a run will take on one core, if its start needs one. The packet is as wide
-/// as a mesh needs once the noise has added that variance; 3 us a node and step (measured).
+/// as a mesh needs once the noise has added that variance; 0.8 us a node and step (measured).
 pub(super) fn cost(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -113,7 +113,7 @@ pub(super) fn cost(
     let time = if forever { until } else { time };
     let steps = time / fineness.step;
     Ok(Some(Bill {
-        seconds: 3e-6 * side * side * steps,
+        seconds: 0.8e-6 * side * side * steps,
         steps,
         alone: forever.then_some(side as usize),
     }))

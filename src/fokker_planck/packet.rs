@@ -66,6 +66,8 @@ pub(super) struct Packet {
     steps: u64,
     /// The longest step taken.
     longest: f64,
+    /// The smaller variance of the start.
+    start: f64,
     defect: f64,
     filter: Filter,
     spline: Spline,
@@ -149,6 +151,7 @@ impl Packet {
             time: 0.0,
             steps: 0,
             longest: 0.0,
+            start: frame.lower[0].min(frame.lower[2]).powi(2),
             defect: 0.0,
             filter: Filter::new(ORDER, n),
             spline: Spline::new(ORDER),
@@ -218,10 +221,13 @@ impl Packet {
     }
 
     /// What the steps so far may have done to a variance, relative to it: 3e-5 tau^6 of a weakly damped
-    /// linear oscillator and 1e-2 zeta^3 tau^4 of a strongly damped one (measured).
+    /// linear oscillator and 1e-2 zeta^3 tau^4 of a strongly damped one, from rest (measured). The first is
+    /// the error of noise along the orbit, so that it counts by the part of the variance that is noise's.
     pub(super) fn step_error(&self) -> f64 {
         let tau = self.longest;
-        4e-5 * tau.powi(6) + 1.1e-2 * self.zeta.powi(3) * tau.powi(4)
+        let noise = 4.0 * self.zeta * self.temperature * self.time;
+        let part = noise / (noise + self.start).max(f64::MIN_POSITIVE);
+        4e-5 * part * tau.powi(6) + 1.1e-2 * self.zeta.powi(3) * tau.powi(4)
     }
 
     /// Sets the time to `t`, where the steps led but for rounding.

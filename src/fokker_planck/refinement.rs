@@ -11,8 +11,9 @@ use crate::oscillator::Oscillator;
 use crate::scales::Scales;
 use std::cell::Cell;
 
-/// Part of the tolerance that the box may take: it costs a few cells to make it small.
-const BOX_SHARE: f64 = 0.2;
+/// Part of the tolerance that the box may take: a tenth costs a twelfth more cells in either direction, and
+/// its bar, the worst that what is outside could do, is far above its error.
+const BOX_SHARE: f64 = 0.02;
 
 /// Parts of what the box leaves that mesh and steps aim at once they are refined: the bars of a new run
 /// come out up to twice as large as foreseen.
