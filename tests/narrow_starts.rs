@@ -17,8 +17,10 @@ fn dropped(q: f64) -> Initial {
 }
 
 fn to(it: &Oscillator, start: &Initial, times: &[f64], tolerance: f64) -> Transient {
+    // The shapes of a force that hardly varies would be refined without end, and are not looked at here.
     let settings = Settings {
         tolerance,
+        max_seconds: 10.0,
         ..Settings::default()
     };
     transient(it, start, times, &[], &settings, &|_| ()).unwrap()

@@ -244,7 +244,10 @@ impl Case {
                 let law = law.after(it, t).unwrap();
                 return Some((moments_of(&law, it.contact()), "gaussian"));
             }
-            let settled = it.zeta() < 1.0 && t >= 19.9 / it.zeta();
+            // Where friction and noise act on a flight, its way down has a continuous spectrum from
+            // 1/(8 zeta T) on, that of overdamped motion under a constant force.
+            let down = 8.0 * it.zeta() * it.temperature();
+            let settled = it.zeta() < 1.0 && t >= 19.9 * down.max(1.0 / it.zeta());
             (settled || self.initial == Initial::Stationary)
                 .then(|| (stationary_moments(it), "stationary"))
         };

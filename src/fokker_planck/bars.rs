@@ -18,7 +18,7 @@ pub(super) struct Bars {
     /// Whether `space` comes from two runs that differ in their steps too.
     pub(super) joint: bool,
     /// What steps of the same length in both runs may have done, in natural scales.
-    pub(super) alike: f64,
+    pub(super) alike: Vec<f64>,
     /// What the box leaves out, in natural scales.
     outside: Table,
     /// What negative cells weigh, in either run.
@@ -131,7 +131,7 @@ impl Bars {
             space: none.clone(),
             time: none,
             joint: false,
-            alike: 0.0,
+            alike: vec![0.0; run.outputs.len()],
             outside: run
                 .outputs
                 .iter()
@@ -161,7 +161,7 @@ impl Bars {
     /// What is the same for every number of time k, in natural scales.
     fn shared(&self, k: usize) -> f64 {
         // A settled run stays within its distance of (21); tails weigh ten scales.
-        10.0 * self.settled[k] + self.opening[k] + self.alike
+        10.0 * self.settled[k] + self.opening[k] + self.alike[k]
     }
 
     /// Parts of the error of number i at time k: space, time, box, rounding.

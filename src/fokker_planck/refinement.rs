@@ -31,7 +31,7 @@ const EXPECTED: f64 = 3.0;
 const HOPED: f64 = 8.0;
 
 /// The highest order believed once it was seen.
-const TRUSTED: f64 = 3.0;
+const TRUSTED: f64 = 2.0;
 
 /// Order that meshes fine enough come to even where the first ones do not.
 const LIKELY: f64 = 3.5;

@@ -56,6 +56,8 @@ pub(super) struct Output {
     entropy: f64,
     pub(super) distance: f64,
     snapshot: Option<Snapshot>,
+    /// Steps up to here on the mesh, those of a packet not counted.
+    pub(super) steps: u64,
     /// What a narrow start has cost so far, in probability.
     pub(super) opening: f64,
     /// Whether a packet in its own frame said it, not a density in the box.
@@ -288,9 +290,6 @@ fn longest_interval(times: &[f64]) -> f64 {
     if longest > 0.0 { longest } else { 1.0 }
 }
 
-/// Part of the tolerance below which the bars of a start by packets are not believed.
-const PACKET_SHARE: f64 = 0.1;
-
 impl Task<'_> {
     /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
     pub(super) fn run(
@@ -371,6 +370,7 @@ impl Task<'_> {
                 now = t;
             }
             outputs.push(Output {
+                steps: propagator.steps(),
                 opening: spent,
                 ..self.observe(t, &propagator, &observables, &density)
             });
@@ -429,6 +429,7 @@ impl Task<'_> {
             entropy: density.relative_entropy(weights, columns),
             distance: density.distance(weights, columns),
             snapshot: wanted.then(|| density.snapshot(t)),
+            steps: 0,
             opening: 0.0,
             framed: false,
         }
@@ -448,6 +449,7 @@ impl Task<'_> {
             entropy: look.entropy,
             distance: look.distance,
             snapshot: wanted.then(|| opening.snapshot()).transpose()?,
+            steps: 0,
             opening: opening.cost(),
             framed: true,
         })
@@ -497,16 +499,25 @@ impl Task<'_> {
         );
         bars.space = bars::differences(fine, coarse, factor, &scales);
         bars.joint = true;
-        // Intervals shorter than a step or two are cut into the same steps by both.
-        let alike = fine.steps < coarse.steps + coarse.steps / 10;
-        if self.way == Way::FlowMap && alike {
-            bars.alike = choice::flow_map_settings(self.oscillator, self.settings, 1.0)
+        // Intervals shorter than a step or two are cut into the same steps by both, which then hide what
+        // they do; so does any interval after them.
+        if self.way == Way::FlowMap {
+            let splitting = choice::flow_map_settings(self.oscillator, self.settings, 1.0)
                 .map_or(0.0, |it| it.splitting_error(self.oscillator));
-        }
-        // Packets of two runs share their order, and agree far better than either is right: up to a
-        // thirteenth of the tolerance, measured by the calibration.
-        if fine.outputs.iter().any(|it| it.opening > 0.0 || it.framed) {
-            bars.alike = bars.alike.max(PACKET_SHARE * self.settings.tolerance);
+            let (mut before, mut hidden) = ((0, 0), 0.0);
+            for ((a, b), alike) in fine
+                .outputs
+                .iter()
+                .zip(&coarse.outputs)
+                .zip(&mut bars.alike)
+            {
+                let (x, y) = (a.steps - before.0, b.steps - before.1);
+                before = (a.steps, b.steps);
+                if x > 0 && 10 * x < 11 * y {
+                    hidden = splitting;
+                }
+                *alike = hidden;
+            }
         }
         bars
     }

@@ -18,6 +18,11 @@ pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 /// A truth judges bars of a tolerance if it is ten times as good.
 const TEN: f64 = 10.0;
 
+/// What a truth may be off by, over its stated uncertainty: that is the difference of two resolutions, and
+/// of starts that both hold badly it is too small (probabilities of -2.1e-4 ± 0.9e-4 and -4.1e-4 ± 3e-4
+/// that are 0).
+const DOUBT: f64 = 3.0;
+
 /// Seconds after which a run is stopped; it then counts as one that says it did not reach the tolerance.
 pub const MAX_SECONDS: f64 = 20.0;
 
@@ -73,14 +78,19 @@ impl Judged {
         (self.value - self.truth.value).abs()
     }
 
+    /// What its truth may be off by.
+    pub fn doubt(&self) -> f64 {
+        DOUBT * self.truth.uncertainty
+    }
+
     /// Whether its truth is good enough to judge bars of this tolerance.
     pub fn counts(&self, tolerance: f64) -> bool {
-        TEN * self.truth.uncertainty <= tolerance * self.scale
+        TEN * self.doubt() <= tolerance * self.scale
     }
 
     /// Whether the error is above the bar, whatever the truth may be off by.
     pub fn too_small(&self) -> bool {
-        !within(self.error(), self.bar + self.truth.uncertainty)
+        !within(self.error(), self.bar + self.doubt())
     }
 
     /// Whether the bar is above the tolerance.
@@ -91,7 +101,7 @@ impl Judged {
 
     /// Bar over true error, where the truth can tell the error.
     pub fn ratio(&self) -> Option<f64> {
-        (self.error() > self.truth.uncertainty).then(|| self.bar / self.error())
+        (self.error() > self.doubt()).then(|| self.bar / self.error())
     }
 
     /// Its name in results.json.
