@@ -679,6 +679,8 @@ stationary = true
 crossings = { window = 20 }
 [monte_carlo]
 duration = 5e4
+[accuracy]
+tolerance = 1e-2
 "#;
 
 #[test]
