@@ -558,6 +558,28 @@ fn a_limit_of_time_ends_with_status_3_and_names_its_key() {
 }
 
 #[test]
+fn a_tolerance_missed_on_cells_and_step_of_the_scene_is_a_warning_and_status_0() {
+    let room = room("fixed");
+    fs::write(
+        room.join("a.toml"),
+        "[oscillator]\nzeta = 0.05\nh = 2e-3\n[initial]\nkind = \"gaussian\"\nmean = [0, 0]\n\
+         deviation = [0.3, 0.3]\n[outputs]\nmoments_at = [1]\n[accuracy]\ntolerance = 1e-9\n\
+         [method]\ncells = [40, 30]\nstep = 0.5\n",
+    )
+    .unwrap();
+    let (table, _) = expect(0, &room, &["run", "a.toml"]);
+    assert!(
+        table.contains("the tolerance 1e-9 is not met") && !table.contains("exit status"),
+        "{table}"
+    );
+    let warnings = results(&room.join("results/a"))["run"]["warnings"].to_string();
+    assert!(
+        warnings.contains("the tolerance 1e-9 is not met"),
+        "{warnings}"
+    );
+}
+
+#[test]
 fn quiet_prints_nothing() {
     let room = small_room("quiet");
     let (out, err) = expect(0, &room, &["run", "small.toml", "--quiet"]);
@@ -657,6 +679,8 @@ stationary = true
 crossings = { window = 20 }
 [monte_carlo]
 duration = 5e4
+[accuracy]
+tolerance = 1e-2
 "#;
 
 #[test]
