@@ -524,7 +524,9 @@ impl Task<'_> {
             {
                 let (x, y) = (a.steps - before.0, b.steps - before.1);
                 before = (a.steps, b.steps);
-                if x > 0 && (10 * x < 11 * y || y < FEW) {
+                // Beyond the damping the map is made for, its series in zeta tau no longer falls.
+                let strong = self.oscillator.zeta() > choice::FLOW_MAP;
+                if x > 0 && (strong || 10 * x < 11 * y || y < FEW) {
                     hidden = IN_MOMENTS * splitting;
                 }
                 *alike = hidden;
@@ -600,7 +602,11 @@ impl Task<'_> {
             mass: fine
                 .outputs
                 .iter()
-                .map(|o| Estimate::new(o.mass, outside, Origin::Domain))
+                // All there is has probability 1.
+                .map(|o| {
+                    let error = outside.max((1.0 - o.mass).abs());
+                    Estimate::new(o.mass, error, Origin::Domain)
+                })
                 .collect(),
             lowest_density: pairs()
                 .map(|(a, b)| Estimate::new(a.lowest, (a.lowest - b.lowest).abs(), Origin::Space))

@@ -1080,7 +1080,7 @@ fn operators() -> Vec<Extreme> {
             rates,
             Against::LinearRates,
         )
-        .says("were found")
+        .says("not seen alike")
         .within(60.0),
         scene(
             "rates-linear-100",
