@@ -42,9 +42,9 @@ pub(super) fn beyond(ratio: f64) -> f64 {
     1.0 / (ratio.powf(BELIEVED) - 1.0)
 }
 
-/// Negative cells of a mesh 4/3 times as fine that weigh less than this are on their way to nothing, with
+/// Negative cells of a mesh 1.2 times as fine that weigh less than this are on their way to nothing, with
 /// order 2.4 or more.
-const CONVERGING: f64 = 0.5;
+const CONVERGING: f64 = 0.62;
 
 /// A difference that passes through zero, on its way from one output to the next or beside those of the
 /// other numbers, is not taken for less than this part of its neighbours'.

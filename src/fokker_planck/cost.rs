@@ -56,8 +56,8 @@ pub fn cost(
         (1.0, 1.0),
     )?;
     let cost = Cost {
-        // The coarse run that measures the error takes 0.3 of the fine one.
-        seconds: 1.3 * fine.seconds,
+        // The coarse run that measures the error takes half of the fine one.
+        seconds: 1.5 * fine.seconds,
         ..fine
     };
     Ok((cost, format!("{}; {reason}", way.name(drift))))
