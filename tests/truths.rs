@@ -144,7 +144,7 @@ fn cases() -> Vec<Case> {
             }];
             let closed = matches!(contact, Linear) || initial == Initial::Stationary;
             times.push(match () {
-                () if closed => draw.decades(3.0, (20.0 / zeta).min(300.0).max(6.0)),
+                () if closed => draw.decades(3.0, (20.0 / zeta).clamp(6.0, 300.0)),
                 () if !confining => draw.between(3.0, 10.0),
                 () if weak => draw.between(3.0, 7.0),
                 () => draw.decades(3.5, 10.0 + 2.0 * zeta),

@@ -297,7 +297,9 @@ impl Hermite {
         for _ in 0..steps as u64 {
             last.copy_from_slice(&self.state);
             self.apply(&last, a, &mut now);
-            now.iter_mut().for_each(|x| *x /= focal);
+            for x in &mut now {
+                *x /= focal;
+            }
             let mut sum: Vec<f64> = last
                 .iter()
                 .zip(&now)
@@ -541,14 +543,18 @@ fn bessel(x: f64, real: bool) -> Vec<f64> {
     for k in (1..end - 1).rev() {
         it[k - 1] = 2.0 * k as f64 / x * it[k] + sign * it[k + 1];
         if it[k - 1].abs() > 1e200 {
-            it.iter_mut().for_each(|it| *it *= 1e-200);
+            for it in &mut it {
+                *it *= 1e-200;
+            }
         }
     }
     // J_0 + 2 J_2 + 2 J_4 + ... = 1; I_0 + 2 I_1 + 2 I_2 + ... = e^x.
     let step = if real { 1 } else { 2 };
     let sum = it[0] + 2.0 * it.iter().skip(step).step_by(step).sum::<f64>();
     let scale = if real { x.exp() } else { 1.0 } / sum;
-    it.iter_mut().for_each(|it| *it *= scale);
+    for it in &mut it {
+        *it *= scale;
+    }
     let last = it.iter().rposition(|it| it.abs() > 1e-18).unwrap_or(1);
     it.truncate(last.max(1) + 1);
     it
