@@ -122,7 +122,7 @@ fn a_decay_rate_is_as_accurate_as_its_tolerance_asks() {
             ..Settings::default()
         };
         let it = decay_rates(&oscillator, 2, &settings).unwrap();
-        println!("{tolerance:e}: {:?}", it);
+        println!("{tolerance:e}: {it:?}");
         assert!(it.shortfall.is_none() && it.rates.len() == 2);
         for (rate, truth) in it.rates.iter().zip([-0.008834, -0.017142]) {
             assert!(rate.error <= tolerance * rate.re.abs());

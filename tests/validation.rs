@@ -24,7 +24,7 @@ fn read() -> Vec<Folder> {
 }
 
 /// The page against folders computed now.
-fn compare(folders: Vec<Folder>) {
+fn compare(folders: &[Folder]) {
     let spectra = Spectra::default();
     let run = |it: &Folder| it.run(&spectra, &|_| ()).unwrap();
     let outcomes: Vec<Outcome> = folders.iter().map(run).collect();
@@ -48,13 +48,13 @@ fn compare(folders: Vec<Folder>) {
 fn the_quick_numbers_of_the_page_are_those_computed_now() {
     let quick: Vec<Folder> = read().into_iter().filter(Folder::is_quick).collect();
     assert!(quick.len() >= 4);
-    compare(quick);
+    compare(&quick);
 }
 
 #[test]
 #[ignore = "minutes: all folders"]
 fn every_number_of_the_page_is_the_one_computed_now() {
-    compare(read());
+    compare(&read());
 }
 
 #[test]
