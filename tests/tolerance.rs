@@ -102,7 +102,7 @@ fn a_limit_of_memory_ends_refinement_with_its_name_and_the_best_so_far() {
     };
     let (size, _) = cost(&oscillator, &start, Task::Transient(&TIMES), &free).unwrap();
     let it = solve(&Settings {
-        max_memory: size.memory + size.memory / 20,
+        max_memory: size.memory + size.memory / 2,
         ..free
     });
     let shortfall = it
@@ -110,7 +110,9 @@ fn a_limit_of_memory_ends_refinement_with_its_name_and_the_best_so_far() {
         .expect("kurtosis of a narrow force needs more cells");
     println!("{shortfall}");
     assert!(shortfall.free && shortfall.reason.contains("max_memory"));
-    assert_eq!(it.method.cells, size.cells);
+    // A box for narrow forces takes some cells more than foreseen, a refinement at least 1.44 times as many.
+    let count = |[q, v]: [usize; 2]| (q * v) as f64;
+    assert!(count(it.method.cells) <= 1.4 * count(size.cells));
 }
 
 #[test]
