@@ -400,7 +400,8 @@ impl<'a> Refinement<'a> {
             && let Ok((seconds, memory)) = volumes.work(1.0, 1.0)
             && memory <= settings.max_memory as f64
         {
-            let here = work(likely, shorter)?.0 * speed;
+            // Both as foreseen: what is chosen must not depend on what else the machine does.
+            let here = work(likely, shorter)?.0;
             // A coarse run and a fine one, of costs foreseen within a factor of 2.
             let there = 2.0 * 1.5 * seconds;
             if here > there && there < left {
