@@ -17,7 +17,7 @@ pub(super) struct Bars {
     pub(super) time: Table,
     /// Whether `space` comes from two runs that differ in their steps too.
     pub(super) joint: bool,
-    /// What steps of the same length in both runs may have done, in natural scales.
+    /// What the steps of both runs may have done alike, in natural scales.
     pub(super) alike: Vec<f64>,
     /// What the box leaves out, in natural scales.
     outside: Table,

@@ -28,6 +28,9 @@ const COARSE: f64 = 0.82;
 /// alike to measure anything, beyond the last too little is learnt for the price.
 const FINER: [f64; 6] = [1.2, 1.3, 1.45, 1.6, 1.8, 2.0];
 
+/// A box that leaves out so many times its share is not enlarged.
+const HOPELESS: f64 = 1e8;
+
 /// Order in space expected before any was seen, and the best hoped for before a limit is believed.
 const EXPECTED: f64 = 3.0;
 const HOPED: f64 = 8.0;
@@ -236,13 +239,14 @@ impl<'a> Refinement<'a> {
             };
             let outside = task.bars(&coarse.run, &coarse.run, 0.0).worst_outside();
             let share = BOX_SHARE * settings.tolerance;
-            if outside <= share || boxes == 3 {
+            // The shape of a force that has all but vanished is beyond any box.
+            if outside <= share || outside > HOPELESS * share || boxes == 3 {
                 return Ok((coarse, finer));
             }
             boxes += 1;
             let now = settings.neglected.unwrap_or(coarse.run.domain.neglected);
-            // The weights grow a little as the box does; e^-300 is as far as densities go.
-            settings.neglected = Some((now * 0.7 * share / outside).max(1e-130));
+            // The weights grow a little as the box does; below rounding nothing is gained.
+            settings.neglected = Some((now * 0.7 * share / outside).max(1e-18));
         }
     }
 
@@ -402,9 +406,11 @@ impl<'a> Refinement<'a> {
             && let Ok((seconds, memory)) = volumes.work(1.0, 1.0)
             && memory <= settings.max_memory as f64
         {
-            let here = work(likely, shorter)?.0 * speed;
-            // A coarse run and a fine one, of costs foreseen within a factor of 2.
-            let there = 2.0 * 1.5 * seconds;
+            // Both as foreseen: what is chosen must not depend on what else the machine does.
+            let here = work(likely, shorter)?.0;
+            // A coarse run, a fine one and a refinement: ten times the first fine run (scene A at 1e-5: 40 s
+            // where one run was foreseen at 1.2 s on a busy machine).
+            let there = 10.0 * seconds;
             if here > there && there < left {
                 let text = format!(
                     "the flow map on {likely:.1} times finer cells would take about {here:.1} s, finite \

@@ -291,9 +291,6 @@ fn longest_interval(times: &[f64]) -> f64 {
     if longest > 0.0 { longest } else { 1.0 }
 }
 
-/// Steps of an interval below which the corrected ends of the flow map's rule meet.
-const FEW: u64 = 10;
-
 /// What an error of the splitting in the L1 norm does to a number in its natural scale: a quarter of it at
 /// most, measured by the calibration.
 const IN_MOMENTS: f64 = 0.4;
@@ -507,29 +504,18 @@ impl Task<'_> {
         );
         bars.space = bars::differences(fine, coarse, factor, &scales);
         bars.joint = true;
-        // Intervals of few steps show little of what steps do: both runs may cut them alike, or by rules
-        // whose errors pass through zero between them. So does any interval after them.
+        // Two runs show little of what the steps of a flow map do: short intervals are cut alike or by other
+        // rules, and the errors of either pass through zero between them.
         if self.way == Way::FlowMap {
             let splitting =
                 choice::flow_map_settings(self.oscillator, self.settings, 1.0).map_or(0.0, |it| {
                     let step = fine.step.min(it.step);
                     flow_map::Settings { step, ..it }.splitting_error(self.oscillator)
                 });
-            let (mut before, mut hidden) = ((0, 0), 0.0);
-            for ((a, b), alike) in fine
-                .outputs
-                .iter()
-                .zip(&coarse.outputs)
-                .zip(&mut bars.alike)
-            {
-                let (x, y) = (a.steps - before.0, b.steps - before.1);
-                before = (a.steps, b.steps);
-                // Beyond the damping the map is made for, its series in zeta tau no longer falls.
-                let strong = self.oscillator.zeta() > choice::FLOW_MAP;
-                if x > 0 && (strong || 10 * x < 11 * y || y < FEW) {
-                    hidden = IN_MOMENTS * splitting;
+            for (alike, it) in bars.alike.iter_mut().zip(&fine.outputs) {
+                if it.steps > 0 {
+                    *alike = IN_MOMENTS * splitting;
                 }
-                *alike = hidden;
             }
         }
         bars
