@@ -36,7 +36,8 @@ impl FlightLaw {
             number: "crossings.flight_density".into(),
             ratio,
             tolerance,
-            free: true,
+            // A closed form: there is nothing to refine.
+            free: false,
             reason: "its closed form expands in the friction".into(),
         })
     }

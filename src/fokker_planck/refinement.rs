@@ -239,8 +239,10 @@ impl<'a> Refinement<'a> {
             };
             let outside = task.bars(&coarse.run, &coarse.run, 0.0).worst_outside();
             let share = BOX_SHARE * settings.tolerance;
-            // The shape of a force that has all but vanished is beyond any box.
-            if outside <= share || outside > HOPELESS * share || boxes == 3 {
+            // The shape of a force that has all but vanished is beyond any box, and cells of the scene may
+            // not carry a larger one.
+            let given = settings.cells.is_some();
+            if given || outside <= share || outside > HOPELESS * share || boxes == 3 {
                 return Ok((coarse, finer));
             }
             boxes += 1;
