@@ -93,7 +93,7 @@ pub(super) struct Task<'a> {
 }
 
 /// Negative mass beyond which nothing is left of a density.
-const NO_DENSITY: f64 = 0.5;
+const NO_DENSITY: f64 = 1.0;
 
 /// The change of every number if the negative cells were positive: where a density undershoots, two
 /// meshes may agree on what is wrong.
@@ -518,10 +518,10 @@ impl Task<'_> {
                 }
             }
         }
-        // Two packets share their order, and at first agree to rounding, better than either is right.
+        // Two packets share their order and agree better than either is right: by up to 2e-5 at 1e-3 (seen).
         for (alike, it) in bars.alike.iter_mut().zip(&fine.outputs) {
             if it.framed {
-                *alike = alike.max(1e-4 * self.settings.tolerance);
+                *alike = alike.max(1e-2 * self.settings.tolerance);
             }
         }
         bars
