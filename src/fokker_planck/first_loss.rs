@@ -1,6 +1,6 @@
 //! The first loss of contact from any start: survival, density, mean time and exponential rate.
 //!
-//! One run of the backward equation ([`super::absorbed`]) answers every start; from the stationary law it
+//! One run of the backward equation (`absorbed`) answers every start; from the stationary law it
 //! carries the density too, by detailed balance with reversed velocity, so that the rate of losses so rare
 //! that no path shows one keeps its digits.
 //!

@@ -6,8 +6,8 @@
 //!
 //! One-sided, per circular frequency. At zero the spectrum of the force is the excitation's, G = 2h.
 //! There is no time step, so nothing aliases; the answer is as good in the valleys, many decades below
-//! the peak, as on it. The operator is that of [`super::hermite`], the frequencies come all from one
-//! small model ([`super::reduced`]).
+//! the peak, as on it. The operator is that of `hermite`, the frequencies come all from one
+//! small model (`reduced`).
 
 use super::choice::{Cost, Settings};
 use super::hermite::{Hierarchy, Resolution};

@@ -56,7 +56,7 @@ impl Spectra {
     /// The spectrum of the force up to 4.4, a little more than the paper's 1 kHz over 232 Hz.
     ///
     /// # Errors
-    /// Those of [`fokker_planck::spectrum`].
+    /// Those of [`fokker_planck::spectrum()`].
     pub fn of(&self, oscillator: &Oscillator) -> Result<Rc<Spectrum>> {
         let address = format!("{oscillator:?}");
         if let Some(it) = self.done.borrow().get(&address) {
