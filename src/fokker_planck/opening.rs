@@ -28,6 +28,25 @@ pub(super) struct Opening<'a> {
     finest: [f64; 2],
 }
 
+/// What a narrow start has cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Loss {
+    /// Of the packet's size, relative to it.
+    pub(super) spread: f64,
+    /// Probability, of the tails.
+    pub(super) tail: f64,
+}
+
+impl Loss {
+    /// With the probability that the hand-over changed.
+    pub(super) fn and(self, handed: f64) -> Self {
+        Self {
+            tail: self.tail + handed,
+            ..self
+        }
+    }
+}
+
 /// What a packet says at an output time.
 pub(super) struct Look {
     pub(super) moments: Moments,
@@ -48,11 +67,11 @@ const ROUNDING: f64 = 1e-9;
 /// to wait a few units for a coarser mesh pays in a run of fifty.
 pub(super) const REFINED: f64 = 1.25;
 /// The part of the tolerance that the changes of the packet's mass may add up to: it then no longer fits
-/// its frame, and a finer mesh takes over.
-const TORN: f64 = 0.2;
+/// its frame, and a finer mesh takes over. A kurtosis weighs them ten times ([`TAIL`](super::bars::TAIL)).
+const TORN: f64 = 0.03;
 /// As much of that as makes it worth while to hand over to a mesh finer by [`WORTH`] than the stationary
 /// law asks for: a displaced packet bends along its orbit, and what it then loses are its tails.
-const BENT: f64 = 0.1;
+const BENT: f64 = 0.5;
 const WORTH: f64 = 2.5;
 
 /// Cells per deviation of what is handed over. A Gaussian of 2 cells per deviation loses 1e-4 of its
@@ -75,10 +94,16 @@ fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)
     Fineness {
         cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.25) / finer.max(0.5),
         reach: beyond + (-2.0 * choice::neglected(tolerance).ln()).sqrt(),
+        border: BORDER * tolerance,
         step: longer * weak.min(strong).min(1.0),
         beside: if longer > 1.0 { 1.0 } else { 1.5 },
     }
 }
+
+/// P on the border of a packet's square over the tolerance, above which there is more beyond the border
+/// than a kurtosis can bear: tails that were cut weighed two hundred times in it (a point dropped at q = 1,
+/// t = 12).
+const BORDER: f64 = 1e-6;
 
 /// What an opening will take.
 #[derive(Debug, Clone, Copy)]
@@ -167,12 +192,14 @@ impl<'a> Opening<'a> {
         &self.packet
     }
 
-    /// What the packet has cost so far, in probability; a point has cost nothing.
-    pub(super) fn cost(&self) -> f64 {
+    /// What the packet has cost so far; a point has cost nothing.
+    pub(super) fn loss(&self) -> Loss {
         if self.packet.is_point() {
-            0.0
-        } else {
-            ROUNDING + self.packet.defect() + self.packet.step_error()
+            return Loss::default();
+        }
+        Loss {
+            spread: ROUNDING + self.packet.step_error(),
+            tail: self.packet.defect(),
         }
     }
 

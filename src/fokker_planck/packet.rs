@@ -42,6 +42,8 @@ pub(super) struct Fineness {
     pub(super) cell: f64,
     /// Half the side of the square, in deviations.
     pub(super) reach: f64,
+    /// Largest P on the border of the square before it is widened.
+    pub(super) border: f64,
     /// Longest step in time.
     pub(super) step: f64,
     /// The steps of a coarser run beside this one over its own: an interval is divided into so many times
@@ -83,6 +85,9 @@ const ORDER: Order = Order::Eighth;
 /// Nodes of the three-point Gauss rule are at c1, 1/2, 1 - c1; c2 = 1/2 - c1.
 const C1: f64 = 0.112_701_665_379_258_3;
 const C2: f64 = 0.5 - C1;
+/// Deviations beyond which a square is widened no more: twice what a Gaussian needs at 1e-5, four times the
+/// cells.
+const FARTHEST: f64 = 18.0;
 const WEIGHTS: [f64; 3] = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
 
 /// Gauss-Hermite frame of a standard normal.
@@ -254,8 +259,53 @@ impl Packet {
         self.steps += 1;
     }
 
+    /// The largest |P| on the border of the square.
+    fn border(&self) -> f64 {
+        let n = self.axis.len();
+        let largest = |values: &mut dyn Iterator<Item = &f64>| {
+            values.fold(0.0_f64, |largest, p| largest.max(p.abs()))
+        };
+        let first_and_last = self.values[..n].iter().chain(&self.values[n * (n - 1)..]);
+        let sides = self.values.chunks_exact(n).flat_map(|row| [&row[0], &row[n - 1]]);
+        largest(&mut first_and_last.chain(sides))
+    }
+
+    /// More cells around the square, an eighth of those there are: a displaced packet bends along its orbit,
+    /// and its tails curl out of a square that follows mean and deviations.
+    fn widen(&mut self) {
+        let (n, cell) = (self.axis.len(), self.fineness.cell);
+        let more = n.div_ceil(16);
+        let wide = n + 2 * more;
+        let reach = 0.5 * wide as f64 * cell;
+        // Equal cells of a width that has been accepted before.
+        let Ok(axis) = Axis::uniform(-reach, reach, wide) else {
+            return;
+        };
+        let mut values = vec![0.0; wide * wide];
+        for (row, into) in self
+            .values
+            .chunks_exact(n)
+            .zip(values.chunks_exact_mut(wide).skip(more))
+        {
+            into[more..more + n].copy_from_slice(row);
+        }
+        let padded = wide + 2 * ORDER.margin();
+        self.axis = axis;
+        self.fineness.reach = reach;
+        self.other = values.clone();
+        self.values = values;
+        self.filter = Filter::new(ORDER, wide);
+        self.coefficients = vec![0.0; padded * padded];
+        self.points = vec![[0.0; 2]; wide * wide];
+        self.origins = vec![[0.0; 2]; wide * wide];
+        self.interpolate();
+    }
+
     /// H over `duration`.
     fn carry(&mut self, duration: f64) {
+        if self.fineness.reach < FARTHEST && self.border() > self.fineness.border {
+            self.widen();
+        }
         let motion = Motion::new(&self.contact);
         let law = self.law();
         let target = self.frame.image(&law, |points| {
@@ -619,6 +669,7 @@ mod tests {
         let fineness = Fineness {
             cell: 0.25,
             reach: 7.5,
+            border: 1e-12,
             step,
             beside: 1.0,
         };
