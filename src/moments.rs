@@ -66,6 +66,15 @@ impl Moments {
             self.contact_loss_probability.as_mut(),
         ]
     }
+
+    /// In flight but for a probability that is `neglected` everywhere, the force has no shape.
+    pub(crate) fn drop_shape_of_flight(&mut self, neglected: f64) {
+        let lost = self.contact_loss_probability.map_or(0.0, |p| p.value);
+        if lost > 1.0 - neglected {
+            self.skewness_force.value = f64::NAN;
+            self.kurtosis_force.value = f64::NAN;
+        }
+    }
 }
 
 /// The raw expectations from which [`Moments`] are made: each is linear in the density, so mesh sums,

@@ -33,8 +33,9 @@ pub(super) struct Bars {
     rounding: f64,
 }
 
-/// Convergence of this order is believed without being seen: what a kink of the force leaves.
-const BELIEVED: f64 = 1.4;
+/// Convergence of this order is believed without being seen: half of what a kink of the force leaves, about
+/// 3 (tests/convergence.rs).
+const BELIEVED: f64 = 1.6;
 
 /// The error of the finer of two runs over their difference, one `ratio` times as fine as the other, for
 /// convergence of the order [`BELIEVED`]. Faster convergence leaves a smaller error.
@@ -74,8 +75,9 @@ pub(super) fn differences(a: &Run, b: &Run, factor: f64, scales: &Scales) -> Tab
         let before = (0..k).rev().take_while(|l| near(k, *l));
         let after = (k + 1..plain.len()).take_while(|l| near(k, *l));
         for l in before.chain(after) {
-            for (x, neighbour) in row.iter_mut().zip(&plain[l]) {
-                *x = x.max(NEIGHBOURS * neighbour);
+            let weights = likeness(&a.outputs[l].moments, &a.outputs[k].moments);
+            for ((x, neighbour), weight) in row.iter_mut().zip(&plain[l]).zip(weights) {
+                *x = x.max(NEIGHBOURS * weight * neighbour);
             }
         }
         // Kurtosis and skewness of a narrow force may err far more than anything else: the median speaks
@@ -88,6 +90,17 @@ pub(super) fn differences(a: &Run, b: &Run, factor: f64, scales: &Scales) -> Tab
         }
     }
     table
+}
+
+/// What an error of each number at one time means for that at another: shapes err as the third and fourth
+/// power of a deviation that may be far smaller there.
+fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
+    let ratio = (there.std_force.value / here.std_force.value).min(1.0);
+    // Without a deviation there is no shape, and nothing to scale.
+    let ratio = if ratio.is_finite() { ratio } else { 1.0 };
+    let mut weights = [1.0; 11];
+    (weights[7], weights[8]) = (ratio.powi(3), ratio.powi(4));
+    weights
 }
 
 /// What the box leaves out of each number at one time, in natural scales: `outside` is that of the

@@ -62,6 +62,8 @@ const EARLY: f64 = 0.02;
 /// What rounding leaves of a packet's moments, the motion being known to 1e-12: 3e-10 of themselves for
 /// the linear law, whose covariance is known.
 const ROUNDING: f64 = 1e-9;
+/// What cells may do to a packet alike in both runs, over the tolerance that chose them.
+const CELLS: f64 = 1e-3;
 /// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
 /// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
 /// to wait a few units for a coarser mesh pays in a run of fifty.
@@ -87,7 +89,7 @@ fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
     let weak = 0.8 * relative.powf(1.0 / 6.0);
-    let strong = (0.1 * tolerance / (8e-3 * zeta.powi(3))).powf(0.25);
+    let strong = (1e-3 * tolerance / (8e-3 * zeta.powi(3))).powf(0.25);
     // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh
     // them; the coarse run goes without a fifth of it.
     let beyond = if finer < 1.0 { 2.0 } else { 2.5 };
@@ -198,7 +200,7 @@ impl<'a> Opening<'a> {
             return Loss::default();
         }
         Loss {
-            spread: ROUNDING + self.packet.step_error(),
+            spread: ROUNDING + CELLS * self.settings.tolerance + self.packet.step_error(),
             tail: self.packet.defect(),
         }
     }
@@ -383,12 +385,7 @@ impl<'a> Opening<'a> {
             })
         };
         let mut moments = packet.moments();
-        // In flight but for a probability that every run neglects, the force has no shape.
-        let lost = moments.contact_loss_probability.map_or(0.0, |p| p.value);
-        if lost > 1.0 - choice::neglected(self.settings.tolerance) {
-            moments.skewness_force.value = f64::NAN;
-            moments.kurtosis_force.value = f64::NAN;
-        }
+        moments.drop_shape_of_flight(choice::neglected(self.settings.tolerance));
         if packet.is_point() {
             return Look {
                 moments,

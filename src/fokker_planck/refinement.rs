@@ -17,7 +17,7 @@ const BOX_SHARE: f64 = 0.02;
 
 /// Parts of what the box leaves that mesh and steps aim at once they are refined: the bars of a new run
 /// come out up to twice as large as foreseen.
-const SPACE_SHARE: f64 = 0.4;
+const SPACE_SHARE: f64 = 0.6;
 const TIME_SHARE: f64 = 0.3;
 
 /// Cells of the coarse run over those of the fine one: the closer they are the less is a difference of
@@ -31,8 +31,7 @@ const FINER: [f64; 6] = [1.2, 1.3, 1.45, 1.6, 1.8, 2.0];
 /// A box that leaves out so many times its share is not enlarged.
 const HOPELESS: f64 = 1e8;
 
-/// Order in space expected before any was seen, and the best hoped for before a limit is believed.
-const EXPECTED: f64 = 3.0;
+/// The best order in space hoped for before a limit is believed.
 const HOPED: f64 = 8.0;
 
 /// The highest order believed once it was seen.
@@ -65,6 +64,15 @@ pub(super) fn neglected(
         outside *= 0.8 * share / part;
     }
     Ok(outside)
+}
+
+/// Order in space expected before any was seen: the kink of the force is carried about by a flow map and
+/// stays on a face of finite volumes.
+fn expected(way: Way) -> f64 {
+    match way {
+        Way::FlowMap => 3.0,
+        Way::Volumes(_) => 5.0,
+    }
 }
 
 /// Steps of a coarse run over those of the fine one, and the order in time that is relied on: steps of
@@ -189,7 +197,7 @@ impl<'a> Refinement<'a> {
             longer,
             order,
             free: [task.settings.cells.is_none(), task.settings.step.is_none()],
-            search: Search::new(),
+            search: Search::new(task.way),
             rounds: 0,
             done: Cell::new(0.0),
             volumes,
@@ -410,9 +418,8 @@ impl<'a> Refinement<'a> {
         {
             // Both as foreseen: what is chosen must not depend on what else the machine does.
             let here = work(likely, shorter)?.0;
-            // A coarse run, a fine one and a refinement: ten times the first fine run (scene A at 1e-5: 40 s
-            // where one run was foreseen at 1.2 s on a busy machine).
-            let there = 10.0 * seconds;
+            // A coarse run, a fine one and a refinement: six times the first fine run.
+            let there = 6.0 * seconds;
             if here > there && there < left {
                 let text = format!(
                     "the flow map on {likely:.1} times finer cells would take about {here:.1} s, finite \
@@ -448,13 +455,18 @@ impl<'a> Refinement<'a> {
 
 /// What refining the mesh has shown so far.
 struct Search {
+    /// Order in space expected before any was seen.
+    expected: f64,
     /// Differences and the resolutions they lie between: coarse, fine.
     seen: Vec<(f64, f64, f64)>,
 }
 
 impl Search {
-    fn new() -> Self {
-        Self { seen: Vec::new() }
+    fn new(way: Way) -> Self {
+        Self {
+            expected: expected(way),
+            seen: Vec::new(),
+        }
     }
 
     fn seen(&mut self, difference: f64, fine: &Level, coarse: &Level) {
@@ -489,7 +501,7 @@ impl Search {
 
     /// The smallest refinement whose bar is expected within the goal; the largest if none is.
     fn finer(&self, bar: f64, goal: f64, last: f64) -> f64 {
-        let order = self.order().unwrap_or(EXPECTED);
+        let order = self.order().unwrap_or(self.expected);
         // Without a difference of meshes the bar itself is taken for the error.
         let error = if last > 1.0 {
             bar / self.beyond(last) / (last.powf(order) - 1.0)
