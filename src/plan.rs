@@ -91,6 +91,19 @@ pub struct Cost {
     pub seconds: f64,
 }
 
+impl Cost {
+    /// What a computation on a mesh will take.
+    fn on_mesh(it: fokker_planck::Cost, method: String) -> Self {
+        Self {
+            method,
+            cells: Some(it.cells),
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        }
+    }
+}
+
 /// Told about a run as it goes; every method may be left as it is.
 pub trait Watch: Sync {
     /// A part begins.
@@ -303,13 +316,7 @@ impl Plan {
             ..
         } = &self.scene;
         let (it, method) = fokker_planck::cost(oscillator, initial, task, &self.settings)?;
-        Ok(Cost {
-            method,
-            cells: Some(it.cells),
-            steps: it.steps,
-            memory_bytes: it.memory,
-            seconds: it.seconds,
-        })
+        Ok(Cost::on_mesh(it, method))
     }
 
     fn first_loss_cost(&self) -> Result<Cost> {
@@ -322,13 +329,7 @@ impl Plan {
         let until = outputs.first_loss.unwrap_or(0.0);
         let (it, method) =
             fokker_planck::first_loss_cost(oscillator, initial, until, &self.settings)?;
-        Ok(Cost {
-            method,
-            cells: Some(it.cells),
-            steps: it.steps,
-            memory_bytes: it.memory,
-            seconds: it.seconds,
-        })
+        Ok(Cost::on_mesh(it, method))
     }
 
     fn ensemble_cost(&self, until: f64) -> Result<Cost> {

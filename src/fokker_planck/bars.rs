@@ -35,7 +35,7 @@ pub(super) struct Bars {
 
 /// Convergence of this order is believed without being seen: half of what a kink of the force leaves, about
 /// 3 (tests/convergence.rs).
-const BELIEVED: f64 = 1.6;
+const BELIEVED: f64 = 1.7;
 
 /// The error of the finer of two runs over their difference, one `ratio` times as fine as the other, for
 /// convergence of the order [`BELIEVED`]. Faster convergence leaves a smaller error.
@@ -122,9 +122,7 @@ fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
 /// What the changes of a packet's mass weigh in each number, in natural scales: more in what weighs the
 /// tails (a point dropped at q = 1, t = 12 to 16: up to 1, 1, 2 and 3 for means, variances, skewness and
 /// kurtosis).
-pub(super) const TAIL: [f64; 11] = [
-    1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0,
-];
+pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
 
 /// What a narrow start has cost each number, in natural scales. A packet errs in proportion to its own
 /// size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.

@@ -418,8 +418,8 @@ impl<'a> Refinement<'a> {
         {
             // Both as foreseen: what is chosen must not depend on what else the machine does.
             let here = work(likely, shorter)?.0;
-            // A coarse run, a fine one and a refinement: six times the first fine run.
-            let there = 6.0 * seconds;
+            // A coarse run, a fine one and two refinements, the last 1.8 times as fine as the first.
+            let there = 15.0 * seconds;
             if here > there && there < left {
                 let text = format!(
                     "the flow map on {likely:.1} times finer cells would take about {here:.1} s, finite \

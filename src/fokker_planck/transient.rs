@@ -154,7 +154,7 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 /// part of them. `progress` is told the part done, 0 to 1.
 ///
 /// The error of each number comes from its difference to a second run with a coarser mesh and longer
-/// steps, taken so large that it covers convergence of order 1.6, half of what a kink of the force leaves; plus
+/// steps, taken so large that it covers convergence of order 1.7, half of what a kink of the force leaves; plus
 /// what the box leaves out, and rounding. Where cells or steps are left to the program they are refined
 /// until every error is within the tolerance or a limit says stop; what was not reached is in
 /// `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
@@ -354,7 +354,11 @@ impl Task<'_> {
         let columns = propagator.columns().to_vec();
         let (mut now, spent, opened) = match &opening {
             None => (0.0, Loss::default(), 0),
-            Some(it) => (it.packet().time(), it.loss().and(handed), it.packet().steps()),
+            Some(it) => (
+                it.packet().time(),
+                it.loss().and(handed),
+                it.packet().steps(),
+            ),
         };
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {

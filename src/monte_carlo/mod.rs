@@ -124,13 +124,25 @@ pub fn scheme_and_step(
     settings: &EnsembleSettings,
 ) -> Result<(Scheme, f64)> {
     let frequency = paths::highest_frequency(oscillator, initial);
-    let scheme = resolve(
-        settings.scheme,
-        settings.noise,
-        oscillator.zeta(),
-        frequency,
-    )?;
-    let step = match settings.step {
+    let EnsembleSettings {
+        scheme,
+        noise,
+        step,
+        ..
+    } = *settings;
+    choose((scheme, step), noise, oscillator, frequency)
+}
+
+/// The scheme meant and its longest step, that of the settings or its own; `frequency` is the highest of
+/// the scene.
+fn choose(
+    (scheme, step): (Scheme, Option<f64>),
+    noise: Noise,
+    oscillator: &Oscillator,
+    frequency: f64,
+) -> Result<(Scheme, f64)> {
+    let scheme = resolve(scheme, noise, oscillator.zeta(), frequency)?;
+    let step = match step {
         Some(step) => positive("monte_carlo.step", step)?,
         None => scheme::automatic_step(scheme, oscillator, frequency),
     };

@@ -7,7 +7,7 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
 use super::scheme::{self, Coefficients, Group};
-use super::{Noise, Progress, Scheme, check_bins, resolve};
+use super::{Noise, Progress, Scheme, check_bins, choose};
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -233,16 +233,12 @@ impl Size {
         let duration = positive("monte_carlo.duration", settings.duration)?;
         check_bins(settings.bins, 1)?;
         let frequency = highest_frequency(oscillator, &Initial::Stationary);
-        let scheme = resolve(
-            settings.scheme,
+        let (scheme, step) = choose(
+            (settings.scheme, settings.step),
             settings.noise,
-            oscillator.zeta(),
+            oscillator,
             frequency,
         )?;
-        let step = match settings.step {
-            Some(step) => positive("monte_carlo.step", step)?,
-            None => scheme::automatic_step(scheme, oscillator, frequency),
-        };
         if let Noise::Band { band } = settings.noise
             && band * step > std::f64::consts::PI
         {

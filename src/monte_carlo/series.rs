@@ -4,8 +4,8 @@ use super::events::Deaf;
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
-use super::scheme::{self, Coefficients, Group};
-use super::{Noise, Progress, Scheme, resolve};
+use super::scheme::{Coefficients, Group};
+use super::{Noise, Progress, Scheme, choose};
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::{Oscillator, Quantity};
@@ -64,16 +64,12 @@ pub struct SeriesSize {
 pub fn series_size(oscillator: &Oscillator, settings: &SeriesSettings) -> Result<SeriesSize> {
     let spacing = positive("spacing", settings.spacing)?;
     let frequency = highest_frequency(oscillator, &Initial::Stationary);
-    let scheme = resolve(
-        settings.scheme,
+    let (scheme, longest) = choose(
+        (settings.scheme, settings.step),
         settings.noise,
-        oscillator.zeta(),
+        oscillator,
         frequency,
     )?;
-    let longest = match settings.step {
-        Some(step) => positive("monte_carlo.step", step)?,
-        None => scheme::automatic_step(scheme, oscillator, frequency),
-    };
     if settings.samples == 0 || settings.records == 0 {
         let given = format!("{} records of {}", settings.records, settings.samples);
         return Err(Error::invalid("samples", given, "at least one of one"));
