@@ -226,13 +226,14 @@ impl Packet {
     }
 
     /// What the steps so far may have done to a variance, relative to it: 3e-5 tau^6 of a weakly damped
-    /// linear oscillator and 1e-2 zeta^3 tau^4 of a strongly damped one, from rest (measured). The first is
-    /// the error of noise along the orbit, so that it counts by the part of the variance that is noise's.
+    /// linear oscillator and 1e-2 zeta^3 tau^4 of a strongly damped one, from rest; from a
+    /// Gaussian, a relaxation time of v after the start, 2.7 times that (measured). The first is the error of
+    /// noise along the orbit, so that it counts by the part of the variance that is noise's.
     pub(super) fn step_error(&self) -> f64 {
         let tau = self.longest;
         let noise = 4.0 * self.zeta * self.temperature * self.time;
         let part = noise / (noise + self.start).max(f64::MIN_POSITIVE);
-        4e-5 * part * tau.powi(6) + 1.1e-2 * self.zeta.powi(3) * tau.powi(4)
+        4e-5 * part * tau.powi(6) + 3.3e-2 * self.zeta.powi(3) * tau.powi(4)
     }
 
     /// Sets the time to `t`, where the steps led but for rounding.

@@ -514,7 +514,8 @@ impl Task<'_> {
         if self.way == Way::FlowMap {
             let splitting =
                 choice::flow_map_settings(self.oscillator, self.settings, 1.0).map_or(0.0, |it| {
-                    let step = fine.step.min(it.step);
+                    // A mesh may ask for longer steps than the tolerance does.
+                    let step = fine.step;
                     flow_map::Settings { step, ..it }.splitting_error(self.oscillator)
                 });
             let zeta = self.oscillator.zeta();

@@ -10,7 +10,7 @@ use crate::oscillator::Quantity;
 use crate::results::Results;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
-use ndarray::{Array1, arr0};
+use ndarray::{Array1, Array2, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
 use std::io::Cursor;
@@ -345,6 +345,25 @@ fn density(name: String, snapshot: &Snapshot) -> Result<File> {
         Ok(npz.finish()?.into_inner())
     };
     packed(name, pack())
+}
+
+/// Axes and tables by name, as numpy.load reads them.
+pub(crate) fn tables(
+    name: &str,
+    axes: &[(&str, Vec<f64>)],
+    tables: &[(String, Array2<f64>)],
+) -> Result<File> {
+    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
+        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+        for (name, axis) in axes {
+            npz.add_array(*name, &Array1::from(axis.clone()))?;
+        }
+        for (name, table) in tables {
+            npz.add_array(name.as_str(), table)?;
+        }
+        Ok(npz.finish()?.into_inner())
+    };
+    packed(name.into(), pack())
 }
 
 fn packed(name: String, bytes: std::result::Result<Vec<u8>, WriteNpzError>) -> Result<File> {

@@ -36,7 +36,7 @@ pub struct Outcome {
     pub about: String,
     /// Its items with their answers.
     pub rows: Vec<Row>,
-    /// Its pictures.
+    /// Its pictures, and the arrays behind them.
     pub pictures: Vec<File>,
 }
 

@@ -6,11 +6,12 @@ use super::spectra::Spectra;
 use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::oscillator::Oscillator;
-use crate::report::File;
 use crate::report::plot::{Chart, Curve, Ink, Stroke, charts};
+use crate::report::{File, data};
 use crate::results::centres;
 use crate::rig::Rig;
 use crate::stationary::Stationary;
+use ndarray::Array2;
 
 /// The pictures of a folder by its name; none for a name that stands for no figure.
 ///
@@ -38,7 +39,53 @@ pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
         "figure-4" | "figure-7" => 1,
         _ => 3,
     };
-    Ok(vec![charts(&format!("{folder}.svg"), columns, &panels)?])
+    let mut files = vec![charts(&format!("{folder}.svg"), columns, &panels)?];
+    match folder {
+        "figure-10" | "figure-11" | "figure-12" => files.push(arrays(folder, runs, known, false)?),
+        "figure-13" => files.push(arrays(folder, runs, known, true)?),
+        _ => {}
+    }
+    Ok(files)
+}
+
+/// The spectra of a figure: level by frequency, one-sided, their integral over omega the variance of N.
+fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<File> {
+    let levels: Vec<&Oscillator> = runs
+        .iter()
+        .map(|run| &run.results.scene.oscillator)
+        .collect();
+    let mut axes = vec![("h", levels.iter().map(|it| it.h()).collect())];
+    if let Some(first) = levels.first() {
+        axes.push(("omega", known.of(first)?.omega.clone()));
+        let sampled = known.sampled(first)?;
+        axes.push(("omega_monte_carlo", sampled.omega.clone()));
+    }
+    let laws = [
+        ("hertz", ContactLaw::Hertz),
+        ("bilinear", ContactLaw::Bilinear),
+    ];
+    let mut tables = Vec::new();
+    for (name, law) in laws.into_iter().take(if both { 2 } else { 1 }) {
+        let mut rows: [Vec<Vec<f64>>; 4] = Default::default();
+        for level in &levels {
+            let it = Oscillator::new(law.clone(), level.zeta(), level.h())?;
+            let (solved, sampled) = (known.of(&it)?, known.sampled(&it)?);
+            let pairs = [&solved.density, &sampled.density];
+            for (pair, all) in rows.chunks_exact_mut(2).zip(pairs) {
+                pair[0].push(all.iter().map(|p| p.value).collect());
+                pair[1].push(all.iter().map(|p| p.error).collect());
+            }
+        }
+        let words = ["fokker_planck", "error", "monte_carlo", "standard_error"];
+        for (word, rows) in words.into_iter().zip(rows) {
+            let width = rows.first().map_or(0, Vec::len);
+            let shape = (rows.len(), width);
+            // Every level has the frequencies of the first: they follow from zeta alone.
+            let table = Array2::from_shape_fn(shape, |(k, l)| rows[k][l]);
+            tables.push((format!("{name}_{word}"), table));
+        }
+    }
+    data::tables(&format!("{folder}.npz"), &axes, &tables)
 }
 
 /// p_N over N: closed form, long records as circles, the Dirac mass as a bar of its probability.
@@ -130,12 +177,21 @@ fn trace(run: &Run) -> Result<Option<Chart>> {
 fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart>> {
     let oscillator = &run.results.scene.oscillator;
     let curve = magnitude(oscillator, known, on_the_rig)?;
-    let words = "Fokker-Planck";
-    Ok(Some(spectra(
-        run,
-        on_the_rig,
-        vec![Curve::new(words, Ink::Blue, Stroke::Line, curve)],
-    )))
+    let mut curves = vec![Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve)];
+    if !on_the_rig {
+        let dots = welch(oscillator, known)?;
+        let words = "Monte Carlo, Welch";
+        curves.push(Curve::new(words, Ink::Vermilion, Stroke::Circles, dots));
+    }
+    Ok(Some(spectra(run, on_the_rig, curves)))
+}
+
+/// log10 of sqrt(G) by Welch's method, every sixth frequency: circles that can be told apart. Its resolution
+/// is 1.5 times 0.009, wider than a peak of width 2 zeta.
+fn welch(oscillator: &Oscillator, known: &Spectra) -> Result<Vec<(f64, f64)>> {
+    let it = known.sampled(oscillator)?;
+    let points = it.omega.iter().zip(&it.density).skip(1).step_by(6);
+    Ok(points.map(|(w, p)| (*w, 0.5 * p.value.log10())).collect())
 }
 
 /// Hertz as a thin line and the bilinear law (34) as a thick one, as in Figure 13.
@@ -147,6 +203,18 @@ fn both_laws(run: &Run, known: &Spectra) -> Result<Option<Chart>> {
     let curves = vec![
         Curve::new("linear in contact (34)", Ink::Grey, Stroke::Thick, thick),
         Curve::new("Hertz", Ink::Blue, Stroke::Line, thin),
+        Curve::new(
+            "Monte Carlo, Welch, Hertz",
+            Ink::Vermilion,
+            Stroke::Circles,
+            welch(hertz, known)?,
+        ),
+        Curve::new(
+            "Monte Carlo, Welch, linear",
+            Ink::Black,
+            Stroke::Circles,
+            welch(&linear, known)?,
+        ),
     ];
     Ok(Some(spectra(run, false, curves)))
 }

@@ -140,8 +140,13 @@ fn section(outcome: &Outcome) -> String {
     if !outcome.about.trim().is_empty() {
         let _ = write!(text, "\n{}\n", outcome.about.trim());
     }
-    for picture in &outcome.pictures {
-        let _ = write!(text, "\n![{0}]({0}/{1})\n", outcome.name, picture.name);
+    for file in &outcome.pictures {
+        let (folder, name) = (&outcome.name, &file.name);
+        let _ = if name.ends_with(".svg") {
+            write!(text, "\n![{folder}]({folder}/{name})\n")
+        } else {
+            write!(text, "\nArrays: [{name}]({folder}/{name})\n")
+        };
     }
     text += "\n| item | where | ours | paper | deviation | verdict |\n|---|---|---|---|---|---|\n";
     for row in &outcome.rows {
