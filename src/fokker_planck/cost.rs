@@ -162,13 +162,13 @@ fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Resul
     let (steps, seconds, words) = if steady {
         (
             60.0,
-            n * wide * (2e-6 + 60.0 * 0.1e-6),
+            2.0 * n * wide * (2e-6 + 60.0 * 0.1e-6),
             "null vector by sparse LU, and a march",
         )
     } else {
         (
             6.0,
-            n * 6.0 * wide * 2e-6,
+            3.0 * n * 6.0 * wide * 2e-6,
             "shift and invert on two meshes or more",
         )
     };
