@@ -5,6 +5,7 @@ use super::item::{Row, Verdict};
 use super::numbers::{COMPUTED, Name};
 use crate::estimate::{Estimate, Origin};
 use std::fmt::Write;
+use std::path::Path;
 
 /// The name of the page.
 pub const NAME: &str = "README.md";
@@ -142,7 +143,8 @@ fn section(outcome: &Outcome) -> String {
     }
     for file in &outcome.pictures {
         let (folder, name) = (&outcome.name, &file.name);
-        let _ = if name.ends_with(".svg") {
+        let is_picture = Path::new(name).extension().is_some_and(|it| it == "svg");
+        let _ = if is_picture {
             write!(text, "\n![{folder}]({folder}/{name})\n")
         } else {
             write!(text, "\nArrays: [{name}]({folder}/{name})\n")
