@@ -99,49 +99,63 @@ fn small_room(name: &str) -> PathBuf {
     room
 }
 
+/// Runs a scene without a complaint; its table fits 80 columns and has the words.
+fn table_with(room: &Path, scene: &str, words: &[&str]) {
+    let (table, err) = expect(0, room, &["run", scene]);
+    assert!(err.is_empty(), "{err}");
+    let widest = table.lines().map(|line| line.chars().count()).max();
+    assert!(widest <= Some(80), "{table}");
+    for word in words {
+        assert!(table.contains(word), "{word}: {table}");
+    }
+}
+
+fn hold(folder: &Path, files: &[&str]) {
+    for file in files {
+        assert!(folder.join(file).is_file(), "{file}");
+    }
+}
+
 #[test]
 fn a_run_leaves_a_table_of_80_columns_and_whole_files() {
     let room = small_room("sections");
-    let (table, err) = expect(0, &room, &["run", "small.toml"]);
-    assert!(err.is_empty(), "{err}");
-    assert!(
-        table.lines().all(|line| line.chars().count() <= 80),
-        "{table}"
+    table_with(
+        &room,
+        "small.toml",
+        &[
+            "STATIONARY MOTION",
+            "closed form",
+            "Monte Carlo",
+            "agreement",
+            "time:",
+            "ON THE RIG",
+        ],
     );
-    for word in [
-        "STATIONARY MOTION",
-        "closed form",
-        "Monte Carlo",
-        "agreement",
-        "time:",
-        "ON THE RIG",
-    ] {
-        assert!(table.contains(word), "{word}: {table}");
-    }
     let folder = room.join("results/small");
-    for file in [
-        "results.json",
-        "report.html",
-        "scene.toml",
-        "stationary.csv",
-        "stationary_q.csv",
-        "stationary_v.csv",
-        "stationary_force.csv",
-        "moments.csv",
-        "monte_carlo.csv",
-        "density_1.npz",
-        "density_2.npz",
-        "density_1.svg",
-        "snapshots.svg",
-        "steady.npz",
-        "steady.svg",
-        "moments.svg",
-        "force.svg",
-        "approach.svg",
-        "decay_rates.csv",
-    ] {
-        assert!(folder.join(file).is_file(), "{file}");
-    }
+    hold(
+        &folder,
+        &[
+            "results.json",
+            "report.html",
+            "scene.toml",
+            "stationary.csv",
+            "stationary_q.csv",
+            "stationary_v.csv",
+            "stationary_force.csv",
+            "moments.csv",
+            "monte_carlo.csv",
+            "density_1.npz",
+            "density_2.npz",
+            "density_1.svg",
+            "snapshots.svg",
+            "steady.npz",
+            "steady.svg",
+            "moments.svg",
+            "force.svg",
+            "approach.svg",
+            "decay_rates.csv",
+        ],
+    );
     for entry in fs::read_dir(&folder).unwrap() {
         let entry = entry.unwrap();
         let name = entry.file_name().into_string().unwrap();
@@ -687,34 +701,31 @@ tolerance = 1e-2
 fn long_records_stand_beside_the_closed_form_with_their_errors() {
     let room = room("records");
     fs::write(room.join("long.toml"), RECORDS).unwrap();
-    let (table, err) = expect(0, &room, &["run", "long.toml"]);
-    assert!(err.is_empty(), "{err}");
-    assert!(
-        table.lines().all(|line| line.chars().count() <= 80),
-        "{table}"
+    table_with(
+        &room,
+        "long.toml",
+        &[
+            "closed form      long records",
+            "LOSSES OF CONTACT",
+            "agreement",
+            "mean flight",
+            "the window is 20 s",
+        ],
     );
-    for word in [
-        "closed form      long records",
-        "LOSSES OF CONTACT",
-        "agreement",
-        "mean flight",
-        "the window is 20 s",
-    ] {
-        assert!(table.contains(word), "{word}: {table}");
-    }
     let folder = room.join("results/long");
-    for file in [
-        "records.csv",
-        "records_q.csv",
-        "records_v.csv",
-        "records_force.csv",
-        "crossings.csv",
-        "flights.csv",
-        "flights.svg",
-        "force.svg",
-    ] {
-        assert!(folder.join(file).is_file(), "{file}");
-    }
+    hold(
+        &folder,
+        &[
+            "records.csv",
+            "records_q.csv",
+            "records_v.csv",
+            "records_force.csv",
+            "crossings.csv",
+            "flights.csv",
+            "flights.svg",
+            "force.svg",
+        ],
+    );
     let csv = fs::read_to_string(folder.join("records_force.csv")).unwrap();
     assert!(csv.starts_with("N from [F],N to [F],density [1/F],standard error [1/F]\n"));
     assert_eq!(csv.lines().count(), 101);

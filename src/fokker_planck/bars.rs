@@ -35,7 +35,7 @@ pub(super) struct Bars {
 
 /// Convergence of this order is believed without being seen: half of what a kink of the force leaves, about
 /// 3 (tests/convergence.rs).
-const BELIEVED: f64 = 1.7;
+const BELIEVED: f64 = 1.6;
 
 /// The error of the finer of two runs over their difference, one `ratio` times as fine as the other, for
 /// convergence of the order [`BELIEVED`]. Faster convergence leaves a smaller error.

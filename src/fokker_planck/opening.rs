@@ -6,7 +6,7 @@ use super::density::{Density, Snapshot};
 use super::domain::Domain;
 use super::flux::Drift;
 use super::mesh::{Axis, Mesh};
-use super::packet::{Fineness, Packet};
+use super::packet::{Fineness, Packet, STRONG};
 use super::propagator::Propagator;
 use crate::error::{Error, Result};
 use crate::initial::Initial;
@@ -63,7 +63,7 @@ const EARLY: f64 = 0.02;
 /// the linear law, whose covariance is known.
 const ROUNDING: f64 = 1e-9;
 /// What cells may do to a packet alike in both runs, over the tolerance that chose them.
-const CELLS: f64 = 1e-3;
+const CELLS: f64 = 3e-4;
 /// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
 /// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
 /// to wait a few units for a coarser mesh pays in a run of fifty.
@@ -83,13 +83,14 @@ fn cells_per_deviation(tolerance: f64) -> f64 {
 }
 
 /// Cells, reach and step of a packet for a tolerance. Measured for the Hertz law from rest and from
-/// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Steps
-/// err by 8e-3 zeta^3 tau^4 where the damping is strong (linear law, zeta = 0.2 to 5).
+/// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
+/// damping is strong steps err by [`STRONG`] zeta^3 tau^4, and get a thousandth of the tolerance: they are
+/// few, and two runs share the error.
 fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)) -> Fineness {
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
     let weak = 0.8 * relative.powf(1.0 / 6.0);
-    let strong = (1e-3 * tolerance / (8e-3 * zeta.powi(3))).powf(0.25);
+    let strong = (1e-3 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
     // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh
     // them; the coarse run goes without a fifth of it.
     let beyond = if finer < 1.0 { 2.0 } else { 2.5 };

@@ -35,7 +35,7 @@ const HOPELESS: f64 = 1e8;
 const HOPED: f64 = 8.0;
 
 /// The highest order believed once it was seen.
-const TRUSTED: f64 = 2.0;
+const TRUSTED: f64 = 1.7;
 
 /// Order that meshes fine enough come to even where the first ones do not.
 const LIKELY: f64 = 3.5;

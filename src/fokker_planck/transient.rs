@@ -154,7 +154,7 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 /// part of them. `progress` is told the part done, 0 to 1.
 ///
 /// The error of each number comes from its difference to a second run with a coarser mesh and longer
-/// steps, taken so large that it covers convergence of order 1.7, half of what a kink of the force leaves; plus
+/// steps, taken so large that it covers convergence of order 1.6, half of what a kink of the force leaves; plus
 /// what the box leaves out, and rounding. Where cells or steps are left to the program they are refined
 /// until every error is within the tolerance or a limit says stop; what was not reached is in
 /// `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
@@ -522,7 +522,7 @@ impl Task<'_> {
             for (alike, it) in bars.alike.iter_mut().zip(&fine.outputs) {
                 // The stationary law suffers no splitting error: what there is fades with the distance to it,
                 // its rates being off by a part of themselves.
-                let fading = it.distance * (1.0 + 2.0 * zeta * it.t);
+                let fading = it.distance * (1.0 + 4.0 * zeta * it.t);
                 if it.steps > 0 {
                     *alike = IN_MOMENTS * splitting * fading.min(1.0);
                 }
