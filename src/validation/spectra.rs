@@ -67,7 +67,7 @@ fn frequencies(zeta: f64) -> Vec<f64> {
 }
 
 impl Spectra {
-    /// The spectrum of the force up to [`HIGHEST`].
+    /// The spectrum of the force up to 4.4.
     ///
     /// # Errors
     /// Those of [`fokker_planck::spectrum()`].
