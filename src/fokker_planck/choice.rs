@@ -507,7 +507,7 @@ pub(super) fn flow_map_settings(
     if let Some(step) = settings.step {
         positive("method.step", step)?;
     }
-    // The splitting gets a fourteenth of the tolerance: two runs see little of it, and all of it is in the bar.
+    // The splitting gets a fourteenth of the tolerance: two runs see little of it, and it has a part of its own in the bar.
     let automatic = flow_map::Settings::to(0.07 * settings.tolerance, oscillator)?;
     // Beyond the longest useful step the error is not known, and two runs would not show it.
     let asked = settings.step.unwrap_or(automatic.step);

@@ -72,7 +72,7 @@ pub(super) const REFINED: f64 = 1.25;
 /// its frame, and a finer mesh takes over. A kurtosis weighs them ten times ([`TAIL`](super::bars::TAIL)).
 const TORN: f64 = 0.03;
 /// As much of that as makes it worth while to hand over to a mesh finer by [`WORTH`] than the stationary
-/// law asks for: a displaced packet bends along its orbit, and what it then loses are its tails.
+/// law asks for: a displaced packet bends along its orbit, and its cells hold it less and less.
 const BENT: f64 = 0.5;
 const WORTH: f64 = 2.5;
 

@@ -85,8 +85,8 @@ const ORDER: Order = Order::Eighth;
 /// Nodes of the three-point Gauss rule are at c1, 1/2, 1 - c1; c2 = 1/2 - c1.
 const C1: f64 = 0.112_701_665_379_258_3;
 const C2: f64 = 0.5 - C1;
-/// The error of a variance under strong damping over zeta^3 tau^4, relative to it: 1e-2 from rest; 2.7e-2
-/// from a Gaussian, one relaxation time of v after the start (measured, linear law, zeta = 0.2 to 10).
+/// The error of a variance under strong damping over zeta^3 tau^4, relative to it: three times the 1.1e-2
+/// measured from rest (linear law, zeta = 0.2 to 5), for other starts and times.
 pub(super) const STRONG: f64 = 3.3e-2;
 /// Deviations beyond which a square is widened no more: twice what a Gaussian needs at 1e-5, four times the
 /// cells.
