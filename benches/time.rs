@@ -1,6 +1,7 @@
-//! What time costs: the generator per cell, factorisations and solves, and a unit of time per scheme.
+//! What time costs: the generator per cell, factorisations and solves, and a unit of time per scheme; beside
+//! bounds in benches/summary.rs.
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
 use std::hint::black_box;
@@ -52,7 +53,7 @@ fn seconds(mut call: impl FnMut()) -> f64 {
     best
 }
 
-/// Nanoseconds per cell of the generator beside those of reading g, a and b and writing the rate once.
+/// The generator without a matrix.
 fn apply(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("generator");
     for drift in Drift::ALL {
@@ -60,21 +61,7 @@ fn apply(criterion: &mut Criterion) {
         let n = generator.mesh().len();
         let g: Vec<f64> = (0..n).map(|k| (k % 17) as f64).collect();
         let mut rate = vec![0.0; n];
-        let (a, b) = (g.clone(), g.clone());
-        let all = seconds(|| generator.apply(black_box(&g), &mut rate));
-        let memory = seconds(|| {
-            let sources = g.iter().zip(&a).zip(&b);
-            for (rate, ((g, a), b)) in rate.iter_mut().zip(black_box(sources)) {
-                *rate = g + a + b;
-            }
-        });
-        let per_cell = |seconds: f64| seconds / n as f64 * 1e9;
-        println!(
-            "{drift:?}: {:.2} ns per cell, {:.1} times a pass over the memory ({:.2} ns)",
-            per_cell(all),
-            all / memory,
-            per_cell(memory)
-        );
+        group.throughput(Throughput::Elements(n as u64));
         group.bench_function(BenchmarkId::new("apply", format!("{drift:?}")), |bencher| {
             bencher.iter(|| generator.apply(black_box(&g), &mut rate));
         });

@@ -431,7 +431,7 @@ fn precision(survey: &Survey) -> std::result::Result<(), Stop> {
         costs = precision::costs(&all[0], Effort::Full, &|cost| {
             bar.set_message(format!("cost of {}, {} cells", cost.of, cost.n));
             bar.tick();
-        });
+        })?;
     }
     bar.finish_and_clear();
     folder.write(&precision::files(&surveys, &costs)?)?;

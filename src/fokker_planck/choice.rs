@@ -592,10 +592,12 @@ pub fn march(
         Step::Fixed(euler_step(generator, settings))
     } else {
         let longest = settings.step.unwrap_or(f64::INFINITY);
+        // Two runs that begin with the same steps would not see what these do.
+        let shorter = (settings.tolerance / 1e-3).cbrt().clamp(0.1, 1.0);
         Step::Error {
             total: settings.tolerance,
             horizon: horizon(oscillator, until),
-            first: longest.min(0.1 / (1.0 + 2.0 * oscillator.zeta())),
+            first: longest.min(shorter * 0.1 / (1.0 + 2.0 * oscillator.zeta())),
             longest,
         }
     };

@@ -8,6 +8,7 @@ use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use crate::initial::Initial;
 use std::fmt;
 use std::time::Instant;
 
@@ -87,8 +88,22 @@ pub(super) fn exponent(series: &[(f64, f64)]) -> Option<f64> {
 /// A mesh is not begun if the one before took longer, in seconds.
 const LONG: f64 = 3.0;
 
-/// Costs on a case, on one thread and on all; what fails or takes too long is left out.
-pub fn costs(case: &Case, effort: Effort, watch: &dyn Fn(&Cost)) -> Vec<Cost> {
+/// A start that 50 cells hold.
+fn wide(case: &Case) -> Result<Case> {
+    let deviation = 0.9 * case.oscillator.temperature().sqrt();
+    Ok(Case {
+        initial: Initial::gaussian([0.0; 2], [deviation; 2])?,
+        ..case.clone()
+    })
+}
+
+/// Costs on a case from a wide start, on one thread and on all; meshes that cannot be held or take too long
+/// are left out.
+///
+/// # Errors
+/// None for a temperature above 0.
+pub fn costs(case: &Case, effort: Effort, watch: &dyn Fn(&Cost)) -> Result<Vec<Cost>> {
+    let case = &wide(case)?;
     let sizes: &[usize] = match effort {
         Effort::Quick => &[50, 70],
         Effort::Full => &[50, 100, 200, 400, 800],
@@ -103,8 +118,9 @@ pub fn costs(case: &Case, effort: Effort, watch: &dyn Fn(&Cost)) -> Vec<Cost> {
         for of in CostOf::ALL {
             for n in sizes {
                 let clock = Instant::now();
+                // A mesh that cannot hold the start is too coarse, one beyond the memory too fine.
                 let Ok((setup, per_unit, memory)) = pool.install(|| cost(case, of, *n)) else {
-                    break;
+                    continue;
                 };
                 let cost = Cost {
                     of,
@@ -122,7 +138,7 @@ pub fn costs(case: &Case, effort: Effort, watch: &dyn Fn(&Cost)) -> Vec<Cost> {
             }
         }
     }
-    all
+    Ok(all)
 }
 
 fn seconds(work: impl FnOnce() -> Result<()>) -> Result<f64> {

@@ -42,6 +42,8 @@ pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
     let settings = Settings {
         // The box leaves out a thousandth of the tolerance.
         tolerance: (1e3 * BOX * level.tolerance).min(0.5),
+        // Asked for, so that a law that leaves every box gets one too.
+        drift: Some(drift),
         ..Settings::default()
     };
     let (mesh, _) = choice::mesh(
@@ -61,14 +63,17 @@ pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Re
         Method::Volumes { drift, time } => volumes(case, drift, time, level),
         Method::FlowMap { order, splitting } => {
             let oscillator = &case.oscillator;
+            let mesh = mesh(case, Drift::Order8, level)?;
+            // Shorter steps let grid noise grow.
+            let shortest = FlowMap::shortest_step(oscillator, &mesh);
             let step = flow_map::Settings::to(STEPS * level.tolerance, oscillator)?.step;
+            let step = step.max(shortest);
             let settings = flow_map::Settings {
                 order,
                 splitting,
                 step,
                 positive: false,
             };
-            let mesh = mesh(case, Drift::Order8, level)?;
             let mut map = FlowMap::new(oscillator, &mesh, settings)?;
             let mut density = map.start(&case.initial)?;
             map.advance(&mut density, case.until)?;

@@ -64,8 +64,7 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
             "reference: closed form".to_string()
         } else {
             format!(
-                "references: fine runs of the flow map and of finite volumes, each judging the other; they \
-                 differ by {:.1e} in L1, {:.1e} in E[v^2]/T, {:.1e} in E[H]/T, {:.1e} in P(loss)",
+                "references: fine runs of two methods, each judging all but its own kind; they differ by {:.1e} in L1, {:.1e} in E[v^2]/T, {:.1e} in E[H]/T, {:.1e} in P(loss)",
                 u.l1.unwrap_or(0.0),
                 u.square_speed,
                 u.energy,
@@ -309,6 +308,11 @@ fn picture(survey: &Survey) -> Result<File> {
             x: "cells per direction, or square root of paths".into(),
             y: "L1 error; E[H] of paths".into(),
             curves: curves(&work, &|it| Some(it.main_error())),
+        },
+        LogChart {
+            x: "memory of all arrays, bytes".into(),
+            y: "L1 error of the density".into(),
+            curves: curves(&|it| it.memory as f64, &|it| it.errors.l1),
         },
     ];
     let name = format!("precision_{}.svg", survey.case.name);

@@ -435,10 +435,14 @@ impl Panel {
 fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {
     let raw = (high - low) / count.max(1) as f64;
     let power = 10f64.powf(raw.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0]
+    let wide_enough = |step: &f64| *step >= raw * 0.75;
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|m| m * power);
+    // One tick tells no scale: at least two.
+    let step = steps
         .into_iter()
-        .map(|m| m * power)
-        .find(|step| *step >= raw * 0.75)
+        .find(wide_enough)
+        .filter(|step| 2.0 * step <= high - low)
+        .or_else(|| steps.into_iter().rev().find(|step| !wide_enough(step)))
         .unwrap_or(raw);
     let size = low.abs().max(high.abs());
     let first = (low / step).ceil();
@@ -1748,7 +1752,7 @@ const MANY: [RGBColor; 12] = [
     GREY,
 ];
 
-/// Charts with logarithmic axes side by side under one title, one legend for all.
+/// Charts with logarithmic axes under one title, two in a row, one legend for all.
 ///
 /// # Errors
 /// [`Error::Io`] for a picture that cannot be drawn.
@@ -1759,11 +1763,13 @@ pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Res
             names.push(&curve.name);
         }
     }
-    let width = 430.0;
+    let (width, height) = (640.0, 400.0);
+    let columns = charts.len().clamp(1, 2);
+    let below = 20.0 + height * charts.len().div_ceil(columns) as f64;
     let rows = names.len().div_ceil(5);
     let size = (
-        (width * charts.len() as f64 + 30.0) as u32,
-        (420.0 + 22.0 * rows as f64) as u32,
+        (width * columns as f64 + 30.0) as u32,
+        (below + 22.0 * rows as f64) as u32,
     );
     let logs = |curve: &LogCurve| -> Points {
         let positive = curve.points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0);
@@ -1780,10 +1786,10 @@ pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Res
                 continue;
             };
             let panel = Panel {
-                left: 92.0 + width * k as f64,
-                top: 40.0,
+                left: 92.0 + width * (k % columns) as f64,
+                top: 40.0 + height * (k / columns) as f64,
                 width: width - 110.0,
-                height: 320.0,
+                height: height - 80.0,
                 x,
                 y,
                 log: true,
@@ -1803,7 +1809,10 @@ pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Res
         }
         for (k, words) in names.iter().enumerate() {
             let step = f64::from(size.0) / 5.2;
-            let at = (30.0 + step * (k % 5) as f64, 415.0 + 22.0 * (k / 5) as f64);
+            let at = (
+                30.0 + step * (k % 5) as f64,
+                below - 5.0 + 22.0 * (k / 5) as f64,
+            );
             legend(area, at, MANY[k % MANY.len()], Mark::Line, words)?;
         }
         Ok(())
@@ -1855,6 +1864,7 @@ mod tests {
             texts((-2.1, 2.1)),
             ["\u{2212}2", "\u{2212}1", "0", "1", "2"]
         );
+        assert!(ticks((-0.048, 0.048), 3).len() > 1);
         assert!(ticks((1e300, 1e301), 5).len() < 13);
         assert!(ticks((1.0, 1.0), 5).is_empty() && ticks((f64::NAN, 1.0), 5).is_empty());
     }

@@ -5,6 +5,7 @@ use super::folder::Run;
 use super::spectra::Spectra;
 use crate::contact::ContactLaw;
 use crate::error::Result;
+use crate::estimate::Estimate;
 use crate::oscillator::Oscillator;
 use crate::report::plot::{Chart, Curve, Ink, Stroke, charts};
 use crate::report::{File, data};
@@ -176,9 +177,15 @@ fn trace(run: &Run) -> Result<Option<Chart>> {
 /// The RMS magnitude spectrum of N: over the circular frequency, or over the frequency on the rig.
 fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart>> {
     let oscillator = &run.results.scene.oscillator;
-    let curve = magnitude(oscillator, known, on_the_rig)?;
+    let magnitude = |part: Part| magnitude(oscillator, known, on_the_rig, part);
+    let curve = magnitude(Part::Value)?;
     let mut curves = vec![Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve)];
     if !on_the_rig {
+        // Where the resolution did not fit the time: as far as the error goes.
+        for (part, words) in [(Part::Highest, "its error"), (Part::Lowest, "")] {
+            let edge = magnitude(part)?;
+            curves.push(Curve::new(words, Ink::Grey, Stroke::Dashes, edge));
+        }
         let dots = welch(oscillator, known)?;
         let words = "Monte Carlo, Welch";
         curves.push(Curve::new(words, Ink::Vermilion, Stroke::Circles, dots));
@@ -198,8 +205,8 @@ fn welch(oscillator: &Oscillator, known: &Spectra) -> Result<Vec<(f64, f64)>> {
 fn both_laws(run: &Run, known: &Spectra) -> Result<Option<Chart>> {
     let hertz = &run.results.scene.oscillator;
     let linear = Oscillator::new(ContactLaw::Bilinear, hertz.zeta(), hertz.h())?;
-    let thick = magnitude(&linear, known, false)?;
-    let thin = magnitude(hertz, known, false)?;
+    let thick = magnitude(&linear, known, false, Part::Value)?;
+    let thin = magnitude(hertz, known, false, Part::Value)?;
     let curves = vec![
         Curve::new("linear in contact (34)", Ink::Grey, Stroke::Thick, thick),
         Curve::new("Hertz", Ink::Blue, Stroke::Line, thin),
@@ -219,11 +226,20 @@ fn both_laws(run: &Run, known: &Spectra) -> Result<Option<Chart>> {
     Ok(Some(spectra(run, false, curves)))
 }
 
+/// A density, or an end of its error bar.
+#[derive(Clone, Copy)]
+enum Part {
+    Value,
+    Highest,
+    Lowest,
+}
+
 /// log10 of sqrt(G): of N over the circular frequency, or in newtons per root hertz over hertz.
 fn magnitude(
     oscillator: &Oscillator,
     known: &Spectra,
     on_the_rig: bool,
+    part: Part,
 ) -> Result<Vec<(f64, f64)>> {
     let it = known.of(oscillator)?;
     let rig = Rig::new(110.0, 232.0, 7e-6)?;
@@ -235,7 +251,13 @@ fn magnitude(
     };
     let points = it.omega.iter().zip(&it.density);
     let log = |p: f64| (y * p.max(0.0).sqrt()).log10();
-    Ok(points.map(|(w, p)| (x * w, log(p.value))).collect())
+    let density = |p: &Estimate| match part {
+        Part::Value => p.value,
+        Part::Highest => p.value + p.error,
+        // A tenth of the value, where the error is as large: off the picture, not at minus infinity.
+        Part::Lowest => (p.value - p.error).max(0.1 * p.value),
+    };
+    Ok(points.map(|(w, p)| (x * w, log(density(p)))).collect())
 }
 
 fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {

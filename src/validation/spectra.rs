@@ -134,8 +134,7 @@ impl Spectra {
         let [second, third] = bands.map(|(from, to)| highest(&it, from * first, to * first));
         let place = |peak: Option<usize>| {
             let k = peak?;
-            let step = (it.omega[k + 1] - it.omega[k - 1]) * 0.5;
-            Some(Estimate::new(it.omega[k], step, Origin::Space))
+            Some(Estimate::new(it.omega[k], reach(&it, k), Origin::Space))
         };
         let ratio = |peak: Option<usize>| {
             let (p, m) = (peak?, main?);
@@ -171,6 +170,19 @@ fn highest(it: &Spectrum, from: f64, to: f64) -> Option<usize> {
         .filter(|k| value(*k) >= value(k - 1) && value(*k) >= value(k + 1))
         .max_by(|a, b| value(*a).total_cmp(&value(*b)));
     maximum.or_else(|| inside().min_by(|a, b| slope(*a).total_cmp(&slope(*b))))
+}
+
+/// How far a maximum may lie from where it was found: a spacing, and as far as values to either side equal
+/// it within their errors.
+fn reach(it: &Spectrum, k: usize) -> f64 {
+    let here = it.density[k].value - it.density[k].error;
+    let equal = |l: &usize| it.density[*l].value + it.density[*l].error >= here;
+    let last = it.omega.len() - 1;
+    let below = (1..k).rev().take_while(equal).last().unwrap_or(k);
+    let above = (k + 1..last).take_while(equal).last().unwrap_or(k);
+    let spacing = 0.5 * (it.omega[k + 1] - it.omega[k - 1]);
+    let (below, above) = (it.omega[below], it.omega[above]);
+    spacing + (it.omega[k] - below).max(above - it.omega[k])
 }
 
 /// How far the parabola through ln G at a frequency and its neighbours rises above it, at a maximum: what
