@@ -115,7 +115,7 @@ fn generator() -> Vec<String> {
         .collect()
 }
 
-/// A step of the additive scheme: six transports and banded solves.
+/// A step of the additive scheme: six transports and five banded solves.
 fn imex() -> String {
     let it = oscillator(0.5);
     let generator =

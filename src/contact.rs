@@ -60,7 +60,7 @@ pub trait Restoring: fmt::Debug + Send + Sync {
 }
 
 /// The restoring force of the contact, in units of the static load, against the dimensionless
-/// displacement q of (6). Equilibrium at q = 0 with unit stiffness for every built-in law.
+/// displacement q of (6). Equilibrium at q = 0 with unit stiffness for every built-in law that confines.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum ContactLaw {
@@ -255,7 +255,7 @@ impl ContactLaw {
     }
 }
 
-/// Name equality: a custom law is equal to itself only.
+/// Built-in laws are equal by kind, a custom law to itself only.
 impl PartialEq for ContactLaw {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {

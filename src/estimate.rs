@@ -23,20 +23,6 @@ pub enum Origin {
     Sampling,
 }
 
-impl fmt::Display for Origin {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::ClosedForm => "closed form",
-            Self::Quadrature => "quadrature",
-            Self::Space => "mesh",
-            Self::Time => "step",
-            Self::Domain => "box",
-            Self::Rounding => "rounding",
-            Self::Sampling => "standard error",
-        })
-    }
-}
-
 /// `value ± error`. For deterministic origins the error is a bound that the true error is meant to
 /// stay below; for [`Origin::Sampling`] it is one standard error.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -36,7 +36,7 @@
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
-//! | Signs, units, one- and two-sided, what is Ito | [`conventions`] |
+//! | Signs, units, one- and two-sided | [`conventions`] |
 //! | What an error is, and relative to what | [`estimate`], [`scales`] |
 //! | Tables, files, pictures | [`report`] |
 //! | The paper, number by number | [`validation`] |

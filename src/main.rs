@@ -441,7 +441,7 @@ fn precision(survey: &Survey) -> std::result::Result<(), Stop> {
 
 /// Progress over a number of jobs; hidden by itself where standard error is not a terminal.
 fn survey_bar(jobs: usize) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}");
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len}  {eta} left  {msg}");
     ProgressBar::with_draw_target(Some(jobs as u64), ProgressDrawTarget::stderr())
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
@@ -458,9 +458,14 @@ fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
         .iter()
         .map(|path| validation::Folder::read(path))
         .collect::<Result<_>>()?;
-    let root = list[0].canonicalize().unwrap_or_else(|_| list[0].clone());
-    let root = root.parent().unwrap_or(Path::new(".")).to_owned();
+    let root = common_root(&list)?;
     let target = options.out.clone().unwrap_or_else(|| root.clone());
+    let path = target.join(validation::readme::NAME);
+    let earlier = std::fs::read_to_string(&path).unwrap_or_default();
+    if !options.force && !validation::readme::is_ours(&earlier) {
+        let accepted = "a page that this command wrote; or --out, or --force to replace it";
+        return Err(Error::invalid("FOLDER", path.display(), accepted).into());
+    }
     // In their own folders nothing is cleared: the scenes are there.
     let existing = if options.force {
         Existing::Force
@@ -472,19 +477,17 @@ fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
         None => None,
     };
     let spectra = validation::Spectra::default();
+    let bar = survey_bar(folders.len());
+    if options.quiet {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
     let mut outcomes = Vec::new();
     for folder in &folders {
         let start = std::time::Instant::now();
-        let bar = ProgressBar::new_spinner();
-        bar.set_draw_target(if options.quiet {
-            ProgressDrawTarget::hidden()
-        } else {
-            ProgressDrawTarget::stderr()
-        });
         let outcome = folder.run(&spectra, &|label| {
             bar.set_message(format!("{}  {label}", folder.name))
         })?;
-        bar.finish_and_clear();
+        bar.inc(1);
         let place = target.join(&outcome.name);
         std::fs::create_dir_all(&place).map_err(|source| Error::Io {
             path: place.clone(),
@@ -496,12 +499,11 @@ fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
             let counts: Vec<String> = counts.iter().map(|(it, n)| format!("{n} {it}")).collect();
             let seconds = plan::seconds(start.elapsed().as_secs_f64());
             let line = format!("{:<12} {} ({seconds})\n", outcome.name, counts.join(", "));
-            print(&line)?;
+            bar.suspend(|| print(&line))?;
         }
         outcomes.push(outcome);
     }
-    let path = target.join(validation::readme::NAME);
-    let earlier = std::fs::read_to_string(&path).unwrap_or_default();
+    bar.finish_and_clear();
     let equations = validation::equations::read(&root)?;
     let equations = equations.map(|list| validation::equations::table(&list));
     let there = |name: &str| target.join(name).is_dir();
@@ -515,6 +517,26 @@ fn validate(options: &ValidateOptions) -> std::result::Result<(), Stop> {
         return Ok(());
     }
     print(&format!("files: {}\n", path.display()))
+}
+
+/// The folder that holds them all, each under a name of its own: their page goes there.
+fn common_root(list: &[PathBuf]) -> Result<PathBuf> {
+    let parent = |path: &PathBuf| {
+        let path = path.canonicalize().unwrap_or_else(|_| path.clone());
+        path.parent().unwrap_or(Path::new(".")).to_owned()
+    };
+    let name = |path: &PathBuf| path.canonicalize().ok()?.file_name().map(ToOwned::to_owned);
+    for (k, path) in list.iter().enumerate().skip(1) {
+        let shown = path.display();
+        if parent(path) != parent(&list[0]) {
+            let accepted = "folders that lie side by side: they share a page";
+            return Err(Error::invalid("FOLDER", shown, accepted));
+        }
+        if list[..k].iter().any(|it| name(it) == name(path)) {
+            return Err(Error::invalid("FOLDER", shown, "each folder once"));
+        }
+    }
+    Ok(parent(&list[0]))
 }
 
 fn open_folder(title: String, options: &RunOptions) -> Result<Folder> {

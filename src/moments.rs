@@ -50,6 +50,11 @@ impl Moments {
 }
 
 impl Moments {
+    /// The moment of that name in results.json; None for another name, or one that does not exist.
+    pub fn get(&self, name: &str) -> Option<Estimate> {
+        self.named().into_iter().find(|(it, _)| *it == name)?.1
+    }
+
     /// Every moment that exists, to be changed in place, in the order of [`Moments::named`].
     pub fn each_mut(&mut self) -> [Option<&mut Estimate>; 11] {
         [

@@ -176,11 +176,6 @@ impl DisplacementLaw {
         self.ln_density(q).exp()
     }
 
-    /// Largest value of p_q.
-    pub fn peak(&self) -> f64 {
-        1.0 / self.normaliser.value
-    }
-
     /// Relative error of the normaliser, and so of every density.
     pub fn relative_error(&self) -> f64 {
         self.normaliser.error / self.normaliser.value

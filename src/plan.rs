@@ -3,7 +3,9 @@
 
 use crate::error::{Error, Result};
 use crate::fokker_planck::{self, Settings, Task};
+use crate::initial::Initial;
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
+use crate::oscillator::Oscillator;
 use crate::results::{CrossingNumbers, Results, SpectrumNumbers, StationaryNumbers, peak_memory};
 use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest, num};
 use crate::spectrum::Welch;
@@ -245,12 +247,6 @@ impl Plan {
         self.stages.iter().any(|stage| stage.part == part)
     }
 
-    /// The last time anything is asked for.
-    fn until(&self) -> f64 {
-        let outputs = &self.scene.outputs;
-        outputs.moments_at.last().max(outputs.density_at.last())
-    }
-
     /// The times of moments and densities: one run passes through both.
     fn times(&self) -> Vec<f64> {
         let outputs = &self.scene.outputs;
@@ -298,9 +294,13 @@ impl Plan {
                     seconds: 1e-3,
                 });
             }
-            Part::MonteCarlo => return self.ensemble_cost(self.scene.outputs.moments_at.last()),
+            Part::MonteCarlo => {
+                let until = self.scene.outputs.moments_at.last();
+                return self.ensemble_cost(until, monte_carlo::scheme_and_step);
+            }
             Part::FirstLossPaths => {
-                return self.ensemble_cost(self.scene.outputs.first_loss.unwrap_or(0.0));
+                let until = self.scene.outputs.first_loss.unwrap_or(0.0);
+                return self.ensemble_cost(until, monte_carlo::first_loss_scheme_and_step);
             }
             Part::FirstLoss => return self.first_loss_cost(),
             Part::Series => return self.series_cost(),
@@ -332,14 +332,18 @@ impl Plan {
         Ok(Cost::on_mesh(it, method))
     }
 
-    fn ensemble_cost(&self, until: f64) -> Result<Cost> {
+    fn ensemble_cost(
+        &self,
+        until: f64,
+        choose: impl Fn(&Oscillator, &Initial, &EnsembleSettings) -> Result<(Scheme, f64)>,
+    ) -> Result<Cost> {
         let settings = self.ensemble_settings().unwrap_or_default();
         let Scene {
             oscillator,
             initial,
             ..
         } = &self.scene;
-        let (scheme, step) = monte_carlo::scheme_and_step(oscillator, initial, &settings)?;
+        let (scheme, step) = choose(oscillator, initial, &settings)?;
         let steps = (until / step).ceil();
         let threads = rayon::current_num_threads() as f64;
         Ok(Cost {
@@ -363,13 +367,12 @@ impl Plan {
         let welch = Welch::new(WELCH_SAMPLES, WELCH_SAMPLES / 2, spacing)?;
         let samples = welch.record_length(WELCH_SEGMENTS);
         let sampling = self.scene.monte_carlo.clone().unwrap_or_default();
-        let records = match sampling.duration {
-            // A duration of one's own; the default one is that of long records.
-            Some(duration) if duration != MonteCarlo::DURATION => {
-                (duration / (samples as f64 * spacing)).ceil().max(32.0)
-            }
-            _ => (WELCH_AVERAGES / WELCH_SEGMENTS) as f64,
-        };
+        let wanted = self.scene.wants_records();
+        let duration = sampling.duration.or(wanted.then_some(MonteCarlo::DURATION));
+        // As long as the long records, if there are any.
+        let records = duration.map_or((WELCH_AVERAGES / WELCH_SEGMENTS) as f64, |duration| {
+            (duration / (samples as f64 * spacing)).ceil().max(32.0)
+        });
         let settings = SeriesSettings {
             quantity: request.quantity,
             spacing,
@@ -570,11 +573,24 @@ impl Plan {
                 }
                 _ => ("method.step", self.scene.method.step),
             };
-            let otherwise = match (part, sampling.and_then(|it| it.duration)) {
-                (Part::Records | Part::Series, Some(duration)) => {
-                    ("monte_carlo.duration", duration)
+            let outputs = &self.scene.outputs;
+            let duration = sampling.and_then(|it| it.duration);
+            let otherwise = match part {
+                Part::Records | Part::Series if duration.is_some() => {
+                    ("monte_carlo.duration", duration.unwrap_or_default())
                 }
-                _ => ("outputs", self.until()),
+                Part::Series | Part::Spectrum => (
+                    "outputs.spectrum.until",
+                    outputs.spectrum.map_or(0.0, |it| it.until),
+                ),
+                Part::FirstLoss | Part::FirstLossPaths => (
+                    "outputs.first_loss.until",
+                    outputs.first_loss.unwrap_or_default(),
+                ),
+                _ if outputs.density_at.last() > outputs.moments_at.last() => {
+                    ("outputs.density_at", outputs.density_at.last())
+                }
+                _ => ("outputs.moments_at", outputs.moments_at.last()),
             };
             let (key, value) = step.map_or(otherwise, |step| (key, step));
             let accepted = format!(
@@ -595,7 +611,15 @@ impl Plan {
                 Some([q, v]) if cost.cells.is_some() => {
                     Error::invalid("method.cells", format!("[{q}, {v}]"), need)
                 }
-                _ => Error::invalid("accuracy.max_memory", bytes(limit), need),
+                _ => Error::Limit {
+                    key: "accuracy.max_memory",
+                    limit: bytes(limit),
+                    what: format!(
+                        "the {} stage would need {}",
+                        part.name(),
+                        bytes(cost.memory_bytes)
+                    ),
+                },
             });
         }
         if let (Part::Transient, Some([q, v])) = (part, cost.cells) {

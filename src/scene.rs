@@ -23,7 +23,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::json::Json;
-use crate::monte_carlo::Scheme;
+use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
 pub use crate::oscillator::Quantity;
 use crate::rig::Rig;
@@ -226,7 +226,8 @@ pub struct MonteCarlo {
     pub noise: Noise,
     /// Time step; None is an automatic choice.
     pub step: Option<f64>,
-    /// Length of long records, dimensionless, all together; None is [`MonteCarlo::DURATION`].
+    /// Length of long records, dimensionless, all together, and of those of Welch's method; None is
+    /// [`MonteCarlo::DURATION`] for the former, and 400 averages for the latter if there are no others.
     pub duration: Option<f64>,
 }
 
@@ -507,8 +508,8 @@ impl Scene {
             return Err(Error::invalid("monte_carlo.paths", it.paths, accepted));
         }
         if let Noise::Cosines { cosines, band } = it.noise {
-            if cosines == 0 || cosines > 1_000_000 {
-                let accepted = "a whole number from 1 to 1e6";
+            if !(1..=u64::from(MOST_COSINES)).contains(&cosines) {
+                let accepted = format!("a whole number from 1 to {MOST_COSINES}");
                 return Err(Error::invalid(
                     "monte_carlo.noise.cosines",
                     cosines,

@@ -26,6 +26,15 @@ pub trait Scalar:
     fn size(self) -> f64;
 }
 
+/// Adds to the diagonal of a matrix that holds all of it.
+pub(crate) fn shift<T: AddAssign + Copy>(matrix: &mut CsMat<T>, by: T) {
+    for (column, mut entries) in matrix.outer_iterator_mut().enumerate() {
+        if let Some(diagonal) = entries.get_mut(column) {
+            *diagonal += by;
+        }
+    }
+}
+
 impl Scalar for f64 {
     fn size(self) -> f64 {
         self.abs()

@@ -3,6 +3,7 @@
 use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
+use crate::moments::Moments;
 use crate::oscillator::{DisplacementLaw, Oscillator};
 use std::f64::consts::{LN_10, TAU};
 
@@ -22,6 +23,24 @@ pub struct Stationary {
 }
 
 impl Stationary {
+    /// All moments of [`Moments`].
+    pub fn moments(&self) -> Moments {
+        Moments {
+            mean_q: self.mean_q(),
+            var_q: self.var_q(),
+            mean_v: self.moment_v(1),
+            var_v: self.moment_v(2),
+            // q and v are independent.
+            cov_qv: Estimate::default(),
+            mean_force: self.mean_force(),
+            std_force: self.std_force(),
+            skewness_force: self.skewness_force(),
+            kurtosis_force: self.kurtosis_force(),
+            mean_energy: self.mean_energy(),
+            contact_loss_probability: self.contact_loss_probability(),
+        }
+    }
+
     /// The stationary law of `oscillator`.
     ///
     /// # Errors

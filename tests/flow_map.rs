@@ -14,6 +14,7 @@ use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::Moments;
 use vibroimpact::oscillator::Oscillator;
+use vibroimpact::scales::Scales;
 
 /// The mesh for a start, with at most `neglected` outside.
 fn mesh(oscillator: &Oscillator, initial: &Initial, neglected: f64, [nq, nv]: [usize; 2]) -> Mesh {
@@ -130,7 +131,8 @@ fn scene_a_has_the_moments_of_the_independent_prototype() {
     let start = gaussian([1.0, 0.0], [0.4, 0.4]);
     let mesh = mesh(&oscillator, &start, 1e-9, [200, 130]);
     let how = settings(Order::Eighth, Splitting::SixTwo, 0.25);
-    // E[q], E[N], std N, skew N, E[H], E[v^2], each good to its last digit.
+    // E[q], E[N], std N, skew N, E[H], E[v^2]; E[N] at t = 10 was summed by midpoints across the kink and is
+    // 2e-5 off (tests/tolerance.rs).
     let table = [
         (
             5.0,
@@ -321,21 +323,14 @@ fn a_body_in_free_flight_follows_its_gaussian() {
     assert!(errors[0] < 1e-5 && errors[1] < 1e-5);
 }
 
-/// Moments in units of their natural scales: sqrt(T), T, 1 for the force and its shape.
+/// Moments in units of their natural scales.
 fn scaled(oscillator: &Oscillator, run: &Run) -> Vec<(&'static str, f64)> {
-    let m = run.moments(oscillator);
-    let t = oscillator.temperature();
-    let spread = m.var_q.value.sqrt();
-    vec![
-        ("mean_q", m.mean_q.value / spread),
-        ("var_q", m.var_q.value / (spread * spread)),
-        ("mean_v", m.mean_v.value / t.sqrt()),
-        ("var_v", m.var_v.value / t),
-        ("mean_force", m.mean_force.value / m.std_force.value),
-        ("std_force", m.std_force.value / m.std_force.value.max(1.0)),
-        ("mean_energy", m.mean_energy.value / t),
-        ("lost", m.contact_loss_probability.map_or(0.0, |p| p.value)),
-    ]
+    let moments = run.moments(oscillator);
+    let scales = Scales::of(oscillator).each(&moments);
+    let named = moments.named().into_iter().zip(scales);
+    named
+        .filter_map(|((name, number), scale)| Some((name, number?.value / scale)))
+        .collect()
 }
 
 #[test]
@@ -571,7 +566,7 @@ fn the_mass_correction_costs_no_accuracy() {
             .into_iter()
             .fold(f64::INFINITY, f64::min);
         println!("{cells:?}: L1 {error:.2e} with, {best:.2e} without, raw defect {defect:.1e}");
-        assert!(error < best + defect);
+        assert!(error < best + 0.5 * defect);
     }
 }
 
@@ -586,7 +581,8 @@ fn clipping_leaves_no_negative_value_and_costs_no_more_than_there_was() {
     for t in [3.0, 10.0] {
         let fine = run(&oscillator, &start, &fine_mesh, how, t);
         let raw = run(&oscillator, &start, &coarse_mesh, how, t);
-        let clipped = run(
+        // In short intervals, so that what was clipped is carried on.
+        let mut clipped = run(
             &oscillator,
             &start,
             &coarse_mesh,
@@ -594,17 +590,21 @@ fn clipping_leaves_no_negative_value_and_costs_no_more_than_there_was() {
                 positive: true,
                 ..how
             },
-            t,
+            1.0,
         );
+        for _ in 1..t as usize {
+            clipped.flow.advance(&mut clipped.density, 1.0).unwrap();
+        }
+        let cut = clipped.flow.progress().negative * t;
         let errors = [raw.distance(&fine), clipped.distance(&fine)];
         let negative = raw.density.negative_mass();
         println!(
-            "t = {t}: L1 {:.2e} raw, {:.2e} clipped; negative mass {negative:.1e}",
+            "t = {t}: L1 {:.2e} raw, {:.2e} clipped; negative mass {negative:.1e}, clipped at most {cut:.1e}",
             errors[0], errors[1]
         );
         assert_eq!(clipped.density.negative_mass(), 0.0);
         assert!((clipped.density.mass() - raw.density.mass()).abs() < 1e-13);
-        assert!(errors[1] <= errors[0] + 2.1 * negative);
+        assert!(errors[1] <= errors[0] + 2.1 * cut);
     }
 }
 

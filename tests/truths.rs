@@ -169,7 +169,7 @@ fn cases() -> Vec<Case> {
         (Initial::Rest, vec![1.0, 20.0]),
         (point(-3.0), vec![1.0, 5.0]),
         (point(1.0), vec![1.0, 5.0]),
-        // Scene A of numerics.md.
+        // Scene A.
         (
             Initial::gaussian([1.0, 0.0], [0.4; 2]).unwrap(),
             vec![5.0, 10.0],
@@ -249,7 +249,7 @@ impl Case {
             let down = 8.0 * it.zeta() * it.temperature();
             let settled = it.zeta() < 1.0 && t >= 19.9 * down.max(1.0 / it.zeta());
             (settled || self.initial == Initial::Stationary)
-                .then(|| (stationary_moments(it), "stationary"))
+                .then(|| (Stationary::of(it).unwrap().moments(), "stationary"))
         };
         let open: Vec<f64> = self
             .times
@@ -350,22 +350,6 @@ fn moments_of(law: &Gaussian, contact: &ContactLaw) -> Moments {
         it.kurtosis_force.value = 3.0;
     }
     it
-}
-
-fn stationary_moments(oscillator: &Oscillator) -> Moments {
-    let law = Stationary::of(oscillator).unwrap();
-    Moments {
-        mean_q: law.mean_q(),
-        var_q: law.var_q(),
-        var_v: law.moment_v(2),
-        mean_force: law.mean_force(),
-        std_force: law.std_force(),
-        skewness_force: law.skewness_force(),
-        kurtosis_force: law.kurtosis_force(),
-        mean_energy: law.mean_energy(),
-        contact_loss_probability: law.contact_loss_probability(),
-        ..Moments::default()
-    }
 }
 
 /// What is known less well than this, in natural scales, judges no bar and is not stored.

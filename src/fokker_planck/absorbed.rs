@@ -8,6 +8,7 @@
 //! stencil crosses the jump. What remains is smooth in sqrt(q - q_loss), and the mesh is uniform in it near
 //! the loss point.
 
+use super::difference::lagrange;
 use super::trajectory::Motion;
 use crate::error::{Error, Result};
 use crate::oscillator::Oscillator;
@@ -119,16 +120,7 @@ impl Contact {
                 .saturating_sub(POINTS / 2 - 1)
                 .min(n - POINTS);
             it.first[d] = first as u32;
-            let z = place - first as f64;
-            for a in 0..POINTS {
-                let mut weight = 1.0;
-                for b in 0..POINTS {
-                    if b != a {
-                        weight *= (z - b as f64) / (a as f64 - b as f64);
-                    }
-                }
-                it.weights[d][a] = weight;
-            }
+            lagrange(first as f64, place, &mut it.weights[d]);
         }
         it
     }

@@ -8,6 +8,7 @@ use super::generator::Generator;
 use super::march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step};
 use super::mesh::{Axis, Mesh};
 use super::propagator::Propagator;
+use super::refinement::COARSE;
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -102,7 +103,8 @@ pub struct Settings {
     pub step: Option<f64>,
     /// Error aimed at, relative to the natural scale of each number.
     pub tolerance: f64,
-    /// Probability the box may leave out; None for a thousandth of the tolerance.
+    /// Probability the box may leave out; None for as little as every bar needs, a thousandth of the
+    /// tolerance at most.
     pub neglected: Option<f64>,
     /// Bytes that may be used.
     pub max_memory: u64,
@@ -192,8 +194,8 @@ pub(super) fn thermal_widths(oscillator: &Oscillator, tolerance: f64) -> [f64; 2
     [thermal_width(oscillator), oscillator.temperature().sqrt()].map(|w| w / per_deviation)
 }
 
-/// Cells of q and v that a Gaussian start asks for: half the cells of a thermal deviation are enough
-/// where noise smooths the start; 2.5 leave the coarse run, with three quarters of them and as many in the
+/// Cells of q and v that a Gaussian start asks for: six tenths of the cells of a thermal deviation are enough
+/// where noise smooths the start; 2.5 leave the coarse run, with [`COARSE`] of them and as many in the
 /// margins, 1.5.
 pub(super) fn start_widths(deviation: [f64; 2], tolerance: f64) -> [f64; 2] {
     deviation.map(|d| d / (0.6 * cells_per_deviation(tolerance)).max(2.5))
@@ -229,7 +231,7 @@ pub(super) fn is_narrow(
         let domain = Domain::closed(oscillator, initial, neglected)?;
         // Refused in the user's own numbers; and the coarse run has to hold it too.
         mesh_on(oscillator, domain, None, drift, settings, 1.0)?;
-        let (mesh, _) = mesh_on(oscillator, domain, None, drift, settings, 0.75)?;
+        let (mesh, _) = mesh_on(oscillator, domain, None, drift, settings, COARSE)?;
         let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
         let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
         let narrow = |(d, w): (f64, f64)| d < 1.2 * Density::NARROWEST * w;

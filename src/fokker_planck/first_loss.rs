@@ -15,7 +15,7 @@ use super::absorbed::{Absorbed, Fineness, Start};
 use super::choice::{Cost, Method, Settings};
 use super::pontryagin::{dot, long_run};
 use super::trajectory::Motion;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -226,12 +226,22 @@ struct Task<'a> {
     started: Instant,
 }
 
+fn check(until: f64, settings: &Settings) -> Result<()> {
+    positive("outputs.first_loss.until", until)?;
+    positive("accuracy.tolerance", settings.tolerance)?;
+    if let Some(step) = settings.step {
+        positive("method.step", step)?;
+    }
+    Ok(())
+}
+
 /// The first loss of contact from `initial`, up to the time `until` and in the long run. Errors from two
 /// meshes and two steps.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a contact law that cannot lose contact, [`Error::NoStationaryLaw`] for one that
-/// does not confine, [`Error::Limit`] when `max_seconds` is reached.
+/// [`Error::Invalid`] for a contact law that cannot lose contact, or a time, tolerance or step that is not
+/// positive; [`Error::NoStationaryLaw`] for a law that does not confine; [`Error::Limit`] when `max_seconds`
+/// is reached.
 pub fn first_loss(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -239,6 +249,7 @@ pub fn first_loss(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
+    check(until, settings)?;
     let task = Task {
         oscillator,
         initial,
@@ -313,6 +324,7 @@ pub fn first_loss_cost(
     until: f64,
     settings: &Settings,
 ) -> Result<(Cost, String)> {
+    check(until, settings)?;
     let loss = loss_point(oscillator)?;
     if !oscillator.contact().is_confining() {
         oscillator.displacement_law()?;

@@ -169,7 +169,7 @@ impl Settings {
     /// # Errors
     /// [`Error::Invalid`] for a tolerance that is not positive.
     pub fn to(tolerance: f64, oscillator: &Oscillator) -> Result<Self> {
-        positive("method.tolerance", tolerance)?;
+        positive("accuracy.tolerance", tolerance)?;
         let (ends, commutator) = error_constants(oscillator);
         let first = (tolerance / ends).powf(0.2);
         let second = (tolerance / commutator).sqrt();
@@ -473,7 +473,7 @@ impl FlowMap {
     pub fn advance(&mut self, density: &mut Density, duration: f64) -> Result<()> {
         if !(duration.is_finite() && duration >= 0.0) {
             let accepted = "a finite duration, not negative";
-            return Err(Error::invalid("output.times", duration, accepted));
+            return Err(Error::invalid("outputs.moments_at", duration, accepted));
         }
         if density.cells().len() != self.mesh.len() {
             let [nq, nv] = self.mesh.cells();

@@ -203,7 +203,7 @@ impl Weights {
         Ok(it)
     }
 
-    /// w of cell (i, j). In the rim of a central scheme, where p_s < p_cut, it is held at p_cut/e: the
+    /// w of cell (i, j). In the rim of a central scheme, where p_s < p_cut, it is held at p_cut/e at the least: the
     /// steep tail beyond the last streamline carries no answer, and would only stiffen the transport.
     pub fn at(&self, i: usize, j: usize) -> f64 {
         let floor = self.cut * (-1f64).exp() * self.area[0][i] * self.area[1][j];
@@ -304,7 +304,7 @@ impl MassFlux {
             }
             return Self::Faces { q, v };
         }
-        // Beyond the edge psi goes on as at the last cell for Liouville, and is 0 for Gibbs.
+        // Beyond the edge psi is H on axes that go on, for Liouville, and 0 for Gibbs.
         let half = drift.half_width();
         let pad_axis = |axis: &super::mesh::Axis| -> Vec<f64> {
             let n = axis.len() as i64;

@@ -145,7 +145,7 @@ impl Generator {
         self.drift
     }
 
-    /// w of cell (i, j).
+    /// The weights of the cells.
     pub fn weights(&self) -> &Weights {
         &self.weights
     }
@@ -304,7 +304,7 @@ impl Generator {
                 a_left: std::array::from_fn(|l| &a[left(l + 1)]),
             };
             let low = column.start.max(K).min(column.end);
-            let high = column.end.min(nv - K).max(low);
+            let high = column.end.min(nv.saturating_sub(K)).max(low);
             for j in (column.start..low).chain(high..column.end) {
                 out[j] = here.end(&halves, j);
             }

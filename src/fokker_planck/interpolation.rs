@@ -2,7 +2,7 @@
 //!
 //! f(x) = sum_k c_k B(x - k), the c_k from the values by a banded solve (Unser, IEEE Signal Process. Mag.
 //! 16(6), 22, 1999). The support is that of the polynomial through as
-//! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1200 of it at order 8.
+//! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1300 of it at order 8.
 //! Values continue beyond the first and the last node by reflection there, so a constant stays one.
 
 /// Degree of interpolation.

@@ -26,7 +26,7 @@ impl Grading {
         }
     }
 
-    /// s with x(s) = x, by Newton's method on a convex-concave monotone function, bracketed.
+    /// s with x(s) = x, by Newton's method on a concave monotone function, bracketed.
     fn inverse(self, x: f64) -> f64 {
         let Self::Left { beta, knee, .. } = self else {
             return x;

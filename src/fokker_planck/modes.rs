@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
-use crate::sparse::{Lu, eigen};
+use crate::sparse::{self, Lu, eigen};
 use ndarray::Array2;
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -280,7 +280,7 @@ pub fn slowest(generator: &Generator, shifts: &[C], count: usize) -> Result<Vec<
                 .map(|(x, k)| x * vector[*k])
                 .sum();
             let residual = residual(&matrix, value, &vector);
-            let error = residual * norm.sqrt() / overlap.norm();
+            let error = residual * norm / overlap.norm();
             let near = |other: &DecayRate| {
                 (C::new(other.re, other.im.abs()) - C::new(value.re, value.im.abs())).norm()
             };
@@ -326,11 +326,7 @@ fn residual(matrix: &CsMat<f64>, value: C, vector: &[C]) -> f64 {
 /// Eigenpairs of the matrix nearest to a shift, by Arnoldi on (A - shift)^{-1}.
 fn near(matrix: &CsMat<f64>, shift: C) -> Result<Vec<(C, Vec<C>)>> {
     let mut shifted = matrix.map(|a| C::new(*a, 0.0));
-    for (column, mut entries) in shifted.outer_iterator_mut().enumerate() {
-        if let Some(diagonal) = entries.get_mut(column) {
-            *diagonal -= shift;
-        }
-    }
+    sparse::shift(&mut shifted, -shift);
     let mut lu = Lu::factor(shifted)?;
     let n = matrix.cols();
     let steps = KRYLOV.min(n - 1);

@@ -27,8 +27,8 @@ const GAUSS: [(f64, f64); 5] = [
 ];
 
 /// The average of a spline along `axis` over each node's Gaussian: from n + 2 margin coefficients to n
-/// values, row-major. For `cold` = beta > 0, g continues beyond the nodes as a constant and the rows
-/// are scaled to sum to 1; for beta = 0 it is 0 there.
+/// values, row-major. `friction` is 2 zeta tau. With `stationary` g continues beyond the nodes as a constant and
+/// the rows are scaled to sum to 1; without, it is 0 there.
 pub(crate) fn average(
     axis: &Axis,
     order: Order,

@@ -228,8 +228,8 @@ impl Packet {
         }
     }
 
-    /// What the steps so far may have done to a variance, relative to it: 3e-5 tau^6 of a weakly damped
-    /// linear oscillator (measured) and [`STRONG`] zeta^3 tau^4 of a strongly damped one. The first is the
+    /// What the steps so far may have done to a variance, relative to it: 4e-5 tau^6 of a weakly damped
+    /// linear oscillator (3e-5 measured) and [`STRONG`] zeta^3 tau^4 of a strongly damped one. The first is the
     /// error of noise along the orbit, so that it counts by the part of the variance that is noise's.
     pub(super) fn step_error(&self) -> f64 {
         let tau = self.longest;
@@ -547,7 +547,7 @@ impl Packet {
                     panel(a, l, Some(l));
                     panel(l, b, Some(l));
                 }
-                // The next panel still feels the power.
+                // A node on the loss: this panel begins or ends at the power.
                 Some(l) if l == a || l == b => panel(a, b, Some(l)),
                 _ => panel(a, b, None),
             }

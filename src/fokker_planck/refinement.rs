@@ -22,7 +22,7 @@ const TIME_SHARE: f64 = 0.3;
 
 /// Cells of the coarse run over those of the fine one: the closer they are the less is a difference of
 /// order 8 above the error.
-const COARSE: f64 = 0.82;
+pub(super) const COARSE: f64 = 0.82;
 
 /// Refinements of the mesh considered, over the finest so far: below the first two meshes are too much
 /// alike to measure anything, beyond the last too little is learnt for the price.

@@ -48,7 +48,7 @@ pub struct Spectrum {
     pub variance: f64,
     /// Functions of q and of v.
     pub functions: [usize; 2],
-    /// Frequencies solved for, and the dimension of the model they make.
+    /// Frequencies solved for.
     pub solves: usize,
     /// Dimension of the reduced model.
     pub dimension: usize,
@@ -83,8 +83,13 @@ impl Spectrum {
             ratio: error / settings.tolerance,
             tolerance: settings.tolerance,
             free: settings.cells.is_none(),
-            reason: "the next resolution does not fit accuracy.max_seconds or accuracy.max_memory"
-                .into(),
+            reason: match settings.cells {
+                Some(_) => "its cells are those of the scene".into(),
+                None => format!(
+                    "the next resolution has more than {WIDEST} functions of q, or does not fit \
+                     accuracy.max_seconds or accuracy.max_memory"
+                ),
+            },
         })
     }
 }

@@ -13,7 +13,7 @@ use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use crate::scales::Scales;
-use crate::sparse::Lu;
+use crate::sparse::{Lu, shift};
 use sprs::CsMat;
 
 /// The steady state on a mesh, found twice.
@@ -24,7 +24,7 @@ pub struct Steady {
     pub l1_error: Estimate,
     /// |L P|_1/|L|_1 of the null vector.
     pub residual: f64,
-    /// Moments of the null vector; their error is what the box leaves out, with the weight of its edge.
+    /// Moments of the null vector; their error is what the box leaves out, with the weight of the tails, and the distance above.
     pub moments: Moments,
     /// The null vector as a density.
     pub density: Snapshot,
@@ -142,13 +142,8 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
         .outer_iterator()
         .map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>())
         .fold(0.0, f64::max);
-    let shift = 1e-10 * norm;
     let mut shifted = matrix.map(|a| -a);
-    for (column, mut entries) in shifted.outer_iterator_mut().enumerate() {
-        if let Some(diagonal) = entries.get_mut(column) {
-            *diagonal += shift;
-        }
-    }
+    shift(&mut shifted, 1e-10 * norm);
     let mut lu = Lu::factor(shifted)?;
     let mut x = vec![1.0 / n as f64; n];
     let mut change = f64::INFINITY;

@@ -27,7 +27,7 @@ pub struct Transient {
     pub times: Vec<f64>,
     /// Moments with their errors.
     pub moments: Vec<Moments>,
-    /// Total probability; the error is what the box leaves out.
+    /// Total probability; the error is what the box leaves out, and at least what is missing to 1.
     pub mass: Vec<Estimate>,
     /// Lowest value of the density: negative where the scheme undershoots.
     pub lowest_density: Vec<Estimate>,
@@ -292,7 +292,7 @@ fn longest_interval(times: &[f64]) -> f64 {
 }
 
 /// What an error of the splitting in the L1 norm does to a number in its natural scale: a quarter of it at
-/// most, measured by the calibration.
+/// most in the calibration, and more than half as much on top.
 const IN_MOMENTS: f64 = 0.4;
 
 impl Task<'_> {

@@ -87,6 +87,45 @@ pub fn first_loss(
     })
 }
 
+/// The scheme and the longest step that [`first_loss`] would use.
+///
+/// # Errors
+/// [`Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not
+/// locate losses of contact.
+pub fn first_loss_scheme_and_step(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    settings: &EnsembleSettings,
+) -> Result<(Scheme, f64)> {
+    if settings.noise != Noise::White {
+        let accepted = "\"white\", for first_loss";
+        return Err(Error::invalid(
+            "monte_carlo.noise",
+            "band-limited",
+            accepted,
+        ));
+    }
+    let frequency = highest_frequency(oscillator, initial);
+    let scheme = match settings.scheme {
+        // Located at any damping.
+        Scheme::Auto => Scheme::Splitting42,
+        scheme => resolve(scheme, settings.noise, oscillator.zeta(), frequency)?,
+    };
+    if !scheme.locates_crossings() {
+        let accepted = "a scheme that locates the loss of contact, as \"splitting_4_2\"";
+        return Err(Error::invalid(
+            "monte_carlo.scheme",
+            format!("\"{scheme}\""),
+            accepted,
+        ));
+    }
+    let step = match settings.step {
+        Some(step) => positive("monte_carlo.step", step)?,
+        None => scheme::automatic_step(scheme, oscillator, frequency),
+    };
+    Ok((scheme, step))
+}
+
 struct Plan<'a> {
     paths: Paths,
     count: u64,
@@ -130,32 +169,7 @@ impl<'a> Plan<'a> {
             }
             end = time;
         }
-        if settings.noise != Noise::White {
-            let accepted = "\"white\", for first_loss";
-            return Err(Error::invalid(
-                "monte_carlo.noise",
-                "band-limited",
-                accepted,
-            ));
-        }
-        let frequency = highest_frequency(oscillator, initial);
-        let scheme = match settings.scheme {
-            // Located at any damping.
-            Scheme::Auto => Scheme::Splitting42,
-            scheme => resolve(scheme, settings.noise, oscillator.zeta(), frequency)?,
-        };
-        if !scheme.locates_crossings() {
-            let accepted = "a scheme that locates the loss of contact, as \"splitting_4_2\"";
-            return Err(Error::invalid(
-                "monte_carlo.scheme",
-                format!("\"{scheme}\""),
-                accepted,
-            ));
-        }
-        let step = match settings.step {
-            Some(step) => positive("monte_carlo.step", step)?,
-            None => scheme::automatic_step(scheme, oscillator, frequency),
-        };
+        let (scheme, step) = first_loss_scheme_and_step(oscillator, initial, settings)?;
         let (steps, step) = equal_steps(end, step)?;
         let paths = Paths::new(
             oscillator,
@@ -173,7 +187,12 @@ impl<'a> Plan<'a> {
             steps,
             step,
             scheme,
-            coefficients: Coefficients::new(scheme, oscillator, step, frequency),
+            coefficients: Coefficients::new(
+                scheme,
+                oscillator,
+                step,
+                highest_frequency(oscillator, initial),
+            ),
         })
     }
 }

@@ -46,7 +46,7 @@ mod statistics;
 
 pub use ensemble::{Densities, EnsembleResult, run};
 pub use events::Crossings;
-pub use first_loss::{FirstLossResult, first_loss};
+pub use first_loss::{FirstLossResult, first_loss, first_loss_scheme_and_step};
 pub use histogram::Histogram;
 pub use records::{RecordResult, RecordSettings, RecordSize, record_size, records};
 pub use scheme::Scheme;
@@ -90,6 +90,9 @@ impl Default for EnsembleSettings {
         }
     }
 }
+
+/// Most cosines of a noise: the cost of a step is in proportion to them.
+pub const MOST_COSINES: u32 = 10_000;
 
 /// The random excitation f of (9).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -170,7 +173,7 @@ impl Noise {
             Self::Cosines { count, band } if excess > 0.05 => Some(format!(
                 "few of the {count} cosines up to {band} fall into the resonance, of width zeta = {zeta}: the \
                  response is not Gaussian, its kurtosis about {excess:.2} above that under white noise; \
-                 {:.0} cosines would do, or noise = {{ band = {band} }}",
+                 {:.0} cosines would do",
                 enough(band).ceil()
             )),
             _ => None,
@@ -192,8 +195,8 @@ fn resolve(scheme: Scheme, noise: Noise, zeta: f64, frequency: f64) -> Result<Sc
         Noise::Band { band } => (1, band),
     };
     positive("monte_carlo.noise.band", band)?;
-    if !(1..=10_000).contains(&count) {
-        let accepted = "1 to 10000";
+    if !(1..=MOST_COSINES).contains(&count) {
+        let accepted = format!("1 to {MOST_COSINES}");
         return Err(Error::invalid("monte_carlo.noise.cosines", count, accepted));
     }
     if !matches!(scheme, Scheme::Auto | Scheme::CentralDifference) {

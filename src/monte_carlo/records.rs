@@ -173,7 +173,7 @@ pub fn records(
 }
 
 /// The time over which the oscillator forgets: 1/(2 zeta) under weak friction, 2 zeta under strong.
-fn memory(oscillator: &Oscillator) -> f64 {
+pub(super) fn memory(oscillator: &Oscillator) -> f64 {
     (0.5 / oscillator.zeta()).max(2.0 * oscillator.zeta())
 }
 
@@ -264,7 +264,7 @@ impl Size {
                 None => ("monte_carlo.duration", duration),
             };
             let accepted = format!(
-                "at most 1e16 steps in all; a duration of {duration:?} in steps of {step:?} takes more"
+                "at most 1e15 steps of every lane; a duration of {duration:?} in steps of {step:?} takes more"
             );
             return Err(Error::invalid(key, format!("{value:?}"), accepted));
         }

@@ -5,10 +5,8 @@ use super::hamiltonian::Flow;
 use super::law::Law;
 use super::noise::{LANES, Lanes, Streams};
 use super::signal::Signal;
-use crate::error::{Error, Result};
 use crate::oscillator::Oscillator;
 use std::fmt;
-use std::str::FromStr;
 
 /// How one step is made. The weak order is that of E\[f(q, v)\] at a fixed time for smooth f.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -91,19 +89,6 @@ impl Scheme {
 impl fmt::Display for Scheme {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
-    }
-}
-
-/// From the name used in scenes.
-impl FromStr for Scheme {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self> {
-        let known = Self::ALL.iter().find(|scheme| scheme.name() == name);
-        known.copied().ok_or_else(|| {
-            let names = Self::ALL.map(|scheme| format!("\"{scheme}\"")).join(", ");
-            Error::invalid("monte_carlo.scheme", format!("\"{name}\""), names)
-        })
     }
 }
 

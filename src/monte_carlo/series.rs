@@ -4,6 +4,7 @@ use super::events::Deaf;
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
+use super::records::memory;
 use super::scheme::{Coefficients, Group};
 use super::{Noise, Progress, Scheme, choose};
 use crate::error::{Error, Result, positive};
@@ -76,7 +77,7 @@ pub fn series_size(oscillator: &Oscillator, settings: &SeriesSettings) -> Result
     }
     let steps = (spacing / longest).ceil().max(1.0);
     // Band-limited noise has a stationary law of its own, reached within a few memories.
-    let memory = (0.5 / oscillator.zeta()).max(2.0 * oscillator.zeta());
+    let memory = memory(oscillator);
     let burn_in = match settings.noise {
         Noise::White => 0.0,
         _ => (10.0 * memory / spacing).ceil(),
@@ -84,9 +85,11 @@ pub fn series_size(oscillator: &Oscillator, settings: &SeriesSettings) -> Result
     let records = settings.records.next_multiple_of(LANES as u64);
     let all = records as f64 * (settings.samples as f64 + burn_in) * steps;
     if all.is_nan() || all > 1e15 {
-        let step = format!("{longest:?}");
         let accepted = "at most 1e15 steps of all records of a spectrum";
-        return Err(Error::invalid("monte_carlo.step", step, accepted));
+        return Err(match settings.step {
+            Some(step) => Error::invalid("monte_carlo.step", format!("{step:?}"), accepted),
+            None => Error::invalid("monte_carlo.duration", format!("{all:e} steps"), accepted),
+        });
     }
     let threads = rayon::current_num_threads() as u64;
     Ok(SeriesSize {

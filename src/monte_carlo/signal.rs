@@ -1,7 +1,7 @@
 //! Band-limited excitations: the paper's sum of cosines, and the same spectrum by fast Fourier transform.
 
 use super::noise::{LANES, Lanes, Purpose, Streams, address, next};
-use rustfft::num_complex::Complex;
+use num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
 use std::fmt;

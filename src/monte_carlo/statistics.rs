@@ -236,7 +236,7 @@ fn terms<L: Law>(law: L, frames: &Frames, q: f64, v: f64) -> [f64; TERMS] {
     ]
 }
 
-/// Raw moments E\[x^k\] in a frame (index 0 is the mean) and central moments (index k is order k).
+/// Mean and central moments of a number.
 struct Central<const K: usize> {
     mean: f64,
     /// Central moments of order 1 to K: `order[k - 1]`.

@@ -39,6 +39,11 @@ impl Case {
         })
     }
 
+    /// Whether friction is faster than the motion.
+    pub fn is_stiff(&self) -> bool {
+        self.oscillator.zeta() > 1.0
+    }
+
     /// Whether the density is known in closed form.
     pub fn is_closed_form(&self) -> bool {
         matches!(

@@ -66,7 +66,7 @@ pub struct Level {
 impl Method {
     /// The methods that make sense for a case, coarse and simple ones first.
     pub fn all(case: &Case) -> Vec<Self> {
-        let stiff = case.oscillator.zeta() > 1.0;
+        let stiff = case.is_stiff();
         let volumes = |drift, time| Self::Volumes { drift, time };
         let mut all = vec![volumes(Drift::Upwind, TimeScheme::BackwardEuler)];
         for drift in [Drift::Order2, Drift::Order4, Drift::Order6, Drift::Order8] {

@@ -71,11 +71,6 @@ pub struct Reference {
     second: Option<Answers>,
 }
 
-/// Whether friction is faster than the motion.
-fn is_stiff(case: &Case) -> bool {
-    case.oscillator.zeta() > 1.0
-}
-
 /// The fine runs: a decade beyond the finest level shown, some seconds each.
 const FINE: Level = Level {
     finer: 2.8,
@@ -120,7 +115,7 @@ impl Reference {
         // Under strong damping steps of the explicit scheme shrink as the square of the cells, and those of
         // the flow map as its tolerance: there finite volumes of two orders, with two integrators, judge each
         // other, and the flow map.
-        let stiff = is_stiff(case);
+        let stiff = case.is_stiff();
         let (one, other) = if stiff {
             (
                 volumes(Drift::Order6, TimeScheme::Implicit),

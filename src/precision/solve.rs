@@ -40,8 +40,7 @@ const STEPS: f64 = 0.3;
 /// The mesh of a level.
 pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
     let settings = Settings {
-        // The box leaves out a thousandth of the tolerance.
-        tolerance: (1e3 * BOX * level.tolerance).min(0.5),
+        neglected: Some((BOX * level.tolerance).min(5e-4)),
         // Asked for, so that a law that leaves every box gets one too.
         drift: Some(drift),
         ..Settings::default()

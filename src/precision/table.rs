@@ -35,8 +35,8 @@ fn fastest<'a>(
     entries.min_by(|a, b| a.median().total_cmp(&b.median()))
 }
 
-/// Measured order of an error in the cells per direction, or in the number of paths, between the coarsest
-/// and the finest entry that is above what the reference is known to.
+/// Measured order of an error in the cells per direction, or in the number of paths, of the finest
+/// three entries that are above what the reference is known to.
 fn order(survey: &Survey, method: Method) -> Option<f64> {
     let floor = 3.0 * survey.uncertainty.l1.unwrap_or(0.0);
     let points: Vec<(f64, f64)> = of(survey, method)
@@ -188,11 +188,10 @@ fn time(it: &Entry) -> String {
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn files(surveys: &[Survey], costs: &[Cost]) -> Result<Vec<File>> {
     let head = format!(
-        "# Error against run time\n\nMeasured by `vibroimpact precision` {} on: {}.\nMedians of {} runs or more, \
-         set-up included.\n\n",
+        "# Error against run time\n\nMeasured by `vibroimpact precision` {} on: {}.\nMedians of 3 to 7 runs, of 2 \
+         where one takes long; set-up included.\n\n",
         env!("CARGO_PKG_VERSION"),
         machine(),
-        3
     );
     let mut files = vec![
         File::text("precision.csv", csv(surveys)),

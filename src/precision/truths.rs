@@ -36,24 +36,6 @@ pub struct Truth {
     pub uncertainty: f64,
 }
 
-impl Case {
-    /// Contact law, zeta, T and start on one line.
-    pub fn describe(&self) -> String {
-        let it = &self.scene.oscillator;
-        format!(
-            "{}, zeta = {}, T = {:.3e}, {}",
-            it.contact().name(),
-            it.zeta(),
-            it.temperature(),
-            match self.scene.initial {
-                Initial::Gaussian { mean, deviation } =>
-                    format!("gaussian at {mean:?}, deviation {deviation:?}"),
-                other => other.name().into(),
-            }
-        )
-    }
-}
-
 /// Every stored scene with its truths, by number.
 ///
 /// # Errors

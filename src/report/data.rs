@@ -45,7 +45,8 @@ pub(super) fn field(x: f64) -> String {
     }
 }
 
-fn fields(it: Option<Estimate>) -> String {
+/// Value and error, or two empty fields.
+pub(super) fn fields(it: Option<Estimate>) -> String {
     let it = it.filter(|it| it.value.is_finite());
     it.map_or(",".into(), |it| {
         format!("{},{}", field(it.value), field(it.error))
@@ -320,31 +321,23 @@ pub fn spectrum(results: &Results) -> Result<Vec<File>> {
         arrays.push(("monte_carlo_expectation", expectation));
         arrays.push(("magnitude", Array1::from_vec(it.magnitude.clone())));
     }
-    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
-        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
-        for (name, array) in &arrays {
-            npz.add_array(*name, array)?;
-        }
-        Ok(npz.finish()?.into_inner())
-    };
-    Ok(vec![
-        File::text("spectrum.csv", table),
-        packed("spectrum.npz".into(), pack())?,
-    ])
+    let arrays = packed("spectrum.npz".into(), |npz| {
+        arrays
+            .iter()
+            .try_for_each(|(name, array)| npz.add_array(*name, array))
+    })?;
+    Ok(vec![File::text("spectrum.csv", table), arrays])
 }
 
 /// p\[q, v\] with q, v and t, as numpy.load reads it.
 fn density(name: String, snapshot: &Snapshot) -> Result<File> {
-    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
-        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+    packed(name, |npz| {
         // C order whatever the layout in memory.
         npz.add_array("p", &snapshot.p.as_standard_layout())?;
         npz.add_array("q", &snapshot.q)?;
         npz.add_array("v", &snapshot.v)?;
-        npz.add_array("t", &arr0(snapshot.t))?;
-        Ok(npz.finish()?.into_inner())
-    };
-    packed(name, pack())
+        npz.add_array("t", &arr0(snapshot.t))
+    })
 }
 
 /// Axes and tables by name, as numpy.load reads them.
@@ -353,20 +346,25 @@ pub(crate) fn tables(
     axes: &[(&str, Vec<f64>)],
     tables: &[(String, Array2<f64>)],
 ) -> Result<File> {
-    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
-        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+    packed(name.into(), |npz| {
         for (name, axis) in axes {
             npz.add_array(*name, &Array1::from(axis.clone()))?;
         }
-        for (name, table) in tables {
-            npz.add_array(name.as_str(), table)?;
-        }
-        Ok(npz.finish()?.into_inner())
-    };
-    packed(name.into(), pack())
+        tables
+            .iter()
+            .try_for_each(|(name, table)| npz.add_array(name.as_str(), table))
+    })
 }
 
-fn packed(name: String, bytes: std::result::Result<Vec<u8>, WriteNpzError>) -> Result<File> {
+type Archive = NpzWriter<Cursor<Vec<u8>>>;
+
+/// An archive of the arrays that `put` adds.
+fn packed(
+    name: String,
+    put: impl FnOnce(&mut Archive) -> std::result::Result<(), WriteNpzError>,
+) -> Result<File> {
+    let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+    let bytes = put(&mut npz).and_then(|()| Ok(npz.finish()?.into_inner()));
     match bytes {
         Ok(bytes) => Ok(File { name, bytes }),
         Err(error) => Err(Error::Io {
@@ -383,8 +381,7 @@ pub(super) fn arrays(
     curves: &[(&str, &[Estimate])],
     numbers: &[(&str, Estimate)],
 ) -> Result<File> {
-    let pack = || -> std::result::Result<Vec<u8>, WriteNpzError> {
-        let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
+    packed(name.into(), |npz| {
         npz.add_array("t", &Array1::from(times.to_vec()))?;
         for (name, curve) in curves {
             let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
@@ -395,7 +392,6 @@ pub(super) fn arrays(
             npz.add_array(*name, &arr0(number.value))?;
             npz.add_array(format!("{name}_error"), &arr0(number.error))?;
         }
-        Ok(npz.finish()?.into_inner())
-    };
-    packed(name.into(), pack())
+        Ok(())
+    })
 }

@@ -75,16 +75,18 @@ fn is_ours(name: &OsStr) -> bool {
         "precision.csv",
         "precision.md",
         "cost.csv",
+        "calibration.csv",
         "stability.csv",
         "stability.md",
     ];
     let density = name.starts_with("density_")
         && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));
+    let survey = name.starts_with("precision_") && name.ends_with(".svg");
     let half = name.starts_with('.') && Path::new(name).extension() == Some(OsStr::new("part"));
-    listed.contains(&name) || density || half
+    listed.contains(&name) || density || survey || half
 }
 
-/// Whether the folder's results.json is one that this program wrote.
+/// Whether the folder holds a results.json that this program wrote, or the table of a survey.
 fn holds_our_results(path: &Path) -> bool {
     if SURVEYS.iter().any(|it| path.join(it).is_file()) {
         return true;
@@ -151,18 +153,24 @@ impl Folder {
         })
     }
 
-    /// Take back everything: for a run that was refused before its first result.
+    /// Take back everything: for a run that was refused before its first result. What others have put beside
+    /// it stays.
     pub fn discard(self) {
-        let Some(made) = self.made.clone() else {
-            for entry in fs::read_dir(&self.path).into_iter().flatten().flatten() {
-                if is_ours(&entry.file_name()) {
-                    let _ = fs::remove_file(entry.path());
-                }
+        for entry in fs::read_dir(&self.path).into_iter().flatten().flatten() {
+            if is_ours(&entry.file_name()) {
+                let _ = fs::remove_file(entry.path());
             }
-            return;
-        };
+        }
+        let (path, made) = (self.path.clone(), self.made.clone());
+        // The lock goes with it.
         drop(self);
-        let _ = fs::remove_dir_all(made);
+        let Some(made) = made else { return };
+        for folder in path.ancestors() {
+            // Only an empty one can be removed.
+            if fs::remove_dir(folder).is_err() || folder == made {
+                return;
+            }
+        }
     }
 
     /// Where it is.

@@ -1,17 +1,10 @@
 //! First losses and flights as files.
 
 use super::File;
-use super::data::{arrays, field};
+use super::data::{arrays, field, fields};
 use crate::error::Result;
-use crate::estimate::Estimate;
 use crate::results::Results;
 use std::fmt::Write;
-
-fn pair(it: Option<&Estimate>) -> String {
-    it.map_or(",".into(), |it| {
-        format!("{},{}", field(it.value), field(it.error))
-    })
-}
 
 /// first_loss.csv and first_loss.npz: survival and density of the first loss, beside the paths.
 ///
@@ -31,10 +24,10 @@ pub fn first_loss(results: &Results) -> Result<Vec<File>> {
             table,
             "{},{},{},{},{}",
             field(*t),
-            pair(it.survival.get(k)),
-            pair(it.density.get(k)),
-            pair(paths.and_then(|it| it.survival.get(k))),
-            pair(paths.and_then(|it| it.density.get(k)))
+            fields(it.survival.get(k).copied()),
+            fields(it.density.get(k).copied()),
+            fields(paths.and_then(|it| it.survival.get(k).copied())),
+            fields(paths.and_then(|it| it.density.get(k).copied()))
         );
     }
     let arrays = arrays(
@@ -56,7 +49,7 @@ pub fn flights(results: &Results) -> Result<Vec<File>> {
     };
     let mut table = String::from("flight time [1/W],density [W],error [W]\n");
     for (t, density) in it.times.iter().zip(&it.density) {
-        let _ = writeln!(table, "{},{}", field(*t), pair(Some(density)));
+        let _ = writeln!(table, "{},{}", field(*t), fields(Some(*density)));
     }
     let arrays = arrays(
         "flight_law.npz",

@@ -58,6 +58,10 @@ fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
         plot::force(results)?,
         "Density of the force, linear and logarithmic",
     );
+    put(
+        plot::survival(results)?,
+        "Survival until the first loss of contact, and the density of its time",
+    );
     put(plot::flights(results)?, "Density of the time of flight");
     put(
         plot::spectrum(results)?,

@@ -1151,7 +1151,7 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
 }
 
 /// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
-/// it would be without noise and friction in flight.
+/// it would be without noise and friction in flight, and the law of the first return where it is solved.
 ///
 /// # Errors
 /// [`Error::Io`] for a picture that cannot be drawn.
@@ -1176,11 +1176,12 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
     let sampled = seen.iter().flat_map(|(_, it)| centres(it).zip(&it.density));
     let tops = sampled.filter(|(t, _)| *t <= end);
     let tops = tops.map(|(_, p)| p.value + 1.96 * p.error);
-    let most = tops.chain([free(scale)]).fold(0.0, f64::max);
     let noisy: Points = law.map_or(Vec::new(), |it| {
         let density = it.density.iter().map(|p| p.value);
         it.times.iter().copied().zip(density).collect()
     });
+    let shown = noisy.iter().filter(|(t, _)| *t <= end).map(|it| it.1);
+    let most = tops.chain(shown).chain([free(scale)]).fold(0.0, f64::max);
     if !(most.is_finite() && end.is_finite()) {
         return Ok(None);
     }
@@ -1351,12 +1352,6 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
             ("var_q", "Var q")
         },
     ];
-    let pick = |moments: &Moments, name: &str| {
-        let all = moments.named();
-        all.into_iter()
-            .find(|(it, _)| *it == name)
-            .and_then(|(_, number)| number)
-    };
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
         return Ok(None);
     };
@@ -1365,7 +1360,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
                 points
-                    .filter_map(|(t, it)| Some((*t, pick(it, name)?)))
+                    .filter_map(|(t, it)| Some((*t, it.get(name)?)))
                     .collect()
             };
             let mesh = series(&it.times, &it.moments);

@@ -220,11 +220,6 @@ fn last<'a>(times: &'a [f64], moments: &'a [Moments]) -> Option<(f64, &'a Moment
     Some((*times.last()?, moments.last()?))
 }
 
-fn named(moments: Option<&Moments>, name: &str) -> Option<Estimate> {
-    let all = moments?.named();
-    all.into_iter().find(|(it, _)| *it == name)?.1
-}
-
 /// Closed form, steady state on the mesh, Fokker-Planck or Monte Carlo at the last time: whatever there
 /// is, up to three columns.
 fn stationary(table: &mut Table, results: &Results) {
@@ -285,7 +280,7 @@ fn stationary(table: &mut Table, results: &Results) {
             .iter()
             .map(|(_, _, moments)| match moments {
                 None => closed.and_then(|it| it.get(name)),
-                moments => named(*moments, name),
+                moments => moments.and_then(|it| it.get(name)),
             })
             .collect();
         if cells.iter().all(Option::is_none) {
@@ -542,14 +537,14 @@ fn course(table: &mut Table, results: &Results) {
         let Some((_, symbol, words)) = ROWS.iter().find(|(it, ..)| *it == name) else {
             continue;
         };
-        if named(moments.last(), name).is_none() {
+        if moments.last().and_then(|it| it.get(name)).is_none() {
             continue;
         }
         for (n, k) in spread(times.len()).into_iter().enumerate() {
             let t = times[k];
-            let here = named(moments.get(k), name);
+            let here = moments.get(k).and_then(|it| it.get(name));
             let there = paths.0.iter().position(|it| *it == t);
-            let there = there.and_then(|k| named(paths.1.get(k), name));
+            let there = there.and_then(|k| paths.1.get(k)?.get(name));
             let z = here.zip(there).and_then(|(a, b)| distance(a, b));
             let (symbol, words) = if n == 0 { (*symbol, *words) } else { ("", "") };
             let time = format!("t = {}", brief(t));
@@ -679,7 +674,8 @@ fn foot(table: &mut Table, results: &Results) {
     table.line("");
     table.paragraph("time: ", &text);
     if results.falls_short() {
-        let stages: Vec<&str> = results.shortfalls.iter().map(|it| it.0).collect();
+        let free = results.shortfalls.iter().filter(|(_, it)| it.free);
+        let stages: Vec<&str> = free.map(|it| it.0).collect();
         let text = format!(
             "{} (exit status 3); the numbers stand with their errors",
             stages.join(", ")

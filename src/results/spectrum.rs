@@ -35,8 +35,6 @@ pub struct SampledSpectrum {
     pub magnitude: Vec<f64>,
     /// Segments averaged.
     pub averages: usize,
-    /// Distance of two frequencies.
-    pub bin: f64,
     /// Time between samples.
     pub spacing: f64,
 }
@@ -87,7 +85,6 @@ impl SpectrumNumbers {
             density,
             expectation,
             averages,
-            bin: welch.spacing(),
             spacing: settings.spacing,
         });
         Ok(())

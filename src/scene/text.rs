@@ -7,6 +7,7 @@ use super::{
 use crate::error::{Error, positive};
 use crate::fokker_planck::Drift;
 use crate::initial::Initial;
+use crate::monte_carlo::MOST_COSINES;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
 use std::collections::BTreeMap;
@@ -606,7 +607,7 @@ impl Document {
         ) {
             let cosines = section.section("noise")?;
             cosines.known(&["cosines", "band"])?;
-            let count = cosines.whole("cosines", 1_000_000)?;
+            let count = cosines.whole("cosines", u64::from(MOST_COSINES))?;
             noise = Noise::Cosines {
                 cosines: cosines.required(count, "cosines", "how many cosines, as 400")?,
                 band: cosines.required(cosines.number("band")?, "band", "a frequency > 0")?,

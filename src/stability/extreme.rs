@@ -686,7 +686,7 @@ fn meshes() -> Vec<Extreme> {
             Against::Gaussian,
         ),
         scene(
-            "cells-12-still",
+            "cells-16-still",
             what,
             linear(),
             &still("transient = \"flow_map\"\ncells = [16, 16]\n"),
@@ -707,14 +707,14 @@ fn meshes() -> Vec<Extreme> {
             Against::Gaussian,
         ),
         scene(
-            "cells-32",
+            "cells-40",
             what,
             linear(),
             &wide("transient = \"flow_map\"\ncells = [40, 40]\n"),
             Against::Gaussian,
         ),
         scene(
-            "cells-60-hertz",
+            "cells-64-hertz",
             what,
             oscillator("hertz", 0.005, T),
             &(wide("cells = [64, 44]\n") + PATHS),

@@ -5,7 +5,7 @@ use super::verdict::Row;
 use crate::report::File;
 use std::fmt::Write;
 
-/// A number in three digits, or a dash.
+/// A number in two digits, or a dash.
 fn short(it: Option<f64>) -> String {
     it.map_or("-".into(), |it| format!("{it:.1e}"))
 }

@@ -133,7 +133,8 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
     let ratio = row.worst.as_ref().map_or(0.0, |(ratio, _)| *ratio);
     let excused = |words: &str| warnings.iter().any(|it| it.contains(words));
     let mass_wrong = row.mass_error.is_some_and(|it| it > mass_bar(&results));
-    let missing = checks.is_empty() || checks.iter().any(|it| !it.value.is_finite());
+    let unknown = |it: &Check| !it.value.is_finite() || it.bar.is_nan();
+    let missing = checks.is_empty() || checks.iter().any(unknown);
     let wide = checks
         .iter()
         .any(|it| !it.sampled && it.bar > it.tolerance * it.scale * (1.0 + 1e-9));

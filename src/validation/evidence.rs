@@ -114,10 +114,8 @@ impl<'a> Evidence<'a> {
             return self.spectra.number(&oscillator, which)?.ok_or_else(unknown);
         }
         if let Some(which) = kind.strip_prefix("records.") {
-            let found = keys.records()?.named();
-            let name = format!("{which}_force");
-            let found = found.iter().find(|(it, _)| *it == name);
-            return found.and_then(|it| it.1).ok_or_else(unknown);
+            let found = keys.records()?.get(&format!("{which}_force"));
+            return found.ok_or_else(unknown);
         }
         match kind {
             "of-q.std" => {

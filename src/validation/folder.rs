@@ -183,9 +183,7 @@ impl Run {
     fn error_in_record(&self, path: &str, length: f64) -> Option<f64> {
         let records = self.results.records.as_ref()?;
         let last = path.rsplit('.').next()?;
-        let plain = records.moments.named();
-        let moment = plain.iter().find(|(name, _)| *name == last);
-        let error = match moment.and_then(|(_, number)| *number) {
+        let error = match records.moments.get(last) {
             Some(number) => number.error,
             None => {
                 let (section, rest) = path.split_once('.')?;

@@ -29,11 +29,6 @@ impl Name {
             path: path.to_owned(),
         })
     }
-
-    /// The file of the scene without its ending, and the overrides.
-    pub fn scene(&self) -> (&str, Vec<String>) {
-        scene(&self.label)
-    }
 }
 
 /// The file of the scene a label names, without its ending, and its overrides.

@@ -14,7 +14,7 @@ const HEAD: &str = "# The paper, reproduced
 
 J. Perret-Liaudet and E. Rigaud, *Experiments and numerical results on non-linear vibrations of an
 impacting Hertzian contact. Part 2: random excitation*, number by number. Written by `vibroimpact
-validate`; `cargo test --test validation` computes the numbers again and compares them within their
+validate`; `cargo test --release --test validation -- --include-ignored` computes the numbers again and compares them within their
 errors.
 
 Each line is a number: `label: path` names the scene of the folder, with the keys it changes, and the
@@ -32,6 +32,11 @@ deviation between draws (sd) for `draws`. The paper's number is given with half 
 | agrees, **disagrees** | two of our own ways to the same number, within their errors |
 | would explain it, does not explain it | a candidate for the cause of a difference, tried |
 ";
+
+/// Whether a page is one of ours, or none at all.
+pub fn is_ours(page: &str) -> bool {
+    page.is_empty() || page.lines().next() == HEAD.lines().next()
+}
 
 /// How many rows have each verdict.
 pub fn counts<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<(Verdict, usize)> {

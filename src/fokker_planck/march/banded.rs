@@ -136,7 +136,7 @@ impl Banded {
                 row[k] = sum[k] * factors[0][k];
             }
         }
-        // L^T x = y: each solved row is taken from those that see it. `held` is the part still to be
+        // L^T x = y: each solved row is taken from those that see it. `owed` is the part still to be
         // taken from the rows below.
         let mut owed = [[0.0; LANES]; BANDS - 1];
         for (row, factors) in work.iter_mut().zip(&block.factors).rev() {
@@ -168,9 +168,7 @@ fn factor(matrix: &mut [[f64; BANDS]]) {
             let mut sum = row[m];
             for far in m + 1..BANDS.min(j + 1) {
                 // Sum over k = j - far of L_jk D_k L_{j-m,k}; row[far] still holds L_jk D_k.
-                if far - m < BANDS {
-                    sum -= row[far] * matrix[j - m][far - m];
-                }
+                sum -= row[far] * matrix[j - m][far - m];
             }
             row[m] = sum;
         }

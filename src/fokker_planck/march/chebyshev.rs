@@ -56,7 +56,8 @@ impl Chebyshev {
             frequency: transport.max(0.1 * diffusion),
             shift: 0.5 * diffusion,
             stages: None,
-            dt: 0.0,
+            // No step yet.
+            dt: f64::NAN,
             coefficients: Vec::new(),
             growth: 1.0,
             tails: Vec::new(),

@@ -16,7 +16,7 @@ pub enum Step {
         /// Time over which errors add up: the exact evolution never grows the L1 norm of a difference,
         /// and forgets it over this time if not sooner.
         horizon: f64,
-        /// The first step tried, and the longest one wanted.
+        /// The first step tried.
         first: f64,
         /// Longest step wanted, for the sake of those who watch.
         longest: f64,
@@ -24,7 +24,7 @@ pub enum Step {
 }
 
 /// Steps between two looks at the error once it is as it should be: it changes slowly, and a look costs
-/// one to two steps.
+/// about three steps.
 const UNCHECKED: u32 = 8;
 
 /// Part of `total` granted to errors that the evolution erases as fast as they are made. An estimate of

@@ -70,8 +70,6 @@ pub(super) struct Gmres<T: Number> {
     /// g and its rate on the cells.
     g: Vec<f64>,
     rate: Vec<f64>,
-    /// Iterations of all solves together.
-    pub(super) iterations: u64,
 }
 
 impl<T: Number> Gmres<T> {
@@ -83,7 +81,6 @@ impl<T: Number> Gmres<T> {
             residual: vec![T::default(); n],
             g: vec![0.0; cells],
             rate: vec![0.0; cells],
-            iterations: 0,
         }
     }
 
@@ -159,7 +156,7 @@ impl<T: Number> Gmres<T> {
         Ok(())
     }
 
-    /// At most VECTORS steps from the residual, until it has fallen by `factor` in the Euclidean norm;
+    /// At most VECTORS - 1 steps from the residual, until it has fallen by `factor` in the Euclidean norm;
     /// adds the correction to x.
     fn cycle(
         &mut self,
@@ -183,7 +180,6 @@ impl<T: Number> Gmres<T> {
         let mut rotations: Vec<(f64, T)> = Vec::new();
         let mut right = vec![T::real(beta)];
         for k in 0..VECTORS - 1 {
-            self.iterations += 1;
             self.work.copy_from_slice(&self.basis[k]);
             lu.solve(&mut self.work)?;
             self.apply(system, a);

@@ -5,7 +5,7 @@
 //! |---|---|---|---|
 //! | [`BackwardEuler`] | 1 | accuracy alone; positive with upwind drift | one sparse solve |
 //! | [`Radau`] | 5 | accuracy alone | a real and a complex sparse solve |
-//! | [`Additive`] | 4 | transport across a cell | six transports and banded solves |
+//! | [`Additive`] | 4 | transport across a cell | six transports, five banded solves |
 //! | [`Chebyshev`] | any | transport and diffusion across a cell | one generator per 0.8/rate of time |
 //! | [`RungeKutta4`] | 4 | transport and diffusion across a cell | four generators |
 //!

@@ -54,11 +54,6 @@ impl Radau {
         }
     }
 
-    /// Iterations so far of the Krylov solvers.
-    pub fn iterations(&self) -> u64 {
-        self.real.iterations() + self.complex.iterations()
-    }
-
     /// Replaces the start by N(dt L)/D(dt L) of it, N a polynomial of degree 3 at most:
     /// N/D = N_3/D_3 + sum_k N(z_k)/(1 - z/z_k)/prod_{i != k} (1 - z_k/z_i).
     fn fraction(&mut self, numerator: [f64; 4], dt: f64, allowed: f64) -> Result<()> {

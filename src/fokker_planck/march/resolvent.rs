@@ -5,7 +5,7 @@ use super::krylov::{Gmres, Number};
 use crate::error::Result;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
-use crate::sparse::Lu;
+use crate::sparse::{Lu, shift};
 use sprs::CsMat;
 use std::sync::Arc;
 
@@ -124,20 +124,11 @@ impl<T: Number> Resolvent<T> {
             Some(gmres) => gmres.solve(&self.system, lu, a, b, allowed),
         }
     }
-
-    /// Iterations so far of the Krylov solver.
-    pub(super) fn iterations(&self) -> u64 {
-        self.gmres.as_ref().map_or(0, |gmres| gmres.iterations)
-    }
 }
 
 /// I - a L. The diagonal of L is never structurally empty: every unknown exchanges with another.
 fn shifted<T: Number>(matrix: &CsMat<f64>, a: T) -> CsMat<T> {
     let mut shifted = matrix.map(|entry| -(a * T::real(*entry)));
-    for (column, mut entries) in shifted.outer_iterator_mut().enumerate() {
-        if let Some(diagonal) = entries.get_mut(column) {
-            *diagonal += T::real(1.0);
-        }
-    }
+    shift(&mut shifted, T::real(1.0));
     shifted
 }
