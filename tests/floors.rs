@@ -117,7 +117,7 @@ fn a_crate_that_would_spread_has_one_door() {
     for (door, names) in [
         ("sparse.rs", &["faer"][..]),
         ("monte_carlo/signal.rs or spectrum.rs", &["rustfft"]),
-        ("report/plot.rs", &["plotters"]),
+        ("report/plot/canvas.rs", &["plotters"]),
         ("report/data.rs", &["ndarray_npy"]),
         ("scene/text.rs", &["toml", "strsim"]),
         ("main.rs", &["clap", "indicatif"]),

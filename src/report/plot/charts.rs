@@ -1,0 +1,284 @@
+//! Charts of curves, side by side, with linear or logarithmic axes: for surveys and the paper.
+
+use super::canvas::{
+    Area, BLUE, Colour, Drawn, FAINT, GREEN, GREY, Hang, INK, MANY, Mark, Panel, Points, VERMILION,
+    dashed, legend, line, picture, range, superscript, write,
+};
+use crate::error::Result;
+use crate::report::File;
+
+/// A colour of a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ink {
+    /// Closed forms.
+    Black,
+    /// The Fokker-Planck equation.
+    Blue,
+    /// Monte Carlo.
+    Vermilion,
+    /// Anything else.
+    Green,
+    /// What is compared with.
+    Grey,
+}
+
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stroke {
+    /// A line.
+    Line,
+    /// A thick line.
+    Thick,
+    /// A dashed line.
+    Dashes,
+    /// Open circles.
+    Circles,
+}
+
+/// A curve of a [`Chart`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Curve {
+    /// Its words in the legend; none for an empty text.
+    pub words: String,
+    /// Its colour.
+    pub ink: Ink,
+    /// How it is drawn.
+    pub stroke: Stroke,
+    /// Its points; y as a decimal logarithm where the chart is logarithmic.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Curve {
+    /// A curve from its parts.
+    pub fn new(words: &str, ink: Ink, stroke: Stroke, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            words: words.to_owned(),
+            ink,
+            stroke,
+            points,
+        }
+    }
+}
+
+/// Axes with curves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Above it.
+    pub title: String,
+    /// Below it.
+    pub x_label: String,
+    /// Left of it.
+    pub y_label: String,
+    /// Range of x.
+    pub x: (f64, f64),
+    /// Range of y; decimal logarithms where `log`.
+    pub y: (f64, f64),
+    /// Whether y is a decimal logarithm.
+    pub log: bool,
+    /// Its curves.
+    pub curves: Vec<Curve>,
+}
+
+/// Charts side by side in so many columns, the legend of the one with most curves on top.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
+    let columns = columns.clamp(1, charts.len().max(1));
+    let rows = charts.len().div_ceil(columns);
+    let (width, height) = if columns == 1 {
+        (800.0, 140.0)
+    } else {
+        (290.0, 250.0)
+    };
+    let (across, down) = (width + 106.0, height + 88.0);
+    let size = (
+        (across * columns as f64 + 16.0) as u32,
+        (down * rows as f64 + 34.0) as u32,
+    );
+    picture(name, size, |area| {
+        for (k, chart) in charts.iter().enumerate() {
+            let panel = Panel {
+                left: 92.0 + across * (k % columns) as f64,
+                top: 64.0 + down * (k / columns) as f64,
+                width,
+                height,
+                x: chart.x,
+                y: chart.y,
+                log: chart.log,
+            };
+            let letter = (b'a' + (k % 26) as u8) as char;
+            let title = format!("({letter}) {}", chart.title);
+            write(
+                area,
+                &title,
+                (panel.left, panel.top - 13.0),
+                13.5,
+                Hang::Left,
+                INK,
+            )?;
+            panel.axes(area, &chart.x_label, &chart.y_label)?;
+            for curve in &chart.curves {
+                let colour = curve.ink.colour();
+                match curve.stroke {
+                    Stroke::Line => panel.curve(area, &curve.points, colour, 1.25)?,
+                    Stroke::Thick => panel.curve(area, &curve.points, colour, 3.5)?,
+                    Stroke::Dashes => {
+                        for piece in panel.clipped(&curve.points) {
+                            for ends in piece.windows(2) {
+                                dashed(area, ends[0], ends[1], colour, 1.25)?;
+                            }
+                        }
+                    }
+                    Stroke::Circles => {
+                        for point in &curve.points {
+                            panel.circle(area, *point, colour)?;
+                        }
+                    }
+                }
+            }
+            panel.frame(area)?;
+        }
+        let fullest = charts.iter().max_by_key(|chart| chart.curves.len());
+        let named = fullest.into_iter().flat_map(|chart| &chart.curves);
+        let mut x = 92.0;
+        for curve in named.filter(|curve| !curve.words.is_empty()) {
+            let mark = match curve.stroke {
+                Stroke::Line => Mark::Line,
+                Stroke::Thick => Mark::Halo,
+                Stroke::Dashes => Mark::Dashes,
+                Stroke::Circles => Mark::Dot,
+            };
+            legend(area, (x, 18.0), curve.ink.colour(), mark, &curve.words)?;
+            // An advance of the font is about 0.56 of its size.
+            x += 52.0 + 7.6 * curve.words.chars().count() as f64;
+        }
+        Ok(())
+    })
+}
+
+impl Ink {
+    fn colour(self) -> Colour {
+        match self {
+            Self::Black => INK,
+            Self::Blue => BLUE,
+            Self::Vermilion => VERMILION,
+            Self::Green => GREEN,
+            Self::Grey => GREY,
+        }
+    }
+}
+
+/// A chart with logarithmic axes.
+#[derive(Debug, Clone)]
+pub struct LogChart {
+    /// Label of the abscissa.
+    pub x: String,
+    /// Label of the ordinate.
+    pub y: String,
+    /// What it shows.
+    pub curves: Vec<LogCurve>,
+}
+
+/// A curve of a [`LogChart`], with its marks.
+#[derive(Debug, Clone)]
+pub struct LogCurve {
+    /// Its name in the legend; curves of one name have one colour in all charts of a picture.
+    pub name: String,
+    /// Points, both coordinates positive; others are left out.
+    pub points: Vec<(f64, f64)>,
+    /// Whether its marks are joined by thin lines.
+    pub dashed: bool,
+}
+
+/// Charts with logarithmic axes under one title, two in a row, one legend for all.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Result<File> {
+    let mut names: Vec<&str> = Vec::new();
+    for curve in charts.iter().flat_map(|chart| &chart.curves) {
+        if !names.contains(&curve.name.as_str()) {
+            names.push(&curve.name);
+        }
+    }
+    let (width, height) = (640.0, 400.0);
+    let columns = charts.len().clamp(1, 2);
+    let below = 20.0 + height * charts.len().div_ceil(columns) as f64;
+    let rows = names.len().div_ceil(5);
+    let size = (
+        (width * columns as f64 + 30.0) as u32,
+        (below + 22.0 * rows as f64) as u32,
+    );
+    let logs = |curve: &LogCurve| -> Points {
+        let positive = curve.points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0);
+        positive.map(|(x, y)| (x.log10(), y.log10())).collect()
+    };
+    picture(name, size, |area| {
+        write(area, title, (30.0, 20.0), 16.0, Hang::Left, INK)?;
+        for (k, chart) in charts.iter().enumerate() {
+            let all: Points = chart.curves.iter().flat_map(logs).collect();
+            let (Some(x), Some(y)) = (
+                range(all.iter().map(|p| p.0), 0.05),
+                range(all.iter().map(|p| p.1), 0.05),
+            ) else {
+                continue;
+            };
+            let panel = Panel {
+                left: 92.0 + width * (k % columns) as f64,
+                top: 40.0 + height * (k / columns) as f64,
+                width: width - 110.0,
+                height: height - 80.0,
+                x,
+                y,
+                log: true,
+            };
+            log_axes(area, &panel, &chart.x, &chart.y)?;
+            for curve in &chart.curves {
+                let place = names.iter().position(|it| *it == curve.name).unwrap_or(0);
+                let colour = MANY[place % MANY.len()];
+                let points = logs(curve);
+                let thick = if curve.dashed { 0.75 } else { 1.75 };
+                panel.curve(area, &points, colour, thick)?;
+                for point in points {
+                    panel.dot(area, point, colour, 2.75)?;
+                }
+            }
+            panel.frame(area)?;
+        }
+        for (k, words) in names.iter().enumerate() {
+            let step = f64::from(size.0) / 5.2;
+            let at = (
+                30.0 + step * (k % 5) as f64,
+                below - 5.0 + 22.0 * (k / 5) as f64,
+            );
+            legend(area, at, MANY[k % MANY.len()], Mark::Line, words)?;
+        }
+        Ok(())
+    })
+}
+
+/// Axes whose both numbers are decimal logarithms.
+fn log_axes(area: &Area<'_>, panel: &Panel, x_label: &str, y_label: &str) -> Drawn {
+    let bare = Panel {
+        x: (0.0, 0.0),
+        ..panel.clone()
+    };
+    // Without a range of x the panel draws no grid along it.
+    bare.axes(area, x_label, y_label)?;
+    let (low, high) = (panel.x.0.ceil() as i64, panel.x.1.floor() as i64);
+    for k in low..=high {
+        let (px, _) = panel.at(k as f64, panel.y.0);
+        line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
+        let text = format!("10{}", superscript(k));
+        write(
+            area,
+            &text,
+            (px, panel.bottom() + 13.0),
+            13.0,
+            Hang::Middle,
+            INK,
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,390 @@
+//! The density p(q, v) with its marginals, snapshots on one sheet, the steady state.
+
+use super::canvas::{
+    Area, BLUE, Drawn, GREY, HALO, Hang, INK, LEVELS, Mark, Panel, Points, dashed, legend, picture,
+    range, rectangle, write,
+};
+use crate::error::Result;
+use crate::fokker_planck::Snapshot;
+use crate::report::File;
+use crate::report::data::time_name;
+use crate::results::Results;
+use crate::results::widths;
+use crate::stationary::Stationary;
+
+/// A snapshot with its marginals, ready to be drawn.
+pub(super) struct Sheet<'a> {
+    snapshot: &'a Snapshot,
+    pub(super) q: Vec<f64>,
+    v: Vec<f64>,
+    pub(super) p_q: Vec<f64>,
+    p_v: Vec<f64>,
+    peak: f64,
+}
+
+impl<'a> Sheet<'a> {
+    /// None for a density that is nowhere positive or not on a mesh.
+    pub(super) fn of(snapshot: &'a Snapshot) -> Option<Self> {
+        let (q, v) = (snapshot.q.to_vec(), snapshot.v.to_vec());
+        let fits = snapshot.p.dim() == (q.len(), v.len()) && q.len() > 1 && v.len() > 1;
+        let peak = snapshot
+            .p
+            .iter()
+            .copied()
+            .filter(|p| p.is_finite())
+            .fold(0.0, f64::max);
+        if !fits || peak <= 0.0 {
+            return None;
+        }
+        let (dq, dv) = (widths(&q), widths(&v));
+        let sum =
+            |p: ndarray::ArrayView1<'_, f64>, w: &[f64]| p.iter().zip(w).map(|(p, w)| p * w).sum();
+        let p_q = snapshot
+            .p
+            .rows()
+            .into_iter()
+            .map(|row| sum(row, &dv))
+            .collect();
+        let p_v = snapshot
+            .p
+            .columns()
+            .into_iter()
+            .map(|column| sum(column, &dq))
+            .collect();
+        Some(Self {
+            snapshot,
+            q,
+            v,
+            p_q,
+            p_v,
+            peak,
+        })
+    }
+
+    /// The part of the plane where there is anything to see.
+    fn window(&self) -> ((f64, f64), (f64, f64)) {
+        let seen = |p: &[f64], x: &[f64]| {
+            let most = p.iter().copied().fold(0.0, f64::max);
+            let there = p
+                .iter()
+                .zip(x)
+                .filter(|(p, _)| **p > 1e-3 * most)
+                .map(|(_, x)| *x);
+            range(there, 0.08).unwrap_or((x[0], x[x.len() - 1]))
+        };
+        (seen(&self.p_q, &self.q), seen(&self.p_v, &self.v))
+    }
+
+    /// p(q, v) between the cell centres, bilinear; 0 outside.
+    fn density(&self, q: (usize, f64), v: (usize, f64)) -> f64 {
+        let p = |i: usize, j: usize| self.snapshot.p[[i, j]];
+        let ((i, a), (j, b)) = (q, v);
+        (1.0 - a) * ((1.0 - b) * p(i, j) + b * p(i, j + 1))
+            + a * ((1.0 - b) * p(i + 1, j) + b * p(i + 1, j + 1))
+    }
+
+    /// Filled levels as runs of equal level, row by row. Each level is laid over the one below and each
+    /// run reaches into the row beneath it, so that no seams show at any magnification.
+    fn fill(&self, area: &Area<'_>, panel: &Panel) -> Drawn {
+        /// Pixels.
+        const ROW: f64 = 1.0;
+        let rows = (panel.height / ROW).ceil() as usize;
+        let columns = panel.width.ceil() as usize;
+        let place = |low: f64, high: f64, part: f64| low + (high - low) * part;
+        let across: Vec<Option<(usize, f64)>> = (0..=columns)
+            .map(|k| {
+                locate(
+                    &self.q,
+                    place(panel.x.0, panel.x.1, k as f64 / columns as f64),
+                )
+            })
+            .collect();
+        let mut runs: Vec<Vec<(f64, f64, f64)>> = vec![Vec::new(); LEVELS.len()];
+        for row in 0..rows {
+            let part = (row as f64 + 0.5) / rows as f64;
+            let Some(v) = locate(&self.v, place(panel.y.1, panel.y.0, part)) else {
+                continue;
+            };
+            let values: Vec<f64> = across
+                .iter()
+                .map(|q| q.map_or(0.0, |q| self.density(q, v)) / self.peak)
+                .collect();
+            for ((level, _), runs) in LEVELS.iter().zip(&mut runs) {
+                let mut start = None;
+                for (k, pair) in values.windows(2).enumerate() {
+                    let (a, b) = (pair[0], pair[1]);
+                    let cross = k as f64 + (level - a) / (b - a);
+                    if k == 0 && a >= *level {
+                        start = Some(0.0);
+                    }
+                    if a < *level && b >= *level {
+                        start = Some(cross);
+                    }
+                    if a >= *level && b < *level {
+                        runs.push((row as f64 * ROW, start.take().unwrap_or(0.0), cross));
+                    }
+                }
+                if let Some(start) = start {
+                    runs.push((row as f64 * ROW, start, columns as f64));
+                }
+            }
+        }
+        for ((_, colour), runs) in LEVELS.iter().zip(runs) {
+            for (y, from, to) in runs {
+                let bottom = (panel.top + y + ROW + 0.75).min(panel.bottom());
+                let corners = [
+                    (panel.left + from, panel.top + y),
+                    ((panel.left + to).min(panel.right()), bottom),
+                ];
+                rectangle(area, corners, *colour, None)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The cell-centre interval that holds `x`, and how far along it `x` is.
+fn locate(centres: &[f64], x: f64) -> Option<(usize, f64)> {
+    let k = centres.partition_point(|it| *it <= x);
+    if k == 0 || k >= centres.len() {
+        return None;
+    }
+    let (a, b) = (centres[k - 1], centres[k]);
+    Some((k - 1, (x - a) / (b - a)))
+}
+
+/// The key to the levels.
+fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
+    write(area, "p / peak", (x, y), 12.5, Hang::Left, INK)?;
+    for (k, (level, colour)) in LEVELS.iter().rev().enumerate() {
+        let top = y + 10.0 + 11.0 * k as f64;
+        let corners = [(x, top), (x + 20.0, top + 11.0)];
+        rectangle(area, corners, *colour, Some(GREY))?;
+        write(
+            area,
+            &format!("{level}"),
+            (x + 27.0, top + 5.5),
+            11.5,
+            Hang::Left,
+            INK,
+        )?;
+    }
+    Ok(())
+}
+
+/// One density with its marginals against the closed form.
+fn density_picture(
+    name: String,
+    title: &str,
+    snapshot: &Snapshot,
+    results: &Results,
+) -> Result<Option<File>> {
+    let Some(sheet) = Sheet::of(snapshot) else {
+        return Ok(None);
+    };
+    let law = Stationary::of(&results.scene.oscillator).ok();
+    let (x, y) = sheet.window();
+    let main = Panel {
+        left: 92.0,
+        top: 156.0,
+        width: 430.0,
+        height: 330.0,
+        x,
+        y,
+        log: false,
+    };
+    let curve = |xs: &[f64], ps: &[f64]| {
+        xs.iter()
+            .copied()
+            .zip(ps.iter().copied())
+            .collect::<Points>()
+    };
+    let fine =
+        |(low, high): (f64, f64)| (0..=300).map(move |k| low + (high - low) * f64::from(k) / 300.0);
+    let (by_q, by_v) = (curve(&sheet.q, &sheet.p_q), curve(&sheet.v, &sheet.p_v));
+    let exact = |f: &dyn Fn(&Stationary, f64) -> f64, x: (f64, f64)| -> Points {
+        law.iter()
+            .flat_map(|law| fine(x).map(move |x| (x, f(law, x))))
+            .collect()
+    };
+    let (exact_q, exact_v) = (
+        exact(&Stationary::density_q, x),
+        exact(&Stationary::density_v, y),
+    );
+    let top = |a: &Points, b: &Points| {
+        let most = a
+            .iter()
+            .chain(b)
+            .map(|(_, p)| *p)
+            .filter(|p| p.is_finite())
+            .fold(0.0, f64::max);
+        (0.0, 1.08 * most.max(1e-300))
+    };
+    let above = Panel {
+        top: 44.0,
+        height: 104.0,
+        y: top(&by_q, &exact_q),
+        ..main.clone()
+    };
+    let beside = Panel {
+        left: 544.0,
+        width: 104.0,
+        x: top(&by_v, &exact_v),
+        ..main.clone()
+    };
+    let file = picture(name, (730, 546), |area| {
+        write(area, title, (main.left, 22.0), 15.0, Hang::Left, INK)?;
+        above.axes(area, "", "p(q)")?;
+        above.curve(area, &exact_q, HALO, 5.0)?;
+        above.curve(area, &by_q, BLUE, 1.5)?;
+        above.frame(area)?;
+        beside.axes(area, "p(q\u{307})", "")?;
+        let turned = |points: &Points| points.iter().map(|(v, p)| (*p, *v)).collect::<Points>();
+        beside.curve(area, &turned(&exact_v), HALO, 5.0)?;
+        beside.curve(area, &turned(&by_v), BLUE, 1.5)?;
+        beside.frame(area)?;
+        main.axes(area, "q", "q\u{307}")?;
+        sheet.fill(area, &main)?;
+        loss_line(area, &main, results, true)?;
+        loss_line(area, &above, results, false)?;
+        main.frame(area)?;
+        key(area, (666.0, 168.0))?;
+        legend(area, (554.0, 62.0), BLUE, Mark::Line, "on the mesh")?;
+        if law.is_some() {
+            legend(area, (554.0, 84.0), HALO, Mark::Halo, "stationary law")?;
+        }
+        Ok(())
+    })?;
+    Ok(Some(file))
+}
+
+/// The displacement at which contact is lost.
+fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> Drawn {
+    if let Some(loss) = results.contact().loss_point()
+        && loss > panel.x.0
+        && loss < panel.x.1
+    {
+        dashed(
+            area,
+            panel.at(loss, panel.y.0),
+            panel.at(loss, panel.y.1),
+            GREY,
+            1.0,
+        )?;
+        let (x, _) = panel.at(loss, panel.y.0);
+        if words && x > panel.left + 70.0 {
+            write(
+                area,
+                "contact lost",
+                (x - 5.0, panel.top + 11.0),
+                11.5,
+                Hang::Right,
+                GREY,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// `density_<t>.svg` for every density asked for, and snapshots.svg with up to nine of them on one sheet.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn densities(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.transient else {
+        return Ok(Vec::new());
+    };
+    let mut files = Vec::new();
+    for snapshot in &it.densities {
+        let name = format!("density_{}.svg", time_name(snapshot.t));
+        let title = format!("p(q, q\u{307}) at \u{3c4} = {}", time_name(snapshot.t));
+        files.extend(density_picture(name, &title, snapshot, results)?);
+    }
+    files.extend(snapshots(results, &it.densities)?);
+    Ok(files)
+}
+
+/// Several densities on one sheet, on the same axes, each to its own peak.
+fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
+    let each = all.len().div_ceil(9).max(1);
+    let mut sheets: Vec<Sheet<'_>> = all
+        .iter()
+        .rev()
+        .step_by(each)
+        .filter_map(Sheet::of)
+        .collect();
+    sheets.reverse();
+    if sheets.len() < 2 {
+        return Ok(None);
+    }
+    let (mut ends_q, mut ends_v) = (Vec::new(), Vec::new());
+    for (q, v) in sheets.iter().map(Sheet::window) {
+        ends_q.extend([q.0, q.1]);
+        ends_v.extend([v.0, v.1]);
+    }
+    let (Some(x), Some(y)) = (range(ends_q, 0.0), range(ends_v, 0.0)) else {
+        return Ok(None);
+    };
+    let columns = if sheets.len() == 4 {
+        2
+    } else {
+        sheets.len().min(3)
+    };
+    let rows = sheets.len().div_ceil(columns);
+    let (width, height) = (236.0, 190.0);
+    let size = (
+        (86.0 + columns as f64 * (width + 18.0) + 74.0) as u32,
+        (36.0 + rows as f64 * (height + 26.0) + 40.0) as u32,
+    );
+    picture("snapshots.svg", size, |area| {
+        write(area, "p(q, q\u{307})", (86.0, 18.0), 15.0, Hang::Left, INK)?;
+        for (k, sheet) in sheets.iter().enumerate() {
+            let (row, column) = (k / columns, k % columns);
+            let panel = Panel {
+                left: 86.0 + column as f64 * (width + 18.0),
+                top: 52.0 + row as f64 * (height + 26.0),
+                width,
+                height,
+                x,
+                y,
+                log: false,
+            };
+            let lowest = k + columns >= sheets.len();
+            let (q, v) = (
+                if lowest { "q" } else { "" },
+                if column == 0 { "q\u{307}" } else { "" },
+            );
+            panel.axes(area, q, v)?;
+            sheet.fill(area, &panel)?;
+            loss_line(area, &panel, results, false)?;
+            panel.frame(area)?;
+            let title = format!("\u{3c4} = {}", time_name(sheet.snapshot.t));
+            let middle = panel.left + 0.5 * width;
+            write(
+                area,
+                &title,
+                (middle, panel.top - 10.0),
+                13.0,
+                Hang::Middle,
+                INK,
+            )?;
+        }
+        key(area, (86.0 + columns as f64 * (width + 18.0), 62.0))
+    })
+    .map(Some)
+}
+
+/// steady.svg: the steady state on the mesh.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn steady(results: &Results) -> Result<Option<File>> {
+    let Some(it) = &results.steady else {
+        return Ok(None);
+    };
+    let title = format!(
+        "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the closed form {:.0e}",
+        it.method.cells[0], it.method.cells[1], it.l1_error.value
+    );
+    density_picture("steady.svg".into(), &title, &it.density, results)
+}

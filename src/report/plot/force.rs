@@ -1,0 +1,204 @@
+//! The density of the force, linear and logarithmic, with its Dirac mass.
+
+use super::canvas::{
+    Area, BLUE, Drawn, Hang, INK, Mark, Panel, Points, VERMILION, legend, line, picture, range,
+    write,
+};
+use super::density::Sheet;
+use crate::error::Result;
+use crate::estimate::Estimate;
+use crate::monte_carlo::Histogram;
+use crate::report::File;
+use crate::report::data::time_name;
+use crate::results::Results;
+use crate::stationary::Stationary;
+
+/// What force.svg shows.
+struct ForceCurves {
+    /// (N, p_N) of the closed form, and of the mesh.
+    exact: Points,
+    meshed: Points,
+    /// What the mesh's points are.
+    words: String,
+    /// Histogram of long records.
+    sampled: Option<Histogram>,
+    /// The Dirac mass and the force of flight it stands at, if that is within the picture.
+    dirac: Option<(Estimate, f64)>,
+    /// Largest density away from the singularity just above the force of flight.
+    most: f64,
+}
+
+impl ForceCurves {
+    fn of(results: &Results) -> Option<Self> {
+        let law = Stationary::of(&results.scene.oscillator).ok()?;
+        let contact = results.contact();
+        let t = results.scene.oscillator.temperature();
+        let (low, high) = contact.turning_points(14.0 * t)?;
+        let loss = contact.loss_point();
+        let from = loss.map_or(low, |loss| loss.max(low));
+        // Squares crowd the points where the density is steep, near the loss of contact.
+        let exact: Points = (1..=600)
+            .map(|k| from + (high - from) * (f64::from(k) / 600.0).powi(2))
+            .map(|q| (contact.force(q), law.density_force(contact.force(q))))
+            .filter(|(_, p)| p.is_finite())
+            .collect();
+        let (snapshot, words) = match (&results.steady, &results.transient) {
+            (Some(it), _) => (Some(&it.density), "steady state on the mesh".to_owned()),
+            (None, Some(it)) => {
+                let last = it.densities.last();
+                let t = last.map_or(String::new(), |it| time_name(it.t));
+                (last, format!("on the mesh, \u{3c4} = {t}"))
+            }
+            _ => (None, String::new()),
+        };
+        let sheet = snapshot.and_then(Sheet::of);
+        let meshed = sheet
+            .iter()
+            .flat_map(|sheet| sheet.q.iter().zip(&sheet.p_q))
+            .filter(|(q, _)| loss.is_none_or(|loss| **q > loss))
+            .map(|(q, p)| (contact.force(*q), p / contact.stiffness(*q)))
+            .collect();
+        let flight = loss
+            .filter(|loss| *loss >= low)
+            .map(|loss| contact.force(loss));
+        let usual = exact
+            .iter()
+            .filter(|(n, _)| flight.is_none_or(|flight| *n > flight + 0.04));
+        let most = usual.map(|(_, p)| *p).fold(0.0, f64::max);
+        Some(Self {
+            dirac: law.contact_loss_probability().zip(flight),
+            exact,
+            meshed,
+            words,
+            sampled: results.records.as_ref().map(|it| it.force.clone()),
+            most,
+        })
+    }
+
+    fn draw(&self, area: &Area<'_>, panel: &Panel) -> Drawn {
+        panel.axes(area, "N", "p(N)")?;
+        let scaled = |points: &Points| -> Points {
+            let height = |p: f64| if panel.log { p.max(1e-300).log10() } else { p };
+            points.iter().map(|(n, p)| (*n, height(*p))).collect()
+        };
+        // Dots at least four pixels apart.
+        let mut last = f64::NEG_INFINITY;
+        for (n, p) in scaled(&self.meshed) {
+            let (px, _) = panel.at(n, p);
+            if px - last >= 4.0 {
+                panel.dot(area, (n, p), BLUE, 2.5)?;
+                last = px;
+            }
+        }
+        if let Some(it) = &self.sampled {
+            panel.histogram(area, it)?;
+        }
+        panel.curve(area, &scaled(&self.exact), INK, 1.5)?;
+        if let Some((mass, flight)) = self.dirac {
+            let (x, _) = panel.at(flight, panel.y.0);
+            let tip = panel.top + 12.0;
+            line(area, &[(x, panel.bottom()), (x, tip)], VERMILION, 2.5)?;
+            let head = [(x - 4.5, tip + 9.0), (x, tip), (x + 4.5, tip + 9.0)];
+            line(area, &head, VERMILION, 2.5)?;
+            let words = format!("Dirac mass P(N = {flight}) = {}", probability(mass));
+            let words = words.replace('-', "\u{2212}");
+            write(
+                area,
+                &words,
+                (x + 11.0, tip + 4.0),
+                13.0,
+                Hang::Left,
+                VERMILION,
+            )?;
+            let sampled = self.sampled.as_ref().and_then(|it| it.dirac);
+            if let Some(mass) = sampled.filter(|it| it.value.is_finite()) {
+                let words = format!("records: {} \u{b1} {:.0e}", probability(mass), mass.error);
+                let words = words.replace("e-", "e\u{2212}");
+                let at = (x + 11.0, tip + 22.0);
+                write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
+            }
+        }
+        panel.frame(area)
+    }
+}
+
+/// force.svg: p_N on a linear and a logarithmic scale, the Dirac mass drawn and stated.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn force(results: &Results) -> Result<Option<File>> {
+    let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
+        return Ok(None);
+    };
+    let seen = curves.exact.iter().filter(|(_, p)| *p > 1e-5 * curves.most);
+    let ends = seen
+        .map(|(n, _)| *n)
+        .chain(curves.dirac.map(|(_, flight)| flight));
+    let Some(x) = range(ends, 0.05) else {
+        return Ok(None);
+    };
+    let linear = Panel {
+        left: 92.0,
+        top: 44.0,
+        width: 390.0,
+        height: 320.0,
+        x,
+        y: (0.0, 1.3 * curves.most),
+        log: false,
+    };
+    let top = curves.most.log10();
+    let logarithmic = Panel {
+        left: 578.0,
+        y: (top - 5.0, top + 0.8),
+        log: true,
+        ..linear.clone()
+    };
+    let far = results
+        .stationary
+        .as_ref()
+        .and_then(|it| it.get("log10_contact_loss_probability"));
+    picture("force.svg", (990, 420), |area| {
+        let title = "Force: stationary density p(N)";
+        write(area, title, (linear.left, 22.0), 15.0, Hang::Left, INK)?;
+        curves.draw(area, &linear)?;
+        curves.draw(area, &logarithmic)?;
+        if let Some(far) = far.filter(|_| curves.dirac.is_none()) {
+            let words = format!(
+                "Dirac mass, left of this picture: log\u{2081}\u{2080} P = {:.1}",
+                far.value
+            );
+            let words = words.replace('-', "\u{2212}");
+            let at = (logarithmic.left, 24.0);
+            write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
+        }
+        let right = linear.right() - 226.0;
+        let mut legends = vec![(INK, Mark::Line, "closed form")];
+        if !curves.meshed.is_empty() {
+            legends.push((BLUE, Mark::Dot, &curves.words));
+        }
+        if curves.sampled.is_some() {
+            legends.push((VERMILION, Mark::Dot, "long records, band: 95 %"));
+        }
+        // Below what is said of the Dirac mass.
+        let top = match (curves.dirac, &curves.sampled) {
+            (None, _) => 62.0,
+            (Some(_), None) => 82.0,
+            (Some(_), Some(_)) => 101.0,
+        };
+        for (k, (colour, mark, words)) in legends.into_iter().enumerate() {
+            legend(area, (right, top + 19.0 * k as f64), colour, mark, words)?;
+        }
+        Ok(())
+    })
+    .map(Some)
+}
+
+fn probability(mass: Estimate) -> String {
+    if mass.value == 0.0 {
+        "0 (underflows)".into()
+    } else if mass.value < 1e-3 {
+        format!("{:.3e}", mass.value)
+    } else {
+        format!("{:.4}", mass.value)
+    }
+}

@@ -1,0 +1,170 @@
+//! Survival until the first loss of contact, and times of flight.
+
+use super::canvas::{
+    BLUE, Hang, INK, Mark, Panel, Points, VERMILION, legend, line, picture, range, write,
+};
+use crate::error::Result;
+use crate::estimate::Estimate;
+use crate::report::File;
+use crate::results::Results;
+use crate::results::centres;
+
+/// survival.svg: survival until the first loss of contact, and its density on a logarithmic scale, from
+/// the backward equation and from paths.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn survival(results: &Results) -> Result<Option<File>> {
+    let Some(it) = &results.first_loss else {
+        return Ok(None);
+    };
+    let paths = results.first_loss_paths.as_ref();
+    let until = it.times[it.times.len() - 1];
+    let points = |curve: &[Estimate], log: bool| -> Points {
+        let height = |p: f64| if log { p.max(1e-300).log10() } else { p };
+        let values = curve.iter().map(|p| height(p.value));
+        it.times.iter().copied().zip(values).collect()
+    };
+    let linear = points(&it.survival, false);
+    let logarithmic = points(&it.density, true);
+    // Whatever is on the way to the peak, six decades at the most.
+    let top = logarithmic
+        .iter()
+        .map(|(_, y)| *y)
+        .fold(f64::NEG_INFINITY, f64::max);
+    let bottom = logarithmic
+        .iter()
+        .map(|(_, y)| *y)
+        .fold(f64::INFINITY, f64::min);
+    let (Some(y), true) = (range(linear.iter().map(|(_, s)| *s), 0.08), top > -299.0) else {
+        return Ok(None);
+    };
+    let left = Panel {
+        left: 92.0,
+        top: 44.0,
+        width: 390.0,
+        height: 320.0,
+        x: (0.0, until),
+        y,
+        log: false,
+    };
+    let right = Panel {
+        left: 578.0,
+        y: (bottom.max(top - 6.0) - 0.4, top + 0.4),
+        log: true,
+        ..left.clone()
+    };
+    picture("survival.svg", (990, 420), |area| {
+        let title = "First loss of contact: survival, and density of its time";
+        write(area, title, (left.left, 22.0), 15.0, Hang::Left, INK)?;
+        left.axes(area, "\u{3c4}", "survival")?;
+        right.axes(area, "\u{3c4}", "density")?;
+        left.curve(area, &linear, BLUE, 1.5)?;
+        right.curve(area, &logarithmic, BLUE, 1.5)?;
+        if let Some(paths) = paths {
+            // Dots apart enough to be told from each other.
+            let each = paths.times.len().div_ceil(40);
+            for (k, t) in paths.times.iter().enumerate().skip(each).step_by(each) {
+                let s = paths.survival[k];
+                if s.value >= left.y.0 && s.value <= left.y.1 {
+                    left.dot(area, (*t, s.value), VERMILION, 2.0)?;
+                }
+                // A mean since the time before stands in the middle.
+                let middle = 0.5 * (t + paths.times[k - 1]);
+                let y = paths.density[k].value.max(1e-300).log10();
+                if y >= right.y.0 && y <= right.y.1 {
+                    right.dot(area, (middle, y), VERMILION, 2.0)?;
+                }
+            }
+        }
+        left.frame(area)?;
+        right.frame(area)?;
+        let x = left.right() - 172.0;
+        legend(area, (x, 62.0), BLUE, Mark::Line, "backward equation")?;
+        if paths.is_some() {
+            legend(area, (x, 81.0), VERMILION, Mark::Dot, "paths")?;
+        }
+        Ok(())
+    })
+    .map(Some)
+}
+
+/// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
+/// it would be without noise and friction in flight, and the law of the first return where it is solved.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn flights(results: &Results) -> Result<Option<File>> {
+    let seen = results.sampled_crossings().zip(results.sampled_flights());
+    let law = results.flights.as_ref();
+    if seen.is_none() && law.is_none() {
+        return Ok(None);
+    }
+    let contact = results.contact();
+    let Some(fall) = contact.loss_point().map(|loss| -contact.force(loss)) else {
+        return Ok(None);
+    };
+    // The speed of a loss has the Rayleigh law of scale sqrt(T), and a free flight lasts 2 v/fall.
+    let scale = 2.0 * results.scene.oscillator.temperature().sqrt() / fall;
+    let free = |t: f64| t / (scale * scale) * (-0.5 * (t / scale).powi(2)).exp();
+    let end = 4.5 * scale;
+    let ballistic: Points = (0..=300)
+        .map(|k| end * f64::from(k) / 300.0)
+        .map(|t| (t, free(t)))
+        .collect();
+    let sampled = seen.iter().flat_map(|(_, it)| centres(it).zip(&it.density));
+    let tops = sampled.filter(|(t, _)| *t <= end);
+    let tops = tops.map(|(_, p)| p.value + 1.96 * p.error);
+    let noisy: Points = law.map_or(Vec::new(), |it| {
+        let density = it.density.iter().map(|p| p.value);
+        it.times.iter().copied().zip(density).collect()
+    });
+    let shown = noisy.iter().filter(|(t, _)| *t <= end).map(|it| it.1);
+    let most = tops.chain(shown).chain([free(scale)]).fold(0.0, f64::max);
+    if !(most.is_finite() && end.is_finite()) {
+        return Ok(None);
+    }
+    let panel = Panel {
+        left: 92.0,
+        top: 44.0,
+        width: 470.0,
+        height: 320.0,
+        x: (0.0, end),
+        y: (0.0, 1.12 * most),
+        log: false,
+    };
+    picture("flights.svg", (590, 420), |area| {
+        let title = match &seen {
+            Some(((seen, _), _)) => {
+                format!("Time of flight: density, {} losses of contact", seen.losses)
+            }
+            None => "Time of flight: density".into(),
+        };
+        write(area, &title, (panel.left, 22.0), 15.0, Hang::Left, INK)?;
+        panel.axes(area, "time from loss to return, \u{3c4}", "density")?;
+        if let Some((_, it)) = &seen {
+            panel.histogram(area, it)?;
+        }
+        panel.curve(area, &noisy, BLUE, 1.5)?;
+        for pair in panel.clipped(&ballistic).concat().windows(2).step_by(2) {
+            line(area, pair, INK, 1.25)?;
+        }
+        panel.frame(area)?;
+        let x = panel.right() - 232.0;
+        legend(
+            area,
+            (x, 62.0),
+            BLUE,
+            Mark::Line,
+            "first return, closed form",
+        )?;
+        let words = "no noise, no friction in flight";
+        legend(area, (x, 81.0), INK, Mark::Dashes, words)?;
+        if seen.is_some() {
+            let words = "long records, band: 95 %";
+            legend(area, (x, 100.0), VERMILION, Mark::Dot, words)?;
+        }
+        Ok(())
+    })
+    .map(Some)
+}

@@ -1,0 +1,20 @@
+//! Pictures as SVG, one function a picture. Every picture is drawn from panels: axes that know their
+//! range, in a finer unit than a pixel so that curves stay smooth.
+//!
+//! Colours are Okabe and Ito's: blue for the Fokker-Planck equation, vermilion for Monte Carlo, black for
+//! the closed form.
+
+mod canvas;
+mod charts;
+mod density;
+mod force;
+mod losses;
+mod spectrum;
+mod transient;
+
+pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log};
+pub use density::{densities, steady};
+pub use force::force;
+pub use losses::{flights, survival};
+pub use spectrum::spectrum;
+pub use transient::{approach, moments};

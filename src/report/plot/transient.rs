@@ -1,0 +1,227 @@
+//! Moments against time, and the approach to the stationary law.
+
+use super::canvas::{
+    BLUE, GREEN, Hang, INK, Mark, Panel, Points, VERMILION, dashed, legend, picture, range, write,
+};
+use crate::error::Result;
+use crate::estimate::Estimate;
+use crate::moments::Moments;
+use crate::report::File;
+use crate::results::Results;
+
+/// moments.svg: moments against time with error bands, and Monte Carlo points.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn moments(results: &Results) -> Result<Option<File>> {
+    let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
+        return Ok(None);
+    };
+    let loses = it
+        .moments
+        .iter()
+        .any(|it| it.contact_loss_probability.is_some());
+    let names = [
+        ("mean_q", "E[q]"),
+        ("var_v", "Var q\u{307}"),
+        ("std_force", "\u{3c3}(N)"),
+        if loses {
+            ("contact_loss_probability", "P(contact lost)")
+        } else {
+            ("var_q", "Var q")
+        },
+    ];
+    let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
+        return Ok(None);
+    };
+    picture("moments.svg", (958, 640), |area| {
+        for (k, (name, label)) in names.into_iter().enumerate() {
+            let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
+                let points = times.iter().zip(moments);
+                points
+                    .filter_map(|(t, it)| Some((*t, it.get(name)?)))
+                    .collect()
+            };
+            let mesh = series(&it.times, &it.moments);
+            let paths = results.monte_carlo.as_ref();
+            let paths = paths.map_or(Vec::new(), |it| series(&it.times, &it.moments));
+            let level = results
+                .stationary
+                .as_ref()
+                .and_then(|it| it.get(name))
+                .map(|it| it.value);
+            let Some(y) = heights(&[&mesh, &paths], level) else {
+                continue;
+            };
+            let panel = Panel {
+                left: 92.0 + 478.0 * (k % 2) as f64,
+                top: 44.0 + 298.0 * (k / 2) as f64,
+                width: 374.0,
+                height: 236.0,
+                x,
+                y,
+                log: false,
+            };
+            panel.axes(area, "\u{3c4}", label)?;
+            if let Some(level) = level {
+                panel.level(area, level, INK)?;
+            }
+            let band: Vec<(f64, f64, f64)> = mesh
+                .iter()
+                .map(|(t, y)| (*t, y.value - y.error, y.value + y.error))
+                .collect();
+            panel.band(area, &band, BLUE)?;
+            let curve: Points = mesh.iter().map(|(t, y)| (*t, y.value)).collect();
+            panel.curve(area, &curve, BLUE, 1.5)?;
+            for (t, y) in thinned(&paths) {
+                panel.point(area, t, y, VERMILION)?;
+            }
+            panel.frame(area)?;
+        }
+        legend(
+            area,
+            (92.0, 20.0),
+            BLUE,
+            Mark::Line,
+            "Fokker-Planck, band: its error",
+        )?;
+        if results.monte_carlo.is_some() {
+            let words = "Monte Carlo, bar: one standard error";
+            legend(area, (330.0, 20.0), VERMILION, Mark::Dot, words)?;
+        }
+        if results.stationary.is_some() {
+            legend(
+                area,
+                (640.0, 20.0),
+                INK,
+                Mark::Dashes,
+                "stationary, closed form",
+            )?;
+        }
+        Ok(())
+    })
+    .map(Some)
+}
+
+/// The range of values, widened by their errors, but by no more than as much again: a band that is
+/// wider than the motion is cut.
+fn heights(curves: &[&[(f64, Estimate)]], level: Option<f64>) -> Option<(f64, f64)> {
+    let all = || curves.iter().copied().flatten().map(|(_, y)| y);
+    let errors = || all().map(|y| y.error).filter(|error| error.is_finite());
+    let widest = errors().fold(0.0, f64::max);
+    let first = all().map(|y| y.value).next()?;
+    if widest > 0.0 && all().map(|y| y.value).chain(level).all(|y| y == first) {
+        return range([first - widest, first + widest], 0.08);
+    }
+    let (low, high) = range(all().map(|y| y.value).chain(level), 0.0)?;
+    let room = high - low;
+    let ends = all().flat_map(|y| [y.value - y.error, y.value + y.error]);
+    let ends = ends.map(|y| y.clamp(low - room, high + room));
+    range(ends.chain(level), 0.08)
+}
+
+/// At most 120 points, the last among them.
+fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> + '_ {
+    let each = points.len().div_ceil(120).max(1);
+    points.iter().rev().step_by(each).copied()
+}
+
+/// approach.svg: the distance to the stationary law against time, with the slowest decay rate's line,
+/// and the marching to the steady state beside it.
+///
+/// # Errors
+/// [`Error::Io`] for a picture that cannot be drawn.
+pub fn approach(results: &Results) -> Result<Option<File>> {
+    let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
+        points
+            .filter(|(_, y)| *y > 0.0 && y.is_finite())
+            .map(|(t, y)| (t, y.log10()))
+            .collect()
+    };
+    let (mut distance, mut entropy) = (Points::new(), Points::new());
+    if let Some(it) = &results.transient {
+        let curve = |numbers: &[Option<Estimate>]| {
+            let pairs = it.times.iter().zip(numbers);
+            log(&mut pairs.filter_map(|(t, y)| Some((*t, y.as_ref()?.value))))
+        };
+        (distance, entropy) = (curve(&it.distance), curve(&it.relative_entropy));
+    }
+    let marched = results
+        .steady
+        .as_ref()
+        .map(|it| log(&mut it.approach.iter().copied()));
+    let marched = marched.unwrap_or_default();
+    let panel = |left: f64, curves: [&Points; 2]| {
+        let all = || curves.into_iter().flatten();
+        let x = range(all().map(|(t, _)| *t).chain([0.0]), 0.0)?;
+        let (low, high) = range(all().map(|(_, y)| *y), 0.05)?;
+        // Sixteen decades down there is only rounding.
+        let y = (low.floor().max(high.ceil() - 17.0), high.ceil());
+        let enough = curves.iter().any(|curve| curve.len() > 1) && y.1 > y.0;
+        enough.then_some(Panel {
+            left,
+            top: 44.0,
+            width: 374.0,
+            height: 320.0,
+            x,
+            y,
+            log: true,
+        })
+    };
+    let first = panel(92.0, [&distance, &entropy]);
+    let left = if first.is_some() { 570.0 } else { 92.0 };
+    let second = panel(left, [&marched, &Points::new()]);
+    let Some(last) = second.as_ref().or(first.as_ref()) else {
+        return Ok(None);
+    };
+    let size = ((last.right() + 28.0) as u32, 420);
+    let slowest = results.decay_rates.as_ref().and_then(|rates| rates.first());
+    picture("approach.svg", size, |area| {
+        if let Some(panel) = &first {
+            write(
+                area,
+                "Approach to the stationary law",
+                (panel.left, 22.0),
+                15.0,
+                Hang::Left,
+                INK,
+            )?;
+            panel.axes(area, "\u{3c4}", "distance to (21)")?;
+            panel.curve(area, &distance, BLUE, 2.0)?;
+            panel.curve(area, &entropy, VERMILION, 2.0)?;
+            let (x, y) = (panel.right() - 246.0, panel.top + 16.0);
+            let mut legends = vec![(BLUE, Mark::Line, "L\u{b9} distance".to_owned())];
+            if !entropy.is_empty() {
+                legends.push((VERMILION, Mark::Line, "relative entropy".into()));
+            }
+            if let Some((rate, (t, end))) = slowest.zip(distance.get(distance.len() * 2 / 3)) {
+                let slope = rate.re / std::f64::consts::LN_10;
+                let at = |x: f64| (x, end + slope * (x - t));
+                if let Some((a, b)) = panel.clip(at(panel.x.0), at(panel.x.1)) {
+                    dashed(area, panel.at(a.0, a.1), panel.at(b.0, b.1), GREEN, 1.5)?;
+                    let words = format!("slowest mode, rate {:.6}", rate.re);
+                    legends.push((GREEN, Mark::Dashes, words.replace('-', "\u{2212}")));
+                }
+            }
+            panel.frame(area)?;
+            for (k, (colour, mark, words)) in legends.into_iter().enumerate() {
+                legend(area, (x, y + 18.0 * k as f64), colour, mark, &words)?;
+            }
+        }
+        if let Some(panel) = &second {
+            write(
+                area,
+                "Marching to the steady state",
+                (panel.left, 22.0),
+                15.0,
+                Hang::Left,
+                INK,
+            )?;
+            panel.axes(area, "\u{3c4}", "L\u{b9} distance to (21)")?;
+            panel.curve(area, &marched, BLUE, 2.0)?;
+            panel.frame(area)?;
+        }
+        Ok(())
+    })
+    .map(Some)
+}
