@@ -30,9 +30,14 @@
 //! - Sign: no linear scheme of this order is positive. The negative mass is reported;
 //!   [`Settings::positive`] clips it and rescales.
 
+mod pass;
+mod splitting;
+
+pub use splitting::Splitting;
+
 use super::density::Density;
 use super::flux::{Drift, Measure, Weights};
-use super::interpolation::{self, Filter, Order, PANEL, Spline};
+use super::interpolation::{Filter, Order, PANEL, Spline};
 use super::mesh::{Axis, Mesh};
 use super::ornstein_uhlenbeck;
 use super::trajectory::Motion;
@@ -40,96 +45,9 @@ use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
+use pass::{Buffers, Map, Matrix};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// How an interval between outputs alternates the undamped motion H with friction and noise O. Seen
-/// from the moving point, noise adds up along the orbit, and the splitting is a quadrature of that
-/// integral: the parts of O are its weights, those of H the gaps between its nodes. All parts are
-/// forward in time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Splitting {
-    /// H(1/2) O(1) H(1/2): Strang, the midpoint rule. Error O(zeta tau^2).
-    TwoTwo,
-    /// H(c1) O(1/2) H(c2) O(1/2) H(c1), c1 = 1/2 - sqrt3/6, c2 = sqrt3/3: Gauss. Error O(zeta tau^4 +
-    /// zeta^2 tau^2).
-    FourTwo,
-    /// H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1), c1 = 1/2 - sqrt15/10, c2 = sqrt15/10: Gauss.
-    /// Error O(zeta tau^6 + zeta^2 tau^2).
-    SixTwo,
-    /// H(1) O(1) H(1) O(1) ..., one pass a step: the trapezoidal rule, which on orbits that return
-    /// converges faster than any order, with one corrected node at either end of the interval (Alpert,
-    /// SIAM J. Sci. Comput. 20, 1551, 1999). Error O(zeta tau^3) once, from the ends, + O(zeta^2 tau^2).
-    EvenThree,
-    /// As `EvenThree`, with two corrected nodes: error O(zeta tau^5) once + O(zeta^2 tau^2).
-    EvenFive,
-}
-
-/// Nodes and weights that replace those of the trapezoidal rule at one end of an interval, up to and
-/// without `first`; in steps.
-struct End {
-    nodes: &'static [f64],
-    weights: &'static [f64],
-    first: usize,
-}
-
-const THREE: End = End {
-    nodes: &[1.0 / 6.0],
-    weights: &[0.5],
-    first: 1,
-};
-const FIVE: End = End {
-    nodes: &[0.224_578_497_981_261_4, 1.013_719_374_359_164_1],
-    weights: &[0.554_078_164_360_637_2, 0.945_921_835_639_362_8],
-    first: 2,
-};
-
-impl Splitting {
-    /// Every choice.
-    pub const ALL: [Self; 5] = [
-        Self::TwoTwo,
-        Self::FourTwo,
-        Self::SixTwo,
-        Self::EvenThree,
-        Self::EvenFive,
-    ];
-
-    /// Nodes and weights, in units of tau, on an interval of `steps` steps.
-    fn quadrature(self, steps: usize) -> (Vec<f64>, Vec<f64>) {
-        let (nodes, weights): (&[f64], &[f64]) = match self {
-            Self::TwoTwo => (&[0.5], &[1.0]),
-            Self::FourTwo => (
-                &[0.211_324_865_405_187_1, 0.788_675_134_594_812_9],
-                &[0.5, 0.5],
-            ),
-            Self::SixTwo => (
-                &[0.112_701_665_379_258_3, 0.5, 0.887_298_334_620_741_7],
-                &[5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
-            ),
-            Self::EvenThree => return ends(&THREE, steps),
-            Self::EvenFive => return ends(&FIVE, steps),
-        };
-        let all = || (0..steps).flat_map(|k| nodes.iter().map(move |x| k as f64 + x));
-        (all().collect(), weights.repeat(steps))
-    }
-}
-
-/// The trapezoidal rule with corrected ends; (4,2) on an interval too short for both.
-fn ends(end: &End, steps: usize) -> (Vec<f64>, Vec<f64>) {
-    if steps < 2 * end.first {
-        return Splitting::FourTwo.quadrature(steps);
-    }
-    let (mut nodes, mut weights) = (end.nodes.to_vec(), end.weights.to_vec());
-    for k in end.first..=steps - end.first {
-        nodes.push(k as f64);
-        weights.push(1.0);
-    }
-    for (x, w) in end.nodes.iter().zip(end.weights).rev() {
-        nodes.push(steps as f64 - x);
-        weights.push(*w);
-    }
-    (nodes, weights)
-}
 
 /// How to propagate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -290,39 +208,8 @@ pub struct FlowMap {
     buffers: Buffers,
 }
 
-/// Working space of a step.
-#[derive(Debug, Clone)]
-struct Buffers {
-    /// Values to coefficients along q.
-    filter: Filter,
-    /// g, nq x nv.
-    values: Vec<f64>,
-    /// Spline coefficients by groups of eight columns, nq x 8 each.
-    panels: Vec<f64>,
-    /// Spline coefficients with their margins, (nq + 2 margin) x stride.
-    coefficients: Vec<f64>,
-    stride: usize,
-}
-
-/// Where each active cell takes its value from, after one part of H.
-#[derive(Debug, Clone)]
-struct Map {
-    /// First coefficient of the stencil.
-    places: Vec<u32>,
-    /// Weights along q, then along v, per cell.
-    weights: Vec<f64>,
-}
-
 /// Places and weights of some rows of a map.
 type Part<'a> = (&'a mut [u32], &'a mut [f64]);
-
-/// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each.
-#[derive(Debug, Clone)]
-struct Matrix {
-    panels: Vec<f64>,
-    /// Per group the values that count: beyond them all entries are below rounding.
-    ranges: Vec<Range<usize>>,
-}
 
 /// An interval: H and O in turn, then a last H. Places in the lists of maps and matrices.
 #[derive(Debug, Clone)]
@@ -336,8 +223,6 @@ struct Schedule {
 /// Widest cell in thermal deviations: the midpoint sum of a Gaussian is then off by
 /// 2 exp(-2 pi^2/2^2) = 1 %, and no density of interest is narrower.
 const WIDEST: f64 = 2.0;
-/// Entries of a matrix that count for nothing, over the largest one.
-const NEGLIGIBLE: f64 = 1e-20;
 /// Flow maps beyond which all are dropped before new ones are built: intervals of many lengths.
 const KEPT: usize = 24;
 /// Cells from which on the work of a stage is worth sharing between threads.
@@ -735,259 +620,6 @@ impl pulp::WithSimd for Locate<'_> {
                 weights[rows..].copy_from_slice(&it.spline.weights(fv)[..size - rows]);
             }
         }
-    }
-}
-
-impl Buffers {
-    /// values <- the spline, at the departure points.
-    fn carry(
-        &mut self,
-        order: Order,
-        nv: usize,
-        map: &Map,
-        (active, offsets): (&[Range<usize>], &[usize]),
-        share: bool,
-    ) {
-        /// Rows per task.
-        const ROWS: usize = 4;
-        let (coefficients, stride) = (&self.coefficients[..], self.stride);
-        let rows = |(group, values): (usize, &mut [f64])| {
-            pulp::Arch::new().dispatch(Carry {
-                order,
-                map,
-                active,
-                offsets,
-                first: group * ROWS,
-                coefficients,
-                stride,
-                nv,
-                values,
-            });
-        };
-        if share {
-            self.values
-                .par_chunks_mut(ROWS * nv)
-                .enumerate()
-                .for_each(rows);
-        } else {
-            self.values.chunks_mut(ROWS * nv).enumerate().for_each(rows);
-        }
-    }
-
-    /// coefficients <- those of the values, averaged along v by the matrix.
-    fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
-        let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
-        let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
-            pulp::Arch::new().dispatch(Average {
-                filter,
-                values,
-                nv,
-                matrix,
-                range: range.clone(),
-                panel,
-            });
-        };
-        let size = nv * PANEL;
-        if share {
-            let panels = self.panels.par_chunks_mut(nq * PANEL);
-            let matrices = panels.zip(matrix.panels.par_chunks(size));
-            matrices.zip(&matrix.ranges).for_each(panel);
-        } else {
-            let panels = self.panels.chunks_mut(nq * PANEL);
-            let matrices = panels.zip(matrix.panels.chunks(size));
-            matrices.zip(&matrix.ranges).for_each(panel);
-        }
-        let (panels, margin) = (&self.panels[..], order.margin());
-        let row = |(k, row): (usize, &mut [f64])| {
-            let i = interpolation::reflected(k, margin, nq);
-            for (p, out) in row.chunks_exact_mut(PANEL).enumerate() {
-                let from = (p * nq + i) * PANEL;
-                out.copy_from_slice(&panels[from..from + PANEL]);
-            }
-        };
-        if share {
-            let rows = self.coefficients.par_chunks_mut(self.stride);
-            rows.enumerate().with_min_len(16).for_each(row);
-        } else {
-            self.coefficients
-                .chunks_mut(self.stride)
-                .enumerate()
-                .for_each(row);
-        }
-    }
-}
-
-/// Values of some rows from the spline. A type, since a closure would not be compiled for the CPU.
-struct Carry<'a> {
-    order: Order,
-    map: &'a Map,
-    active: &'a [Range<usize>],
-    offsets: &'a [usize],
-    first: usize,
-    coefficients: &'a [f64],
-    stride: usize,
-    nv: usize,
-    values: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Carry<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        match self.order {
-            Order::Fourth => self.rows::<4, 4, 8>(),
-            Order::Sixth => self.rows::<6, 8, 14>(),
-            Order::Eighth => self.rows::<8, 8, 16>(),
-        }
-    }
-}
-
-impl Carry<'_> {
-    #[inline(always)]
-    fn rows<const P: usize, const W: usize, const SIZE: usize>(self) {
-        let rows = self.values.chunks_exact_mut(self.nv);
-        for (i, row) in (self.first..).zip(rows) {
-            let (range, cells) = (self.active[i].clone(), self.offsets[i]..self.offsets[i + 1]);
-            let places = &self.map.places[cells.clone()];
-            let weights = &self.map.weights[cells.start * SIZE..cells.end * SIZE];
-            let out = &mut row[range.clone()];
-            gather::<P, W, SIZE>(places, weights, self.coefficients, self.stride, out);
-            let (first, last) = (row[range.start], row[range.end - 1]);
-            row[..range.start].fill(first);
-            row[range.end..].fill(last);
-        }
-    }
-}
-
-/// Coefficients of one group of columns.
-struct Average<'a> {
-    filter: &'a Filter,
-    values: &'a [f64],
-    nv: usize,
-    matrix: &'a [f64],
-    range: Range<usize>,
-    panel: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Average<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        product(self.values, self.nv, self.matrix, self.range, self.panel);
-        self.filter.apply(self.panel);
-    }
-}
-
-/// out_p = sum over P x W points around each place, weights (P along q, W along v) of SIZE per cell.
-#[inline(always)]
-fn gather<const P: usize, const W: usize, const SIZE: usize>(
-    places: &[u32],
-    weights: &[f64],
-    coefficients: &[f64],
-    stride: usize,
-    out: &mut [f64],
-) {
-    let cells = places.iter().zip(weights.chunks_exact(SIZE)).zip(out);
-    for ((place, weights), out) in cells {
-        let (along_q, along_v) = weights.split_at(P);
-        let from = &coefficients[*place as usize..];
-        let mut sum = [0.0f64; W];
-        for (r, w) in along_q.iter().enumerate() {
-            let row = &from[r * stride..r * stride + W];
-            for l in 0..W {
-                sum[l] = w.mul_add(row[l], sum[l]);
-            }
-        }
-        let mut pairs = [0.0f64; 4];
-        for l in 0..W {
-            pairs[l % 4] = sum[l].mul_add(along_v[l], pairs[l % 4]);
-        }
-        *out = (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]);
-    }
-}
-
-/// panel (rows x 8) = values (rows x n) times matrix (n x 8), within `range` of n.
-#[inline(always)]
-fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel: &mut [f64]) {
-    const ROWS: usize = 4;
-    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
-    let mut blocks = values.chunks_exact(ROWS * n);
-    let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
-    for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
-        let mut sum = [[0.0f64; PANEL]; ROWS];
-        let rows: [&[f64]; ROWS] =
-            std::array::from_fn(|r| &block[r * n + range.start..r * n + range.end]);
-        for (k, m) in matrix.chunks_exact(PANEL).enumerate() {
-            for r in 0..ROWS {
-                let g = rows[r][k];
-                for c in 0..PANEL {
-                    sum[r][c] = g.mul_add(m[c], sum[r][c]);
-                }
-            }
-        }
-        for (out, sum) in out.chunks_exact_mut(PANEL).zip(&sum) {
-            out.copy_from_slice(sum);
-        }
-    }
-    let rest = blocks.remainder().chunks_exact(n);
-    for (row, out) in rest.zip(outs.into_remainder().chunks_exact_mut(PANEL)) {
-        let mut sum = [0.0f64; PANEL];
-        for (g, m) in row[range.clone()].iter().zip(matrix.chunks_exact(PANEL)) {
-            for c in 0..PANEL {
-                sum[c] = g.mul_add(m[c], sum[c]);
-            }
-        }
-        out.copy_from_slice(&sum);
-    }
-}
-
-impl Matrix {
-    /// Coefficients of the averaged values, of values; without `average` those of the values themselves.
-    fn new(order: Order, n: usize, stride: usize, average: Option<&[f64]>) -> Self {
-        let margin = order.margin();
-        let width = n + 2 * margin;
-        // From values to coefficients.
-        let filter = interpolation::coefficients(order, n, None);
-        let dense = match average {
-            None => filter,
-            Some(average) => {
-                // Values to averaged values, then to coefficients.
-                let mut averaged = vec![0.0; n * n];
-                for (row, out) in average
-                    .chunks_exact(width)
-                    .zip(averaged.chunks_exact_mut(n))
-                {
-                    for (x, filter) in row.iter().zip(filter.chunks_exact(n)) {
-                        if *x != 0.0 {
-                            for (out, f) in out.iter_mut().zip(filter) {
-                                *out += x * f;
-                            }
-                        }
-                    }
-                }
-                interpolation::coefficients(order, n, Some(&averaged))
-            }
-        };
-        let mut panels = vec![0.0; stride * n];
-        for (k, row) in dense.chunks_exact(n).enumerate() {
-            let panel = &mut panels[k / PANEL * PANEL * n..];
-            for (j, x) in row.iter().enumerate() {
-                panel[j * PANEL + k % PANEL] = *x;
-            }
-        }
-        let ranges = panels
-            .chunks_exact(PANEL * n)
-            .map(|panel| {
-                let peak = panel.iter().fold(0.0f64, |a, x| a.max(x.abs()));
-                let counts = |row: &[f64]| row.iter().any(|x| x.abs() > NEGLIGIBLE * peak);
-                let first = panel.chunks_exact(PANEL).position(counts).unwrap_or(0);
-                let last = panel.chunks_exact(PANEL).rposition(counts).unwrap_or(0);
-                first..last + 1
-            })
-            .collect();
-        Self { panels, ranges }
     }
 }
 

@@ -1,0 +1,292 @@
+//! The two passes of a step: g carried along the motion, and averaged along v.
+
+use super::super::interpolation::{self, Filter, Order, PANEL};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Working space of a step.
+#[derive(Debug, Clone)]
+pub(super) struct Buffers {
+    /// Values to coefficients along q.
+    pub(super) filter: Filter,
+    /// g, nq x nv.
+    pub(super) values: Vec<f64>,
+    /// Spline coefficients by groups of eight columns, nq x 8 each.
+    pub(super) panels: Vec<f64>,
+    /// Spline coefficients with their margins, (nq + 2 margin) x stride.
+    pub(super) coefficients: Vec<f64>,
+    pub(super) stride: usize,
+}
+
+/// Where each active cell takes its value from, after one part of H.
+#[derive(Debug, Clone)]
+pub(super) struct Map {
+    /// First coefficient of the stencil.
+    pub(super) places: Vec<u32>,
+    /// Weights along q, then along v, per cell.
+    pub(super) weights: Vec<f64>,
+}
+
+/// A matrix from nv values to coefficients, by groups of eight rows, transposed: nv x 8 each.
+#[derive(Debug, Clone)]
+pub(super) struct Matrix {
+    pub(super) panels: Vec<f64>,
+    /// Per group the values that count: beyond them all entries are below rounding.
+    pub(super) ranges: Vec<Range<usize>>,
+}
+
+/// Entries of a matrix that count for nothing, over the largest one.
+const NEGLIGIBLE: f64 = 1e-20;
+
+impl Buffers {
+    /// values <- the spline, at the departure points.
+    pub(super) fn carry(
+        &mut self,
+        order: Order,
+        nv: usize,
+        map: &Map,
+        (active, offsets): (&[Range<usize>], &[usize]),
+        share: bool,
+    ) {
+        /// Rows per task.
+        const ROWS: usize = 4;
+        let (coefficients, stride) = (&self.coefficients[..], self.stride);
+        let rows = |(group, values): (usize, &mut [f64])| {
+            pulp::Arch::new().dispatch(Carry {
+                order,
+                map,
+                active,
+                offsets,
+                first: group * ROWS,
+                coefficients,
+                stride,
+                nv,
+                values,
+            });
+        };
+        if share {
+            self.values
+                .par_chunks_mut(ROWS * nv)
+                .enumerate()
+                .for_each(rows);
+        } else {
+            self.values.chunks_mut(ROWS * nv).enumerate().for_each(rows);
+        }
+    }
+
+    /// coefficients <- those of the values, averaged along v by the matrix.
+    pub(super) fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
+        let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
+        let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
+            pulp::Arch::new().dispatch(Average {
+                filter,
+                values,
+                nv,
+                matrix,
+                range: range.clone(),
+                panel,
+            });
+        };
+        let size = nv * PANEL;
+        if share {
+            let panels = self.panels.par_chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.par_chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
+        } else {
+            let panels = self.panels.chunks_mut(nq * PANEL);
+            let matrices = panels.zip(matrix.panels.chunks(size));
+            matrices.zip(&matrix.ranges).for_each(panel);
+        }
+        let (panels, margin) = (&self.panels[..], order.margin());
+        let row = |(k, row): (usize, &mut [f64])| {
+            let i = interpolation::reflected(k, margin, nq);
+            for (p, out) in row.chunks_exact_mut(PANEL).enumerate() {
+                let from = (p * nq + i) * PANEL;
+                out.copy_from_slice(&panels[from..from + PANEL]);
+            }
+        };
+        if share {
+            let rows = self.coefficients.par_chunks_mut(self.stride);
+            rows.enumerate().with_min_len(16).for_each(row);
+        } else {
+            self.coefficients
+                .chunks_mut(self.stride)
+                .enumerate()
+                .for_each(row);
+        }
+    }
+}
+
+/// Values of some rows from the spline. A type, since a closure would not be compiled for the CPU.
+struct Carry<'a> {
+    order: Order,
+    map: &'a Map,
+    active: &'a [Range<usize>],
+    offsets: &'a [usize],
+    first: usize,
+    coefficients: &'a [f64],
+    stride: usize,
+    nv: usize,
+    values: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Carry<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        match self.order {
+            Order::Fourth => self.rows::<4, 4, 8>(),
+            Order::Sixth => self.rows::<6, 8, 14>(),
+            Order::Eighth => self.rows::<8, 8, 16>(),
+        }
+    }
+}
+
+impl Carry<'_> {
+    #[inline(always)]
+    fn rows<const P: usize, const W: usize, const SIZE: usize>(self) {
+        let rows = self.values.chunks_exact_mut(self.nv);
+        for (i, row) in (self.first..).zip(rows) {
+            let (range, cells) = (self.active[i].clone(), self.offsets[i]..self.offsets[i + 1]);
+            let places = &self.map.places[cells.clone()];
+            let weights = &self.map.weights[cells.start * SIZE..cells.end * SIZE];
+            let out = &mut row[range.clone()];
+            gather::<P, W, SIZE>(places, weights, self.coefficients, self.stride, out);
+            let (first, last) = (row[range.start], row[range.end - 1]);
+            row[..range.start].fill(first);
+            row[range.end..].fill(last);
+        }
+    }
+}
+
+/// Coefficients of one group of columns.
+struct Average<'a> {
+    filter: &'a Filter,
+    values: &'a [f64],
+    nv: usize,
+    matrix: &'a [f64],
+    range: Range<usize>,
+    panel: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Average<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        product(self.values, self.nv, self.matrix, self.range, self.panel);
+        self.filter.apply(self.panel);
+    }
+}
+
+/// out_p = sum over P x W points around each place, weights (P along q, W along v) of SIZE per cell.
+#[inline(always)]
+fn gather<const P: usize, const W: usize, const SIZE: usize>(
+    places: &[u32],
+    weights: &[f64],
+    coefficients: &[f64],
+    stride: usize,
+    out: &mut [f64],
+) {
+    let cells = places.iter().zip(weights.chunks_exact(SIZE)).zip(out);
+    for ((place, weights), out) in cells {
+        let (along_q, along_v) = weights.split_at(P);
+        let from = &coefficients[*place as usize..];
+        let mut sum = [0.0f64; W];
+        for (r, w) in along_q.iter().enumerate() {
+            let row = &from[r * stride..r * stride + W];
+            for l in 0..W {
+                sum[l] = w.mul_add(row[l], sum[l]);
+            }
+        }
+        let mut pairs = [0.0f64; 4];
+        for l in 0..W {
+            pairs[l % 4] = sum[l].mul_add(along_v[l], pairs[l % 4]);
+        }
+        *out = (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]);
+    }
+}
+
+/// panel (rows x 8) = values (rows x n) times matrix (n x 8), within `range` of n.
+#[inline(always)]
+fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel: &mut [f64]) {
+    const ROWS: usize = 4;
+    let matrix = &matrix[range.start * PANEL..range.end * PANEL];
+    let mut blocks = values.chunks_exact(ROWS * n);
+    let mut outs = panel.chunks_exact_mut(ROWS * PANEL);
+    for (block, out) in blocks.by_ref().zip(outs.by_ref()) {
+        let mut sum = [[0.0f64; PANEL]; ROWS];
+        let rows: [&[f64]; ROWS] =
+            std::array::from_fn(|r| &block[r * n + range.start..r * n + range.end]);
+        for (k, m) in matrix.chunks_exact(PANEL).enumerate() {
+            for r in 0..ROWS {
+                let g = rows[r][k];
+                for c in 0..PANEL {
+                    sum[r][c] = g.mul_add(m[c], sum[r][c]);
+                }
+            }
+        }
+        for (out, sum) in out.chunks_exact_mut(PANEL).zip(&sum) {
+            out.copy_from_slice(sum);
+        }
+    }
+    let rest = blocks.remainder().chunks_exact(n);
+    for (row, out) in rest.zip(outs.into_remainder().chunks_exact_mut(PANEL)) {
+        let mut sum = [0.0f64; PANEL];
+        for (g, m) in row[range.clone()].iter().zip(matrix.chunks_exact(PANEL)) {
+            for c in 0..PANEL {
+                sum[c] = g.mul_add(m[c], sum[c]);
+            }
+        }
+        out.copy_from_slice(&sum);
+    }
+}
+
+impl Matrix {
+    /// Coefficients of the averaged values, of values; without `average` those of the values themselves.
+    pub(super) fn new(order: Order, n: usize, stride: usize, average: Option<&[f64]>) -> Self {
+        let margin = order.margin();
+        let width = n + 2 * margin;
+        // From values to coefficients.
+        let filter = interpolation::coefficients(order, n, None);
+        let dense = match average {
+            None => filter,
+            Some(average) => {
+                // Values to averaged values, then to coefficients.
+                let mut averaged = vec![0.0; n * n];
+                for (row, out) in average
+                    .chunks_exact(width)
+                    .zip(averaged.chunks_exact_mut(n))
+                {
+                    for (x, filter) in row.iter().zip(filter.chunks_exact(n)) {
+                        if *x != 0.0 {
+                            for (out, f) in out.iter_mut().zip(filter) {
+                                *out += x * f;
+                            }
+                        }
+                    }
+                }
+                interpolation::coefficients(order, n, Some(&averaged))
+            }
+        };
+        let mut panels = vec![0.0; stride * n];
+        for (k, row) in dense.chunks_exact(n).enumerate() {
+            let panel = &mut panels[k / PANEL * PANEL * n..];
+            for (j, x) in row.iter().enumerate() {
+                panel[j * PANEL + k % PANEL] = *x;
+            }
+        }
+        let ranges = panels
+            .chunks_exact(PANEL * n)
+            .map(|panel| {
+                let peak = panel.iter().fold(0.0f64, |a, x| a.max(x.abs()));
+                let counts = |row: &[f64]| row.iter().any(|x| x.abs() > NEGLIGIBLE * peak);
+                let first = panel.chunks_exact(PANEL).position(counts).unwrap_or(0);
+                let last = panel.chunks_exact(PANEL).rposition(counts).unwrap_or(0);
+                first..last + 1
+            })
+            .collect();
+        Self { panels, ranges }
+    }
+}
