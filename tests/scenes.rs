@@ -1,5 +1,7 @@
 //! The program end to end: every command, every exit status, bad scenes with their messages, folders.
 
+use ndarray::{Array0, Array1, Array2};
+use ndarray_npy::NpzReader;
 use proptest::prelude::*;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -977,6 +979,18 @@ fn records_and_paths_stop_at_the_limit_of_time_and_leave_whole_files() {
 fn numpy_reads_every_array() {
     let room = small_room("numpy");
     expect(0, &room, &["run", "small.toml", "-q"]);
+    for name in ["density_1.npz", "density_2.npz", "steady.npz"] {
+        let file = fs::File::open(room.join("results/small").join(name)).unwrap();
+        let mut arrays = NpzReader::new(file).unwrap();
+        let p: Array2<f64> = arrays.by_name("p").unwrap();
+        let [q, v]: [Array1<f64>; 2] = ["q", "v"].map(|name| arrays.by_name(name).unwrap());
+        let t: Array0<f64> = arrays.by_name("t").unwrap();
+        assert_eq!(p.dim(), (q.len(), v.len()));
+        assert!(t.into_scalar() > 0.0);
+        let centre = p.dim();
+        let cell = (q[centre.0 / 2 + 1] - q[centre.0 / 2]) * (v[1] - v[0]);
+        assert!((p.sum() * cell - 1.0).abs() < 0.3, "{name}");
+    }
     let script = "import numpy as n, glob\n\
         files = sorted(glob.glob('results/small/*.npz'))\n\
         assert len(files) == 3, files\n\
@@ -998,6 +1012,97 @@ fn numpy_reads_every_array() {
         Ok(it) => panic!("{}", err(&it)),
         Err(_) => println!("skipped: no python3 here"),
     }
+}
+
+#[test]
+fn decay_rates_are_listed_slowest_first_without_the_stationary_one() {
+    let room = room("rates");
+    let scene = "[oscillator]\nzeta = 0.5\nh = 0.2\n[outputs]\ndecay_rates = 3\n";
+    fs::write(room.join("rates.toml"), scene).unwrap();
+    expect(0, &room, &["run", "rates.toml", "-q"]);
+    let all = results(&room.join("results/rates"));
+    let rates = all["decay_rates"].as_array().unwrap();
+    assert_eq!(rates.len(), 3);
+    let re = |k: usize| rates[k]["re"].as_f64().unwrap();
+    assert!(re(0) < -1e-3 && re(0) >= re(1) && re(1) >= re(2));
+    for rate in rates {
+        assert!(rate["im"].is_f64());
+        let error = rate["error"].as_f64().unwrap();
+        assert!(error > 0.0 && error < 1e-2, "{rate}");
+    }
+}
+
+#[test]
+fn the_report_of_a_first_loss_shows_its_survival() {
+    let room = room("survival");
+    let scene = "[oscillator]\nzeta = 0.2\nh = 0.1\n[outputs]\nfirst_loss = { until = 3 }\n\
+                 [accuracy]\ntolerance = 1e-2\n";
+    fs::write(room.join("survival.toml"), scene).unwrap();
+    expect(0, &room, &["run", "survival.toml", "-q"]);
+    let page = fs::read_to_string(room.join("results/survival/report.html")).unwrap();
+    assert!(page.contains("Survival until the first loss of contact"));
+    assert!(room.join("results/survival/survival.svg").is_file());
+}
+
+#[test]
+fn validate_writes_over_no_page_but_its_own_and_takes_folders_that_lie_together() {
+    let room = room("pages");
+    let folder = |path: &str| {
+        let folder = room.join(path);
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(
+            folder.join("scene.toml"),
+            "[oscillator]\nzeta = 0.005\nh = 2e-3\n",
+        )
+        .unwrap();
+        fs::write(
+            folder.join("paper.csv"),
+            "name,value,tolerance,where,reason,because\n\
+             h=2e-3: stationary.std_force,0.748,5e-4,Table 4,,\n",
+        )
+        .unwrap();
+    };
+    folder("a/table");
+    folder("b/table");
+    folder("b/other");
+    fs::write(room.join("a/README.md"), "# Mine\n").unwrap();
+    let (_, message) = expect(2, &room, &["validate", "a/table"]);
+    assert!(
+        message.contains("README.md") && message.contains("--force"),
+        "{message}"
+    );
+    let mine = fs::read_to_string(room.join("a/README.md")).unwrap();
+    assert_eq!(mine, "# Mine\n");
+    let (_, message) = expect(2, &room, &["validate", "b/table", "a/table"]);
+    assert!(message.contains("side by side"), "{message}");
+    let (_, message) = expect(2, &room, &["validate", "b/table", "b/table"]);
+    assert!(message.contains("each folder once"), "{message}");
+    expect(0, &room, &["validate", "b/table", "b/other", "-q"]);
+    let page = fs::read_to_string(room.join("b/README.md")).unwrap();
+    assert!(page.contains("## table") && page.contains("## other"));
+    // Its own page is written again, with what the other folders left in it.
+    expect(0, &room, &["validate", "b/table", "-q"]);
+    let again = fs::read_to_string(room.join("b/README.md")).unwrap();
+    assert!(again.contains("## table") && again.contains("## other"));
+}
+
+#[test]
+fn a_run_that_is_refused_takes_nothing_with_it_that_others_made() {
+    let room = room("neighbours");
+    let (one, two) = (room.join("results/one"), room.join("results/two"));
+    // The folder of results is made by the run that is refused, and used by the other meanwhile.
+    let refused = Folder::open(&one, Existing::Refuse).unwrap();
+    let other = Folder::open(&two, Existing::Refuse).unwrap();
+    let file = report::File {
+        name: "results.json".into(),
+        bytes: b"{}".to_vec(),
+    };
+    refused.write(std::slice::from_ref(&file)).unwrap();
+    other.write(&[file]).unwrap();
+    refused.discard();
+    assert!(!one.exists() && two.join("results.json").is_file());
+    other.discard();
+    assert!(!two.exists() && room.exists());
 }
 
 /// Scenes that are wrong, by name. What the program says about each stands in bad_scenes.txt.
@@ -1179,6 +1284,18 @@ const BAD: &[(&str, &str)] = &[
     (
         "crossings in free fall",
         "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\ncrossings = { window = 20 }",
+    ),
+    (
+        "first loss by a scheme that locates none",
+        "@[outputs]\nfirst_loss = { until = 5 }\n[monte_carlo]\nscheme = \"exponential_heun\"",
+    ),
+    (
+        "first loss without end",
+        "@[outputs]\nfirst_loss = { until = 1e12 }\n[monte_carlo]\npaths = 100",
+    ),
+    (
+        "too many cosines",
+        "@[monte_carlo]\nnoise = { cosines = 20000, band = 4 }",
     ),
     ("no duration", "@[monte_carlo]\nduration = 0"),
     ("duration without end", "@[monte_carlo]\nduration = 1e15"),

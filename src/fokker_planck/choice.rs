@@ -375,6 +375,12 @@ fn check_memory(cells: [usize; 2], drift: Drift, settings: &Settings) -> Result<
     check_memory_of(needed, cells, settings)
 }
 
+/// Refuses a mesh whose generator cannot be factored in the memory allowed.
+pub(super) fn check_factors(mesh: &Mesh, drift: Drift, settings: &Settings) -> Result<()> {
+    let cells = mesh.cells();
+    check_memory_of(memory(cells, drift, true), cells, settings)
+}
+
 fn check_memory_of(needed: u64, cells: [usize; 2], settings: &Settings) -> Result<()> {
     if needed <= settings.max_memory {
         return Ok(());

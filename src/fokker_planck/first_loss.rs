@@ -46,8 +46,11 @@ pub struct FirstLoss {
 
 /// Most output times after t = 0.
 const OUTPUTS: f64 = 200.0;
-/// Runs that refine until the tolerance is met.
-const ROUNDS: usize = 3;
+/// Most runs that refine until the tolerance is met, each with half the step of the one before.
+const ROUNDS: usize = 5;
+/// A round has to bring the error down to this part of what it was: half the step and an eighth of the
+/// interpolation's error would bring a quarter.
+const GAIN: f64 = 0.6;
 /// Nodes and step of the coarse run over those of the fine one.
 const COARSE: f64 = 0.7;
 
@@ -122,9 +125,11 @@ impl Layout {
         }
     }
 
-    /// Krylov vectors a tenth of the memory apart, but no closer than a step.
+    /// Krylov vectors a tenth of the memory apart, and a quarter of a period at the least: closer ones span
+    /// too little of an oscillation to tell it from the slowest mode.
     fn stride(&self, step: f64) -> usize {
-        (0.1 * self.memory / step).ceil().clamp(1.0, 1e6) as usize
+        let apart = (0.1 * self.memory).max(1.5);
+        (apart / step).ceil().clamp(1.0, 1e6) as usize
     }
 
     fn steps(&self) -> f64 {
@@ -258,6 +263,7 @@ pub fn first_loss(
         started: Instant::now(),
     };
     let mut best: Option<FirstLoss> = None;
+    let mut before = f64::INFINITY;
     for round in 1..=ROUNDS {
         let refined = 2f64.powi(round as i32 - 1);
         let layout = Layout::of(oscillator, initial, task.loss, until, settings, refined);
@@ -277,12 +283,15 @@ pub fn first_loss(
             }
         }
         let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
-        match task.round(&layout, &share) {
+        match task.round(round - 1, &layout, &share) {
             Ok((it, worst)) => {
                 best = Some(it);
-                if worst <= 1.0 || task.chosen() {
+                // A second round may be the first that converges; later ones have to gain something.
+                let gains = round < 3 || worst < GAIN * before;
+                if worst <= 1.0 || task.chosen() || !gains {
                     break;
                 }
+                before = worst;
             }
             // The round before is an answer.
             Err(error @ Error::Limit { key, .. }) => match &mut best {
@@ -374,7 +383,12 @@ impl Task<'_> {
     }
 
     /// A fine run, and its error from one on a coarser mesh and one of twice the step.
-    fn round(&self, layout: &Layout, progress: &dyn Fn(f64)) -> Result<(FirstLoss, f64)> {
+    fn round(
+        &self,
+        refined: usize,
+        layout: &Layout,
+        progress: &dyn Fn(f64),
+    ) -> Result<(FirstLoss, f64)> {
         let coarse = Fineness {
             nodes: layout.nodes.map(|n| ((n as f64 * COARSE) as usize).max(12)),
             step: layout.step,
@@ -392,7 +406,7 @@ impl Task<'_> {
             ..long
         };
         let here = self.run(layout, &fine, &|part| progress(0.5 + 0.5 * part))?;
-        Ok(self.report(layout, &here, [&other, &slow]))
+        Ok(self.report(layout, (refined, &here), [&other, &slow]))
     }
 
     /// The start as weights, and what its survival is divided by.
@@ -442,10 +456,11 @@ impl Task<'_> {
             let held = dot(&stationary.weights, mode);
             dot(&outflow.weights, mode) / held
         };
-        // So rare that a start is forgotten long before: the mean time is the slowest mode's.
+        // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
+        // that its error holds.
         let rare = |mode: &[f64]| {
             let forgotten = per_step(mode) * layout.memory / step;
-            forgotten < 1e-2 * self.settings.tolerance
+            forgotten < 0.3 * self.settings.tolerance
         };
         let long = long_run(&absorbed, stride, enough, &rare, &|| self.late())?;
         progress(1.0);
@@ -581,7 +596,12 @@ impl Task<'_> {
     }
 
     /// The fine run with its errors, and the largest of them over the tolerance.
-    fn report(&self, layout: &Layout, fine: &Run, others: [&Run; 2]) -> (FirstLoss, f64) {
+    fn report(
+        &self,
+        layout: &Layout,
+        (refined, fine): (usize, &Run),
+        others: [&Run; 2],
+    ) -> (FirstLoss, f64) {
         let tolerance = self.settings.tolerance;
         // What the edge of the mesh leaves out of the losses.
         let outside = (-layout.level).exp() * (1.0 + layout.level);
@@ -638,7 +658,7 @@ impl Task<'_> {
             reason: if chosen {
                 "its step or its cells are those of the scene".into()
             } else {
-                format!("refined {} times", ROUNDS - 1)
+                format!("refined {refined} times")
             },
         });
         let [nq, nv] = layout.nodes;

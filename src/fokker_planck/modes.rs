@@ -101,6 +101,7 @@ pub fn decay_rates(
         let finer = FINER.powi(if free { k } else { k - 1 });
         let start = Initial::Stationary;
         let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, finer)?;
+        choice::check_factors(&mesh, drift, settings)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
         let found: Vec<Result<Vec<DecayRate>>> = shifts
             .par_iter()

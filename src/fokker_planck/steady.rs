@@ -52,6 +52,7 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
         ..settings.clone()
     };
     let (mesh, domain) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, 1.0)?;
+    choice::check_factors(&mesh, drift, settings)?;
     let generator = Generator::new(oscillator, &mesh, drift)?;
     let (null, residual) = null_vector(&generator)?;
     let exact = Density::start(&generator, &Initial::Stationary)?;

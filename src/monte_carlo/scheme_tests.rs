@@ -1,8 +1,10 @@
 use super::super::events::Deaf;
-use super::super::law::Hertz;
+use super::super::law::{Hertz, Linear};
 use super::super::noise::LANES;
 use super::*;
 use crate::contact::ContactLaw;
+use crate::gaussian::Gaussian;
+use crate::initial::Initial;
 use rayon::prelude::*;
 
 /// Noise of the finest level, in `units` equal pieces a finest step, so that every coarser Ornstein-
@@ -273,4 +275,30 @@ fn the_exponential_scheme_has_the_exact_noise_of_friction_alone() {
             assert!(worst < 1e-9);
         }
     }
+}
+
+#[test]
+fn the_exponential_scheme_has_order_two_in_the_motion_under_strong_friction() {
+    // Without noise worth mentioning the paths are the mean, known in closed form for G = q.
+    let it = Oscillator::new(ContactLaw::Linear, 5.0, 1e-200).unwrap();
+    let start = Initial::gaussian([1.0, 2.0], [1e-3; 2]).unwrap();
+    let exact = Gaussian::of(&it, &start).unwrap().after(&it, 4.0).unwrap();
+    let errors: Vec<f64> = [16u32, 32, 64]
+        .into_iter()
+        .map(|steps| {
+            let mut group = Group {
+                q: [1.0; LANES],
+                v: [2.0; LANES],
+                excitation: [0.0; LANES],
+                signal: None,
+                streams: Streams::new(1, 0),
+            };
+            let scheme = ExponentialHeun::new(&it, 4.0 / f64::from(steps));
+            scheme.advance(Linear, &mut group, u64::from(steps));
+            (group.q[3] - exact.mean[0]).hypot(group.v[3] - exact.mean[1])
+        })
+        .collect();
+    let rates: Vec<f64> = errors.windows(2).map(|w| (w[0] / w[1]).log2()).collect();
+    println!("{errors:?}, rates {rates:.2?}");
+    assert!(errors[2] < 1e-3 && rates.iter().all(|rate| (1.7..2.6).contains(rate)));
 }
