@@ -1,9 +1,10 @@
 //! What a computation will take, from the sizes of its mesh alone: for plans.
 
-use super::choice::{self, Cost, Settings, TimeScheme, Way};
+use super::choice::{self, Cost, Factors, Settings, TimeScheme, Way};
 use super::flow_map::HELD;
 use super::flux::Drift;
 use super::generator::Generator;
+use super::modes;
 use super::opening;
 use super::propagator::CHUNK;
 use super::refinement;
@@ -93,7 +94,7 @@ pub(super) fn run(
         return Ok(Cost {
             cells: [side; 2],
             steps: bill.steps.ceil() as u64,
-            memory: choice::memory([side; 2], drift, false),
+            memory: choice::memory([side; 2], drift, Factors::None),
             seconds: bill.seconds * finer.powi(2) / longer,
         });
     }
@@ -101,11 +102,11 @@ pub(super) fn run(
     let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
     let n = cells[0] as f64 * cells[1] as f64;
-    let matrix = matches!(
-        way,
-        Way::Volumes(TimeScheme::BackwardEuler | TimeScheme::Implicit)
-    );
-    let mut bytes = choice::memory(cells, drift, matrix) as f64;
+    let factors = match way {
+        Way::FlowMap => Factors::None,
+        Way::Volumes(time) => Factors::of(time),
+    };
+    let mut bytes = choice::memory(cells, drift, factors) as f64;
     let (steps, seconds) = match way {
         Way::FlowMap => {
             let map = choice::flow_map_settings(oscillator, settings, longer)?;
@@ -173,10 +174,17 @@ fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Resul
             "shift and invert on two meshes or more",
         )
     };
+    let memory = if steady {
+        choice::memory(cells, drift, Factors::Real)
+    } else {
+        // Of the second mesh.
+        let finer = cells.map(|n| (n as f64 * modes::FINER) as usize);
+        choice::memory(finer, drift, Factors::Shifts)
+    };
     let cost = Cost {
         cells,
         steps: steps as u64,
-        memory: choice::memory(cells, drift, true),
+        memory,
         seconds,
     };
     Ok((cost, format!("finite volumes, {}; {words}", drift.name())))

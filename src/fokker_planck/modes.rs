@@ -1,6 +1,6 @@
 //! The slowest modes: eigenvalues of the generator nearest to the imaginary axis.
 
-use super::choice::{self, Settings};
+use super::choice::{self, Factors, Settings};
 use super::flux::Drift;
 use super::generator::Generator;
 use crate::error::Result;
@@ -44,7 +44,7 @@ const WIDER: f64 = 100.0;
 const WIDEST: f64 = 1e-12;
 
 /// Cells of each mesh of [`decay_rates`] over those of the one before.
-const FINER: f64 = 1.25;
+pub(super) const FINER: f64 = 1.25;
 
 /// Meshes after the first two: each costs about twice the one before, and four are 2.4 times as fine.
 const REFINEMENTS: usize = 4;
@@ -101,7 +101,7 @@ pub fn decay_rates(
         let finer = FINER.powi(if free { k } else { k - 1 });
         let start = Initial::Stationary;
         let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, finer)?;
-        choice::check_factors(&mesh, drift, settings)?;
+        choice::check_factors(&mesh, drift, Factors::Shifts, settings)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
         let found: Vec<Result<Vec<DecayRate>>> = shifts
             .par_iter()
@@ -156,7 +156,7 @@ pub fn decay_rates(
             why = (text, true);
             break;
         }
-        if choice::memory([q, v], drift, true) > settings.max_memory {
+        if choice::memory([q, v], drift, Factors::Shifts) > settings.max_memory {
             let text = format!("{q} x {v} cells do not fit accuracy.max_memory");
             why = (text, true);
             break;

@@ -1,6 +1,6 @@
 //! The steady state: the null vector of the generator, by sparse LU and by marching.
 
-use super::choice::{self, Method, Settings};
+use super::choice::{self, Factors, Method, Settings};
 use super::density::{Density, Snapshot};
 use super::flux::Drift;
 use super::generator::Generator;
@@ -52,7 +52,7 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
         ..settings.clone()
     };
     let (mesh, domain) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, 1.0)?;
-    choice::check_factors(&mesh, drift, settings)?;
+    choice::check_factors(&mesh, drift, Factors::Real, settings)?;
     let generator = Generator::new(oscillator, &mesh, drift)?;
     let (null, residual) = null_vector(&generator)?;
     let exact = Density::start(&generator, &Initial::Stationary)?;

@@ -3,11 +3,12 @@
 use super::case::Case;
 use super::entry::Effort;
 use crate::error::{Error, Result};
+use crate::fokker_planck::choice::{self, Factors};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::mesh::Mesh;
-use crate::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use crate::fokker_planck::{Drift, Settings, TimeScheme};
 use crate::initial::Initial;
 use std::fmt;
 use std::time::Instant;
@@ -157,8 +158,7 @@ fn cost(case: &Case, of: CostOf, n: usize) -> Result<(f64, f64, u64)> {
         CostOf::Explicit => (Drift::Order8, TimeScheme::Explicit),
     };
     let oscillator = &case.oscillator;
-    let factored = matches!(of, CostOf::Lu | CostOf::Implicit);
-    let memory = choice::memory([n, n], drift, factored);
+    let memory = choice::memory([n, n], drift, Factors::of(time));
     // Half of what a small machine has.
     if memory > 4_000_000_000 {
         return Err(Error::invalid("method.cells", n, "a matrix below 4 GB"));

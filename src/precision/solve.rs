@@ -3,12 +3,13 @@
 use super::case::Case;
 use super::method::{Level, Method};
 use crate::error::Result;
+use crate::fokker_planck::choice::{self, Factors};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
-use crate::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use crate::fokker_planck::{Drift, Settings, TimeScheme};
 use crate::moments::Moments;
 use crate::monte_carlo::{self, EnsembleSettings, Scheme};
 
@@ -103,14 +104,13 @@ fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result
     let mut density = Density::start(&generator, &case.initial)?;
     march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
     let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
-    let factored = matches!(time, TimeScheme::BackwardEuler | TimeScheme::Implicit);
     Ok(Answer {
         moments: observables
             .raw(&density.ratio(&generator))
             .moments(oscillator.contact()),
         unknowns: generator.unknowns(),
         steps: march.steps(),
-        memory: choice::memory(mesh.cells(), drift, factored),
+        memory: choice::memory(mesh.cells(), drift, Factors::of(time)),
         density: Some(density),
     })
 }

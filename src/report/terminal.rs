@@ -3,7 +3,7 @@
 use crate::estimate::Estimate;
 use crate::initial::Initial;
 use crate::moments::Moments;
-use crate::plan::{Part, Plan, bytes, seconds};
+use crate::plan::{Part, Plan, Stage, bytes, seconds};
 use crate::results::{Results, distance};
 use std::fmt::Write;
 
@@ -747,10 +747,17 @@ pub fn plan(plan: &Plan) -> String {
         bytes(scene.accuracy.max_memory)
     );
     table.paragraph("", &text);
+    let refines = |it: &Stage| matches!(it.part, Part::Transient | Part::FirstLoss);
+    if scene.method.cells.is_none() && plan.stages().iter().any(refines) {
+        let text = "a mesh that the error bars find too coarse for the tolerance is refined, at several \
+                    times that";
+        table.paragraph("", text);
+    }
     let left_out: Vec<&str> = [
         (Part::Stationary, "closed form"),
         (Part::Crossings, "crossings"),
         (Part::FirstLoss, "first loss"),
+        (Part::FirstLossPaths, "paths of the first loss"),
         (Part::Transient, "transient"),
         (Part::Steady, "steady state"),
         (Part::DecayRates, "decay rates"),
