@@ -798,3 +798,21 @@ const CONTACTS: &[(&str, ContactLaw)] = &[
     ("linear", ContactLaw::Linear),
     ("free", ContactLaw::Free),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_know_every_scheme_by_the_name_it_gives_itself() {
+        for it in Scheme::ALL {
+            assert!(SCHEMES.contains(&(it.name(), it)), "{it}");
+        }
+        for it in TimeScheme::ALL {
+            assert!(TIME.contains(&(it.name(), it)), "{}", it.name());
+        }
+        for it in Drift::ALL.into_iter().filter(|it| *it != Drift::Upwind) {
+            assert!(ORDERS.contains(&(it.order() as u64, it)), "{it:?}");
+        }
+    }
+}

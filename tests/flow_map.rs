@@ -340,8 +340,8 @@ fn every_level_and_damping_is_resolved_at_t_20() {
             "bilinear",
             Oscillator::new(ContactLaw::Bilinear, 0.005, 2e-3).unwrap(),
             gaussian([0.5, 0.0], [0.4, 0.4]),
-            [140, 100],
-            [320, 220],
+            [220, 160],
+            [400, 280],
             0.7,
         ),
         (

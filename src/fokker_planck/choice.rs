@@ -432,7 +432,7 @@ fn check_memory_of(needed: u64, cells: [usize; 2], settings: &Settings) -> Resul
 
 /// Damping ratio up to which the flow map is taken: its steps shrink as 1/zeta beyond, while implicit
 /// and explicit finite volumes take the same.
-const FLOW_MAP: f64 = 0.2;
+pub(super) const FLOW_MAP: f64 = 0.2;
 
 /// Method, scheme in space and scheme in time for a transient, with the reason.
 pub(super) fn way(

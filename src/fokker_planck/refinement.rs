@@ -76,10 +76,12 @@ fn expected(way: Way) -> f64 {
 }
 
 /// Steps of a coarse run over those of the fine one, and the order in time that is relied on: steps of
-/// the flow map err by zeta^2 tau^2 and less, other steps choose themselves by their error.
-fn steps(way: Way) -> (f64, f64) {
-    match way {
+/// the flow map err by zeta^2 tau^2 and less, but reach that order late under strong damping; other steps
+/// choose themselves by their error.
+fn steps(task: &Task) -> (f64, f64) {
+    match task.way {
         Way::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
+        Way::FlowMap if task.oscillator.zeta() > choice::FLOW_MAP => (1.5, 1.0),
         Way::Volumes(_) | Way::FlowMap => (1.5, 2.0),
     }
 }
@@ -191,7 +193,7 @@ impl<'a> Refinement<'a> {
         volumes: Option<&'a (Task<'a>, String)>,
         progress: &'a (dyn Fn(f64) + Sync),
     ) -> Self {
-        let (longer, order) = steps(task.way);
+        let (longer, order) = steps(&task);
         Self {
             scales: Scales::of(task.oscillator),
             longer,
