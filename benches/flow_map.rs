@@ -1,5 +1,5 @@
-//! The flow map: time per point and pass, on one core and on all; and case H of the peers, set-up
-//! included.
+//! The flow map: time per point and pass, on one core and on all; and two cases that hand-written programs
+//! are held against, set-up included.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -19,8 +19,8 @@ fn start() -> Initial {
     Initial::gaussian([0.0, 0.0], [0.3, 0.3]).expect("a deviation above 0")
 }
 
-fn mesh(oscillator: &Oscillator, neglected: f64, [nq, nv]: [usize; 2]) -> Mesh {
-    let domain = Domain::closed(oscillator, &start(), neglected).expect("a box");
+fn mesh(oscillator: &Oscillator, start: &Initial, neglected: f64, [nq, nv]: [usize; 2]) -> Mesh {
+    let domain = Domain::closed(oscillator, start, neglected).expect("a box");
     let t = oscillator.temperature();
     Mesh {
         q: Axis::displacement(oscillator.contact(), t, domain.q, nq, 1).expect("enough cells"),
@@ -44,7 +44,7 @@ fn passes(c: &mut Criterion) {
     let mut group = c.benchmark_group("flow map, points x passes");
     group.sample_size(20);
     for cells in [[80, 60], [128, 96], [256, 192], [512, 384]] {
-        let mesh = mesh(&oscillator, 1e-6, cells);
+        let mesh = mesh(&oscillator, &start(), 1e-6, cells);
         for order in Order::ALL {
             for (name, pool) in pools() {
                 let settings = Settings {
@@ -103,7 +103,7 @@ fn case_h(c: &mut Criterion) {
         group.bench_function(error, |b| {
             b.iter(|| {
                 pool.install(|| {
-                    let mesh = mesh(&oscillator, neglected, cells);
+                    let mesh = mesh(&oscillator, &start(), neglected, cells);
                     let settings = Settings {
                         order,
                         splitting,
@@ -121,5 +121,39 @@ fn case_h(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, passes, case_h);
+/// From nothing to the density after two periods of the linear oscillator, on one core. L1 errors 3e-3 to 5e-5.
+fn case_l(c: &mut Criterion) {
+    let h = 2.0 * 0.05 * 0.25 / std::f64::consts::PI;
+    let oscillator = Oscillator::new(ContactLaw::Linear, 0.05, h).expect("a level above 0");
+    let start = Initial::gaussian([1.0, 0.0], [0.2, 0.2]).expect("a deviation above 0");
+    let pool = &pools()[0].1;
+    let mut group = c.benchmark_group("case L, t = 4 pi, set-up included");
+    for (error, cells, neglected, splitting, step) in [
+        ("3e-3", [46, 46], 1e-5, Splitting::FourTwo, 1.5),
+        ("1.3e-3", [46, 46], 1e-5, Splitting::FourTwo, 1.0),
+        ("2.4e-4", [46, 46], 1e-5, Splitting::FourTwo, 0.4),
+        ("5.4e-5", [64, 64], 1e-6, Splitting::SixTwo, 0.25),
+    ] {
+        group.bench_function(error, |b| {
+            b.iter(|| {
+                pool.install(|| {
+                    let mesh = mesh(&oscillator, &start, neglected, cells);
+                    let settings = Settings {
+                        order: Order::Sixth,
+                        splitting,
+                        step,
+                        positive: false,
+                    };
+                    let mut flow = FlowMap::new(&oscillator, &mesh, settings)?;
+                    let mut density = flow.start(&start)?;
+                    flow.advance(&mut density, 4.0 * std::f64::consts::PI)?;
+                    Ok::<_, vibroimpact::Error>(density)
+                })
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, passes, case_h, case_l);
 criterion_main!(benches);

@@ -69,3 +69,8 @@ pub mod stationary;
 pub mod validation;
 
 pub use error::{Error, Result};
+
+/// The code of the README compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

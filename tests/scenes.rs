@@ -415,6 +415,29 @@ fn the_built_in_scenes_are_listed_and_printed_verbatim() {
 }
 
 #[test]
+fn the_scene_of_the_readme_has_every_key_and_a_plan() {
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md");
+    let readme = fs::read_to_string(readme).unwrap();
+    let scene = readme.split("```toml\n").nth(1).unwrap();
+    let scene = scene.split("```").next().unwrap();
+    let text = SceneText::parse("README.md", scene, &[]).unwrap();
+    let plan = Plan::of(text.scene()).unwrap();
+    for part in [
+        Part::Transient,
+        Part::FirstLoss,
+        Part::Records,
+        Part::Spectrum,
+    ] {
+        assert!(plan.has(part), "{part:?}");
+    }
+    for (_, keys) in SECTIONS {
+        for key in *keys {
+            assert!(readme.contains(key), "the README does not name {key}");
+        }
+    }
+}
+
+#[test]
 fn every_built_in_scene_runs_when_its_size_is_cut() {
     let room = room("all");
     for (name, text) in BUILT_IN {
