@@ -81,8 +81,9 @@ fn is_ours(name: &OsStr) -> bool {
     ];
     let density = name.starts_with("density_")
         && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));
-    let survey = name.starts_with("precision_") && name.ends_with(".svg");
-    let half = name.starts_with('.') && Path::new(name).extension() == Some(OsStr::new("part"));
+    let ending = Path::new(name).extension();
+    let survey = name.starts_with("precision_") && ending == Some(OsStr::new("svg"));
+    let half = name.starts_with('.') && ending == Some(OsStr::new("part"));
     listed.contains(&name) || density || survey || half
 }
 
