@@ -82,7 +82,7 @@ pub struct Chart {
 /// Charts side by side in so many columns, the legend of the one with most curves on top.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
     let columns = columns.clamp(1, charts.len().max(1));
     let rows = charts.len().div_ceil(columns);
@@ -194,7 +194,7 @@ pub struct LogCurve {
 /// Charts with logarithmic axes under one title, two in a row, one legend for all.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Result<File> {
     let mut names: Vec<&str> = Vec::new();
     for curve in charts.iter().flat_map(|chart| &chart.curves) {

@@ -125,7 +125,7 @@ impl ForceCurves {
 /// force.svg: p_N on a linear and a logarithmic scale, the Dirac mass drawn and stated.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn force(results: &Results) -> Result<Option<File>> {
     let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
         return Ok(None);

@@ -13,7 +13,7 @@ use crate::results::centres;
 /// the backward equation and from paths.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn survival(results: &Results) -> Result<Option<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(None);
@@ -93,7 +93,7 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
 /// it would be without noise and friction in flight, and the law of the first return where it is solved.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn flights(results: &Results) -> Result<Option<File>> {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();

@@ -14,7 +14,7 @@ use crate::spectrum::per_hertz;
 /// Welch's method with its 95 % band, and of the linear oscillator.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn spectrum(results: &Results) -> Result<Option<File>> {
     let Some(it) = results
         .spectrum

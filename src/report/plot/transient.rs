@@ -12,7 +12,7 @@ use crate::results::Results;
 /// moments.svg: moments against time with error bands, and Monte Carlo points.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn moments(results: &Results) -> Result<Option<File>> {
     let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
         return Ok(None);
@@ -130,7 +130,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 /// and the marching to the steady state beside it.
 ///
 /// # Errors
-/// [`Error::Io`] for a picture that cannot be drawn.
+/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub fn approach(results: &Results) -> Result<Option<File>> {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
