@@ -259,10 +259,7 @@ fn calibrate(survey: &Survey) -> std::result::Result<(), Stop> {
         None => None,
     };
     let cases = truths::cases()?;
-    let bar = ProgressBar::with_draw_target(
-        Some((cases.len() * calibration::TOLERANCES.len()) as u64),
-        ProgressDrawTarget::stderr(),
-    );
+    let bar = survey_bar(cases.len() * calibration::TOLERANCES.len());
     let calibration = Calibration::of(&cases, &calibration::TOLERANCES, &mut |_| {
         bar.inc(1);
         Ok(())

@@ -57,6 +57,11 @@ impl Oscillator {
         self.noise() / (2.0 * self.zeta)
     }
 
+    /// The time over which the motion forgets: 1/(2 zeta) under weak friction, 2 zeta under strong.
+    pub fn memory(&self) -> f64 {
+        (0.5 / self.zeta).max(2.0 * self.zeta)
+    }
+
     /// pi h: the diffusion coefficient of the velocity in (17).
     pub fn noise(&self) -> f64 {
         std::f64::consts::PI * self.h

@@ -574,16 +574,15 @@ impl Plan {
                 _ => ("method.step", self.scene.method.step),
             };
             let outputs = &self.scene.outputs;
-            let duration = sampling.and_then(|it| it.duration);
-            let otherwise = match part {
-                Part::Records | Part::Series if duration.is_some() => {
-                    ("monte_carlo.duration", duration.unwrap_or_default())
+            let otherwise = match (part, sampling.and_then(|it| it.duration)) {
+                (Part::Records | Part::Series, Some(duration)) => {
+                    ("monte_carlo.duration", duration)
                 }
-                Part::Series | Part::Spectrum => (
+                (Part::Series | Part::Spectrum, _) => (
                     "outputs.spectrum.until",
                     outputs.spectrum.map_or(0.0, |it| it.until),
                 ),
-                Part::FirstLoss | Part::FirstLossPaths => (
+                (Part::FirstLoss | Part::FirstLossPaths, _) => (
                     "outputs.first_loss.until",
                     outputs.first_loss.unwrap_or_default(),
                 ),

@@ -106,7 +106,7 @@ impl Layout {
         let gap = until / outputs;
         let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
-        let memory = (0.5 / zeta).max(2.0 * zeta);
+        let memory = oscillator.memory();
         let nodes = match settings.cells {
             Some(cells) => cells.map(|n| n.max(16)),
             None => {

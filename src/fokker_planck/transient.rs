@@ -154,7 +154,7 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 /// part of them. `progress` is told the part done, 0 to 1.
 ///
 /// The error of each number comes from its difference to a second run with a coarser mesh and longer
-/// steps, taken so large that it covers convergence of order 1.6, half of what a kink of the force leaves; plus
+/// steps, taken so large that it covers convergence of order 2, two thirds of what a kink of the force leaves; plus
 /// what the box leaves out, and rounding. Where cells or steps are left to the program they are refined
 /// until every error is within the tolerance or a limit says stop; what was not reached is in
 /// `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over

@@ -121,7 +121,7 @@ pub fn records(
         warnings.push(format!(
             "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
              the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
-            memory(oscillator)
+            oscillator.memory()
         ));
     }
     warnings.extend(settings.noise.warning(oscillator.zeta()));
@@ -170,11 +170,6 @@ pub fn records(
         path_steps: size.path_steps(),
         warnings,
     })
-}
-
-/// The time over which the oscillator forgets: 1/(2 zeta) under weak friction, 2 zeta under strong.
-pub(super) fn memory(oscillator: &Oscillator) -> f64 {
-    (0.5 / oscillator.zeta()).max(2.0 * oscillator.zeta())
 }
 
 /// How much work records are.
@@ -246,7 +241,7 @@ impl Size {
             return Err(Error::invalid("monte_carlo.noise.band", band, accepted));
         }
         // Samples closer than this tell nothing new.
-        let memory = memory(oscillator);
+        let memory = oscillator.memory();
         let steps = (0.01 * memory.clamp(50.0, 1e9) / step).round().max(1.0);
         let spacing = steps * step;
         let longest = (20.0 * memory / spacing).ceil();

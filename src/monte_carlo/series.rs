@@ -4,7 +4,6 @@ use super::events::Deaf;
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
-use super::records::memory;
 use super::scheme::{Coefficients, Group};
 use super::{Noise, Progress, Scheme, choose};
 use crate::error::{Error, Result, positive};
@@ -77,7 +76,7 @@ pub fn series_size(oscillator: &Oscillator, settings: &SeriesSettings) -> Result
     }
     let steps = (spacing / longest).ceil().max(1.0);
     // Band-limited noise has a stationary law of its own, reached within a few memories.
-    let memory = memory(oscillator);
+    let memory = oscillator.memory();
     let burn_in = match settings.noise {
         Noise::White => 0.0,
         _ => (10.0 * memory / spacing).ceil(),

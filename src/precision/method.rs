@@ -96,6 +96,15 @@ impl Method {
         all
     }
 
+    /// Whether both are the same in space, so that neither may judge the other.
+    pub(super) fn is_kin(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Volumes { drift: a, .. }, Self::Volumes { drift: b, .. }) => a == b,
+            (Self::FlowMap { .. }, Self::FlowMap { .. }) => true,
+            _ => false,
+        }
+    }
+
     /// Whether it samples.
     pub fn samples(self) -> bool {
         matches!(self, Self::Paths(_))

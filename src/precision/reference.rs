@@ -63,12 +63,10 @@ struct Answers {
 pub struct Reference {
     temperature: f64,
     start_energy: f64,
-    /// Whether both references are finite volumes.
-    stiff: bool,
     /// The closed form, or the fine run of the flow map; of a stiff case finite volumes of order 6.
     first: Answers,
-    /// The fine run of finite volumes of order 8.
-    second: Option<Answers>,
+    /// The method of that run, and the fine run of finite volumes of order 8 that judges its kind.
+    second: Option<(Method, Answers)>,
 }
 
 /// The fine runs: a decade beyond the finest level shown, some seconds each.
@@ -99,7 +97,6 @@ impl Reference {
             return Ok(Self {
                 temperature,
                 start_energy: closed_form(case, &start).energy,
-                stiff: false,
                 first: Answers {
                     shape: Shape::Exact(end),
                     numbers: closed_form(case, &end),
@@ -148,14 +145,13 @@ impl Reference {
             finer: if loud { 0.6 } else { 1.0 } * fine.finer,
             ..*fine
         };
-        let second = answers(solve(case, other, &fewer, 0)?);
+        let second = answers(solve(case, other, &fewer, 0)?).map(|it| (one, it));
         let Some(first) = answers(solve(case, one, &coarser, 0)?) else {
             unreachable!("all but paths answer with a density")
         };
         Ok(Self {
             temperature,
             start_energy,
-            stiff,
             first,
             second,
         })
@@ -163,20 +159,8 @@ impl Reference {
 
     /// The errors of an answer, judged by another method than its own.
     pub(super) fn errors(&self, method: Method, answer: &Answer) -> Errors {
-        let order_6 = matches!(
-            method,
-            Method::Volumes {
-                drift: Drift::Order6,
-                ..
-            }
-        );
-        let own = if self.stiff {
-            order_6
-        } else {
-            matches!(method, Method::FlowMap { .. })
-        };
         let judge = match &self.second {
-            Some(second) if own => second,
+            Some((own, second)) if own.is_kin(method) => second,
             _ => &self.first,
         };
         self.against(judge, answer)
@@ -184,7 +168,7 @@ impl Reference {
 
     /// The distance between the two references; what the closed form is known to if there is one.
     pub fn uncertainty(&self) -> Errors {
-        let (Some(second), Shape::Fine(density)) = (&self.second, &self.first.shape) else {
+        let (Some((_, second)), Shape::Fine(density)) = (&self.second, &self.first.shape) else {
             return Errors {
                 l1: Some(0.0),
                 ..Errors::default()
