@@ -206,7 +206,7 @@ fn the_prototype_s_errors_at_t_30_are_met() {
     assert!((reference.mean_energy.value - 0.610_695_431).abs() < 1e-6);
     assert!((reference.mean_q.value + 0.695_234_7).abs() < 3e-6);
     for (n, neglected, splitting, step, l1, moment) in [
-        (100, 3e-6, Splitting::SixTwo, 2.0, 4e-4, 2e-5),
+        (100, 3e-6, Splitting::SixTwo, 1.7, 4e-4, 2e-5),
         (100, 1e-5, Splitting::EvenFive, 0.7, 4e-4, 2e-5),
         (150, 1e-6, Splitting::SixTwo, 1.0, 1e-4, 3e-6),
         (150, 1e-6, Splitting::EvenFive, 0.3, 1e-4, 3e-6),
@@ -281,7 +281,7 @@ fn splittings_have_their_orders_in_the_step() {
         );
         assert!(measured > order - 0.6 && errors[1] < level, "{measured}");
     }
-    // The second power of zeta: order 2 whatever the splitting.
+    // The second power of zeta: order 4, the motion having been given the rate that friction takes.
     let damped = Oscillator::new(ContactLaw::Linear, 0.1, 0.04).unwrap();
     let exact = Gaussian::of(&damped, &start)
         .unwrap()
@@ -296,7 +296,7 @@ fn splittings_have_their_orders_in_the_step() {
         "zeta = 0.1: L1 {:.2e}, {:.2e}, order {measured:.1}",
         errors[0], errors[1]
     );
-    assert!((measured - 2.0).abs() < 0.3 && errors[1] < 3e-4);
+    assert!((measured - 4.0).abs() < 0.3 && errors[1] < 2e-6);
 }
 
 #[test]

@@ -430,22 +430,110 @@ fn check_memory_of(needed: u64, cells: [usize; 2], settings: &Settings) -> Resul
     ))
 }
 
-/// Damping ratio up to which the flow map is taken: its steps shrink as 1/zeta beyond, while implicit
-/// and explicit finite volumes take the same.
-pub(super) const FLOW_MAP: f64 = 0.2;
+/// Damping ratio up to which the flow map is taken for all its steps may be. Up to the second, where its
+/// errors are known ([`flow_map::Settings::to`]), it is taken if the steps that they ask for are not too short
+/// for the cells.
+const WEAK: f64 = 0.2;
+const KNOWN: f64 = 2.0;
+
+/// Whether the steps that a tolerance asks of the flow map are too short for the cells, and follow them.
+pub(super) fn is_strained(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+    settings: &Settings,
+) -> Result<bool> {
+    if oscillator.zeta() <= WEAK {
+        return Ok(false);
+    }
+    let (mesh, _) = mesh(oscillator, initial, until, Drift::Order8, settings, 1.0)?;
+    let step = flow_map_settings(oscillator, settings, 1.0)?.step;
+    Ok(oscillator.zeta() > KNOWN || step < FlowMap::shortest_step(oscillator, &mesh))
+}
+
+/// The largest bar of a flow map over the loss of contact on five cells per thermal deviation, of order 3 in
+/// their number (T = 0.63, zeta = 0.005, a start of half the width of the law at q = 1): as much once, and ten
+/// times as much where so many outputs are asked for that some see the moments that are hard.
+const KINK: f64 = 1.4e-3;
+const OUTPUTS: f64 = 20.0;
+/// Probability of flight and damping ratio from which on, and up to which, that is so.
+const IN_FLIGHT: f64 = 0.01;
+const UNDAMPED: f64 = 0.05;
+/// The part of the tolerance aimed at; how many times finer the first cells are made for it at most; and from
+/// how many times on finite volumes, which keep the loss of contact on a face, take over.
+const KINK_SHARE: f64 = 0.6;
+const FINEST: f64 = 3.0;
+const TOO_FINE: f64 = 6.0;
+
+/// How many times finer than chosen by the density the cells of the first fine run should be.
+pub(super) fn first_guess(
+    way: Way,
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &Settings,
+) -> Result<f64> {
+    match way {
+        Way::FlowMap => Ok(finer_at_kink(oscillator, initial, times, settings)?.min(FINEST)),
+        Way::Volumes(_) => Ok(1.0),
+    }
+}
+
+/// How many times finer the cells are expected to be in the end. Where finite volumes were taken because of the
+/// loss of contact, moments are hard for them too.
+pub(super) fn last_guess(
+    way: Way,
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &Settings,
+) -> Result<f64> {
+    let needed = finer_at_kink(oscillator, initial, times, settings)?;
+    Ok(match way {
+        Way::FlowMap => needed.min(TOO_FINE),
+        Way::Volumes(_) if needed > TOO_FINE => 2.0,
+        Way::Volumes(_) => 1.0,
+    })
+}
+
+/// How many times finer the cells of a flow map should be because of the loss of contact.
+fn finer_at_kink(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &Settings,
+) -> Result<f64> {
+    let contact = oscillator.contact();
+    let (Some(loss), Initial::Gaussian { mean, deviation }) = (contact.loss_point(), initial)
+    else {
+        return Ok(1.0);
+    };
+    let free = settings.cells.is_none() && contact.is_confining();
+    if !free || is_narrow(oscillator, initial, Drift::Order8, settings)? {
+        return Ok(1.0);
+    }
+    let law = oscillator.displacement_law()?;
+    let start = 0.5 * libm::erfc((mean[0] - loss) / (deviation[0] * std::f64::consts::SQRT_2));
+    let flight = law.ln_tail_below(loss).value.exp().max(start);
+    let seen = 1.0 + 9.0 * (times.len() as f64 / OUTPUTS).min(1.0);
+    let weight = seen * (flight / IN_FLIGHT).min(1.0) * (UNDAMPED / oscillator.zeta()).min(1.0);
+    let cells = cells_per_deviation(settings.tolerance) / 5.0;
+    let needed = (weight * KINK / (KINK_SHARE * settings.tolerance)).cbrt() / cells;
+    Ok(needed.max(1.0))
+}
 
 /// Method, scheme in space and scheme in time for a transient, with the reason.
 pub(super) fn way(
     oscillator: &Oscillator,
     initial: &Initial,
-    until: f64,
+    times: &[f64],
     settings: &Settings,
 ) -> Result<(Drift, Way, String)> {
     if stays_in_frame(oscillator, initial, settings) {
         let reason = "in a law that leaves every box a small mesh moves with the density for good";
         return Ok((Drift::Order8, Way::FlowMap, reason.into()));
     }
-    let (drift, way, mut reason) = method(oscillator, initial, until, settings)?;
+    let (drift, way, mut reason) = method(oscillator, initial, times, settings)?;
     if is_narrow(oscillator, initial, drift, settings)? {
         reason += "; the start is too narrow for a mesh, so a small mesh moves with it at first";
     }
@@ -455,11 +543,13 @@ pub(super) fn way(
 fn method(
     oscillator: &Oscillator,
     initial: &Initial,
-    until: f64,
+    times: &[f64],
     settings: &Settings,
 ) -> Result<(Drift, Way, String)> {
     let zeta = oscillator.zeta();
+    let until = times.last().copied().unwrap_or(0.0);
     let volumes_asked = settings.drift.is_some() || settings.time.is_some();
+    let mut beside = "";
     let flow_map = match settings.method {
         Some(TransientMethod::FlowMap) if volumes_asked => {
             let accepted =
@@ -467,12 +557,23 @@ fn method(
             return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
         }
         Some(TransientMethod::FlowMap) => Some("the scene asks for it".to_string()),
-        Some(TransientMethod::FiniteVolume) => None,
-        None => (!volumes_asked && zeta <= FLOW_MAP).then(|| {
-            format!(
-                "zeta = {zeta} <= {FLOW_MAP}: weak damping lets the exact motion take long steps"
-            )
-        }),
+        None if volumes_asked => None,
+        None if zeta <= KNOWN
+            && finer_at_kink(oscillator, initial, times, settings)? > TOO_FINE =>
+        {
+            beside = "the loss of contact would take a flow map more than six times the cells along either axis; ";
+            None
+        }
+        None if zeta <= WEAK => Some(format!(
+            "zeta = {zeta} <= {WEAK}: weak damping lets the exact motion take long steps"
+        )),
+        None if zeta <= KNOWN && !is_strained(oscillator, initial, until, settings)? => {
+            let step = flow_map_settings(oscillator, settings, 1.0)?.step;
+            Some(format!(
+                "zeta = {zeta} <= {KNOWN}: the exact motion takes steps of {step:.2}, and the cells allow them"
+            ))
+        }
+        Some(TransientMethod::FiniteVolume) | None => None,
     };
     if let Some(reason) = flow_map {
         return Ok((Drift::Order8, Way::FlowMap, reason));
@@ -489,7 +590,7 @@ fn method(
     Ok((
         drift,
         Way::Volumes(time),
-        format!("{why_drift}; {why_time}"),
+        format!("{beside}{why_drift}; {why_time}"),
     ))
 }
 
@@ -586,7 +687,7 @@ pub fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
 const TIME_SHARE: f64 = 0.1;
 
 /// The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.
-const SERIES_SHARE: f64 = 1e-3;
+pub(super) const SERIES_SHARE: f64 = 1e-3;
 
 fn time_share(time: TimeScheme) -> f64 {
     match time {

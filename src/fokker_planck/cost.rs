@@ -8,6 +8,7 @@ use super::modes;
 use super::opening;
 use super::propagator::CHUNK;
 use super::refinement;
+use super::transient::SETTLED;
 use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -26,7 +27,7 @@ pub enum Task<'a> {
 }
 
 /// The cost of a task and what it would be done with. Lays out the mesh and takes no step on it: seconds
-/// are those of one core, within a factor of about three.
+/// are those of all threads, within a factor of about three.
 ///
 /// # Errors
 /// Those of the mesh: a scene it cannot hold, cells that do not fit the memory.
@@ -41,26 +42,33 @@ pub fn cost(
         Task::Spectrum => return Ok(super::spectrum::cost(settings)),
         Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
     };
-    let until = times.last().copied().unwrap_or(0.0);
     // The box that the transient will choose.
     let settings = &Settings {
         neglected: Some(refinement::neglected(oscillator, initial, settings)?),
         ..settings.clone()
     };
-    let (drift, way, reason) = choice::way(oscillator, initial, until, settings)?;
-    let fine = run(
-        oscillator,
-        initial,
-        times,
-        (drift, way),
-        settings,
-        (1.0, 1.0),
-    )?;
-    let cost = Cost {
-        // The coarse run that measures the error takes half of the fine one.
-        seconds: 1.5 * fine.seconds,
+    let (drift, way, reason) = choice::way(oscillator, initial, times, settings)?;
+    let size = |finer: f64| {
+        let way = (drift, way);
+        run(oscillator, initial, times, way, settings, (finer, 1.0))
+    };
+    let guess = choice::first_guess(way, oscillator, initial, times, settings)?;
+    let fine = size(guess)?;
+    // The coarse run that measures the error takes half of the fine one, and where the steps may have a part in
+    // it another one tells.
+    let seconds = 1.8 * fine.seconds;
+    let mut cost = Cost {
+        seconds: on_threads(fine.cells, seconds),
         ..fine
     };
+    let last = choice::last_guess(way, oscillator, initial, times, settings)?;
+    if last > guess {
+        let refined = size(last)?;
+        cost = Cost {
+            seconds: on_threads(refined.cells, seconds + refined.seconds),
+            ..refined
+        };
+    }
     Ok((cost, format!("{}; {reason}", way.name(drift))))
 }
 
@@ -69,6 +77,30 @@ pub fn cost(
 const MAP_SECONDS: f64 = 0.3e-6;
 const PASS_SECONDS: f64 = 20e-9;
 const LOOK_SECONDS: f64 = 60e-9;
+
+/// Seconds of one core on all threads: those of small meshes are not shared, and of two threads 1.75 times as
+/// much came as of one.
+fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
+    const SHARED: usize = 7000;
+    const GAIN: f64 = 0.8;
+    if nq * nv < SHARED {
+        seconds
+    } else {
+        seconds / (rayon::current_num_threads() as f64).powf(GAIN)
+    }
+}
+
+/// The time at which a run comes so close to the stationary law that it stops: from a distance of 2, by the
+/// slowest of the linear oscillator's rates.
+fn settled(oscillator: &Oscillator, initial: &Initial, settings: &Settings) -> f64 {
+    if !oscillator.contact().is_confining() {
+        return f64::INFINITY;
+    }
+    if *initial == Initial::Stationary {
+        return 0.0;
+    }
+    (2.0 / (SETTLED * settings.tolerance)).ln() * oscillator.memory()
+}
 
 /// Stages of a Chebyshev series beyond its rate, which each output time asks for anew: those that bring its
 /// tail to the tolerance.
@@ -91,13 +123,28 @@ pub(super) fn run(
         .and_then(|it| it.alone.map(|side| (it, side)))
     {
         // The packet's own frame, the same whatever the mesh would be.
+        let cells = [(side as f64 * finer) as usize; 2];
         return Ok(Cost {
-            cells: [side; 2],
+            cells,
             steps: bill.steps.ceil() as u64,
-            memory: choice::memory([side; 2], drift, Factors::None),
+            memory: choice::memory(cells, drift, Factors::None),
             seconds: bill.seconds * finer.powi(2) / longer,
         });
     }
+    // What is left of the run for the mesh.
+    let from = opening.as_ref().map_or(0.0, |it| it.until);
+    // The first interval needs its maps, however soon the run stops.
+    let end = settled(oscillator, initial, settings)
+        .max(times.first().copied().unwrap_or(0.0))
+        .min(until);
+    let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
+    let looks = times.len() as f64;
+    times.retain(|t| *t <= end);
+    times.push(end.max(from));
+    for t in &mut times {
+        *t -= from;
+    }
+    let until = end.max(from) - from;
     let finer = finer * opening.as_ref().map_or(1.0, |_| opening::REFINED);
     let (mesh, _) = choice::mesh(oscillator, initial, until, drift, settings, finer)?;
     let cells = mesh.cells();
@@ -110,7 +157,7 @@ pub(super) fn run(
     let (steps, seconds) = match way {
         Way::FlowMap => {
             let map = choice::flow_map_settings(oscillator, settings, longer)?;
-            let [steps, passes, maps] = map.size(times, CHUNK);
+            let [steps, passes, maps] = map.size(&times, CHUNK);
             let [each, rest] = map.bytes();
             bytes = n * (maps.min(HELD) * each + rest);
             (steps, n * (MAP_SECONDS * maps + PASS_SECONDS * passes))
@@ -118,7 +165,7 @@ pub(super) fn run(
         Way::Volumes(time) => {
             let generator = Generator::new(oscillator, &mesh, drift)?;
             let (transport, diffusion) = generator.radii();
-            // A cell: generators take 6 ns, an IMEX step 31 of them; the LU of five points 2 us to make and 0.1 us
+            // A cell: a stage takes 8 ns, an IMEX step 140; the LU of five points 2 us to make and 0.1 us
             // to solve with, that of a wide stencil 50 and 3.
             match time {
                 TimeScheme::BackwardEuler => {
@@ -131,12 +178,12 @@ pub(super) fn run(
                 }
                 TimeScheme::Imex => {
                     let steps = until * transport / 3.8;
-                    (steps, n * steps * 31.0 * 6e-9)
+                    (steps, n * steps * 140e-9)
                 }
                 TimeScheme::Explicit => {
                     let stages = 1.2 * (transport + 0.5 * diffusion) * until
                         + STAGES_BESIDE * times.len() as f64;
-                    (stages, n * stages * 6e-9)
+                    (stages, n * stages * 8e-9)
                 }
             }
         }
@@ -145,9 +192,7 @@ pub(super) fn run(
         cells,
         steps: steps.ceil() as u64,
         memory: bytes as u64,
-        seconds: seconds
-            + n * LOOK_SECONDS * times.len() as f64
-            + opening.map_or(0.0, |it| it.seconds),
+        seconds: seconds + n * LOOK_SECONDS * looks + opening.map_or(0.0, |it| it.seconds),
     })
 }
 

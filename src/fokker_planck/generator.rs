@@ -55,7 +55,7 @@ pub struct Generator {
     conductance: Vec<f64>,
     /// w/(w of the Maxwell measure) per v cell: friction and diffusion act on P over the latter.
     tilt: Vec<f64>,
-    /// Pairs of neighbours in the rim with their exchange coefficient.
+    /// Cells of the rim, in order, with a neighbour and their exchange coefficient: each pair twice.
     relaxed: Vec<(usize, usize, f64)>,
     /// Cells at an open edge with the rate of g that balances their missing neighbours.
     open: Vec<(usize, f64)>,
@@ -246,10 +246,12 @@ impl Generator {
                     if other != usize::MAX && (rim[number[here]] || rim[other]) {
                         let smaller = 1.0 / self.inverse[here].max(self.inverse[there]);
                         self.relaxed.push((here, there, RIM_RATE * smaller));
+                        self.relaxed.push((there, here, RIM_RATE * smaller));
                     }
                 }
             }
         }
+        self.relaxed.sort_by_key(|(cell, ..)| *cell);
     }
 
     /// The spectral radius of the antisymmetric part of the generator, which is transport, and of its
@@ -278,9 +280,7 @@ impl Generator {
         let transport = radius(Kind::Antisymmetric, &|g, rate| {
             self.apply_transport(g, rate);
             for &(n, m, k) in &self.relaxed {
-                let flux = k * (g[m] - g[n]);
-                rate[n] -= flux;
-                rate[m] += flux;
+                rate[n] -= k * (g[m] - g[n]);
             }
             for &(cell, rate_of_g) in &self.leaving {
                 rate[cell] += rate_of_g * g[cell];
@@ -288,7 +288,7 @@ impl Generator {
         });
         let diffusion = radius(Kind::Symmetric, &|g, rate| {
             self.apply_diffusion(g, rate);
-            self.relax(g, rate);
+            self.relax(&(0..self.mesh.q.len()), g, rate);
         });
         let leaving = self
             .leaving

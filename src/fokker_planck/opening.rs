@@ -63,7 +63,7 @@ const EARLY: f64 = 0.02;
 /// the linear law, whose covariance is known.
 const ROUNDING: f64 = 1e-9;
 /// What cells may do to a packet alike in both runs, over the tolerance that chose them.
-const CELLS: f64 = 3e-4;
+const CELLS: f64 = 5e-5;
 /// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
 /// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
 /// to wait a few units for a coarser mesh pays in a run of fifty.
@@ -115,7 +115,9 @@ pub(super) struct Bill {
     pub(super) seconds: f64,
     /// Steps.
     pub(super) steps: f64,
-    /// Cells along either side, where there is no other mesh.
+    /// When a mesh takes over.
+    pub(super) until: f64,
+    /// Cells along either side, where no mesh takes over.
     pub(super) alone: Option<usize>,
 }
 
@@ -135,15 +137,17 @@ pub(super) fn cost(
     let widths = choice::thermal_widths(oscillator, settings.tolerance);
     let wide = cells_per_deviation(settings.tolerance) * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
-    let time = (-left.ln() / (2.0 * oscillator.zeta())).min(until);
+    let wide = -left.ln() / (2.0 * oscillator.zeta());
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
     let forever = choice::stays_in_frame(oscillator, initial, settings);
-    let time = if forever { until } else { time };
+    let alone = forever || wide >= until;
+    let time = if alone { until } else { wide };
     let steps = time / fineness.step;
     Ok(Some(Bill {
         seconds: 0.8e-6 * side * side * steps,
         steps,
-        alone: forever.then_some(side as usize),
+        until: time,
+        alone: alone.then_some(side as usize),
     }))
 }
 

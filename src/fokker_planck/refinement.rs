@@ -1,19 +1,23 @@
 //! From a tolerance to cells and steps: runs are refined where their errors are too large, each fine run
 //! the coarse one of the next, until every bar is within the tolerance or a limit says stop.
 
-use super::bars::{self, Bars, beyond};
+use super::bars::{self, Bars};
 use super::choice::{self, Settings, TimeScheme, Way};
 use super::domain::Domain;
 use super::transient::{Run, Task, Transient};
+use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::scales::Scales;
 use std::cell::Cell;
 
-/// Part of the tolerance that the box may take: a tenth costs a twelfth more cells in either direction, and
-/// its bar, the worst that what is outside could do, is far above its error.
-const BOX_SHARE: f64 = 0.02;
+/// Part of the tolerance that the box is chosen for: a tenth of it costs a twelfth more cells in either direction,
+/// and its bar, the worst that what is outside could do, is far above its error.
+const BOX_SHARE: f64 = 0.008;
+
+/// Part of the tolerance that the box may take, once run, before it is enlarged and run again.
+const BOX_LIMIT: f64 = 0.1;
 
 /// Parts of what the box leaves that mesh and steps aim at once they are refined: the bars of a new run
 /// come out up to twice as large as foreseen.
@@ -34,8 +38,9 @@ const HOPELESS: f64 = 1e8;
 /// The best order in space hoped for before a limit is believed.
 const HOPED: f64 = 8.0;
 
-/// The highest order believed once it was seen.
-const TRUSTED: f64 = 1.7;
+/// The highest order believed once a higher one was seen: that of the kink of the force, which meshes fine
+/// enough come to. What part of a difference is the kink's falls with it, the rest faster.
+const TRUSTED: f64 = 3.0;
 
 /// Order that meshes fine enough come to even where the first ones do not.
 const LIKELY: f64 = 3.5;
@@ -53,10 +58,14 @@ pub(super) fn neglected(
         return Ok(settings.neglected.unwrap_or(outside));
     }
     let share = BOX_SHARE * settings.tolerance;
+    // A kurtosis far above its scale moves with itself, and no start's is far below that of the law.
+    let law = oscillator.displacement_law()?;
+    let force = |k: i32| law.expect(|q| oscillator.contact().force(q).powi(k)).value;
+    let shape = (force(4) / force(2).powi(2)).max(1.0);
     for _ in 0..6 {
         let domain = Domain::closed(oscillator, initial, outside)?;
         let weights = domain.tail_weights(oscillator);
-        let part = domain.neglected * weights.into_iter().fold(0.0, f64::max);
+        let part = domain.neglected * weights.into_iter().fold(0.0, f64::max) * shape;
         if part <= share {
             break;
         }
@@ -76,21 +85,16 @@ fn expected(way: Way) -> f64 {
 }
 
 /// Steps of a coarse run over those of the fine one, and the order in time that is relied on: steps of
-/// the flow map err by zeta^2 tau^2 and less, but reach that order only where zeta tau is small (see
-/// [`strained`]: half an order is relied on there); other steps choose themselves by their error.
-fn steps(task: &Task) -> (f64, f64) {
+/// the flow map err by zeta^2 tau^3 and less, unless they follow their cells (half an order is relied on there);
+/// other steps choose themselves by their error.
+fn steps(task: &Task, strained: bool) -> (f64, f64) {
     match task.way {
+        // A thousandth of the tolerance, whatever the step: nothing to be seen. Steps of a packet are.
+        Way::Volumes(_) if task.has_series() => (1.0, 2.0),
         Way::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
-        Way::FlowMap if strained(task) => (1.5, 0.5),
+        Way::FlowMap if strained => (1.5, 0.5),
         Way::Volumes(_) | Way::FlowMap => (1.5, 2.0),
     }
-}
-
-/// Whether a flow map is asked for beyond the damping it is made for. Its shortest useful steps, a quarter of a
-/// cell, are then too long for the tolerance and follow the cells: at zeta = 1e3 the error was 3.3 times the
-/// difference that cells 1/0.82 times as wide made.
-fn strained(task: &Task) -> bool {
-    task.way == Way::FlowMap && task.oscillator.zeta() > choice::FLOW_MAP
 }
 
 /// A run with its cells and steps, over the first guess.
@@ -185,6 +189,10 @@ struct Refinement<'a> {
     /// Steps of the first coarse run over those of the fine one; order in time.
     longer: f64,
     order: f64,
+    /// Whether the steps of a flow map follow its cells: its shortest useful steps, a quarter of a cell, are then
+    /// too long for the tolerance. At zeta = 1e3 the error was 3.3 times the difference that cells 1/0.82 times as
+    /// wide made.
+    strained: bool,
     /// Whether cells and steps are left to the program.
     free: [bool; 2],
     search: Search,
@@ -200,13 +208,19 @@ impl<'a> Refinement<'a> {
         volumes: Option<&'a (Task<'a>, String)>,
         progress: &'a (dyn Fn(f64) + Sync),
     ) -> Self {
-        let (longer, order) = steps(&task);
+        let until = task.times.last().copied().unwrap_or(0.0);
+        // A mesh that cannot be made says so in the first run.
+        let strained = task.way == Way::FlowMap
+            && choice::is_strained(task.oscillator, task.initial, until, task.settings)
+                .unwrap_or(false);
+        let (longer, order) = steps(&task, strained);
         Self {
+            strained,
             scales: Scales::of(task.oscillator),
             longer,
             order,
             free: [task.settings.cells.is_none(), task.settings.step.is_none()],
-            search: Search::new(task.way),
+            search: Search::new(task.way, task.oscillator.contact()),
             rounds: 0,
             done: Cell::new(0.0),
             volumes,
@@ -217,13 +231,16 @@ impl<'a> Refinement<'a> {
 
     /// What steps may still do after a cut by `ratio`, over the difference it made.
     fn in_time(&self, ratio: f64) -> f64 {
+        if ratio == 1.0 {
+            return 0.0;
+        }
         1.0 / (ratio.powf(self.order) - 1.0)
     }
 
     /// What a mesh may still do, over the difference that one `ratio` times as coarse made: `believed`, or
     /// where the steps follow the cells what these do.
     fn in_space(&self, believed: f64, ratio: f64) -> f64 {
-        if strained(&self.task) {
+        if self.strained {
             believed.max(self.in_time(ratio))
         } else {
             believed
@@ -244,7 +261,13 @@ impl<'a> Refinement<'a> {
     /// The first coarse run: on finer cells, where those chosen do not hold the scene, and in a box so
     /// large that it takes no more than its share, whatever the shape of the force.
     fn coarse(&self, settings: &mut Settings) -> Result<(Level, f64)> {
-        let mut finer = 1.0;
+        let mut finer = choice::first_guess(
+            self.task.way,
+            self.task.oscillator,
+            self.task.initial,
+            self.task.times,
+            self.task.settings,
+        )?;
         let (mut boxes, mut meshes) = (0, 0);
         loop {
             let task = Task {
@@ -269,7 +292,8 @@ impl<'a> Refinement<'a> {
             // The shape of a force that has all but vanished is beyond any box, and cells of the scene may
             // not carry a larger one.
             let given = settings.cells.is_some();
-            if given || outside <= share || outside > HOPELESS * share || boxes == 3 {
+            let enough = outside <= BOX_LIMIT * settings.tolerance;
+            if given || enough || outside > HOPELESS * share || boxes == 3 {
                 return Ok((coarse, finer));
             }
             boxes += 1;
@@ -301,9 +325,10 @@ impl<'a> Refinement<'a> {
             });
         }
         let mut fine = self.level(&task, first, 1.0, 0.9)?;
-        let space = self.in_space(beyond(1.0 / COARSE), 1.0 / COARSE);
+        let space = self.in_space(self.search.beyond(1.0 / COARSE), 1.0 / COARSE);
         let factor = space.max(self.in_time(self.longer));
         let mut bars = task.bars(&fine.run, &coarse.run, factor);
+        bars.joint = self.longer != 1.0;
         let (mut why, mut switch) = ((String::new(), false), None);
         loop {
             match self.next(&task, &mut bars, &fine, &coarse) {
@@ -339,24 +364,25 @@ impl<'a> Refinement<'a> {
     }
 
     /// The bars of `next`, finer than `fine`, whose bars were `before`.
-    fn refined_bars(&self, task: &Task, next: &Level, fine: &Level, before: Bars) -> Bars {
+    fn refined_bars(&mut self, task: &Task, next: &Level, fine: &Level, before: Bars) -> Bars {
         let mut bars = task.bars(&next.run, &fine.run, 1.0);
         let (ratio, cut) = (next.finer / fine.finer, fine.longer / next.longer);
+        if cut == 1.0 {
+            let believed = self.search.seen(bars.worst_space(), next, fine);
+            bars.scale_space(self.in_space(believed, ratio));
+            (bars.time, bars.joint) = (before.time, false);
+            return bars;
+        }
         let space = if ratio > 1.0 {
             self.in_space(self.search.beyond(ratio), ratio)
         } else {
             0.0
         };
-        let time = if cut > 1.0 { self.in_time(cut) } else { 0.0 };
-        let all = bars::differences(&next.run, &fine.run, space.max(time), &self.scales);
-        (bars.space, bars.time, bars.joint) = if cut == 1.0 {
-            (all, before.time, false)
-        } else if ratio == 1.0 {
-            (before.space, all, false)
-        } else {
-            let none = vec![[0.0; 11]; all.len()];
-            (all, none, true)
-        };
+        bars.scale_space(space.max(self.in_time(cut)));
+        if ratio == 1.0 {
+            bars.time = std::mem::replace(&mut bars.space, before.space);
+            bars.joint = false;
+        }
         bars
     }
 
@@ -372,6 +398,7 @@ impl<'a> Refinement<'a> {
         }
         let goal = (settings.tolerance - bars.worst_fixed()).max(0.25 * settings.tolerance);
         let ratio = fine.finer / coarse.finer;
+        let unseen = bars.joint || self.rounds == 0;
         if bars.joint {
             // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow
             // map adds an error of the mesh, so that the part of the steps holds some of it.
@@ -388,9 +415,9 @@ impl<'a> Refinement<'a> {
         let (space, time) = (bars.worst_space(), bars.worst_time());
         let (mut finer, mut shorter) = (1.0, 1.0);
         if self.free[0] && space > SPACE_SHARE * goal {
-            if ratio > 1.0 {
-                self.search
-                    .seen(space / self.search.beyond(ratio), fine, coarse);
+            if ratio > 1.0 && unseen {
+                let difference = space / self.search.beyond(ratio);
+                self.search.seen(difference, fine, coarse);
             }
             finer = self.search.finer(space, SPACE_SHARE * goal, ratio);
         }
@@ -438,8 +465,8 @@ impl<'a> Refinement<'a> {
         {
             // Both as foreseen: what is chosen must not depend on what else the machine does.
             let here = work(likely, shorter)?.0;
-            // A coarse run, a fine one and two refinements, the last 1.8 times as fine as the first.
-            let there = 15.0 * seconds;
+            // A coarse run, a fine one and another, 1.8 times as fine.
+            let there = 8.0 * seconds;
             if here > there && there < left {
                 let text = format!(
                     "the flow map on {likely:.1} times finer cells would take about {here:.1} s, finite \
@@ -475,6 +502,8 @@ impl<'a> Refinement<'a> {
 
 /// What refining the mesh has shown so far.
 struct Search {
+    /// Order in space believed before any was seen.
+    believed: f64,
     /// Order in space expected before any was seen.
     expected: f64,
     /// Differences and the resolutions they lie between: coarse, fine.
@@ -482,15 +511,18 @@ struct Search {
 }
 
 impl Search {
-    fn new(way: Way) -> Self {
+    fn new(way: Way, contact: &ContactLaw) -> Self {
         Self {
+            believed: bars::believed(way, contact),
             expected: expected(way),
             seen: Vec::new(),
         }
     }
 
-    fn seen(&mut self, difference: f64, fine: &Level, coarse: &Level) {
+    /// Takes a difference down, and says what the finer mesh may still do over it.
+    fn seen(&mut self, difference: f64, fine: &Level, coarse: &Level) -> f64 {
         self.seen.push((difference, coarse.finer, fine.finer));
+        self.beyond(fine.finer / coarse.finer)
     }
 
     /// The order in space from the last two differences, C (coarse^-p - fine^-p) each.
@@ -528,7 +560,8 @@ impl Search {
         } else {
             bar
         };
-        let foreseen = |finer: f64| self.beyond(finer) * error * (1.0 - finer.powf(-order));
+        let foreseen =
+            |finer: f64| self.beyond_with(finer, order) * error * (1.0 - finer.powf(-order));
         let enough = FINER.into_iter().find(|finer| foreseen(*finer) <= goal);
         enough.unwrap_or(FINER[FINER.len() - 1])
     }
@@ -540,10 +573,14 @@ impl Search {
         short.max(1.0).powf(1.0 / order)
     }
 
-    /// The error of the finer of two runs over their difference: [`beyond`], or less where three meshes
-    /// have shown a higher order; half an order below it, since orders are not seen to better.
+    /// The error of the finer of two runs over their difference, by the order that three meshes have shown,
+    /// if there were three.
     fn beyond(&self, ratio: f64) -> f64 {
-        let seen = self.order().map_or(0.0, |order| (order - 0.5).min(TRUSTED));
-        beyond(ratio).min(1.0 / (ratio.powf(seen) - 1.0).max(0.0))
+        self.beyond_with(ratio, self.order().unwrap_or(0.0))
+    }
+
+    /// The same where an order was seen: up to [`TRUSTED`], since orders are not seen to better than one.
+    fn beyond_with(&self, ratio: f64, seen: f64) -> f64 {
+        bars::beyond(ratio, (seen - 1.0).min(TRUSTED).max(self.believed))
     }
 }

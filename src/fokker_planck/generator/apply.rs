@@ -1,82 +1,133 @@
-//! The generator applied to a density without a matrix, vectorised along v.
+//! The generator applied to a density without a matrix, vectorised along v, columns shared among threads.
 
 use super::super::difference::{central, staggered};
 use super::super::flux::MassFlux;
 use super::Generator;
+use rayon::prelude::*;
 use std::ops::Range;
 
+/// Cells from which on the work of a stage is worth sharing between threads, and cells that one takes at a
+/// time: at some 7 ns each, six and two hundredths of a millisecond, where a fork takes a few microseconds.
+const SHARED: usize = 8000;
+const SHARE: usize = 3000;
+
 impl Generator {
+    /// Columns that a thread takes at a time: all, where they are too few to be shared.
+    pub(crate) fn share(&self) -> usize {
+        let [nq, nv] = self.mesh.cells();
+        if nq * nv < SHARED || rayon::current_num_threads() == 1 {
+            nq
+        } else {
+            SHARE.div_ceil(nv)
+        }
+    }
+
     /// `rate = d(w g)/dt` for every cell, row-major; 0 where there is no unknown.
     pub fn apply(&self, g: &[f64], rate: &mut [f64]) {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                self.transport(g, rate);
-                self.diffusion(g, rate);
-            },
-        );
+        self.in_shares(rate, |columns, rate| self.apply_to(columns, g, rate));
+    }
+
+    /// [`Generator::apply`] for some columns, whose cells `rate` holds.
+    pub(crate) fn apply_to(&self, columns: Range<usize>, g: &[f64], rate: &mut [f64]) {
+        self.part::<true, true>(columns, g, rate);
     }
 
     /// The part of [`Generator::apply`] that couples cells along q: transport, with the exchange in the
     /// rim and what leaves through open edges.
     pub fn apply_transport(&self, g: &[f64], rate: &mut [f64]) {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.transport(g, rate),
-        );
+        self.in_shares(rate, |columns, rate| self.transport_to(columns, g, rate));
+    }
+
+    /// [`Generator::apply_transport`] for some columns, whose cells `rate` holds.
+    pub(crate) fn transport_to(&self, columns: Range<usize>, g: &[f64], rate: &mut [f64]) {
+        self.part::<true, false>(columns, g, rate);
     }
 
     /// The part of [`Generator::apply`] that couples cells along v alone: friction and diffusion.
     pub fn apply_diffusion(&self, g: &[f64], rate: &mut [f64]) {
-        rate.fill(0.0);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.diffusion(g, rate),
-        );
+        self.in_shares(rate, |columns, rate| {
+            rate.fill(0.0);
+            self.part::<false, true>(columns, g, rate);
+        });
+    }
+
+    fn part<const TRANSPORT: bool, const DIFFUSION: bool>(
+        &self,
+        columns: Range<usize>,
+        g: &[f64],
+        rate: &mut [f64],
+    ) {
+        pulp::Arch::new().dispatch(Apply::<TRANSPORT, DIFFUSION> {
+            generator: self,
+            columns: &columns,
+            g,
+            rate,
+        });
+    }
+
+    /// Calls `work` for all columns, a share at a time, each with its cells of `rate`.
+    fn in_shares(&self, rate: &mut [f64], work: impl Fn(Range<usize>, &mut [f64]) + Sync) {
+        let [nq, nv] = self.mesh.cells();
+        let share = self.share();
+        if share == nq {
+            return work(0..nq, rate);
+        }
+        let shares = rate.par_chunks_mut(share * nv).enumerate();
+        shares.for_each(|(k, rate)| {
+            let first = k * share;
+            work(first..first + rate.len() / nv, rate);
+        });
     }
 
     #[inline(always)]
-    pub(super) fn transport(&self, g: &[f64], rate: &mut [f64]) {
+    fn transport(&self, columns: &Range<usize>, g: &[f64], rate: &mut [f64]) {
         match &self.flux {
-            MassFlux::Faces { q, v } => self.upwind(q, v, g, rate),
+            MassFlux::Faces { q, v } => self.upwind(columns, q, v, g, rate),
             MassFlux::Centres { q, v } => {
                 match self.drift.half_width() {
-                    1 => self.central::<1>(q, v, g, rate),
-                    2 => self.central::<2>(q, v, g, rate),
-                    3 => self.central::<3>(q, v, g, rate),
-                    _ => self.central::<4>(q, v, g, rate),
+                    1 => self.central::<1>(columns, q, v, g, rate),
+                    2 => self.central::<2>(columns, q, v, g, rate),
+                    3 => self.central::<3>(columns, q, v, g, rate),
+                    _ => self.central::<4>(columns, q, v, g, rate),
                 }
-                self.relax(g, rate);
-                for &(cell, rate_of_g) in &self.open {
-                    rate[cell] += rate_of_g * g[cell];
+                self.relax(columns, g, rate);
+                let nv = self.mesh.v.len();
+                for &(cell, rate_of_g) in of_columns(&self.open, columns, nv, |it| it.0) {
+                    rate[cell - columns.start * nv] += rate_of_g * g[cell];
                 }
             }
         }
     }
 
     #[inline(always)]
-    pub(super) fn relax(&self, g: &[f64], rate: &mut [f64]) {
-        for &(n, m, k) in &self.relaxed {
-            let flux = k * (g[m] - g[n]);
-            rate[n] += flux;
-            rate[m] -= flux;
+    pub(super) fn relax(&self, columns: &Range<usize>, g: &[f64], rate: &mut [f64]) {
+        let nv = self.mesh.v.len();
+        for &(n, m, k) in of_columns(&self.relaxed, columns, nv, |it| it.0) {
+            rate[n - columns.start * nv] += k * (g[m] - g[n]);
         }
     }
 
     #[inline(always)]
-    pub(super) fn diffusion(&self, g: &[f64], rate: &mut [f64]) {
+    fn diffusion(&self, columns: &Range<usize>, g: &[f64], rate: &mut [f64]) {
         match self.drift.half_width() {
-            1 => self.diffuse::<1>(g, rate),
-            2 => self.diffuse::<2>(g, rate),
-            3 => self.diffuse::<3>(g, rate),
-            _ => self.diffuse::<4>(g, rate),
+            1 => self.diffuse::<1>(columns, g, rate),
+            2 => self.diffuse::<2>(columns, g, rate),
+            3 => self.diffuse::<3>(columns, g, rate),
+            _ => self.diffuse::<4>(columns, g, rate),
         }
     }
 
     #[inline(always)]
-    fn upwind(&self, flux_q: &[f64], flux_v: &[f64], g: &[f64], rate: &mut [f64]) {
+    fn upwind(
+        &self,
+        columns: &Range<usize>,
+        flux_q: &[f64],
+        flux_v: &[f64],
+        g: &[f64],
+        rate: &mut [f64],
+    ) {
         let [nq, nv] = self.mesh.cells();
-        for i in 0..nq {
+        for (i, rate) in columns.clone().zip(rate.chunks_exact_mut(nv)) {
             let (row, faces) = (i * nv, i * (nv + 1));
             for j in 0..nv {
                 let here = g[row + j];
@@ -85,7 +136,7 @@ impl Generator {
                 let below = if j > 0 { g[row + j - 1] } else { 0.0 };
                 let above = if j + 1 < nv { g[row + j + 1] } else { 0.0 };
                 let carried = |m: f64, from: f64, to: f64| m.max(0.0) * from + m.min(0.0) * to;
-                rate[row + j] = carried(flux_q[row + j], left, here)
+                rate[j] = carried(flux_q[row + j], left, here)
                     - carried(flux_q[row + nv + j], here, right)
                     + carried(flux_v[faces + j], below, here)
                     - carried(flux_v[faces + j + 1], here, above);
@@ -96,14 +147,21 @@ impl Generator {
     /// Every pair of cells (n, m) a distance l apart exchanges c_l (a_n + a_m)/2 (g_m - g_n), with the
     /// same sign on both: exactly 0 for g = 1. One pass over the memory, all neighbours at once.
     #[inline(always)]
-    fn central<const K: usize>(&self, a: &[f64], b: &[f64], g: &[f64], rate: &mut [f64]) {
+    fn central<const K: usize>(
+        &self,
+        columns: &Range<usize>,
+        a: &[f64],
+        b: &[f64],
+        g: &[f64],
+        rate: &mut [f64],
+    ) {
         let [nq, nv] = self.mesh.cells();
         let mut halves = [0.0; K];
         for (half, c) in halves.iter_mut().zip(central(K)) {
             *half = 0.5 * c;
         }
-        for (i, column) in self.active.iter().enumerate() {
-            let out = &mut rate[i * nv..(i + 1) * nv];
+        for (i, out) in columns.clone().zip(rate.chunks_exact_mut(nv)) {
+            let column = &self.active[i];
             out[..column.start].fill(0.0);
             out[column.end..].fill(0.0);
             let row = |i: usize| i * nv..(i + 1) * nv;
@@ -124,14 +182,8 @@ impl Generator {
             for j in (column.start..low).chain(high..column.end) {
                 out[j] = here.end(&halves, j);
             }
-            let mut j = low;
-            while j + LANES <= high {
-                let value = here.exchange::<LANES>(&halves, j);
-                out[j..j + LANES].copy_from_slice(&value);
-                j += LANES;
-            }
-            for (j, out) in (j..high).zip(&mut out[j..high]) {
-                [*out] = here.exchange::<1>(&halves, j);
+            if low < high {
+                here.exchange(&halves, low..high, &mut out[low..high]);
             }
         }
     }
@@ -159,17 +211,14 @@ impl Generator {
 
     /// Adds -S^T (k S g), k the conductance of the faces. A tile of faces stays in the nearest cache.
     #[inline(always)]
-    fn diffuse<const K: usize>(&self, g: &[f64], rate: &mut [f64]) {
-        const TILE: usize = 64;
-        /// A tile with the neighbours of its faces, for the widest stencil.
-        const HELD: usize = TILE + 2 * 8;
+    fn diffuse<const K: usize>(&self, columns: &Range<usize>, g: &[f64], rate: &mut [f64]) {
         let nv = self.mesh.v.len();
         let mut stencil = [0.0; K];
         stencil.copy_from_slice(staggered(K));
         let (mut tilted, mut flux) = ([0.0; HELD], [0.0; HELD]);
-        for (i, column) in self.active.iter().enumerate() {
-            let row = i * nv;
-            let (g, rate) = (&g[row..row + nv], &mut rate[row..row + nv]);
+        for (i, rate) in columns.clone().zip(rate.chunks_exact_mut(nv)) {
+            let (column, row) = (&self.active[i], i * nv);
+            let g = &g[row..row + nv];
             let scale = self.weights.q[i];
             let inner = self.inner_faces(column);
             for j in
@@ -217,35 +266,77 @@ impl Generator {
                 }
                 let k = &self.conductance[low..high];
                 let mut p = 0;
-                while p + LANES <= n {
-                    let slope = difference::<K, LANES>(&stencil, &tilted[p..p + LANES + 2 * K - 1]);
-                    for x in 0..LANES {
-                        flux[offset + p + x] = k[p + x] * scale * slope[x];
+                while p < n {
+                    // The last lanes overlap with those before.
+                    let from = p.min(n.saturating_sub(LANES));
+                    let slope = difference(&stencil, &tilted, from);
+                    for x in 0..LANES.min(n) {
+                        flux[offset + from + x] = k[from + x] * scale * slope[x];
                     }
-                    p += LANES;
-                }
-                for p in p..n {
-                    let [slope] = difference::<K, 1>(&stencil, &tilted[p..p + 2 * K]);
-                    flux[offset + p] = k[p] * scale * slope;
+                    p = from + LANES;
                 }
                 let out = &mut rate[cells.clone()];
                 let mut p = 0;
-                while p + LANES <= out.len() {
-                    let sum = difference::<K, LANES>(&stencil, &flux[p..p + LANES + 2 * K - 1]);
-                    for (out, sum) in out[p..p + LANES].iter_mut().zip(sum) {
+                while p < out.len() {
+                    let from = p.min(out.len().saturating_sub(LANES));
+                    let sum = difference(&stencil, &flux, from);
+                    for (out, sum) in out[p..].iter_mut().zip(&sum[p - from..]) {
                         *out += sum;
                     }
-                    p += LANES;
-                }
-                for p in p..out.len() {
-                    let [sum] = difference::<K, 1>(&stencil, &flux[p..p + 2 * K]);
-                    out[p] += sum;
+                    p = from + LANES;
                 }
                 first = cells.end;
             }
         }
     }
 }
+
+/// A part of the generator on some columns. A type, not a closure, so that it is compiled for the CPU.
+struct Apply<'a, const TRANSPORT: bool, const DIFFUSION: bool> {
+    generator: &'a Generator,
+    columns: &'a Range<usize>,
+    g: &'a [f64],
+    rate: &'a mut [f64],
+}
+
+impl<const TRANSPORT: bool, const DIFFUSION: bool> pulp::WithSimd
+    for Apply<'_, TRANSPORT, DIFFUSION>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self {
+            generator,
+            columns,
+            g,
+            rate,
+        } = self;
+        if TRANSPORT {
+            generator.transport(columns, g, rate);
+        }
+        if DIFFUSION {
+            generator.diffusion(columns, g, rate);
+        }
+    }
+}
+
+/// Those of a list, ordered by their cells, that lie in some columns of nv cells.
+fn of_columns<'a, T>(
+    list: &'a [T],
+    columns: &Range<usize>,
+    nv: usize,
+    cell: impl Fn(&T) -> usize,
+) -> &'a [T] {
+    let place = |column: usize| list.partition_point(|it| cell(it) < column * nv);
+    &list[place(columns.start)..place(columns.end)]
+}
+
+/// Cells of a column whose faces are worked out together: they stay in the nearest cache.
+const TILE: usize = 64;
+
+/// A tile with the neighbours of its faces, for the widest stencil.
+const HELD: usize = TILE + 2 * 8;
 
 /// Cells worked on at once: one vector register of doubles, or two.
 const LANES: usize = 8;
@@ -261,30 +352,55 @@ struct Row<'a, const K: usize> {
     a_left: [&'a [f64]; K],
 }
 
-impl<const K: usize> Row<'_, K> {
-    /// What N cells from j on receive; all neighbours along v must exist.
+impl<'a, const K: usize> Row<'a, K> {
+    /// What some cells receive; all their neighbours along v must exist.
     #[inline(always)]
-    fn exchange<const N: usize>(&self, halves: &[f64; K], j: usize) -> [f64; N] {
-        let load = |x: &[f64], at: usize| -> [f64; N] {
-            let x = &x[at..at + N];
-            std::array::from_fn(|k| x[k])
+    fn exchange(&self, halves: &[f64; K], cells: Range<usize>, out: &mut [f64]) {
+        let whole = cells.len() / LANES;
+        // Slices of one length, so that it is checked once.
+        let lanes = |x: &'a [f64], from: usize| -> &'a [[f64; LANES]] {
+            &x[from..from + whole * LANES].as_chunks().0[..whole]
         };
-        let (g, a, b) = (load(self.g, j), load(self.a, j), load(self.b, j));
-        let mut sum = [0.0; N];
-        for (l, c) in halves.iter().enumerate() {
-            let right = (load(self.a_right[l], j), load(self.g_right[l], j));
-            let left = (load(self.a_left[l], j), load(self.g_left[l], j));
-            let above = (load(self.b, j + l + 1), load(self.g, j + l + 1));
-            let below = (load(self.b, j - l - 1), load(self.g, j - l - 1));
-            for k in 0..N {
-                let along_q = (a[k] + left.0[k]) * (left.1[k] - g[k])
-                    - (a[k] + right.0[k]) * (right.1[k] - g[k]);
-                let along_v = (b[k] + below.0[k]) * (below.1[k] - g[k])
-                    - (b[k] + above.0[k]) * (above.1[k] - g[k]);
-                sum[k] += c * (along_q + along_v);
+        let from = cells.start;
+        let (g, a, b) = (
+            lanes(self.g, from),
+            lanes(self.a, from),
+            lanes(self.b, from),
+        );
+        let g_right: [_; K] = std::array::from_fn(|l| lanes(self.g_right[l], from));
+        let a_right: [_; K] = std::array::from_fn(|l| lanes(self.a_right[l], from));
+        let g_left: [_; K] = std::array::from_fn(|l| lanes(self.g_left[l], from));
+        let a_left: [_; K] = std::array::from_fn(|l| lanes(self.a_left[l], from));
+        let g_above: [_; K] = std::array::from_fn(|l| lanes(self.g, from + l + 1));
+        let b_above: [_; K] = std::array::from_fn(|l| lanes(self.b, from + l + 1));
+        let g_below: [_; K] = std::array::from_fn(|l| lanes(self.g, from - l - 1));
+        let b_below: [_; K] = std::array::from_fn(|l| lanes(self.b, from - l - 1));
+        let (full, rest) = out.as_chunks_mut::<LANES>();
+        for (c, out) in full.iter_mut().enumerate() {
+            let (g, a, b) = (&g[c], &a[c], &b[c]);
+            let mut sum = [0.0; LANES];
+            for l in 0..K {
+                let along_q = pair(
+                    g,
+                    a,
+                    (&g_left[l][c], &a_left[l][c]),
+                    (&g_right[l][c], &a_right[l][c]),
+                );
+                let along_v = pair(
+                    g,
+                    b,
+                    (&g_below[l][c], &b_below[l][c]),
+                    (&g_above[l][c], &b_above[l][c]),
+                );
+                for k in 0..LANES {
+                    sum[k] = halves[l].mul_add(along_q[k] + along_v[k], sum[k]);
+                }
             }
+            *out = sum;
         }
-        sum
+        for (j, out) in (cells.end - rest.len()..).zip(rest) {
+            *out = self.end(halves, j);
+        }
     }
 
     /// What cell j near an end of the row receives.
@@ -305,18 +421,32 @@ impl<const K: usize> Row<'_, K> {
     }
 }
 
-/// sum_l s_l (x[k + K + l] - x[k + K - 1 - l]) for k in 0..N.
+/// (a + a_-)(g_- - g) - (a + a_+)(g_+ - g), of neighbours (g, a) on either side.
 #[inline(always)]
-fn difference<const K: usize, const N: usize>(s: &[f64; K], x: &[f64]) -> [f64; N] {
-    let load = |at: usize| -> [f64; N] {
-        let x = &x[at..at + N];
+fn pair(
+    g: &[f64; LANES],
+    a: &[f64; LANES],
+    before: (&[f64; LANES], &[f64; LANES]),
+    after: (&[f64; LANES], &[f64; LANES]),
+) -> [f64; LANES] {
+    std::array::from_fn(|k| {
+        let gone = (a[k] + after.1[k]) * (after.0[k] - g[k]);
+        (a[k] + before.1[k]).mul_add(before.0[k] - g[k], -gone)
+    })
+}
+
+/// sum_l s_l (x[k + K + l] - x[k + K - 1 - l]) for [`LANES`] k from `from` on.
+#[inline(always)]
+fn difference<const K: usize>(s: &[f64; K], x: &[f64; HELD], from: usize) -> [f64; LANES] {
+    let load = |at: usize| -> [f64; LANES] {
+        let x = &x[at..at + LANES];
         std::array::from_fn(|k| x[k])
     };
-    let mut sum = [0.0; N];
+    let mut sum = [0.0; LANES];
     for (l, s) in s.iter().enumerate() {
-        let (high, low) = (load(K + l), load(K - 1 - l));
-        for k in 0..N {
-            sum[k] += s * (high[k] - low[k]);
+        let (high, low) = (load(from + K + l), load(from + K - 1 - l));
+        for k in 0..LANES {
+            sum[k] = s.mul_add(high[k] - low[k], sum[k]);
         }
     }
     sum

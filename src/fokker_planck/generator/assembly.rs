@@ -83,9 +83,8 @@ impl Generator {
             }
         }
         for &(n, m, k) in &self.relaxed {
-            for (row, column, value) in [(n, m, k), (n, n, -k), (m, n, k), (m, m, -k)] {
-                add(row, column, value);
-            }
+            add(n, m, k);
+            add(n, n, -k);
         }
         triplets.to_csc()
     }
@@ -193,9 +192,8 @@ impl Generator {
                     }
                 }
                 for &(n, m, k) in &self.relaxed {
-                    for (row, column, value) in [(n, m, k), (n, n, -k), (m, n, k), (m, m, -k)] {
-                        add(Part::Diffusion, row, column, value);
-                    }
+                    add(Part::Diffusion, n, m, k);
+                    add(Part::Diffusion, n, n, -k);
                 }
                 for &(cell, rate) in &self.open {
                     add(Part::Transport, cell, cell, rate);

@@ -1,9 +1,10 @@
 //! Additive Runge-Kutta: transport explicit, friction and diffusion implicit.
 
 use super::Integrator;
-use super::banded::Banded;
+use super::banded::{Banded, LANES, Lanes};
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
+use rayon::prelude::*;
 
 /// ARK4(3)6L\[2\]SA of Kennedy and Carpenter, Appl. Numer. Math. 44, 139, 2003: order 4, six stages, its
 /// implicit part L-stable. Transport across cells is explicit, and friction and diffusion along v are
@@ -19,7 +20,8 @@ pub struct Additive {
     rate: Vec<f64>,
     transport: [Vec<f64>; STAGES],
     diffusion: [Vec<f64>; STAGES],
-    work: Vec<[f64; 8]>,
+    /// A row of lanes per v cell for every share of columns.
+    work: Vec<Lanes>,
 }
 
 const STAGES: usize = 6;
@@ -75,7 +77,10 @@ impl Additive {
             rate: empty(),
             transport: std::array::from_fn(|_| empty()),
             diffusion: std::array::from_fn(|_| empty()),
-            work: vec![[0.0; 8]; generator.mesh().v.len()],
+            work: vec![
+                [0.0; LANES];
+                generator.mesh().v.len() * generator.mesh().q.len().div_ceil(LANES)
+            ],
             generator: generator.clone(),
         }
     }
@@ -93,7 +98,8 @@ impl Additive {
         Ok(())
     }
 
-    /// One step on g.
+    /// One step on g: each stage is the sum of those before with the implicit solve, column by column, and
+    /// then the transport between them.
     fn step(&mut self, dt: f64) {
         let Self {
             generator,
@@ -110,32 +116,65 @@ impl Additive {
             return;
         };
         let inverse = generator.inverse_weights();
+        let [nq, nv] = generator.mesh().cells();
+        // Whole blocks of the solver.
+        let share = generator.share().next_multiple_of(LANES).min(nq);
+        let size = share * nv;
+        let columns = |k: usize, cells: usize| k * share..k * share + cells / nv;
         generator.apply_diffusion(g, rate);
-        times(&mut diffusion[0], rate, inverse);
+        diffusion[0]
+            .par_chunks_mut(size)
+            .zip(rate.par_chunks(size))
+            .zip(inverse.par_chunks(size))
+            .for_each(|((diffusion, rate), inverse)| times(diffusion, rate, inverse));
         stage.copy_from_slice(g);
         for i in 0..STAGES {
             if i > 0 {
-                stage.copy_from_slice(g);
-                for j in 0..i {
-                    add(
-                        stage,
-                        dt * EXPLICIT[i][j],
-                        &transport[j],
-                        dt * IMPLICIT[i][j],
-                        &diffusion[j],
-                    );
-                }
-                // U = rhs + GAMMA dt B U gives B U without applying B.
-                diffusion[i].copy_from_slice(stage);
-                banded.solve(stage, work);
-                difference(&mut diffusion[i], stage, 1.0 / (GAMMA * dt));
+                let (before, now) = diffusion.split_at_mut(i);
+                let (before, transport) = (&*before, &*transport);
+                stage
+                    .par_chunks_mut(size)
+                    .zip(now[0].par_chunks_mut(size))
+                    .zip(work.par_chunks_mut(nv))
+                    .enumerate()
+                    .for_each(|(k, ((stage, now), work))| {
+                        let from = k * size;
+                        let cells = from..from + stage.len();
+                        stage.copy_from_slice(&g[cells.clone()]);
+                        for j in 0..i {
+                            add(
+                                stage,
+                                dt * EXPLICIT[i][j],
+                                &transport[j][cells.clone()],
+                                dt * IMPLICIT[i][j],
+                                &before[j][cells.clone()],
+                            );
+                        }
+                        // U = rhs + GAMMA dt B U gives B U without applying B.
+                        now.copy_from_slice(stage);
+                        banded.solve(&columns(k, stage.len()), stage, work);
+                        difference(now, stage, 1.0 / (GAMMA * dt));
+                    });
             }
-            generator.apply_transport(stage, rate);
-            times(&mut transport[i], rate, inverse);
+            let stage = &*stage;
+            transport[i]
+                .par_chunks_mut(size)
+                .zip(rate.par_chunks_mut(size))
+                .zip(inverse.par_chunks(size))
+                .enumerate()
+                .for_each(|(k, ((transport, rate), inverse))| {
+                    generator.transport_to(columns(k, rate.len()), stage, rate);
+                    times(transport, rate, inverse);
+                });
         }
-        for (j, weight) in WEIGHTS.iter().enumerate() {
-            add(g, dt * weight, &transport[j], dt * weight, &diffusion[j]);
-        }
+        g.par_chunks_mut(size).enumerate().for_each(|(k, g)| {
+            let cells = k * size..k * size + g.len();
+            for (j, weight) in WEIGHTS.iter().enumerate() {
+                let (transport, diffusion) =
+                    (&transport[j][cells.clone()], &diffusion[j][cells.clone()]);
+                add(g, dt * weight, transport, dt * weight, diffusion);
+            }
+        });
     }
 }
 
@@ -175,7 +214,8 @@ impl Integrator for Additive {
         for ((g, p), inverse) in self.g.iter_mut().zip(&*cells).zip(inverse) {
             *g = p * inverse;
         }
-        self.step(dt);
+        // Inside the pool for good: its queues are then the only ones used.
+        rayon::scope(|_| self.step(dt));
         self.generator.weigh(&self.g, cells);
         Ok(())
     }

@@ -11,10 +11,10 @@ use crate::fokker_planck::generator::{BANDS, Generator};
 use std::ops::Range;
 
 /// Columns worked on at once.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
 
 /// One row of a block: its entries for all lanes.
-type Lanes = [f64; LANES];
+pub(super) type Lanes = [f64; LANES];
 
 /// L D L^T of w/tilt + a S^T k S for every q-column, w over its factor of the column, where
 /// B = -S^T k S/w on r = g tilt.
@@ -26,9 +26,6 @@ pub(super) struct Banded {
 }
 
 struct Block {
-    /// First q-column, and how many.
-    first: usize,
-    columns: usize,
     /// Cells along v that any of the columns holds.
     rows: Range<usize>,
     /// Per row: 1/D, then the entries of L left of the diagonal, nearest first.
@@ -82,8 +79,6 @@ impl Banded {
                 });
             }
             blocks.push(Block {
-                first,
-                columns,
                 rows,
                 factors,
                 weights: held,
@@ -96,23 +91,21 @@ impl Banded {
         })
     }
 
-    /// Replaces g by the solution; `work` is one row of lanes per v cell.
-    pub(super) fn solve(&self, g: &mut [f64], work: &mut [Lanes]) {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for block in &self.blocks {
-                    self.solve_block(block, g, work);
-                }
-            },
-        );
+    /// Replaces g on some columns, from the first of a block to the last of one, by the solution; `work` is
+    /// one row of lanes per v cell.
+    pub(super) fn solve(&self, columns: &Range<usize>, g: &mut [f64], work: &mut [Lanes]) {
+        pulp::Arch::new().dispatch(Solve {
+            banded: self,
+            columns,
+            g,
+            work,
+        });
     }
 
     #[inline(always)]
     fn solve_block(&self, block: &Block, g: &mut [f64], work: &mut [Lanes]) {
         let n = block.rows.len();
         let work = &mut work[..n];
-        let g = &mut g[block.first * self.nv..(block.first + block.columns) * self.nv];
         let out = &self.out[block.rows.clone()];
         work.fill([0.0; LANES]);
         for (lane, column) in g.chunks_exact(self.nv).enumerate() {
@@ -127,7 +120,7 @@ impl Banded {
             let mut sum = *row;
             for (entry, before) in factors[1..].iter().zip(&held) {
                 for k in 0..LANES {
-                    sum[k] -= entry[k] * before[k];
+                    sum[k] = (-entry[k]).mul_add(before[k], sum[k]);
                 }
             }
             held.copy_within(0..BANDS - 2, 1);
@@ -147,7 +140,7 @@ impl Banded {
             owed[BANDS - 2] = [0.0; LANES];
             for (owed, entry) in owed.iter_mut().zip(&factors[1..]) {
                 for k in 0..LANES {
-                    owed[k] += entry[k] * row[k];
+                    owed[k] = entry[k].mul_add(row[k], owed[k]);
                 }
             }
         }
@@ -155,6 +148,27 @@ impl Banded {
             for ((row, g), out) in work.iter().zip(&mut column[block.rows.clone()]).zip(out) {
                 *g = row[lane] * out;
             }
+        }
+    }
+}
+
+/// Some blocks of columns solved. A type, not a closure, so that it is compiled for the CPU.
+struct Solve<'a> {
+    banded: &'a Banded,
+    columns: &'a Range<usize>,
+    g: &'a mut [f64],
+    work: &'a mut [Lanes],
+}
+
+impl pulp::WithSimd for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let blocks = self.columns.start / LANES..self.columns.end.div_ceil(LANES);
+        let cells = self.g.chunks_mut(LANES * self.banded.nv);
+        for (block, g) in self.banded.blocks[blocks].iter().zip(cells) {
+            self.banded.solve_block(block, g, self.work);
         }
     }
 }

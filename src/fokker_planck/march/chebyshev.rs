@@ -3,6 +3,8 @@
 use super::Integrator;
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// An explicit Runge-Kutta scheme of many stages for a linear equation whose spectrum lies along the
 /// imaginary axis: the polynomial of L that a step multiplies with is the Chebyshev series of e^{dt z}
@@ -135,6 +137,7 @@ impl Chebyshev {
             ..
         } = self;
         let inverse = generator.inverse_weights();
+        let (nv, share) = (generator.mesh().v.len(), generator.share());
         let (shift, scale) = (self.shift, 1.0 / self.frequency);
         last.copy_from_slice(start);
         for (sum, g) in sum.iter_mut().zip(&*start) {
@@ -151,21 +154,40 @@ impl Chebyshev {
             .min(coefficients.len() - 1);
         for k in 1..=end {
             let source: &[f64] = if k == 1 { start } else { now };
-            generator.apply(source, rate);
             self.applied += 1;
             let (factor, c) = (if k == 1 { scale } else { 2.0 * scale }, coefficients[k]);
             // phi_k from phi_{k-1} in `source` and phi_{k-2} in `last`, which it replaces.
             let before = if k == 1 { 0.0 } else { 1.0 };
-            pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || {
-                    let states = last.iter_mut().zip(&mut *sum).zip(source);
-                    for (((last, sum), g), (rate, w)) in states.zip(rate.iter().zip(inverse)) {
-                        *last = factor * (rate * w + shift * g) + before * *last;
-                        *sum += c * *last;
-                    }
-                },
-            );
+            let stage = |columns: Range<usize>,
+                         last: &mut [f64],
+                         sum: &mut [f64],
+                         rate: &mut [f64]| {
+                let cells = columns.start * nv..columns.end * nv;
+                generator.apply_to(columns, source, rate);
+                let (source, inverse) = (&source[cells.clone()], &inverse[cells]);
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || {
+                        let states = last.iter_mut().zip(sum).zip(source);
+                        for (((last, sum), g), (rate, w)) in states.zip(rate.iter().zip(inverse)) {
+                            *last = factor.mul_add(rate.mul_add(*w, shift * g), before * *last);
+                            *sum = c.mul_add(*last, *sum);
+                        }
+                    },
+                );
+            };
+            if share * nv == last.len() {
+                stage(0..share, last, sum, rate);
+            } else {
+                let lasts = last.par_chunks_mut(share * nv);
+                let sums = sum.par_chunks_mut(share * nv);
+                let rates = rate.par_chunks_mut(share * nv);
+                let shares = lasts.zip(sums).zip(rates).enumerate();
+                shares.for_each(|(k, ((last, sum), rate))| {
+                    let first = k * share;
+                    stage(first..first + last.len() / nv, last, sum, rate);
+                });
+            }
             if k == 1 {
                 now.copy_from_slice(start);
             }
@@ -213,7 +235,8 @@ impl Integrator for Chebyshev {
         for ((g, p), inverse) in self.start.iter_mut().zip(&*cells).zip(inverse) {
             *g = p * inverse;
         }
-        self.step(allowed.max(SMALLEST));
+        // Inside the pool for good: its queues are then the only ones used.
+        rayon::scope(|_| self.step(allowed.max(SMALLEST)));
         self.generator.weigh(&self.sum, cells);
         Ok(())
     }
