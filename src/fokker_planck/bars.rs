@@ -39,10 +39,6 @@ pub(super) struct Bars {
 /// about 3 (tests/convergence.rs).
 const BELIEVED: f64 = 2.0;
 
-/// The same for finite volumes, where the loss of contact stays on a face: a run errs by a third of its bar at
-/// most in the calibration.
-const BELIEVED_ON_A_FACE: f64 = 3.0;
-
 /// The same for a flow map over a jump of the stiffness, as at the loss of contact of the bilinear law: two meshes
 /// showed it to err up to 1.9 times what the order above makes of their difference.
 const BELIEVED_AT_A_JUMP: f64 = 1.2;
@@ -50,10 +46,10 @@ const BELIEVED_AT_A_JUMP: f64 = 1.2;
 /// The order of convergence that is believed of a way without being seen.
 pub(super) fn believed(way: Way, contact: &ContactLaw) -> f64 {
     let jump = contact.loss_point().map_or(0.0, |q| contact.stiffness(q));
-    match way {
-        Way::Volumes(_) => BELIEVED_ON_A_FACE,
-        Way::FlowMap if jump > 1e-3 * contact.stiffness(0.0) => BELIEVED_AT_A_JUMP,
-        Way::FlowMap => BELIEVED,
+    if way == Way::FlowMap && jump > 1e-3 * contact.stiffness(0.0) {
+        BELIEVED_AT_A_JUMP
+    } else {
+        BELIEVED
     }
 }
 

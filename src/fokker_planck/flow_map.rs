@@ -6,7 +6,7 @@
 //! near-integrable splitting (McLachlan, BIT 35, 258, 1995; Laskar and Robutel, Celest. Mech. Dyn.
 //! Astron. 80, 39, 2001): Gauss quadrature of the noise along the motion, error O(zeta tau^n + zeta^2
 //! tau^2), so a step spans a good part of a period. There is no bound on the step from the mesh. The second
-//! term only runs the motion at a wrong rate: it is given the right one ([`splitting`]), and of zeta^2 tau^2
+//! term only runs the motion at a wrong rate: it is given the right one (splitting.rs), and of zeta^2 tau^2
 //! remains zeta^2 tau^4, zeta^2 tau^3 from the ends of an interval of even steps.
 //!
 //! Seen from the moving point, noise adds up along the orbit; the splittings of Gauss type are a
