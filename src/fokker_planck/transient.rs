@@ -295,7 +295,7 @@ fn longest_interval(times: &[f64]) -> f64 {
 
 /// What an error of the splitting in the L1 norm does to a number in its natural scale, beside what two runs with
 /// different steps show of it: with 0.08 means of one scene of the calibration erred 1.8 times their bars.
-const IN_MOMENTS: f64 = 0.3;
+const IN_MOMENTS: f64 = 0.2;
 
 impl Task<'_> {
     /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
