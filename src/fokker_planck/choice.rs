@@ -465,34 +465,21 @@ const KINK_SHARE: f64 = 0.6;
 const FINEST: f64 = 3.0;
 const TOO_FINE: f64 = 6.0;
 
-/// How many times finer than chosen by the density the cells of the first fine run should be.
-pub(super) fn first_guess(
+/// How many times finer than chosen by the density the cells of the first fine run should be, and those of the last
+/// are expected to be. Where finite volumes were taken because of the loss of contact, moments are hard for them
+/// too.
+pub(super) fn guesses(
     way: Way,
     oscillator: &Oscillator,
     initial: &Initial,
     times: &[f64],
     settings: &Settings,
-) -> Result<f64> {
-    match way {
-        Way::FlowMap => Ok(finer_at_kink(oscillator, initial, times, settings)?.min(FINEST)),
-        Way::Volumes(_) => Ok(1.0),
-    }
-}
-
-/// How many times finer the cells are expected to be in the end. Where finite volumes were taken because of the
-/// loss of contact, moments are hard for them too.
-pub(super) fn last_guess(
-    way: Way,
-    oscillator: &Oscillator,
-    initial: &Initial,
-    times: &[f64],
-    settings: &Settings,
-) -> Result<f64> {
+) -> Result<[f64; 2]> {
     let needed = finer_at_kink(oscillator, initial, times, settings)?;
     Ok(match way {
-        Way::FlowMap => needed.min(TOO_FINE),
-        Way::Volumes(_) if needed > TOO_FINE => 2.0,
-        Way::Volumes(_) => 1.0,
+        Way::FlowMap => [needed.min(FINEST), needed.min(TOO_FINE)],
+        Way::Volumes(_) if needed > TOO_FINE => [1.0, 2.0],
+        Way::Volumes(_) => [1.0, 1.0],
     })
 }
 

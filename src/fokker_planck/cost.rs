@@ -52,8 +52,8 @@ pub fn cost(
         let way = (drift, way);
         run(oscillator, initial, times, way, settings, (finer, 1.0))
     };
-    let guess = choice::first_guess(way, oscillator, initial, times, settings)?;
-    let fine = size(guess)?;
+    let [first, last] = choice::guesses(way, oscillator, initial, times, settings)?;
+    let fine = size(first)?;
     // The coarse run that measures the error takes half of the fine one, and where the steps may have a part in
     // it another one tells.
     let seconds = 1.8 * fine.seconds;
@@ -61,8 +61,7 @@ pub fn cost(
         seconds: on_threads(fine.cells, seconds),
         ..fine
     };
-    let last = choice::last_guess(way, oscillator, initial, times, settings)?;
-    if last > guess {
+    if last > first {
         let refined = size(last)?;
         cost = Cost {
             seconds: on_threads(refined.cells, seconds + refined.seconds),

@@ -261,7 +261,7 @@ impl<'a> Refinement<'a> {
     /// The first coarse run: on finer cells, where those chosen do not hold the scene, and in a box so
     /// large that it takes no more than its share, whatever the shape of the force.
     fn coarse(&self, settings: &mut Settings) -> Result<(Level, f64)> {
-        let mut finer = choice::first_guess(
+        let [mut finer, _] = choice::guesses(
             self.task.way,
             self.task.oscillator,
             self.task.initial,

@@ -118,9 +118,7 @@ impl Additive {
         let inverse = generator.inverse_weights();
         let [nq, nv] = generator.mesh().cells();
         // Whole blocks of the solver.
-        let share = generator.share().next_multiple_of(LANES).min(nq);
-        let size = share * nv;
-        let columns = |k: usize, cells: usize| k * share..k * share + cells / nv;
+        let size = generator.share().next_multiple_of(LANES).min(nq) * nv;
         generator.apply_diffusion(g, rate);
         diffusion[0]
             .par_chunks_mut(size)
@@ -138,8 +136,7 @@ impl Additive {
                     .zip(work.par_chunks_mut(nv))
                     .enumerate()
                     .for_each(|(k, ((stage, now), work))| {
-                        let from = k * size;
-                        let cells = from..from + stage.len();
+                        let cells = k * size..k * size + stage.len();
                         stage.copy_from_slice(&g[cells.clone()]);
                         for j in 0..i {
                             add(
@@ -152,7 +149,7 @@ impl Additive {
                         }
                         // U = rhs + GAMMA dt B U gives B U without applying B.
                         now.copy_from_slice(stage);
-                        banded.solve(&columns(k, stage.len()), stage, work);
+                        banded.solve(&(cells.start / nv..cells.end / nv), stage, work);
                         difference(now, stage, 1.0 / (GAMMA * dt));
                     });
             }
@@ -163,7 +160,8 @@ impl Additive {
                 .zip(inverse.par_chunks(size))
                 .enumerate()
                 .for_each(|(k, ((transport, rate), inverse))| {
-                    generator.transport_to(columns(k, rate.len()), stage, rate);
+                    let cells = k * size..k * size + rate.len();
+                    generator.transport_to(cells.start / nv..cells.end / nv, stage, rate);
                     times(transport, rate, inverse);
                 });
         }

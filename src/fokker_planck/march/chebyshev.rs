@@ -4,7 +4,6 @@ use super::Integrator;
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// An explicit Runge-Kutta scheme of many stages for a linear equation whose spectrum lies along the
 /// imaginary axis: the polynomial of L that a step multiplies with is the Chebyshev series of e^{dt z}
@@ -137,7 +136,8 @@ impl Chebyshev {
             ..
         } = self;
         let inverse = generator.inverse_weights();
-        let (nv, share) = (generator.mesh().v.len(), generator.share());
+        let nv = generator.mesh().v.len();
+        let chunk = generator.share() * nv;
         let (shift, scale) = (self.shift, 1.0 / self.frequency);
         last.copy_from_slice(start);
         for (sum, g) in sum.iter_mut().zip(&*start) {
@@ -158,36 +158,27 @@ impl Chebyshev {
             let (factor, c) = (if k == 1 { scale } else { 2.0 * scale }, coefficients[k]);
             // phi_k from phi_{k-1} in `source` and phi_{k-2} in `last`, which it replaces.
             let before = if k == 1 { 0.0 } else { 1.0 };
-            let stage = |columns: Range<usize>,
-                         last: &mut [f64],
-                         sum: &mut [f64],
-                         rate: &mut [f64]| {
-                let cells = columns.start * nv..columns.end * nv;
-                generator.apply_to(columns, source, rate);
-                let (source, inverse) = (&source[cells.clone()], &inverse[cells]);
-                pulp::Arch::new().dispatch(
-                    #[inline(always)]
-                    || {
-                        let states = last.iter_mut().zip(sum).zip(source);
-                        for (((last, sum), g), (rate, w)) in states.zip(rate.iter().zip(inverse)) {
-                            *last = factor.mul_add(rate.mul_add(*w, shift * g), before * *last);
-                            *sum = c.mul_add(*last, *sum);
-                        }
-                    },
-                );
-            };
-            if share * nv == last.len() {
-                stage(0..share, last, sum, rate);
-            } else {
-                let lasts = last.par_chunks_mut(share * nv);
-                let sums = sum.par_chunks_mut(share * nv);
-                let rates = rate.par_chunks_mut(share * nv);
-                let shares = lasts.zip(sums).zip(rates).enumerate();
-                shares.for_each(|(k, ((last, sum), rate))| {
-                    let first = k * share;
-                    stage(first..first + last.len() / nv, last, sum, rate);
+            last.par_chunks_mut(chunk)
+                .zip(sum.par_chunks_mut(chunk))
+                .zip(rate.par_chunks_mut(chunk))
+                .enumerate()
+                .for_each(|(k, ((last, sum), rate))| {
+                    let cells = k * chunk..k * chunk + last.len();
+                    generator.apply_to(cells.start / nv..cells.end / nv, source, rate);
+                    let (source, inverse) = (&source[cells.clone()], &inverse[cells]);
+                    pulp::Arch::new().dispatch(
+                        #[inline(always)]
+                        || {
+                            let states = last.iter_mut().zip(sum).zip(source);
+                            for (((last, sum), g), (rate, w)) in
+                                states.zip(rate.iter().zip(inverse))
+                            {
+                                *last = factor.mul_add(rate.mul_add(*w, shift * g), before * *last);
+                                *sum = c.mul_add(*last, *sum);
+                            }
+                        },
+                    );
                 });
-            }
             if k == 1 {
                 now.copy_from_slice(start);
             }
