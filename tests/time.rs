@@ -109,7 +109,13 @@ impl Case {
             let all = &mut |_: f64, _: &Density| Ok(true);
             march.advance(&mut density, t - now, all).unwrap();
             now = *t;
-            worst = worst.max(distance(density.cells(), exact.cells()));
+            let error = distance(density.cells(), exact.cells());
+            worst = worst.max(error);
+            let said = march.error();
+            if time != TimeScheme::Explicit {
+                println!("      t = {t:.2}: error {error:.2e}, said {said:.2e}");
+                assert!(error < 2.0 * said);
+            }
         }
         (worst, march, clock.elapsed().as_secs_f64())
     }

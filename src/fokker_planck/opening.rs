@@ -63,7 +63,10 @@ const EARLY: f64 = 0.02;
 /// the linear law, whose covariance is known.
 const ROUNDING: f64 = 1e-9;
 /// What cells may do to a packet alike in both runs, over the tolerance that chose them.
-const CELLS: f64 = 5e-5;
+const CELLS: f64 = 2e-6;
+/// Part of the error of the steps that stays in the bar beside the difference of two runs: that shows five to ten
+/// times the error, the steps of one being 1.5 times as long, but may pass through zero.
+const HIDDEN: f64 = 0.25;
 /// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
 /// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
 /// to wait a few units for a coarser mesh pays in a run of fifty.
@@ -84,13 +87,13 @@ fn cells_per_deviation(tolerance: f64) -> f64 {
 
 /// Cells, reach and step of a packet for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
-/// damping is strong steps err by [`STRONG`] zeta^3 tau^4, and get a thousandth of the tolerance: they are
+/// damping is strong steps err by [`STRONG`] zeta^3 tau^4, and get a five-thousandth of the tolerance: they are
 /// few, and two runs share the error.
 fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)) -> Fineness {
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
     let weak = 0.8 * relative.powf(1.0 / 6.0);
-    let strong = (1e-3 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
+    let strong = (2e-4 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
     // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh
     // them; the coarse run goes without a fifth of it.
     let beyond = if finer < 1.0 { 2.0 } else { 2.5 };
@@ -205,7 +208,7 @@ impl<'a> Opening<'a> {
             return Loss::default();
         }
         Loss {
-            spread: ROUNDING + CELLS * self.settings.tolerance + self.packet.step_error(),
+            spread: ROUNDING + CELLS * self.settings.tolerance + HIDDEN * self.packet.step_error(),
             tail: self.packet.defect(),
         }
     }

@@ -156,6 +156,14 @@ impl Propagator {
         }
     }
 
+    /// What the steps of finite volumes have left of their errors, in the L1 norm, as far as they are estimated.
+    pub(super) fn step_error(&self) -> f64 {
+        match self {
+            Self::Volumes { march, .. } => march.error(),
+            Self::FlowMap { .. } => 0.0,
+        }
+    }
+
     /// The longest step taken, or allowed.
     pub(super) fn step(&self) -> f64 {
         match self {

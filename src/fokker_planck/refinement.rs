@@ -89,8 +89,7 @@ fn expected(way: Way) -> f64 {
 /// other steps choose themselves by their error.
 fn steps(task: &Task, strained: bool) -> (f64, f64) {
     match task.way {
-        // A thousandth of the tolerance, whatever the step: nothing to be seen. Steps of a packet are.
-        Way::Volumes(_) if task.has_series() => (1.0, 2.0),
+        Way::Volumes(_) if task.knows_its_steps() => (1.0, 2.0),
         Way::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
         Way::FlowMap if strained => (1.5, 0.5),
         Way::Volumes(_) | Way::FlowMap => (1.5, 2.0),

@@ -59,6 +59,8 @@ pub(super) struct Output {
     snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a packet not counted.
     pub(super) steps: u64,
+    /// What these steps have left of their errors in the L1 norm, as far as they are estimated.
+    pub(super) step_error: f64,
     /// What a narrow start has cost so far.
     pub(super) opening: Loss,
     /// Whether a packet in its own frame said it, not a density in the box.
@@ -293,7 +295,10 @@ fn longest_interval(times: &[f64]) -> f64 {
     if longest > 0.0 { longest } else { 1.0 }
 }
 
-/// What an error of the splitting in the L1 norm does to a number in its natural scale, beside what two runs with
+/// What the steps may have done over what they say of it (tests/time.rs).
+const DOUBT: f64 = 2.0;
+
+/// What an error of the steps in the L1 norm does to a number in its natural scale, beside what two runs with
 /// different steps show of it: with 0.08 means of one scene of the calibration erred 1.8 times their bars.
 const IN_MOMENTS: f64 = 0.2;
 
@@ -382,6 +387,7 @@ impl Task<'_> {
             }
             outputs.push(Output {
                 steps: propagator.steps(),
+                step_error: propagator.step_error(),
                 opening: spent,
                 ..self.observe(t, &propagator, &observables, &density)
             });
@@ -442,6 +448,7 @@ impl Task<'_> {
             distance: density.distance(weights, columns),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
+            step_error: 0.0,
             opening: Loss::default(),
             framed: false,
         }
@@ -462,6 +469,7 @@ impl Task<'_> {
             distance: look.distance,
             snapshot: wanted.then(|| opening.snapshot()).transpose()?,
             steps: 0,
+            step_error: 0.0,
             opening: opening.loss(),
             framed: true,
         })
@@ -485,12 +493,14 @@ impl Task<'_> {
         ))
     }
 
-    /// Whether the steps are those of a Chebyshev series alone, whose error is chosen and not seen.
-    pub(super) fn has_series(&self) -> bool {
+    /// Whether the error of the steps is known without a run with longer ones: that of a Chebyshev series is
+    /// chosen, implicit ones add up their estimates. A packet does neither, nor a step of the scene.
+    pub(super) fn knows_its_steps(&self) -> bool {
         let narrow = choice::is_narrow(self.oscillator, self.initial, self.drift, self.settings);
-        self.way == Way::Volumes(TimeScheme::Explicit)
-            && self.settings.step.is_none()
-            && matches!(narrow, Ok(false))
+        match self.way {
+            Way::FlowMap | Way::Volumes(TimeScheme::BackwardEuler) => false,
+            Way::Volumes(_) => self.settings.step.is_none() && matches!(narrow, Ok(false)),
+        }
     }
 
     /// Seconds on one core and bytes foreseen of a run.
@@ -519,9 +529,18 @@ impl Task<'_> {
         );
         bars.space = bars::differences(fine, coarse, factor, &scales);
         bars.joint = true;
-        if self.has_series() {
-            bars.alike
-                .fill(choice::SERIES_SHARE * self.settings.tolerance);
+        // Steps that choose themselves by the same estimate may err alike.
+        let part = if self.knows_its_steps() {
+            DOUBT
+        } else {
+            IN_MOMENTS
+        };
+        let series = match self.way {
+            Way::Volumes(TimeScheme::Explicit) => choice::SERIES_SHARE * self.settings.tolerance,
+            _ => 0.0,
+        };
+        for (alike, it) in bars.alike.iter_mut().zip(&fine.outputs) {
+            *alike = part * it.step_error + series;
         }
         // Two runs show little of what the steps of a flow map do: short intervals are cut alike or by other
         // rules, and the errors of either pass through zero between them.

@@ -11,6 +11,7 @@ use crate::results::Results;
 use crate::scales::Scales;
 use std::cmp::Ordering::{Equal, Less};
 use std::fmt::{self, Write};
+use std::time::Instant;
 
 /// Tolerances of the table.
 pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
@@ -30,6 +31,9 @@ pub const MAX_SECONDS: f64 = 20.0;
 pub const MOST_TOO_SMALL: f64 = 0.02;
 /// See [`MOST_TOO_SMALL`].
 pub const MOST_MEDIAN: f64 = 20.0;
+
+/// Factor within which a plan should foresee the time of a run.
+pub const FORESEEN: f64 = 3.0;
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,6 +59,10 @@ pub struct Run {
     pub end: End,
     /// Processor seconds.
     pub seconds: f64,
+    /// Seconds by the clock on the wall, and those of its plan.
+    pub elapsed: f64,
+    /// See `elapsed`.
+    pub planned: f64,
     /// Every number that has a truth.
     pub numbers: Vec<Judged>,
 }
@@ -133,6 +141,8 @@ pub struct Verdict {
     pub unsaid: usize,
     /// Median of bar over true error; 0 without any.
     pub median: f64,
+    /// Answered scenes whose time is within a factor of [`FORESEEN`] of their plan's.
+    pub foreseen: usize,
     /// Processor seconds of all scenes.
     pub seconds: f64,
 }
@@ -210,6 +220,7 @@ impl Calibration {
                 .filter(|(run, it)| run.end == End::Met && it.beyond(tolerance))
                 .count(),
             median: median(ratios),
+            foreseen: runs().filter(|run| run.is_foreseen()).count(),
             seconds: runs().map(|run| run.seconds).sum(),
         }
     }
@@ -231,8 +242,9 @@ impl Calibration {
     /// Every number with its truth, as a file.
     pub fn csv(&self) -> File {
         let mut text = String::from(
-            "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run.\n\
-             scene,tolerance,end,seconds,t,name,value,bar,truth,uncertainty,scale\n",
+            "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run; elapsed and planned\n\
+             # are by the clock on the wall.\n\
+             scene,tolerance,end,seconds,elapsed,planned,t,name,value,bar,truth,uncertainty,scale\n",
         );
         for run in &self.runs {
             let Run {
@@ -240,9 +252,14 @@ impl Calibration {
                 tolerance,
                 end,
                 seconds,
+                elapsed,
+                planned,
                 ..
             } = run;
-            let head = format!("{scene},{tolerance:e},{},{seconds:.4}", end.name());
+            let head = format!(
+                "{scene},{tolerance:e},{},{seconds:.4},{elapsed:.4},{planned:.4}",
+                end.name()
+            );
             if run.numbers.is_empty() {
                 let _ = writeln!(text, "{head},,,,,,,");
             }
@@ -288,9 +305,12 @@ impl Run {
         let mut scene = case.scene.clone();
         scene.accuracy.tolerance = tolerance;
         scene.accuracy.max_seconds = MAX_SECONDS;
-        let clock = Clock::new();
-        let results = Plan::of(&scene).and_then(|plan| plan.run_quietly());
-        let seconds = clock.seconds();
+        let (clock, wall) = (Clock::new(), Instant::now());
+        let plan = Plan::of(&scene);
+        let foreseen = |plan: &Plan| plan.stages().iter().map(|it| it.cost.seconds).sum();
+        let planned = plan.as_ref().map_or(0.0, foreseen);
+        let results = plan.and_then(|plan| plan.run_quietly());
+        let (seconds, elapsed) = (clock.seconds(), wall.elapsed().as_secs_f64());
         let (end, numbers) = match results {
             Ok(results) => {
                 let end = if results.falls_short() {
@@ -308,8 +328,17 @@ impl Run {
             tolerance,
             end,
             seconds,
+            elapsed,
+            planned,
             numbers,
         }
+    }
+
+    /// Whether it answered in about the time that its plan foresaw.
+    pub fn is_foreseen(&self) -> bool {
+        matches!(self.end, End::Met | End::Short)
+            && self.elapsed <= FORESEEN * self.planned
+            && self.planned <= FORESEEN * self.elapsed
     }
 }
 
@@ -352,13 +381,13 @@ impl fmt::Display for Calibration {
         writeln!(
             f,
             "tolerance  scenes  short  stopped  refused  numbers  left out  error > bar     bar > tolerance  \
-             median bar/error  processor s"
+             median bar/error  processor s  foreseen"
         )?;
         for it in self.verdicts() {
             writeln!(
                 f,
                 "{:<9.0e}  {:>6}  {:>5}  {:>7}  {:>7}  {:>7}  {:>8}  {:>4} = {:>5.2} %  {:>8} unsaid  {:>16.1}  \
-                 {:>11.1}",
+                 {:>11.1}  {:>8}",
                 it.tolerance,
                 it.answered,
                 it.short,
@@ -370,13 +399,14 @@ impl fmt::Display for Calibration {
                 100.0 * it.share(),
                 it.unsaid,
                 it.median,
-                it.seconds
+                it.seconds,
+                it.foreseen
             )?;
         }
         writeln!(
             f,
             "goals: error > bar in at most {} %, no bar above the tolerance unsaid (exit status 3 says it), \
-             median at most {MOST_MEDIAN}",
+             median at most {MOST_MEDIAN}; foreseen: within a factor {FORESEEN} of the time planned",
             100.0 * MOST_TOO_SMALL
         )?;
         let wrong = self.wrong();
@@ -437,6 +467,8 @@ mod tests {
             tolerance: 1e-3,
             end,
             seconds: 0.5,
+            elapsed: 0.5,
+            planned: 0.2,
             numbers,
         }
     }
@@ -470,7 +502,7 @@ mod tests {
             (verdict.answered, verdict.short, verdict.stopped),
             (2, 1, 1)
         );
-        assert_eq!(verdict.median, 3.0);
+        assert_eq!((verdict.median, verdict.foreseen), (3.0, 2));
         assert!(!verdict.holds() && it.wrong().len() == 1);
         let nothing = number(f64::NAN, 1.0, 1e-9);
         assert!(nothing.too_small() && number(0.0, f64::NAN, 1e-9).beyond(1e-3));

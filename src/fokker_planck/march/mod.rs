@@ -53,6 +53,11 @@ pub trait Integrator: Send {
         false
     }
 
+    /// Part of the `allowed` error of [`Integrator::march`] that an iterative solver may add to a step.
+    fn algebraic_part(&self) -> f64 {
+        0.0
+    }
+
     /// Replaces the state by that a time `dt` later. A scheme that can choose its accuracy adds an error
     /// of at most `allowed`, in the L1 norm; the others leave it to the choice of `dt`.
     ///
