@@ -35,6 +35,10 @@ const FINER: [f64; 6] = [1.2, 1.3, 1.45, 1.6, 1.8, 2.0];
 /// A box that leaves out so many times its share is not enlarged.
 const HOPELESS: f64 = 1e8;
 
+/// A run foreseen to take so many times what is left is not begun: what is foreseen is within three of what it
+/// takes, but for a few.
+const UNTHINKABLE: f64 = 10.0;
+
 /// The best order in space hoped for before a limit is believed.
 const HOPED: f64 = 8.0;
 
@@ -305,6 +309,16 @@ impl<'a> Refinement<'a> {
     /// The answer, and why finite volumes should be asked instead, if they should.
     fn pursue(&mut self, reason: String) -> Result<(Transient, Option<String>)> {
         let mut settings = self.task.settings.clone();
+        // One step of a scheme may take longer than the limit: nobody would look at the clock.
+        let (seconds, _) = self.task.work(1.0, 1.0)?;
+        let left = settings.max_seconds - self.task.started.elapsed().as_secs_f64();
+        if seconds > UNTHINKABLE * left {
+            return Err(Error::Limit {
+                key: "accuracy.max_seconds",
+                limit: format!("{}", settings.max_seconds),
+                what: format!("{} would take about {seconds:.0e} s", self.task.name()),
+            });
+        }
         let (mut coarse, first) = self.coarse(&mut settings)?;
         let task = Task {
             settings: &settings,

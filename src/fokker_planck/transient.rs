@@ -503,6 +503,11 @@ impl Task<'_> {
         }
     }
 
+    /// Its method, for people.
+    pub(super) fn name(&self) -> String {
+        self.way.name(self.drift)
+    }
+
     /// Seconds on one core and bytes foreseen of a run.
     pub(super) fn work(&self, finer: f64, longer: f64) -> Result<(f64, f64)> {
         let size = cost::run(
@@ -643,7 +648,7 @@ impl Task<'_> {
             relative_entropy: both(|o| o.entropy),
             distance: both(|o| o.distance),
             method: Method {
-                name: self.way.name(self.drift),
+                name: self.name(),
                 reason,
                 cells: fine.mesh.cells(),
                 unknowns: fine.unknowns,

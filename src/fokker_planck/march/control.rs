@@ -116,7 +116,7 @@ impl March {
     }
 
     /// Advances `density` by `duration`, exactly, unless `watch` says to stop: it sees the time done and
-    /// the density after every step. Returns the time done.
+    /// the density after every step, kept or taken back. Returns the time done.
     ///
     /// # Errors
     /// Those of the scheme and of `watch`.
@@ -135,10 +135,10 @@ impl March {
             if (dt / self.last - 1.0).abs() < 1e-11 {
                 dt = self.last;
             }
-            if !self.step(density, dt)? {
-                continue;
+            // A step taken back took its time too: a limit may have come.
+            if self.step(density, dt)? {
+                done = if steps > 1.0 { done + dt } else { duration };
             }
-            done = if steps > 1.0 { done + dt } else { duration };
             if !watch(done, density)? {
                 break;
             }
