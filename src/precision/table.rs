@@ -112,11 +112,11 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
         for method in failed {
             let levels = || survey.failures.iter().filter(|it| it.0 == method);
             let why = levels().next().map_or("", |it| it.1.as_str());
-            let _ = writeln!(
-                all,
-                "\n{method}: {} levels refused: {why}",
-                levels().count()
-            );
+            let count = match levels().count() {
+                1 => "a level".into(),
+                many => format!("{many} levels"),
+            };
+            let _ = writeln!(all, "\n{method}: {count} refused: {why}");
         }
         all.push('\n');
     }
