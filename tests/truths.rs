@@ -234,29 +234,25 @@ impl Case {
         ]
     }
 
-    /// The largest difference of two answers over the natural scales; infinite where one is no number.
-    fn distance(&self, x: &Moments, y: &Moments) -> f64 {
-        let scales = Scales::of(&self.oscillator).each(x);
-        let mut worst = 0.0_f64;
-        for (((_, x), (_, y)), scale) in x.named().into_iter().zip(y.named()).zip(scales) {
-            let (Some(x), Some(y)) = (x, y) else { continue };
-            let difference = (x.value - y.value).abs() / scale;
-            worst = if difference.is_finite() {
-                worst.max(difference)
-            } else {
-                f64::INFINITY
-            };
-        }
-        worst
-    }
-
-    /// The median of the differences of two answers over the natural scales.
-    fn middle(&self, x: &Moments, y: &Moments) -> f64 {
+    /// The differences of two answers over the natural scales, of the numbers both have.
+    fn differences(&self, x: &Moments, y: &Moments) -> Vec<f64> {
         let scales = Scales::of(&self.oscillator).each(x);
         let pairs = x.named().into_iter().zip(y.named()).zip(scales);
-        let mut all: Vec<f64> = pairs
+        pairs
             .filter_map(|(((_, x), (_, y)), scale)| Some((x?.value - y?.value).abs() / scale))
-            .collect();
+            .collect()
+    }
+
+    /// The largest of them; infinite where one is no number.
+    fn distance(&self, x: &Moments, y: &Moments) -> f64 {
+        let all = self.differences(x, y).into_iter();
+        all.map(|it| if it.is_finite() { it } else { f64::INFINITY })
+            .fold(0.0, f64::max)
+    }
+
+    /// The median of them.
+    fn middle(&self, x: &Moments, y: &Moments) -> f64 {
+        let mut all = self.differences(x, y);
         all.sort_by(f64::total_cmp);
         all[all.len() / 2]
     }

@@ -158,11 +158,11 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 /// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
 /// part of them. `progress` is told the part done, 0 to 1.
 ///
-/// The error of each number comes from its difference to a second run with a coarser mesh and longer
-/// steps, taken so large that it covers convergence of order 2, two thirds of what a kink of the force leaves; plus
-/// what the box leaves out, and rounding. Where cells or steps are left to the program they are refined
-/// until every error is within the tolerance or a limit says stop; what was not reached is in
-/// `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
+/// The error of each number comes from its difference to a second run with a coarser mesh, and with longer steps
+/// where these do not know their own error, taken so large that it covers convergence of order 2, two thirds of
+/// what a kink of the force leaves; plus what the steps know of their error, what the box leaves out, and
+/// rounding. Where cells or steps are left to the program they are refined until every error is within the
+/// tolerance or a limit says stop; what was not reached is in `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
 /// the time t/(1 + c) to t by which its relaxation is ahead, and nothing is refined.
 ///
 /// Mass has the natural scale 1; relative entropy and distance to the stationary law come with the
@@ -534,39 +534,47 @@ impl Task<'_> {
         );
         bars.space = bars::differences(fine, coarse, factor, &scales);
         bars.joint = true;
-        // Steps that choose themselves by the same estimate may err alike.
-        let part = if self.knows_its_steps() {
-            DOUBT
-        } else {
-            IN_MOMENTS
-        };
-        let series = match self.way {
-            Way::Volumes(TimeScheme::Explicit) => choice::SERIES_SHARE * self.settings.tolerance,
-            _ => 0.0,
-        };
-        for (alike, it) in bars.alike.iter_mut().zip(&fine.outputs) {
-            *alike = part * it.step_error + series;
-        }
-        // Two runs show little of what the steps of a flow map do: short intervals are cut alike or by other
-        // rules, and the errors of either pass through zero between them.
-        if self.way == Way::FlowMap {
-            let splitting =
-                choice::flow_map_settings(self.oscillator, self.settings, 1.0).map_or(0.0, |it| {
+        bars.alike = self.alike(fine);
+        bars
+    }
+
+    /// What the steps of both runs may have done alike by each output, in natural scales.
+    fn alike(&self, fine: &Run) -> Vec<f64> {
+        let outputs = fine.outputs.iter();
+        match self.way {
+            Way::Volumes(TimeScheme::Explicit) => outputs
+                .map(|_| choice::SERIES_SHARE * self.settings.tolerance)
+                .collect(),
+            // Steps that choose themselves by the same estimate.
+            Way::Volumes(_) => {
+                let part = if self.knows_its_steps() {
+                    DOUBT
+                } else {
+                    IN_MOMENTS
+                };
+                outputs.map(|it| part * it.step_error).collect()
+            }
+            // Two runs show little of what the steps of a flow map do: short intervals are cut alike or by other
+            // rules, and the errors of either pass through zero between them.
+            Way::FlowMap => {
+                let settings = choice::flow_map_settings(self.oscillator, self.settings, 1.0);
+                let splitting = settings.map_or(0.0, |it| {
                     // A mesh may ask for longer steps than the tolerance does.
                     let step = fine.step;
                     flow_map::Settings { step, ..it }.splitting_error(self.oscillator)
                 });
-            let zeta = self.oscillator.zeta();
-            for (alike, it) in bars.alike.iter_mut().zip(&fine.outputs) {
+                let rate = 4.0 * self.oscillator.zeta();
                 // The stationary law suffers no splitting error: what there is fades with the distance to it,
                 // its rates being off by a part of themselves.
-                let fading = it.distance * (1.0 + 4.0 * zeta * it.t);
-                if it.steps > 0 {
-                    *alike = IN_MOMENTS * splitting * fading.min(1.0);
-                }
+                let left = |it: &Output| {
+                    let fading = it.distance * (1.0 + rate * it.t);
+                    IN_MOMENTS * splitting * fading.min(1.0)
+                };
+                outputs
+                    .map(|it| if it.steps > 0 { left(it) } else { 0.0 })
+                    .collect()
             }
         }
-        bars
     }
 
     /// The probability that two runs leave out.

@@ -11,7 +11,6 @@ use crate::results::Results;
 use crate::scales::Scales;
 use std::cmp::Ordering::{Equal, Less};
 use std::fmt::{self, Write};
-use std::time::Instant;
 
 /// Tolerances of the table.
 pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
@@ -242,8 +241,8 @@ impl Calibration {
     /// Every number with its truth, as a file.
     pub fn csv(&self) -> File {
         let mut text = String::from(
-            "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run; elapsed and planned\n\
-             # are by the clock on the wall.\n\
+            "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run;\n\
+             # elapsed and planned are by the clock on the wall.\n\
              scene,tolerance,end,seconds,elapsed,planned,t,name,value,bar,truth,uncertainty,scale\n",
         );
         for run in &self.runs {
@@ -305,12 +304,12 @@ impl Run {
         let mut scene = case.scene.clone();
         scene.accuracy.tolerance = tolerance;
         scene.accuracy.max_seconds = MAX_SECONDS;
-        let (clock, wall) = (Clock::new(), Instant::now());
+        let clock = Clock::new();
         let plan = Plan::of(&scene);
         let foreseen = |plan: &Plan| plan.stages().iter().map(|it| it.cost.seconds).sum();
         let planned = plan.as_ref().map_or(0.0, foreseen);
         let results = plan.and_then(|plan| plan.run_quietly());
-        let (seconds, elapsed) = (clock.seconds(), wall.elapsed().as_secs_f64());
+        let (seconds, elapsed) = (clock.seconds(), clock.elapsed());
         let (end, numbers) = match results {
             Ok(results) => {
                 let end = if results.falls_short() {

@@ -21,8 +21,13 @@ impl Clock {
     pub(super) fn seconds(&self) -> f64 {
         match (self.processor, processor_seconds()) {
             (Some(then), Some(now)) => now - then,
-            _ => self.wall.elapsed().as_secs_f64(),
+            _ => self.elapsed(),
         }
+    }
+
+    /// Seconds by the clock on the wall since.
+    pub(super) fn elapsed(&self) -> f64 {
+        self.wall.elapsed().as_secs_f64()
     }
 }
 
