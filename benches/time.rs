@@ -11,7 +11,8 @@ use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::march::{Integrator, Radau, Solver};
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use vibroimpact::fokker_planck::transient::{march, time_scheme};
+use vibroimpact::fokker_planck::{Drift, TimeScheme};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 
@@ -144,22 +145,18 @@ fn solve(criterion: &mut Criterion) {
 /// A unit of time at a tolerance of 1e-5, per scheme and damping.
 fn unit(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("unit of time at 1e-5");
-    let settings = Settings {
-        tolerance: 1e-5,
-        ..Settings::default()
-    };
     for zeta in [0.005, 0.5, 5.0, 50.0] {
         let (oscillator, generator) = generator(zeta, [90, 60], Drift::Order8);
         let density = start(&generator);
         println!(
             "zeta = {zeta}: {}",
-            choice::time_scheme(&oscillator, &generator, &settings, 1.0).1
+            time_scheme(&oscillator, &generator, 1e-5, 1.0).1
         );
         for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
             let name = format!("zeta = {zeta}, {}", time.name());
             group.bench_function(&name, |bencher| {
                 bencher.iter(|| {
-                    let mut march = choice::march(&oscillator, &generator, time, &settings, 1.0);
+                    let mut march = march(&oscillator, &generator, time, 1e-5, None, 1.0);
                     let all = &mut |_: f64, _: &Density| Ok(true);
                     march.advance(&mut density.clone(), 1.0, all).unwrap();
                 });

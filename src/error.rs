@@ -45,6 +45,14 @@ pub enum Error {
         /// What would help.
         help: String,
     },
+    /// No mesh of the program's own choice that resolves the scene.
+    #[error(
+        "no mesh within the limits resolves the scene: {what}; use [monte_carlo], or a wider initial condition"
+    )]
+    Unresolved {
+        /// What the last one lacked.
+        what: String,
+    },
     /// A matrix that cannot be factored or a solution that is not one.
     #[error("{stage}: {what}")]
     Linear {

@@ -191,7 +191,7 @@ fn status(error: &Error) -> u8 {
         | Error::NotAvailable { .. }
         | Error::NoStationaryLaw { .. }
         | Error::Mesh { .. } => 2,
-        Error::Limit { .. } => 3,
+        Error::Limit { .. } | Error::Unresolved { .. } => 3,
         _ => 1,
     }
 }

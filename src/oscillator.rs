@@ -6,14 +6,23 @@ use crate::estimate::{Estimate, Origin};
 use crate::quadrature;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
+use std::sync::OnceLock;
 
 /// q'' + 2 zeta q' + G(q) = f(t), white noise f of two-sided spectral density h, E f(t)f(0) =
 /// 2 pi h delta(t). (9)-(11), (16). All quantities are dimensionless, (6)-(8).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Oscillator {
     contact: ContactLaw,
     zeta: f64,
     h: f64,
+    /// Normalised when first asked for, then kept.
+    law: OnceLock<DisplacementLaw>,
+}
+
+impl PartialEq for Oscillator {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.contact, self.zeta, self.h) == (&other.contact, other.zeta, other.h)
+    }
 }
 
 impl Oscillator {
@@ -24,7 +33,12 @@ impl Oscillator {
     pub fn new(contact: ContactLaw, zeta: f64, h: f64) -> Result<Self> {
         positive("oscillator.zeta", zeta)?;
         positive("oscillator.h", h)?;
-        let it = Self { contact, zeta, h };
+        let it = Self {
+            contact,
+            zeta,
+            h,
+            law: OnceLock::new(),
+        };
         let t = it.temperature();
         if !(t.is_finite() && t > f64::MIN_POSITIVE) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
@@ -77,7 +91,11 @@ impl Oscillator {
     /// # Errors
     /// [`Error::NoStationaryLaw`] for a contact that does not confine.
     pub fn displacement_law(&self) -> Result<DisplacementLaw> {
-        DisplacementLaw::new(self.contact.clone(), self.temperature())
+        if let Some(law) = self.law.get() {
+            return Ok(law.clone());
+        }
+        let law = DisplacementLaw::new(self.contact.clone(), self.temperature())?;
+        Ok(self.law.get_or_init(|| law).clone())
     }
 }
 
@@ -155,6 +173,8 @@ impl DisplacementLaw {
             normaliser: Estimate::default(),
         };
         let weight = |q: f64| (-law.level(q)).exp();
+        #[cfg(test)]
+        tests::NORMALISED.with(|count| count.set(count.get() + 1));
         law.normaliser = quadrature::integrate(weight, &law.breaks, Self::RELATIVE);
         if !(law.normaliser.value.is_finite() && law.normaliser.value > 0.0) {
             return Err(Error::invalid(
@@ -307,10 +327,16 @@ impl DisplacementSampler {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use rand::SeedableRng;
     use rand_xoshiro::Xoshiro256PlusPlus;
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Stationary laws normalised on this thread.
+        pub(crate) static NORMALISED: Cell<usize> = const { Cell::new(0) };
+    }
 
     #[test]
     fn the_paper_s_level_has_the_paper_s_temperature() {

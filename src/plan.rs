@@ -2,7 +2,7 @@
 //! before anything runs.
 
 use crate::error::{Error, Result};
-use crate::fokker_planck::{self, Settings, Task};
+use crate::fokker_planck::{self, Limits, Recipe, Settings};
 use crate::initial::Initial;
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
 use crate::oscillator::Oscillator;
@@ -18,6 +18,7 @@ use std::time::Instant;
 pub struct Plan {
     scene: Scene,
     settings: Settings,
+    transient: Option<Recipe>,
     stages: Vec<Stage>,
 }
 
@@ -155,6 +156,7 @@ impl Plan {
                 max_memory: scene.accuracy.max_memory,
                 max_seconds: scene.accuracy.max_seconds,
             },
+            transient: None,
             stages: Vec::new(),
         };
         let outputs = &scene.outputs;
@@ -282,9 +284,9 @@ impl Plan {
 
     // ---- the joins to the numerics: sizes here, calls in `compute` ----
 
-    fn cost(&self, part: Part) -> Result<Cost> {
-        let times = self.times();
-        let task = match part {
+    fn cost(&mut self, part: Part) -> Result<Cost> {
+        let oscillator = &self.scene.oscillator;
+        let (it, method) = match part {
             Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
                     method: "closed form by adaptive quadrature".into(),
@@ -304,18 +306,18 @@ impl Plan {
             }
             Part::FirstLoss => return self.first_loss_cost(),
             Part::Series => return self.series_cost(),
-            Part::Spectrum => Task::Spectrum,
+            Part::Spectrum => fokker_planck::spectrum_cost(&self.settings),
             Part::Records => return self.record_cost(),
-            Part::Transient => Task::Transient(&times),
-            Part::Steady => Task::Steady,
-            Part::DecayRates => Task::DecayRates,
+            Part::Transient => {
+                let initial = &self.scene.initial;
+                let recipe = Recipe::of(oscillator, initial, &self.times(), &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.transient = Some(recipe);
+                cost
+            }
+            Part::Steady => fokker_planck::steady_cost(oscillator, &self.settings)?,
+            Part::DecayRates => fokker_planck::decay_rates_cost(oscillator, &self.settings)?,
         };
-        let Scene {
-            oscillator,
-            initial,
-            ..
-        } = &self.scene;
-        let (it, method) = fokker_planck::cost(oscillator, initial, task, &self.settings)?;
         Ok(Cost::on_mesh(it, method))
     }
 
@@ -478,15 +480,12 @@ impl Plan {
             Part::Transient => {
                 let (moments_at, density_at) =
                     (outputs.moments_at.list(), outputs.density_at.list());
-                let times = self.times();
-                let mut it = fokker_planck::transient(
-                    oscillator,
-                    initial,
-                    &times,
-                    &density_at,
-                    &settings,
-                    progress,
-                )?;
+                let Some(recipe) = &self.transient else {
+                    return Ok(());
+                };
+                let limits = Limits::from_now(max_seconds, settings.max_memory);
+                let (problem, times) = ((oscillator, initial), self.times());
+                let mut it = recipe.solve(problem, (&times, &density_at), limits, progress)?;
                 keep_times(&mut it, &moments_at);
                 results.run.warnings.extend(it.warnings.iter().cloned());
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
@@ -789,6 +788,7 @@ mod tests {
     use crate::contact::ContactLaw;
     use crate::initial::Initial;
     use crate::oscillator::Oscillator;
+    use crate::scene::text::{SceneText, built_in};
     use crate::scene::{MonteCarlo, Outputs, Times};
 
     fn scene() -> Scene {
@@ -824,6 +824,43 @@ mod tests {
             ["outputs.moments_at", "outputs.density_at"]
         );
         assert!(plan.has(Part::MonteCarlo) && !plan.has(Part::Stationary));
+    }
+
+    #[test]
+    fn every_built_in_transient_has_its_recipe() {
+        use crate::fokker_planck::transient::FirstGrid::{self, Mesh, Moving, MovingForGood};
+        let recipes: [(&str, &str, FirstGrid, [usize; 2], u64); 12] = [
+            ("default", "flow map, order 8", Moving, [151, 94], 965),
+            ("h-3e-6", "flow map, order 8", Moving, [91, 92], 45),
+            ("h-8e-5", "flow map, order 8", Moving, [92, 92], 45),
+            ("h-5e-4", "flow map, order 8", Moving, [107, 92], 45),
+            ("h-1.2e-3", "flow map, order 8", Mesh, [425, 296], 80),
+            ("h-2e-3", "flow map, order 8", Moving, [151, 94], 45),
+            ("h-3.2e-3", "flow map, order 8", Moving, [176, 94], 45),
+            ("bilinear", "flow map, order 8", Moving, [151, 90], 45),
+            ("displaced", "flow map, order 8", Mesh, [405, 246], 160),
+            ("dropped", "flow map, order 8", Moving, [151, 94], 52),
+            (
+                "overdamped",
+                "finite volumes, order 8, imex",
+                Mesh,
+                [161, 102],
+                128,
+            ),
+            ("free-fall", "flow map, order 8", MovingForGood, [40, 40], 5),
+        ];
+        for (name, method, grid, cells, steps) in recipes {
+            let text = SceneText::parse(name, built_in(name).unwrap(), &[]).unwrap();
+            let recipe = Plan::of(text.scene()).unwrap().transient.unwrap();
+            let found = (
+                recipe.name(),
+                recipe.first_grid,
+                recipe.cost.cells,
+                recipe.cost.steps,
+            );
+            println!("{name}: {found:?}; {}", recipe.reason);
+            assert_eq!(found, (method.to_string(), grid, cells, steps), "{name}");
+        }
     }
 
     #[test]

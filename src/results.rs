@@ -1,7 +1,9 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
+mod curve;
 mod spectrum;
 
+use curve::curve;
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
@@ -668,20 +670,6 @@ pub fn widths(centres: &[f64]) -> Vec<f64> {
 /// Middles of the bins of a histogram.
 pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {
     it.edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]))
-}
-
-/// `{"value": [...], "error": [...]}`.
-fn curve(points: impl Iterator<Item = Option<Estimate>>) -> Json {
-    // Where there is no value there is no error either.
-    let pair = |it: Option<Estimate>| {
-        let it = it.filter(|it| it.value.is_finite());
-        it.map_or((f64::NAN, f64::NAN), |it| (it.value, it.error))
-    };
-    let (values, errors): (Vec<f64>, Vec<f64>) = points.map(pair).unzip();
-    Json::object([
-        ("value", Json::numbers(values)),
-        ("error", Json::numbers(errors)),
-    ])
 }
 
 fn moments_json(times: &[f64], moments: &[Moments]) -> Json {

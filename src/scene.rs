@@ -423,7 +423,8 @@ impl Scene {
             let key = "outputs.spectrum.until";
             positive(key, spectrum.until)?;
             if !self.oscillator.contact().is_confining() {
-                return Err(self.no_law("outputs.spectrum", "asked for"));
+                let value = format!("{{ until = {} }}", num(spectrum.until));
+                return Err(self.no_law("outputs.spectrum", &value));
             }
             // Beyond, every sample of Monte Carlo would be a step far below any time of the motion.
             if !(1e-3..=100.0).contains(&spectrum.until) {
@@ -448,15 +449,16 @@ impl Scene {
             return Err(Error::invalid(key, num(until), accepted));
         }
         let contact = self.oscillator.contact();
+        let value = format!("{{ until = {} }}", num(until));
         if !contact.is_confining() {
-            return Err(self.no_law("outputs.first_loss", "asked for"));
+            return Err(self.no_law("outputs.first_loss", &value));
         }
         if contact.loss_point().is_none() {
             let accepted = format!(
                 "a contact law that can lose contact; \"{}\" never does",
                 contact.name()
             );
-            return Err(Error::invalid("outputs.first_loss", "asked for", accepted));
+            return Err(Error::invalid("outputs.first_loss", value, accepted));
         }
         if self
             .monte_carlo
@@ -808,8 +810,8 @@ mod tests {
         for it in Scheme::ALL {
             assert!(SCHEMES.contains(&(it.name(), it)), "{it}");
         }
-        for it in TimeScheme::ALL {
-            assert!(TIME.contains(&(it.name(), it)), "{}", it.name());
+        for (name, it) in TIME {
+            assert_eq!(*name, it.name());
         }
         for it in Drift::ALL.into_iter().filter(|it| *it != Drift::Upwind) {
             assert!(ORDERS.contains(&(it.order() as u64, it)), "{it:?}");

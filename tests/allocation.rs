@@ -9,7 +9,8 @@ use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings as FlowMapSettings};
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, choice};
+use vibroimpact::fokker_planck::transient::march;
+use vibroimpact::fokker_planck::{Drift, TimeScheme};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 
@@ -53,12 +54,8 @@ fn no_step_allocates() {
         let generator = Generator::new(&oscillator, &mesh(5), Drift::Order8).unwrap();
         for time in [TimeScheme::Explicit, TimeScheme::Imex] {
             // A given step, well below what the tolerance asks, so that every step is the same.
-            let settings = Settings {
-                step: Some(0.02),
-                tolerance: 1e-2,
-                ..Settings::default()
-            };
-            let mut march = choice::march(&oscillator, &generator, time, &settings, 20.0);
+            let step = Some(0.02);
+            let mut march = march(&oscillator, &generator, time, 1e-2, step, 20.0);
             let mut density = Density::start(&generator, &start).unwrap();
             let all = &mut |_: f64, _: &Density| Ok(true);
             march.advance(&mut density, 2.0, all).unwrap();

@@ -29,6 +29,7 @@ fn sources() -> Vec<(String, String)> {
             .replace('\\', "/");
         let text = fs::read_to_string(&path).unwrap();
         // A test module ends its file.
+        let text = text.replace("#[cfg(test)]\npub(crate) mod ", "#[cfg(test)]\nmod ");
         let code = text.split("#[cfg(test)]\nmod ").next().unwrap().to_owned();
         (name, code)
     };
@@ -170,5 +171,214 @@ fn no_source_file_unwraps_outside_its_tests() {
                 assert!(!line.contains(word), "src/{file}: {line}");
             }
         }
+    }
+}
+
+/// The modules of the tree by their path, each with its file and its code.
+struct Tree {
+    files: Vec<(Vec<String>, String, String)>,
+}
+
+/// Where a path of a `use` leads.
+fn segments(path: &str) -> Vec<String> {
+    path.split("::").map(|it| it.trim().to_owned()).collect()
+}
+
+impl Tree {
+    fn read() -> Self {
+        let module = |file: &str| -> Vec<String> {
+            let path = file.strip_suffix(".rs").unwrap();
+            let path = path.strip_suffix("/mod").unwrap_or(path);
+            path.split('/').map(str::to_owned).collect()
+        };
+        let files = sources().into_iter();
+        // The laboratory is on its way to a program of its own.
+        let laboratory = ["validation/", "precision/", "stability/"];
+        let files = files.filter(|(file, _)| file != "lib.rs" && file != "main.rs");
+        let files = files.filter(|(file, _)| !laboratory.iter().any(|it| file.starts_with(it)));
+        Self {
+            files: files
+                .map(|(file, text)| {
+                    let code = code_lines(&text).collect::<Vec<_>>().join("\n");
+                    (module(&file), file, code)
+                })
+                .collect(),
+        }
+    }
+
+    fn find(&self, module: &[String]) -> Option<usize> {
+        self.files.iter().position(|(path, ..)| path == module)
+    }
+
+    /// Whether a file only declares and re-exports its children.
+    fn is_list(&self, file: usize) -> bool {
+        let lines = self.files[file].2.lines();
+        let code: Vec<&str> = lines.filter(|it| !it.starts_with('#')).collect();
+        let code = code.join("\n");
+        let statements = code.split(';').map(str::trim);
+        let mut statements = statements.filter(|it| !it.is_empty());
+        statements.all(|it| {
+            let words = it
+                .trim_start_matches("pub(crate) ")
+                .trim_start_matches("pub(super) ");
+            let words = words.trim_start_matches("pub ");
+            words.starts_with("mod ") || words.starts_with("use ")
+        })
+    }
+
+    /// The file that defines what a path from the root names, if it is one of the tree's.
+    fn resolve(&self, path: &[String]) -> Option<usize> {
+        let module = (1..=path.len())
+            .rev()
+            .find_map(|n| Some((self.find(&path[..n])?, n)));
+        let (file, n) = module?;
+        let Some(name) = path.get(n) else {
+            return Some(file);
+        };
+        let named = uses(&self.files[file].2);
+        let Some(exported) = named.into_iter().find(|it| it.last() == Some(name)) else {
+            return Some(file);
+        };
+        self.absolute(&path[..n], &exported)
+            .and_then(|it| self.resolve(&it))
+            .or(Some(file))
+    }
+
+    /// A path as it stands in a module, from the root.
+    fn absolute(&self, module: &[String], path: &[String]) -> Option<Vec<String>> {
+        let mut from = module.to_vec();
+        let mut rest = path;
+        match rest.first()?.as_str() {
+            "crate" | "vibroimpact" => {
+                from.clear();
+                rest = &rest[1..];
+            }
+            "self" => rest = &rest[1..],
+            "super" => {
+                while rest.first().is_some_and(|it| it == "super") {
+                    from.pop();
+                    rest = &rest[1..];
+                }
+            }
+            child => {
+                let mut whole = from.clone();
+                whole.push(child.to_owned());
+                self.find(&whole)?;
+            }
+        }
+        from.extend_from_slice(rest);
+        Some(from)
+    }
+
+    /// The files that a file takes anything from.
+    fn imports(&self, file: usize) -> Vec<usize> {
+        let (module, _, code) = &self.files[file];
+        let mut paths = uses(code);
+        paths.extend(written_out(code));
+        let found = paths
+            .iter()
+            .filter_map(|it| self.resolve(&self.absolute(module, it)?));
+        let mut found: Vec<usize> = found
+            .filter(|it| *it != file && !self.is_list(*it))
+            .collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// A circle of files, each of which imports the next.
+    fn circle(&self) -> Option<Vec<&str>> {
+        let graph: Vec<Vec<usize>> = (0..self.files.len()).map(|it| self.imports(it)).collect();
+        // The shortest way from every file back to itself.
+        let back = |start: usize| {
+            let mut ways = vec![vec![start]];
+            let mut seen = vec![false; graph.len()];
+            while !ways.is_empty() {
+                let mut next = Vec::new();
+                for way in &ways {
+                    for to in &graph[way[way.len() - 1]] {
+                        if *to == start {
+                            return Some(way.clone());
+                        }
+                        if !std::mem::replace(&mut seen[*to], true) {
+                            next.push([&way[..], &[*to]].concat());
+                        }
+                    }
+                }
+                ways = next;
+            }
+            None
+        };
+        let circle = (0..graph.len()).filter_map(back).min_by_key(Vec::len)?;
+        Some(
+            circle
+                .into_iter()
+                .map(|it| self.files[it].1.as_str())
+                .collect(),
+        )
+    }
+}
+
+/// The paths of the `use` statements of a file.
+fn uses(code: &str) -> Vec<Vec<String>> {
+    fn spread(before: &str, tree: &str, found: &mut Vec<String>) {
+        let Some((head, list)) = tree.split_once('{') else {
+            let name = tree.split(" as ").next().unwrap().trim();
+            let path = format!("{before}{name}");
+            found.push(path.trim_end_matches("::self").to_owned());
+            return;
+        };
+        let list = list.trim().strip_suffix('}').unwrap();
+        let (mut depth, mut start) = (0, 0);
+        for (at, c) in list.char_indices().chain([(list.len(), ',')]) {
+            match c {
+                '{' => depth += 1,
+                '}' => depth -= 1,
+                ',' if depth == 0 => {
+                    if !list[start..at].trim().is_empty() {
+                        spread(
+                            &format!("{before}{}", head.trim()),
+                            list[start..at].trim(),
+                            found,
+                        );
+                    }
+                    start = at + 1;
+                }
+                _ => (),
+            }
+        }
+    }
+    let mut all = Vec::new();
+    for (at, _) in code.match_indices("use ") {
+        let before = code[..at].rsplit('\n').next().unwrap();
+        if before.is_empty() || before.starts_with("pub") {
+            let tree = code[at + 4..].split(';').next().unwrap();
+            let mut found = Vec::new();
+            spread("", tree.trim(), &mut found);
+            all.extend(found.iter().map(|it| segments(it)));
+        }
+    }
+    all
+}
+
+/// The paths written out in the code, from the root, from the parent or from a child.
+fn written_out(code: &str) -> Vec<Vec<String>> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let words = code.split(|c| !is_word(c)).filter(|it| it.contains("::"));
+    words.map(|it| segments(it.trim_matches(':'))).collect()
+}
+
+#[test]
+fn no_file_imports_itself_through_others() {
+    let tree = Tree::read();
+    let edges: usize = (0..tree.files.len()).map(|it| tree.imports(it).len()).sum();
+    println!("{} files, {edges} imports between them", tree.files.len());
+    assert!(edges > 300);
+    if let Some(circle) = tree.circle() {
+        panic!(
+            "a circle of imports: {} -> {}",
+            circle.join(" -> "),
+            circle[0]
+        );
     }
 }

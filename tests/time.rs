@@ -2,7 +2,6 @@
 
 use std::time::Instant;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::choice;
 use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::march::{
@@ -10,7 +9,8 @@ use vibroimpact::fokker_planck::march::{
 };
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::observables::Observables;
-use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme};
+use vibroimpact::fokker_planck::transient::{march, time_scheme};
+use vibroimpact::fokker_planck::{Drift, TimeScheme};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
@@ -96,14 +96,10 @@ impl Case {
 
     /// A run by `time` within a tolerance: the largest distance to `exact`, the march, and the seconds.
     fn run(&self, time: TimeScheme, tolerance: f64, exact: &[Density]) -> (f64, March, f64) {
-        let settings = Settings {
-            tolerance,
-            ..Settings::default()
-        };
         let clock = Instant::now();
         let mut density = self.start.clone();
         let (oscillator, generator) = (&self.oscillator, &self.generator);
-        let mut march = choice::march(oscillator, generator, time, &settings, self.until);
+        let mut march = march(oscillator, generator, time, tolerance, None, self.until);
         let (mut now, mut worst): (f64, f64) = (0.0, 0.0);
         for (t, exact) in self.times().iter().zip(exact) {
             let all = &mut |_: f64, _: &Density| Ok(true);
@@ -122,11 +118,7 @@ impl Case {
 
     /// The automatic choice at a tolerance.
     fn choose(&self, tolerance: f64) -> (TimeScheme, String) {
-        let settings = Settings {
-            tolerance,
-            ..Settings::default()
-        };
-        choice::time_scheme(&self.oscillator, &self.generator, &settings, self.until)
+        time_scheme(&self.oscillator, &self.generator, tolerance, self.until)
     }
 }
 
@@ -339,15 +331,12 @@ fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair()
 fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
     let case = Case::hertz(5.0, 0.63, 11.0, [60, 40], (1.0, 0.4), 4.0);
     for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
-        let settings = Settings {
-            tolerance: 1e-4,
-            ..Settings::default()
-        };
-        let mut march = choice::march(
+        let mut march = march(
             &case.oscillator,
             &case.generator,
             time,
-            &settings,
+            1e-4,
+            None,
             case.until,
         );
         let mut density = case.start.clone();
@@ -462,18 +451,15 @@ fn smoluchowski(case: &Case, mean: f64, deviation: f64, times: &[f64]) -> Vec<f6
 #[test]
 fn an_overdamped_contact_forgets_its_velocity_fast_and_its_place_as_smoluchowski_says() {
     let case = Case::hertz(50.0, 0.63, 11.0, [80, 50], (1.0, 0.4), 150.0);
-    let settings = Settings {
-        tolerance: 1e-5,
-        ..Settings::default()
-    };
     let (time, reason) = case.choose(1e-5);
     println!("{reason}");
     let clock = Instant::now();
-    let mut march = choice::march(
+    let mut march = march(
         &case.oscillator,
         &case.generator,
         time,
-        &settings,
+        1e-5,
+        None,
         case.until,
     );
     let observables = Observables::new(

@@ -4,7 +4,7 @@
 use std::process::Command;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
-    Settings, Task, Transient, TransientMethod, cost, decay_rates, transient,
+    Settings, Transient, TransientMethod, decay_rates, transient, transient_cost,
 };
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
@@ -105,7 +105,7 @@ fn a_limit_of_memory_ends_refinement_with_its_name_and_the_best_so_far() {
         ..Settings::default()
     };
     // Of the refined run, twice as fine as the first: that one fits half of it.
-    let (size, _) = cost(&oscillator, &start, Task::Transient(&TIMES), &free).unwrap();
+    let (size, _) = transient_cost(&oscillator, &start, &TIMES, &free).unwrap();
     let it = solve(&Settings {
         max_memory: size.memory / 2,
         ..free

@@ -88,6 +88,8 @@ impl Domain {
     /// [`Error::NoStationaryLaw`] for a contact that does not confine.
     pub fn closed(oscillator: &Oscillator, initial: &Initial, neglected: f64) -> Result<Self> {
         let t = oscillator.temperature();
+        #[cfg(test)]
+        tests::CLOSED.with_borrow_mut(|all| all.push((*initial, neglected)));
         let law = oscillator.displacement_law()?;
         let contact = oscillator.contact();
         let lowest = contact.lowest_potential().unwrap_or(0.0);
@@ -239,4 +241,15 @@ fn start_outside(oscillator: &Oscillator, initial: &Initial, energy: f64) -> f64
     let breaks: Vec<f64> = (-9..=9).map(f64::from).collect();
     let f = |x: f64| outside(mean[0] + deviation[0] * x) * density(x);
     quadrature::integrate(f, &breaks, 1e-6).value
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use std::cell::RefCell;
+
+    thread_local! {
+        /// Initial condition and neglected probability of every domain closed on this thread.
+        pub(crate) static CLOSED: RefCell<Vec<(Initial, f64)>> = const { RefCell::new(Vec::new()) };
+    }
 }

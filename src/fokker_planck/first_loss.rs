@@ -12,8 +12,9 @@
 //! the step near grazing losses. Error bars take the difference from twice the step whole.
 
 use super::absorbed::{Absorbed, Fineness, Start};
-use super::choice::{Cost, Method, Settings};
+use super::budget::{Cost, timing};
 use super::pontryagin::{dot, long_run};
+use super::settings::{Method, Settings};
 use super::trajectory::Motion;
 use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
@@ -345,11 +346,11 @@ pub fn first_loss_cost(
         cells: layout.nodes,
         steps: layout.all_steps() as u64,
         memory: layout.memory_bytes(oscillator) as u64,
-        // 20 ns a point and step and 10 ns a node; building takes 4 us a point. The runs that measure the
-        // error take as long again.
+        // The runs that measure the error take as long again.
         seconds: 2.0
             * nq
-            * (points * (4e-6 + 2e-8 * layout.all_steps()) + nv * 1e-8 * layout.all_steps()),
+            * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * layout.all_steps())
+                + nv * timing::ABSORBED_NODE * layout.all_steps()),
     };
     let step = format!("{:.3}", layout.step);
     Ok((

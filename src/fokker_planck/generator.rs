@@ -25,8 +25,6 @@
 mod apply;
 mod assembly;
 
-pub use assembly::BANDS;
-
 use super::difference::central;
 use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
 use super::mesh::Mesh;
@@ -35,6 +33,9 @@ use crate::error::{Error, Result};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
 use std::ops::Range;
+
+/// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
+pub const BANDS: usize = 8;
 
 /// Rate of the exchange between neighbours in the rim: a few times the oscillator's own frequency, so
 /// that a rim up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.
@@ -337,14 +338,14 @@ fn check_tail(mesh: &Mesh, weights: &Weights, active: &[Range<usize>], drift: Dr
     let needed = |n: usize, s: f64| (n as f64 * (1.1 * s / STEEPEST).max(1.0)).ceil();
     Err(Error::Mesh {
         what: format!(
-            "with method.cells = [{nq}, {nv}], ln p_s falls by up to {:.1} per cell along q and {:.1} along \
-             v, and drift of order {} carries {STEEPEST}",
+            "on [{nq}, {nv}] cells ln p_s falls by up to {:.1} per cell along q and {:.1} along v, and drift of \
+             order {} carries {STEEPEST}",
             steepest[0],
             steepest[1],
             drift.order()
         ),
         help: format!(
-            "about [{}, {}] cells, or a higher tolerance",
+            "about method.cells = [{}, {}], or a higher tolerance",
             needed(nq, steepest[0]),
             needed(nv, steepest[1])
         ),

@@ -1,11 +1,12 @@
 //! The slowest modes: eigenvalues of the generator nearest to the imaginary axis.
 
-use super::choice::{self, Factors, Settings};
+use super::budget::{self, Cost, Factors, timing};
 use super::flux::Drift;
 use super::generator::Generator;
+use super::layout::Layout;
+use super::settings::Settings;
 use crate::error::Result;
 use crate::estimate::Shortfall;
-use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::sparse::{self, Lu, eigen};
 use ndarray::Array2;
@@ -44,7 +45,7 @@ const WIDER: f64 = 100.0;
 const WIDEST: f64 = 1e-12;
 
 /// Cells of each mesh of [`decay_rates`] over those of the one before.
-pub(super) const FINER: f64 = 1.25;
+const FINER: f64 = 1.25;
 
 /// Meshes after the first two: each costs about twice the one before, and four are 2.4 times as fine.
 const REFINEMENTS: usize = 4;
@@ -58,6 +59,35 @@ pub struct DecayRates {
     pub cells: [usize; 2],
     /// What is missing.
     pub shortfall: Option<Shortfall>,
+}
+
+/// What [`decay_rates`] will take.
+///
+/// # Errors
+/// Those of the mesh.
+pub fn decay_rates_cost(oscillator: &Oscillator, settings: &Settings) -> Result<(Cost, String)> {
+    let drift = settings.drift.unwrap_or(Drift::Order8);
+    let layout = Layout::stationary(oscillator, drift, settings)?;
+    let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
+    let n = cells[0] as f64 * cells[1] as f64;
+    let wide = if drift == Drift::Upwind {
+        1.0
+    } else {
+        timing::WIDE
+    };
+    // Of the second mesh.
+    let finer = cells.map(|n| (n as f64 * FINER) as usize);
+    let cost = Cost {
+        cells,
+        steps: 6,
+        memory: budget::memory(finer, drift, Factors::Shifts),
+        seconds: 3.0 * n * 6.0 * wide * timing::LU,
+    };
+    let words = format!(
+        "finite volumes, {}; shift and invert on two meshes or more",
+        drift.name()
+    );
+    Ok((cost, words))
 }
 
 /// The modes of one mesh.
@@ -99,9 +129,8 @@ pub fn decay_rates(
         };
         // The scene's own cells are those of the finer of two meshes.
         let finer = FINER.powi(if free { k } else { k - 1 });
-        let start = Initial::Stationary;
-        let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, finer)?;
-        choice::check_factors(&mesh, drift, Factors::Shifts, settings)?;
+        let layout = Layout::stationary(oscillator, drift, &boxed)?;
+        let mesh = layout.mesh_within(oscillator, finer, Factors::Shifts, settings.max_memory)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
         let found: Vec<Result<Vec<DecayRate>>> = shifts
             .par_iter()
@@ -156,7 +185,7 @@ pub fn decay_rates(
             why = (text, true);
             break;
         }
-        if choice::memory([q, v], drift, Factors::Shifts) > settings.max_memory {
+        if budget::memory([q, v], drift, Factors::Shifts) > settings.max_memory {
             let text = format!("{q} x {v} cells do not fit accuracy.max_memory");
             why = (text, true);
             break;
@@ -231,9 +260,7 @@ fn cells(oscillator: &Oscillator, drift: Drift, tolerance: f64) -> Result<[usize
         neglected: Some(OUTSIDE),
         ..Settings::default()
     };
-    let start = Initial::Stationary;
-    let (mesh, _) = choice::mesh(oscillator, &start, 0.0, drift, &settings, 0.8)?;
-    let [q, v] = mesh.cells();
+    let [q, v] = Layout::stationary(oscillator, drift, &settings)?.count(oscillator, 0.8)?;
     Ok([q, v + v % 2])
 }
 

@@ -9,15 +9,15 @@
 //! the peak, as on it. The operator is that of `hermite`, the frequencies come all from one
 //! small model (`reduced`).
 
-use super::choice::{Cost, Settings};
+use super::budget::{Cost, Limits, timing};
 use super::hermite::{Hierarchy, Resolution};
 use super::reduced::{Answer, Reduced};
+use super::settings::Settings;
 use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::{Oscillator, Quantity};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_2_PI;
-use std::time::Instant;
 
 /// A spectrum's natural scale is the larger of its value and this part of its peak.
 pub const FLOOR: f64 = 1e-6;
@@ -236,21 +236,14 @@ pub fn spectrum(
 ) -> Result<Spectrum> {
     oscillator.displacement_law()?;
     check(omegas)?;
-    let began = Instant::now();
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     let tolerance = settings.tolerance;
     let control = control(omegas);
     let solve = |resolution: Resolution, share: f64| -> Result<(Reduced, Vec<Answer>)> {
         let full = Hierarchy::new(oscillator, quantity, resolution)?;
         let go_on = |solved: usize| {
             progress(share * (solved as f64 / 60.0).min(1.0));
-            if began.elapsed().as_secs_f64() > settings.max_seconds {
-                return Err(Error::Limit {
-                    key: "accuracy.max_seconds",
-                    limit: settings.max_seconds.to_string(),
-                    what: format!("{solved} frequencies of the spectrum were solved"),
-                });
-            }
-            Ok(())
+            limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
         };
         let model = Reduced::new(&full, &control, MODEL * tolerance, FLOOR, SOLVES, &go_on)?;
         let answers = control.iter().map(|w| model.at(*w)).collect();
@@ -278,7 +271,7 @@ pub fn spectrum(
         let next = finer(resolution);
         let fits = next.memory() * 2 < settings.max_memory && next.across() <= WIDEST;
         // The next round takes as many solves, each of them longer.
-        let spent = began.elapsed().as_secs_f64();
+        let spent = limits.spent();
         let longer = next.operations() / resolution.operations();
         let in_time = spent * (1.0 + longer) < settings.max_seconds;
         if it.reached || settings.cells.is_some() || !fits || !in_time {
@@ -383,7 +376,7 @@ fn estimates(
 }
 
 /// What a spectrum takes: cells are functions of q and of v, steps frequencies to solve for.
-pub fn cost(settings: &Settings) -> (Cost, String) {
+pub fn spectrum_cost(settings: &Settings) -> (Cost, String) {
     // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
     // one round more.
     let mut resolution = first(settings);
@@ -395,8 +388,8 @@ pub fn cost(settings: &Settings) -> (Cost, String) {
         resolution = finer(resolution);
     }
     let solves = 55.0;
-    // 2e10 operations a second and processor (measured), and the coarser operators half as much again.
-    let seconds = 1.5 * solves * resolution.operations() / 2e10;
+    // The coarser operators take half as much again.
+    let seconds = 1.5 * solves * resolution.operations() * timing::OPERATION;
     let threads = rayon::current_num_threads() as f64;
     let cost = Cost {
         cells: [resolution.across(), 2 * resolution.pairs],

@@ -1,12 +1,13 @@
 //! The steady state: the null vector of the generator, by sparse LU and by marching.
 
-use super::choice::{self, Factors, Method, Settings};
+use super::budget::{self, Cost, Factors, timing};
 use super::density::{Density, Snapshot};
 use super::flux::Drift;
 use super::generator::Generator;
+use super::layout::{self, Cells, Layout};
 use super::march::BackwardEuler;
 use super::observables::Observables;
-use super::refinement;
+use super::settings::{Method, Settings};
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::initial::Initial;
@@ -46,13 +47,14 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
     // The law of q refuses a contact that has none, in its own words.
     oscillator.displacement_law()?;
     let drift = settings.drift.unwrap_or(Drift::Upwind);
-    let start = Initial::Stationary;
-    let boxed = Settings {
-        neglected: Some(refinement::neglected(oscillator, &start, settings)?),
-        ..settings.clone()
+    let (_, domain) = layout::truncated(oscillator, &Initial::Stationary, settings)?;
+    let widths = layout::thermal_widths(oscillator, settings.tolerance);
+    let layout = Layout {
+        domain,
+        cells: Cells::of(settings, widths),
+        drift,
     };
-    let (mesh, domain) = choice::mesh(oscillator, &start, 0.0, drift, &boxed, 1.0)?;
-    choice::check_factors(&mesh, drift, Factors::Real, settings)?;
+    let mesh = layout.mesh_within(oscillator, 1.0, Factors::Real, settings.max_memory)?;
     let generator = Generator::new(oscillator, &mesh, drift)?;
     let (null, residual) = null_vector(&generator)?;
     let exact = Density::start(&generator, &Initial::Stationary)?;
@@ -125,6 +127,34 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
         approach,
         warnings,
     })
+}
+
+/// What [`steady`] will take.
+///
+/// # Errors
+/// Those of the mesh.
+pub fn steady_cost(oscillator: &Oscillator, settings: &Settings) -> Result<(Cost, String)> {
+    const SOLVES: f64 = 60.0;
+    let drift = settings.drift.unwrap_or(Drift::Upwind);
+    let layout = Layout::stationary(oscillator, drift, settings)?;
+    let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
+    let n = cells[0] as f64 * cells[1] as f64;
+    let wide = if drift == Drift::Upwind {
+        1.0
+    } else {
+        timing::WIDE
+    };
+    let cost = Cost {
+        cells,
+        steps: SOLVES as u64,
+        memory: budget::memory(cells, drift, Factors::Real),
+        seconds: 2.0 * n * wide * (timing::LU + SOLVES * timing::SOLVE),
+    };
+    let words = format!(
+        "finite volumes, {}; null vector by sparse LU, and a march",
+        drift.name()
+    );
+    Ok((cost, words))
 }
 
 /// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1.

@@ -1,7 +1,7 @@
 //! Streamed statistics: power sums about a fixed centre, added in a fixed order, and the moments with
 //! their standard errors.
 
-use super::histogram::Bins;
+use super::bins::Bins;
 use super::law::Law;
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};

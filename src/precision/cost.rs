@@ -3,12 +3,12 @@
 use super::case::Case;
 use super::entry::Effort;
 use crate::error::{Error, Result};
-use crate::fokker_planck::choice::{self, Factors};
+use crate::fokker_planck::budget::{self, Factors};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::mesh::Mesh;
-use crate::fokker_planck::{Drift, Settings, TimeScheme};
+use crate::fokker_planck::{Drift, Settings, TimeScheme, transient};
 use crate::initial::Initial;
 use std::fmt;
 use std::time::Instant;
@@ -158,19 +158,15 @@ fn cost(case: &Case, of: CostOf, n: usize) -> Result<(f64, f64, u64)> {
         CostOf::Explicit => (Drift::Order8, TimeScheme::Explicit),
     };
     let oscillator = &case.oscillator;
-    let memory = choice::memory([n, n], drift, Factors::of(time));
+    let memory = budget::memory([n, n], drift, Factors::of(time));
     // Half of what a small machine has.
     if memory > 4_000_000_000 {
         return Err(Error::invalid("method.cells", n, "a matrix below 4 GB"));
     }
-    let settings = Settings {
-        tolerance: 1e-5,
-        ..Settings::default()
-    };
     let clock = Instant::now();
     let mesh = square(case, drift, n)?;
     let generator = Generator::new(oscillator, &mesh, drift)?;
-    let mut march = choice::march(oscillator, &generator, time, &settings, 20.0);
+    let mut march = transient::march(oscillator, &generator, time, 1e-5, None, 20.0);
     let mut density = Density::start(&generator, &case.initial)?;
     // Some steps each, and not many where they are short: explicit steps shrink as 1/n.
     let unit = match of {
@@ -196,7 +192,7 @@ fn flow_map(case: &Case, n: usize) -> Result<(f64, f64, u64)> {
     map.advance(&mut density, unit)?;
     let first = clock.elapsed().as_secs_f64();
     let again = seconds(|| map.advance(&mut density, unit))?;
-    let memory = choice::flow_map_memory(mesh.cells());
+    let memory = budget::flow_map_memory(mesh.cells());
     Ok(((first - again).max(0.0), again / unit, memory))
 }
 
@@ -206,13 +202,12 @@ fn square(case: &Case, drift: Drift, n: usize) -> Result<Mesh> {
         cells: Some([n, n]),
         ..Settings::default()
     };
-    let (mesh, _) = choice::mesh(
+    transient::mesh(
         &case.oscillator,
         &case.initial,
         case.until,
         drift,
         &settings,
         1.0,
-    )?;
-    Ok(mesh)
+    )
 }

@@ -3,13 +3,13 @@
 use super::case::Case;
 use super::method::{Level, Method};
 use crate::error::Result;
-use crate::fokker_planck::choice::{self, Factors};
+use crate::fokker_planck::budget::{self, Factors};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
-use crate::fokker_planck::{Drift, Settings, TimeScheme};
+use crate::fokker_planck::{Drift, Settings, TimeScheme, transient};
 use crate::moments::Moments;
 use crate::monte_carlo::{self, EnsembleSettings, Scheme};
 
@@ -42,19 +42,16 @@ const STEPS: f64 = 0.3;
 pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
     let settings = Settings {
         neglected: Some((BOX * level.tolerance).min(5e-4)),
-        // Asked for, so that a law that leaves every box gets one too.
-        drift: Some(drift),
         ..Settings::default()
     };
-    let (mesh, _) = choice::mesh(
+    transient::mesh(
         &case.oscillator,
         &case.initial,
         case.until,
         drift,
         &settings,
         level.finer,
-    )?;
-    Ok(mesh)
+    )
 }
 
 /// Runs a method; paths take the seed.
@@ -84,7 +81,7 @@ pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Re
                     .moments(oscillator.contact()),
                 unknowns: map.columns().iter().map(std::ops::Range::len).sum(),
                 steps: map.progress().steps as u64,
-                memory: choice::flow_map_memory(mesh.cells()),
+                memory: budget::flow_map_memory(mesh.cells()),
                 density: Some(density),
             })
         }
@@ -96,11 +93,14 @@ fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result
     let oscillator = &case.oscillator;
     let mesh = mesh(case, drift, level)?;
     let generator = Generator::new(oscillator, &mesh, drift)?;
-    let settings = Settings {
-        tolerance: STEPS * level.tolerance,
-        ..Settings::default()
-    };
-    let mut march = choice::march(oscillator, &generator, time, &settings, case.until);
+    let mut march = transient::march(
+        oscillator,
+        &generator,
+        time,
+        STEPS * level.tolerance,
+        None,
+        case.until,
+    );
     let mut density = Density::start(&generator, &case.initial)?;
     march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
     let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
@@ -110,7 +110,7 @@ fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result
             .moments(oscillator.contact()),
         unknowns: generator.unknowns(),
         steps: march.steps(),
-        memory: choice::memory(mesh.cells(), drift, Factors::of(time)),
+        memory: budget::memory(mesh.cells(), drift, Factors::of(time)),
         density: Some(density),
     })
 }

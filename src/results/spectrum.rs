@@ -1,6 +1,6 @@
 //! The spectrum: from the resolvent, by Welch's method, and of the linear oscillator.
 
-use super::curve;
+use super::curve::curve;
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::{Peak, Spectrum};

@@ -2,7 +2,7 @@
 
 use super::super::difference::{central, staggered};
 use super::super::flux::MassFlux;
-use super::Generator;
+use super::{BANDS, Generator};
 use sprs::{CsMat, TriMat};
 
 /// Which process an entry belongs to.
@@ -11,9 +11,6 @@ pub(super) enum Part {
     Transport = 0,
     Diffusion = 1,
 }
-
-/// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
-pub const BANDS: usize = 8;
 
 impl Generator {
     /// S^T k S of one q-column over its factor of the weights, which friction and diffusion are -1/w_m

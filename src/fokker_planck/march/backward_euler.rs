@@ -1,7 +1,8 @@
 //! Backward Euler.
 
 use super::Integrator;
-use super::resolvent::{Resolvent, Solver, System};
+use super::resolvent::Resolvent;
+use super::system::{Solver, System};
 use crate::error::Result;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::generator::Generator;

@@ -1,7 +1,7 @@
 //! GMRES for (I - a L) x = b, preconditioned from the right (Saad and Schultz, SIAM J. Sci. Stat. Comput.
 //! 7, 856, 1986).
 
-use super::resolvent::System;
+use super::system::System;
 use crate::error::{Error, Result};
 use crate::sparse::{Lu, Scalar};
 use num_complex::{Complex, ComplexFloat};

@@ -1,7 +1,8 @@
 //! The Radau IIA scheme of order 5 for a linear equation.
 
 use super::Integrator;
-use super::resolvent::{Resolvent, Solver, System};
+use super::resolvent::Resolvent;
+use super::system::{Solver, System};
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
 use num_complex::Complex;

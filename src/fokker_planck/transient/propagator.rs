@@ -1,13 +1,18 @@
 //! What carries a density forward in time: finite volumes with a scheme in time, or the flow map. Both on
 //! the same meshes, weights and densities, so that one can be held against the other cell by cell.
 
-use super::density::Density;
-use super::flow_map::{self, FlowMap};
-use super::flux::Weights;
-use super::generator::Generator;
-use super::march::March;
-use super::mesh::Mesh;
-use crate::error::Result;
+use super::recipe::{Recipe, Scheme};
+use crate::error::{Error, Result};
+use crate::fokker_planck::budget::DIRECT;
+use crate::fokker_planck::density::Density;
+use crate::fokker_planck::flow_map::{self, FlowMap};
+use crate::fokker_planck::flux::Weights;
+use crate::fokker_planck::generator::Generator;
+use crate::fokker_planck::march::{
+    Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step,
+};
+use crate::fokker_planck::mesh::{Axis, Mesh};
+use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::ops::Range;
@@ -170,5 +175,127 @@ impl Propagator {
             Self::Volumes { march, .. } => march.longest(),
             Self::FlowMap { map, .. } => map.settings().step,
         }
+    }
+}
+
+/// The propagator of a recipe on a mesh, its steps `longer` times as long as the tolerance asks.
+///
+/// # Errors
+/// [`Error::Invalid`] for a step of the scene that is too short for a flow map; those of the generator and of the
+/// flow map.
+pub(super) fn build(
+    recipe: &Recipe,
+    oscillator: &Oscillator,
+    mesh: &Mesh,
+    until: f64,
+    longer: f64,
+) -> Result<Propagator> {
+    match recipe.scheme {
+        Scheme::FlowMap => {
+            let mut automatic = recipe.flow_map(oscillator, longer)?;
+            let shortest = FlowMap::shortest_step(oscillator, mesh);
+            if recipe.step.is_some() && automatic.step < shortest {
+                let accepted = format!(
+                    "at least {shortest:.2e} for the flow map on this mesh: shorter steps let grid noise grow"
+                );
+                return Err(Error::invalid("method.step", automatic.step, accepted));
+            }
+            automatic.step = automatic.step.max(shortest);
+            Propagator::flow_map(oscillator, mesh, automatic)
+        }
+        Scheme::Volumes(time) => {
+            let generator = Generator::new(oscillator, mesh, recipe.drift())?;
+            let tolerance = time_share(time) * recipe.tolerance * longer.powi(STEP_ORDER);
+            let step = match (time, recipe.step) {
+                (TimeScheme::BackwardEuler, step) => Some(longer * euler_step(mesh, step)),
+                (_, step) => step.map(|step| longer * step),
+            };
+            let march = march(oscillator, &generator, time, tolerance, step, until);
+            Ok(Propagator::Volumes {
+                generator: Box::new(generator),
+                march,
+            })
+        }
+    }
+}
+
+/// The numerical diffusion of upwind drift against the physical one: energy relaxes 1 + c times too
+/// fast, c = 0.4 (dq + dv)/(2 zeta sigma) for cells dq, dv at equilibrium, sigma = sqrt(T).
+pub(super) fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
+    let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
+    let cells = width(&mesh.q, 0.0) + width(&mesh.v, 0.0);
+    0.4 * cells / (2.0 * oscillator.zeta() * oscillator.temperature().sqrt())
+}
+
+/// Part of a transient's tolerance that the errors of the steps may add up to in the L1 norm: the mesh
+/// and the box have the rest.
+const TIME_SHARE: f64 = 0.1;
+
+/// The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.
+pub(super) const SERIES_SHARE: f64 = 1e-3;
+
+fn time_share(time: TimeScheme) -> f64 {
+    match time {
+        TimeScheme::Explicit => SERIES_SHARE,
+        _ => TIME_SHARE,
+    }
+}
+
+/// Steps that choose themselves are lengthened by raising the error they may make: about the power with
+/// which it goes with the step.
+const STEP_ORDER: i32 = 3;
+
+/// Time over which errors add up before the oscillator forgets them.
+fn horizon(oscillator: &Oscillator, until: f64) -> f64 {
+    until.min(0.5 / oscillator.zeta() + 2.0 * oscillator.zeta())
+}
+
+/// The step of backward Euler: first order in time beside first order in space, one cell a step at a
+/// third of the fastest speed.
+pub(super) fn euler_step(mesh: &Mesh, asked: Option<f64>) -> f64 {
+    let width = mesh.q.at(mesh.q.locate(0.0)).1;
+    let automatic = 3.0 * width / mesh.v.edges()[mesh.v.len()].abs().max(f64::MIN_POSITIVE);
+    asked.unwrap_or(automatic)
+}
+
+/// The scheme with its choice of steps for a run until `until`, such that the error in time stays below
+/// `tolerance` in the L1 norm; a tenth to a half of it is measured where accuracy bounds many
+/// steps, a hundredth of it in a few implicit ones, and less where stability bounds them (tests/time.rs).
+pub fn march(
+    oscillator: &Oscillator,
+    generator: &Generator,
+    time: TimeScheme,
+    tolerance: f64,
+    longest: Option<f64>,
+    until: f64,
+) -> March {
+    let choice = if time == TimeScheme::BackwardEuler {
+        Step::Fixed(euler_step(generator.mesh(), longest))
+    } else {
+        let longest = longest.unwrap_or(f64::INFINITY);
+        // Two runs that begin with the same steps would not see what these do.
+        let shorter = (tolerance / 1e-3).cbrt().clamp(0.1, 1.0);
+        Step::Error {
+            total: tolerance,
+            horizon: horizon(oscillator, until),
+            first: longest.min(shorter * 0.1 / (1.0 + 2.0 * oscillator.zeta())),
+            longest,
+        }
+    };
+    let scheme: Box<dyn Integrator> = match time {
+        TimeScheme::BackwardEuler => Box::new(BackwardEuler::new(generator)),
+        TimeScheme::Implicit => Box::new(Radau::new(generator, solver(generator))),
+        TimeScheme::Imex => Box::new(Additive::new(generator)),
+        TimeScheme::Explicit => Box::new(Chebyshev::new(generator)),
+    };
+    March::new(scheme, choice)
+}
+
+/// How the systems of an implicit scheme are solved.
+fn solver(generator: &Generator) -> Solver {
+    if generator.unknowns() < DIRECT {
+        Solver::Direct
+    } else {
+        Solver::Krylov
     }
 }

@@ -1,18 +1,21 @@
-//! Error bars of a transient: what its mesh, its steps, its box and its roundings may have done to each
-//! number, kept apart until they are added.
+//! Error estimates of a transient: what its mesh, its steps, the truncation of its domain and its roundings may
+//! have done to each number, kept apart until they are added.
 
-use super::choice::Way;
-use super::transient::{Output, Run};
+use super::propagator;
+use super::recipe::Scheme;
+use super::run::{Output, Run, Task};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::flow_map;
+use crate::fokker_planck::settings::TimeScheme;
 use crate::moments::Moments;
 use crate::scales::Scales;
 
 /// One value per number of [`Moments::named`] and output time.
 pub(super) type Table = Vec<[f64; 11]>;
 
-/// Bars of every number at every output time.
-pub(super) struct Bars {
+/// Error estimates of every number at every output time.
+pub(super) struct Errors {
     /// What the mesh may have done, and with `joint` the steps as well.
     pub(super) space: Table,
     /// What the steps may have done.
@@ -21,7 +24,7 @@ pub(super) struct Bars {
     pub(super) joint: bool,
     /// What the steps of both runs may have done alike, in natural scales.
     pub(super) alike: Vec<f64>,
-    /// What the box leaves out, in natural scales.
+    /// What the truncated domain leaves out, in natural scales.
     outside: Table,
     /// What negative cells weigh, in either run.
     undershoot: Table,
@@ -43,10 +46,10 @@ const BELIEVED: f64 = 2.0;
 /// showed it to err up to 1.9 times what the order above makes of their difference.
 const BELIEVED_AT_A_JUMP: f64 = 1.2;
 
-/// The order of convergence that is believed of a way without being seen.
-pub(super) fn believed(way: Way, contact: &ContactLaw) -> f64 {
+/// The order of convergence that is believed of a scheme without being seen.
+pub(super) fn believed(scheme: Scheme, contact: &ContactLaw) -> f64 {
     let jump = contact.loss_point().map_or(0.0, |q| contact.stiffness(q));
-    if way == Way::FlowMap && jump > 1e-3 * contact.stiffness(0.0) {
+    if scheme == Scheme::FlowMap && jump > 1e-3 * contact.stiffness(0.0) {
         BELIEVED_AT_A_JUMP
     } else {
         BELIEVED
@@ -128,7 +131,7 @@ fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
     weights
 }
 
-/// What the box leaves out of each number at one time, in natural scales: `outside` is that of the
+/// What the truncated domain leaves out of each number at one time, in natural scales: `outside` is that of the
 /// stationary law, whose tails no start within the box outweighs. A number far above its scale, as a
 /// kurtosis may be, moves with itself.
 fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
@@ -188,7 +191,7 @@ fn opened(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
     })
 }
 
-/// What negative cells weigh in the bar of a number, from what they weigh in a fine and in a coarse run.
+/// What negative cells weigh in the error of a number, from what they weigh in a fine and in a coarse run.
 /// Where they converge the difference of the runs holds what they do; where they stand, both may agree on
 /// what is wrong.
 fn standing(fine: f64, coarse: f64) -> f64 {
@@ -199,21 +202,83 @@ fn standing(fine: f64, coarse: f64) -> f64 {
     }
 }
 
-impl Bars {
-    /// Bars of `run`, nothing known of its mesh and steps yet; `outside` is what the box leaves out, in
-    /// natural scales of the stationary law.
-    pub(super) fn of(run: &Run, coarse: &Run, scales: &Scales, outside: [f64; 11]) -> Self {
+/// What the steps may have done over what they say of it (tests/time.rs).
+const DOUBT: f64 = 2.0;
+
+/// What an error of the steps in the L1 norm does to a number in its natural scale, beside what two runs with
+/// different steps show of it: with 0.08 means of one scene of the calibration erred 1.8 times their error estimates.
+const IN_MOMENTS: f64 = 0.2;
+
+/// What the steps of both runs may have done alike by each output, in natural scales.
+fn alike(task: &Task, fine: &Run) -> Vec<f64> {
+    let outputs = fine.outputs.iter();
+    match task.recipe.scheme {
+        Scheme::Volumes(TimeScheme::Explicit) => outputs
+            .map(|_| propagator::SERIES_SHARE * task.recipe.tolerance)
+            .collect(),
+        // Steps that choose themselves by the same estimate.
+        Scheme::Volumes(_) => {
+            let part = if task.recipe.knows_its_steps() {
+                DOUBT
+            } else {
+                IN_MOMENTS
+            };
+            outputs.map(|it| part * it.step_error).collect()
+        }
+        // Two runs show little of what the steps of a flow map do: short intervals are cut alike or by other
+        // rules, and the errors of either pass through zero between them.
+        Scheme::FlowMap => {
+            let settings = task.recipe.flow_map(task.oscillator, 1.0);
+            let splitting = settings.map_or(0.0, |it| {
+                // A mesh may ask for longer steps than the tolerance does.
+                let step = fine.step;
+                flow_map::Settings { step, ..it }.splitting_error(task.oscillator)
+            });
+            let rate = 4.0 * task.oscillator.zeta();
+            // The stationary law suffers no splitting error: what there is fades with the distance to it,
+            // its rates being off by a part of themselves.
+            let left = |it: &Output| {
+                let fading = it.distance * (1.0 + rate * it.t);
+                IN_MOMENTS * splitting * fading.min(1.0)
+            };
+            outputs
+                .map(|it| if it.steps > 0 { left(it) } else { 0.0 })
+                .collect()
+        }
+    }
+}
+
+/// The probability that two runs leave out.
+pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
+    let outside = fine.domain.neglected.max(coarse.domain.neglected);
+    if task.oscillator.contact().is_confining() {
+        return outside;
+    }
+    // Open edges let go what comes to them, again and again.
+    let outputs = fine.outputs.iter().chain(&coarse.outputs);
+    let gone = outputs.map(|o| (1.0 - o.mass).abs()).fold(0.0, f64::max);
+    outside.max(gone)
+}
+
+impl Errors {
+    /// Those of a fine run from its difference to a coarse one, `factor` times.
+    pub(super) fn between(task: &Task, run: &Run, coarse: &Run, factor: f64) -> Self {
+        let natural = Scales::of(task.oscillator);
+        let left_out = outside(task, run, coarse);
+        let weights = run.domain.tail_weights(task.oscillator);
+        // What the truncated domain leaves out, in natural scales of the stationary law.
+        let outside = weights.map(|weight| weight * left_out);
         let none = vec![[0.0; 11]; run.outputs.len()];
         let scales: Table = run
             .outputs
             .iter()
-            .map(|it| scales.each(&it.moments))
+            .map(|it| natural.each(&it.moments))
             .collect();
         Self {
-            space: none.clone(),
+            space: differences(run, coarse, factor, &natural),
             time: none,
-            joint: false,
-            alike: vec![0.0; run.outputs.len()],
+            joint: true,
+            alike: alike(task, run),
             outside: run
                 .outputs
                 .iter()
@@ -257,7 +322,7 @@ impl Bars {
         SWING * TAIL[i] * self.settled[k] + self.opening[k][i] + self.alike[k]
     }
 
-    /// Parts of the error of number i at time k: space, time, box, rounding.
+    /// Parts of the error of number i at time k: space, time, domain, rounding.
     fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 4] {
         let scale = self.scales[k][i];
         let shared = self.shared(k, i);
@@ -269,7 +334,7 @@ impl Bars {
         ]
     }
 
-    /// Writes the bars into the numbers of time k; the origin is that of the largest part.
+    /// Writes the errors into the numbers of time k; the origin is that of the largest part.
     pub(super) fn write(&self, k: usize, moments: &mut Moments) {
         for (i, number) in moments.each_mut().into_iter().enumerate() {
             if let Some(number) = number {
@@ -300,7 +365,7 @@ impl Bars {
         worst
     }
 
-    /// The largest bar over the natural scale, with its time and number.
+    /// The largest error over the natural scale, with its time and number.
     pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
         let values: Vec<_> = run.outputs.iter().map(|it| it.moments.named()).collect();
         self.largest(|k, i| match values[k][i] {
@@ -330,7 +395,7 @@ impl Bars {
         self.largest(|k, i| self.time[k][i]).0
     }
 
-    /// The largest part of the box, over the natural scale.
+    /// The largest part of the truncated domain, over the natural scale.
     pub(super) fn worst_outside(&self) -> f64 {
         self.outside.iter().flatten().copied().fold(0.0, f64::max)
     }

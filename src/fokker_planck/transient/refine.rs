@@ -1,32 +1,25 @@
 //! From a tolerance to cells and steps: runs are refined where their errors are too large, each fine run
 //! the coarse one of the next, until every bar is within the tolerance or a limit says stop.
 
-use super::bars::{self, Bars};
-use super::choice::{self, Settings, TimeScheme, Way};
-use super::domain::Domain;
-use super::transient::{Run, Task, Transient};
+use super::cost;
+use super::error_estimate::{self, Errors};
+use super::recipe::{Recipe, Scheme};
+use super::report::Transient;
+use super::run::{Run, Task};
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
-use crate::initial::Initial;
-use crate::oscillator::Oscillator;
+use crate::fokker_planck::layout::{COARSE, DOMAIN_SHARE};
+use crate::fokker_planck::settings::TimeScheme;
 use crate::scales::Scales;
 use std::cell::Cell;
 
-/// Part of the tolerance that the box is chosen for: a tenth of it costs a twelfth more cells in either direction,
-/// and its bar, the worst that what is outside could do, is far above its error.
-const BOX_SHARE: f64 = 0.008;
-
-/// Part of the tolerance that the box may take, once run, before it is enlarged and run again.
-const BOX_LIMIT: f64 = 0.1;
+/// Part of the tolerance that the truncated domain may take, once run, before it is enlarged and run again.
+const DOMAIN_LIMIT: f64 = 0.1;
 
 /// Parts of what the box leaves that mesh and steps aim at once they are refined: the bars of a new run
 /// come out up to twice as large as foreseen.
 const SPACE_SHARE: f64 = 0.6;
 const TIME_SHARE: f64 = 0.3;
-
-/// Cells of the coarse run over those of the fine one: the closer they are the less is a difference of
-/// order 8 above the error.
-pub(super) const COARSE: f64 = 0.82;
 
 /// Refinements of the mesh considered, over the finest so far: below the first two meshes are too much
 /// alike to measure anything, beyond the last too little is learnt for the price.
@@ -49,54 +42,24 @@ const TRUSTED: f64 = 3.0;
 /// Order that meshes fine enough come to even where the first ones do not.
 const LIKELY: f64 = 3.5;
 
-/// The probability the box may leave out: as much as keeps its part of every bar within its share.
-pub(super) fn neglected(
-    oscillator: &Oscillator,
-    initial: &Initial,
-    settings: &Settings,
-) -> Result<f64> {
-    let mut outside = choice::neglected(settings.tolerance);
-    // Cells of the scene may not carry a box as wide as every bar would like.
-    let given = settings.neglected.is_some() || settings.cells.is_some();
-    if !oscillator.contact().is_confining() || given {
-        return Ok(settings.neglected.unwrap_or(outside));
-    }
-    let share = BOX_SHARE * settings.tolerance;
-    // A kurtosis far above its scale moves with itself, and no start's is far below that of the law.
-    let law = oscillator.displacement_law()?;
-    let force = |k: i32| law.expect(|q| oscillator.contact().force(q).powi(k)).value;
-    let shape = (force(4) / force(2).powi(2)).max(1.0);
-    for _ in 0..6 {
-        let domain = Domain::closed(oscillator, initial, outside)?;
-        let weights = domain.tail_weights(oscillator);
-        let part = domain.neglected * weights.into_iter().fold(0.0, f64::max) * shape;
-        if part <= share {
-            break;
-        }
-        // The weights grow a little as the box does.
-        outside *= 0.8 * share / part;
-    }
-    Ok(outside)
-}
-
 /// Order in space expected before any was seen: the kink of the force is carried about by a flow map and
 /// stays on a face of finite volumes.
-fn expected(way: Way) -> f64 {
-    match way {
-        Way::FlowMap => 3.0,
-        Way::Volumes(_) => 5.0,
+fn expected(scheme: Scheme) -> f64 {
+    match scheme {
+        Scheme::FlowMap => 3.0,
+        Scheme::Volumes(_) => 5.0,
     }
 }
 
 /// Steps of a coarse run over those of the fine one, and the order in time that is relied on: steps of
 /// the flow map err by zeta^2 tau^3 and less, unless they follow their cells (half an order is relied on there);
 /// other steps choose themselves by their error.
-fn steps(task: &Task, strained: bool) -> (f64, f64) {
-    match task.way {
-        Way::Volumes(_) if task.knows_its_steps() => (1.0, 2.0),
-        Way::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
-        Way::FlowMap if strained => (1.5, 0.5),
-        Way::Volumes(_) | Way::FlowMap => (1.5, 2.0),
+fn steps(recipe: &Recipe) -> (f64, f64) {
+    match recipe.scheme {
+        Scheme::Volumes(_) if recipe.knows_its_steps() => (1.0, 2.0),
+        Scheme::Volumes(TimeScheme::BackwardEuler) => (2.0, 0.9),
+        Scheme::FlowMap if recipe.limited_by_mesh => (1.5, 0.5),
+        Scheme::Volumes(_) | Scheme::FlowMap => (1.5, 2.0),
     }
 }
 
@@ -112,31 +75,25 @@ struct Level {
 ///
 /// # Errors
 /// Those of the first two runs; later ones end the refinement. Cells that the program chose itself are
-/// no error of the scene: if no mesh of its choice holds it, that is [`Error::Limit`].
-pub(super) fn refined(
-    task: &Task,
-    reason: String,
-    progress: &(dyn Fn(f64) + Sync),
-) -> Result<Transient> {
-    let settings = task.settings;
-    let free = task.way == Way::FlowMap
-        && settings.method.is_none()
-        && !choice::stays_in_frame(task.oscillator, task.initial, settings);
-    let volumes = if free { task.volumes().ok() } else { None };
-    let mut first = Refinement::new(*task, volumes.as_ref(), progress);
-    let (best, why) = match (first.pursue(reason), &volumes) {
+/// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
+pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
+    let volumes = task.recipe.otherwise.as_deref();
+    let mut first = Refinement::new(*task, volumes, progress);
+    let (best, why) = match (first.pursue(&task.recipe.reason), volumes) {
         (Ok((best, None)), _) => return Ok(best),
         (Ok((best, Some(why))), _) => (Ok(best), why),
         (Err(error), Some(_)) if is_unfit(&error) => {
             let why = format!("the flow map could not: {error}");
             (Err(error), why)
         }
-        (Err(error), _) => return Err(unfit(error, settings)),
+        (Err(error), _) => return Err(unfit(error, task.recipe)),
     };
-    let Some((volumes, reason)) = volumes else {
+    let Some(recipe) = volumes else {
         return best;
     };
-    let second = Refinement::new(volumes, None, progress).pursue(format!("{why}; {reason}"));
+    let volumes = Task { recipe, ..*task };
+    let reason = format!("{why}; {}", recipe.reason);
+    let second = Refinement::new(volumes, None, progress).pursue(&reason);
     match (second, best) {
         (Ok((second, _)), Ok(best)) => {
             let ratio = |it: &Transient| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
@@ -146,7 +103,7 @@ pub(super) fn refined(
         (Ok((second, _)), Err(_)) => Ok(second),
         // What there is stands, and says what it lacks.
         (Err(_), Ok(best)) => Ok(best),
-        (Err(error), Err(_)) => Err(unfit(error, settings)),
+        (Err(error), Err(_)) => Err(unfit(error, recipe)),
     }
 }
 
@@ -155,25 +112,26 @@ fn is_unfit(error: &Error) -> bool {
     match error {
         Error::Mesh { .. } | Error::Linear { .. } => true,
         Error::Invalid { key, .. } => key == "method.cells",
+        Error::Limit { key, .. } => *key == "accuracy.max_memory",
         _ => false,
     }
 }
 
 /// Cells of the program's own choice are no mistake of the scene's.
-fn unfit(error: Error, settings: &Settings) -> Error {
-    if settings.cells.is_some() || !is_unfit(&error) {
-        return error;
-    }
-    Error::Limit {
-        key: "accuracy.tolerance",
-        limit: format!("{:e}", settings.tolerance),
-        what: format!("no mesh tried holds the scene: {error}"),
+fn unfit(error: Error, recipe: &Recipe) -> Error {
+    match error {
+        error @ Error::Limit { .. } => error,
+        error if recipe.layout.is_given() || !is_unfit(&error) => error,
+        Error::Mesh { what, .. } => Error::Unresolved { what },
+        error => Error::Unresolved {
+            what: error.to_string(),
+        },
     }
 }
 
 /// What to do next.
 enum Next {
-    /// The bars are within the tolerance.
+    /// The errors are within the tolerance.
     Done,
     /// No further, and whether the program was free to go further.
     Stop(String, bool),
@@ -186,16 +144,12 @@ enum Next {
 /// One method on its way to the tolerance.
 struct Refinement<'a> {
     task: Task<'a>,
-    /// The task by finite volumes, if the method is free.
-    volumes: Option<&'a (Task<'a>, String)>,
+    /// Finite volumes, if the method is free.
+    volumes: Option<&'a Recipe>,
     scales: Scales,
     /// Steps of the first coarse run over those of the fine one; order in time.
     longer: f64,
     order: f64,
-    /// Whether the steps of a flow map follow its cells: its shortest useful steps, a quarter of a cell, are then
-    /// too long for the tolerance. At zeta = 1e3 the error was 3.3 times the difference that cells 1/0.82 times as
-    /// wide made.
-    strained: bool,
     /// Whether cells and steps are left to the program.
     free: [bool; 2],
     search: Search,
@@ -208,22 +162,16 @@ struct Refinement<'a> {
 impl<'a> Refinement<'a> {
     fn new(
         task: Task<'a>,
-        volumes: Option<&'a (Task<'a>, String)>,
+        volumes: Option<&'a Recipe>,
         progress: &'a (dyn Fn(f64) + Sync),
     ) -> Self {
-        let until = task.times.last().copied().unwrap_or(0.0);
-        // A mesh that cannot be made says so in the first run.
-        let strained = task.way == Way::FlowMap
-            && choice::is_strained(task.oscillator, task.initial, until, task.settings)
-                .unwrap_or(false);
-        let (longer, order) = steps(&task, strained);
+        let (longer, order) = steps(task.recipe);
         Self {
-            strained,
             scales: Scales::of(task.oscillator),
             longer,
             order,
-            free: [task.settings.cells.is_none(), task.settings.step.is_none()],
-            search: Search::new(task.way, task.oscillator.contact()),
+            free: task.recipe.free(),
+            search: Search::new(task.recipe.scheme, task.oscillator.contact()),
             rounds: 0,
             done: Cell::new(0.0),
             volumes,
@@ -243,7 +191,7 @@ impl<'a> Refinement<'a> {
     /// What a mesh may still do, over the difference that one `ratio` times as coarse made: `believed`, or
     /// where the steps follow the cells what these do.
     fn in_space(&self, believed: f64, ratio: f64) -> f64 {
-        if self.strained {
+        if self.task.recipe.limited_by_mesh {
             believed.max(self.in_time(ratio))
         } else {
             believed
@@ -261,27 +209,21 @@ impl<'a> Refinement<'a> {
         Ok(Level { finer, longer, run })
     }
 
-    /// The first coarse run: on finer cells, where those chosen do not hold the scene, and in a box so
+    /// The first coarse run: on finer cells, where those chosen do not hold the scene, and in a domain so
     /// large that it takes no more than its share, whatever the shape of the force.
-    fn coarse(&self, settings: &mut Settings) -> Result<(Level, f64)> {
-        let [mut finer, _] = choice::guesses(
-            self.task.way,
-            self.task.oscillator,
-            self.task.initial,
-            self.task.times,
-            self.task.settings,
-        )?;
-        let (mut boxes, mut meshes) = (0, 0);
+    fn coarse(&self, recipe: &mut Recipe) -> Result<(Level, f64)> {
+        let [mut finer, _] = recipe.finer;
+        let (mut domains, mut meshes) = (0, 0);
         loop {
             let task = Task {
-                settings,
+                recipe,
                 ..self.task
             };
             let coarse = match self.level(&task, COARSE * finer, self.longer, 0.3) {
                 Err(error)
                     if self.free[0]
                         && is_unfit(&error)
-                        && self.task.way != Way::FlowMap
+                        && recipe.scheme != Scheme::FlowMap
                         && meshes < 3 =>
                 {
                     meshes += 1;
@@ -290,61 +232,74 @@ impl<'a> Refinement<'a> {
                 }
                 it => it?,
             };
-            let outside = task.bars(&coarse.run, &coarse.run, 0.0).worst_outside();
-            let share = BOX_SHARE * settings.tolerance;
-            // The shape of a force that has all but vanished is beyond any box, and cells of the scene may
+            let outside = Errors::between(&task, &coarse.run, &coarse.run, 0.0).worst_outside();
+            let share = DOMAIN_SHARE * recipe.tolerance;
+            // The shape of a force that has all but vanished is beyond any domain, and cells of the scene may
             // not carry a larger one.
-            let given = settings.cells.is_some();
-            let enough = outside <= BOX_LIMIT * settings.tolerance;
-            if given || enough || outside > HOPELESS * share || boxes == 3 {
+            let enough = outside <= DOMAIN_LIMIT * recipe.tolerance;
+            if recipe.layout.is_given() || enough || outside > HOPELESS * share || domains == 3 {
                 return Ok((coarse, finer));
             }
-            boxes += 1;
-            let now = settings.neglected.unwrap_or(coarse.run.domain.neglected);
-            // The weights grow a little as the box does; below rounding nothing is gained.
-            settings.neglected = Some((now * 0.7 * share / outside).max(1e-18));
+            domains += 1;
+            // The weights grow a little as the domain does; below rounding nothing is gained.
+            let neglected = (recipe.neglected * 0.7 * share / outside).max(1e-18);
+            let Task {
+                oscillator,
+                initial,
+                times,
+                ..
+            } = self.task;
+            let until = times.last().copied().unwrap_or(0.0);
+            *recipe = recipe.widened(oscillator, initial, until, neglected)?;
         }
     }
 
+    /// Seconds on one core and bytes foreseen of a run.
+    fn work(&self, recipe: &Recipe, finer: f64, longer: f64) -> Result<(f64, f64)> {
+        let Task {
+            oscillator,
+            initial,
+            times,
+            limits,
+            ..
+        } = self.task;
+        let size = (finer, longer);
+        let cost = cost::run(recipe, oscillator, initial, times, size, limits.memory)?;
+        Ok((cost.seconds, cost.memory as f64))
+    }
+
     /// The answer, and why finite volumes should be asked instead, if they should.
-    fn pursue(&mut self, reason: String) -> Result<(Transient, Option<String>)> {
-        let mut settings = self.task.settings.clone();
+    fn pursue(&mut self, reason: &str) -> Result<(Transient, Option<String>)> {
+        let mut recipe = self.task.recipe.clone();
+        let limits = self.task.limits;
         // One step of a scheme may take longer than the limit: nobody would look at the clock.
-        let (seconds, _) = self.task.work(1.0, 1.0)?;
-        let left = settings.max_seconds - self.task.started.elapsed().as_secs_f64();
-        if seconds > UNTHINKABLE * left {
-            return Err(Error::Limit {
-                key: "accuracy.max_seconds",
-                limit: format!("{}", settings.max_seconds),
-                what: format!("{} would take about {seconds:.0e} s", self.task.name()),
-            });
+        let (seconds, _) = self.work(&recipe, 1.0, 1.0)?;
+        if seconds > UNTHINKABLE * limits.left() {
+            let what = format!("{} would take about {seconds:.0e} s", recipe.name());
+            return Err(limits.out_of_time(what));
         }
-        let (mut coarse, first) = self.coarse(&mut settings)?;
+        let (mut coarse, first) = self.coarse(&mut recipe)?;
         let task = Task {
-            settings: &settings,
+            recipe: &recipe,
             ..self.task
         };
         // The fine run takes 1.5 times as long at least: no use in beginning what cannot end.
-        if 2.5 * coarse.run.seconds > settings.max_seconds {
-            return Err(Error::Limit {
-                key: "accuracy.max_seconds",
-                limit: format!("{}", settings.max_seconds),
-                what: format!(
-                    "the run on four fifths of the cells took {:.1} s, and the fine one would take \
-                     {:.0} s or more; fewer method.cells would do",
-                    coarse.run.seconds,
-                    1.5 * coarse.run.seconds
-                ),
-            });
+        if 2.5 * coarse.run.seconds > limits.seconds {
+            return Err(limits.out_of_time(format!(
+                "the run on four fifths of the cells took {:.1} s, and the fine one would take \
+                 {:.0} s or more; fewer method.cells would do",
+                coarse.run.seconds,
+                1.5 * coarse.run.seconds
+            )));
         }
         let mut fine = self.level(&task, first, 1.0, 0.9)?;
         let space = self.in_space(self.search.beyond(1.0 / COARSE), 1.0 / COARSE);
         let factor = space.max(self.in_time(self.longer));
-        let mut bars = task.bars(&fine.run, &coarse.run, factor);
-        bars.joint = self.longer != 1.0;
+        let mut errors = Errors::between(&task, &fine.run, &coarse.run, factor);
+        errors.joint = self.longer != 1.0;
         let (mut why, mut switch) = ((String::new(), false), None);
         loop {
-            match self.next(&task, &mut bars, &fine, &coarse) {
+            match self.next(&task, &mut errors, &fine, &coarse) {
                 Ok(Next::Done) => break,
                 Ok(Next::Stop(text, free)) => {
                     why = (text, free);
@@ -356,7 +311,7 @@ impl<'a> Refinement<'a> {
                     break;
                 }
                 Ok(Next::Level(next)) => {
-                    bars = self.refined_bars(&task, &next, &fine, bars);
+                    errors = self.refined_errors(&task, &next, &fine, errors);
                     coarse = std::mem::replace(&mut fine, *next);
                     self.rounds += 1;
                 }
@@ -369,63 +324,76 @@ impl<'a> Refinement<'a> {
             }
         }
         let reason = match self.rounds {
-            0 => reason,
+            0 => reason.to_string(),
             rounds => format!("{reason}; refined {rounds} times"),
         };
-        let answer = task.report(fine.run, &coarse.run, &bars, reason, why, Vec::new());
+        let answer = task.report(fine.run, &coarse.run, &errors, reason, why, Vec::new());
         Ok((answer, switch))
     }
 
-    /// The bars of `next`, finer than `fine`, whose bars were `before`.
-    fn refined_bars(&mut self, task: &Task, next: &Level, fine: &Level, before: Bars) -> Bars {
-        let mut bars = task.bars(&next.run, &fine.run, 1.0);
+    /// The error estimates of `next`, finer than `fine`, whose own were `before`.
+    fn refined_errors(
+        &mut self,
+        task: &Task,
+        next: &Level,
+        fine: &Level,
+        before: Errors,
+    ) -> Errors {
+        let mut errors = Errors::between(task, &next.run, &fine.run, 1.0);
         let (ratio, cut) = (next.finer / fine.finer, fine.longer / next.longer);
         if cut == 1.0 {
-            let believed = self.search.seen(bars.worst_space(), next, fine);
-            bars.scale_space(self.in_space(believed, ratio));
-            (bars.time, bars.joint) = (before.time, false);
-            return bars;
+            let believed = self.search.seen(errors.worst_space(), next, fine);
+            errors.scale_space(self.in_space(believed, ratio));
+            (errors.time, errors.joint) = (before.time, false);
+            return errors;
         }
         let space = if ratio > 1.0 {
             self.in_space(self.search.beyond(ratio), ratio)
         } else {
             0.0
         };
-        bars.scale_space(space.max(self.in_time(cut)));
+        errors.scale_space(space.max(self.in_time(cut)));
         if ratio == 1.0 {
-            bars.time = std::mem::replace(&mut bars.space, before.space);
-            bars.joint = false;
+            errors.time = std::mem::replace(&mut errors.space, before.space);
+            errors.joint = false;
         }
-        bars
+        errors
     }
 
     /// What to do after two runs.
-    fn next(&mut self, task: &Task, bars: &mut Bars, fine: &Level, coarse: &Level) -> Result<Next> {
-        let settings = task.settings;
-        if bars.worst(&fine.run).0 <= settings.tolerance {
+    fn next(
+        &mut self,
+        task: &Task,
+        errors: &mut Errors,
+        fine: &Level,
+        coarse: &Level,
+    ) -> Result<Next> {
+        let tolerance = task.recipe.tolerance;
+        if errors.worst(&fine.run).0 <= tolerance {
             return Ok(Next::Done);
         }
         if self.free == [false; 2] {
             let text = "cells and step are those of the scene";
             return Ok(Next::Stop(text.into(), false));
         }
-        let goal = (settings.tolerance - bars.worst_fixed()).max(0.25 * settings.tolerance);
+        let goal = (tolerance - errors.worst_fixed()).max(0.25 * tolerance);
         let ratio = fine.finer / coarse.finer;
-        let unseen = bars.joint || self.rounds == 0;
-        if bars.joint {
+        let unseen = errors.joint || self.rounds == 0;
+        if errors.joint {
             // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow
             // map adds an error of the mesh, so that the part of the steps holds some of it.
             let between = self.level(task, coarse.finer, fine.longer, 0.3)?;
             let cut = self.in_time(coarse.longer / fine.longer);
             let space = self.in_space(self.search.beyond(ratio), ratio);
-            bars.time = bars::differences(&between.run, &coarse.run, cut, &self.scales);
-            bars.space = bars::differences(&fine.run, &between.run, space, &self.scales);
-            bars.joint = false;
-            if bars.worst(&fine.run).0 <= settings.tolerance {
+            errors.time = error_estimate::differences(&between.run, &coarse.run, cut, &self.scales);
+            errors.space =
+                error_estimate::differences(&fine.run, &between.run, space, &self.scales);
+            errors.joint = false;
+            if errors.worst(&fine.run).0 <= tolerance {
                 return Ok(Next::Done);
             }
         }
-        let (space, time) = (bars.worst_space(), bars.worst_time());
+        let (space, time) = (errors.worst_space(), errors.worst_time());
         let (mut finer, mut shorter) = (1.0, 1.0);
         if self.free[0] && space > SPACE_SHARE * goal {
             if ratio > 1.0 && unseen {
@@ -464,17 +432,16 @@ impl<'a> Refinement<'a> {
         fine: &Level,
         short: f64,
     ) -> Result<Next> {
-        let settings = task.settings;
-        let left = settings.max_seconds - task.started.elapsed().as_secs_f64();
+        let (limits, left) = (task.limits, task.limits.left());
         let work = |finer: f64, shorter: f64| -> Result<(f64, f64)> {
-            task.work(fine.finer * finer, fine.longer / shorter)
+            self.work(task.recipe, fine.finer * finer, fine.longer / shorter)
         };
         let (now, _) = work(1.0, 1.0)?;
         let speed = fine.run.seconds / now;
         let likely = self.search.needed(short, LIKELY).max(finer);
-        if let Some((volumes, _)) = self.volumes
-            && let Ok((seconds, memory)) = volumes.work(1.0, 1.0)
-            && memory <= settings.max_memory as f64
+        if let Some(volumes) = self.volumes
+            && let Ok((seconds, memory)) = self.work(volumes, 1.0, 1.0)
+            && memory <= limits.memory as f64
         {
             // Both as foreseen: what is chosen must not depend on what else the machine does.
             let here = work(likely, shorter)?.0;
@@ -491,10 +458,10 @@ impl<'a> Refinement<'a> {
         let hoped = self.search.needed(short, HOPED).max(finer.min(1.2));
         for (finer, what) in [(finer, "the next refinement"), (hoped, "reaching it")] {
             let (next, memory) = work(finer, shorter)?;
-            if memory > settings.max_memory as f64 {
+            if memory > limits.memory as f64 {
                 let text = format!(
                     "{what} would need about {:.1e} bytes, and accuracy.max_memory = {:.1e}",
-                    memory, settings.max_memory as f64
+                    memory, limits.memory as f64
                 );
                 return Ok(Next::Stop(text, true));
             }
@@ -524,10 +491,10 @@ struct Search {
 }
 
 impl Search {
-    fn new(way: Way, contact: &ContactLaw) -> Self {
+    fn new(scheme: Scheme, contact: &ContactLaw) -> Self {
         Self {
-            believed: bars::believed(way, contact),
-            expected: expected(way),
+            believed: error_estimate::believed(scheme, contact),
+            expected: expected(scheme),
             seen: Vec::new(),
         }
     }
@@ -594,6 +561,6 @@ impl Search {
 
     /// The same where an order was seen: up to [`TRUSTED`], since orders are not seen to better than one.
     fn beyond_with(&self, ratio: f64, seen: f64) -> f64 {
-        bars::beyond(ratio, (seen - 1.0).min(TRUSTED).max(self.believed))
+        error_estimate::beyond(ratio, (seen - 1.0).min(TRUSTED).max(self.believed))
     }
 }

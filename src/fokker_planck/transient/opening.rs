@@ -1,14 +1,15 @@
 //! The first part of a run whose start no mesh of the plane can hold: a packet in its own frame, until
 //! it is wide enough to be handed over.
 
-use super::choice;
-use super::density::{Density, Snapshot};
-use super::domain::Domain;
-use super::flux::Drift;
-use super::mesh::{Axis, Mesh};
-use super::packet::{Fineness, Packet, STRONG};
 use super::propagator::Propagator;
+use super::recipe::{FirstGrid, Recipe};
 use crate::error::{Error, Result};
+use crate::fokker_planck::budget::timing;
+use crate::fokker_planck::density::{Density, Snapshot};
+use crate::fokker_planck::domain::Domain;
+use crate::fokker_planck::layout;
+use crate::fokker_planck::mesh::{Axis, Mesh};
+use crate::fokker_planck::packet::{Fineness, Packet, STRONG};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -17,13 +18,12 @@ use ndarray::{Array1, Array2};
 /// A packet on its way to a mesh.
 pub(super) struct Opening<'a> {
     oscillator: &'a Oscillator,
-    settings: &'a choice::Settings,
-    drift: Drift,
+    recipe: &'a Recipe,
     finer: f64,
     packet: Packet,
-    /// The box, and the cells there would be without regard to the start; None for a law that leaves
-    /// every box, which stays in the frame for good.
-    goal: Option<(Mesh, Domain)>,
+    /// The cells there would be without regard to the initial condition; None for a law that leaves every domain,
+    /// which stays in the frame for good.
+    goal: Option<Mesh>,
     /// Widths of cells below which no mesh is refined for the packet's sake alone.
     finest: [f64; 2],
 }
@@ -99,7 +99,7 @@ fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)
     let beyond = if finer < 1.0 { 2.0 } else { 2.5 };
     Fineness {
         cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.25) / finer.max(0.5),
-        reach: beyond + (-2.0 * choice::neglected(tolerance).ln()).sqrt(),
+        reach: beyond + (-2.0 * layout::neglected(tolerance).ln()).sqrt(),
         border: BORDER * tolerance,
         step: longer * weak.min(strong).min(1.0),
         beside: if longer > 1.0 { 1.0 } else { 1.5 },
@@ -124,72 +124,58 @@ pub(super) struct Bill {
     pub(super) alone: Option<usize>,
 }
 
-/// What the opening of a run will take on one core, if its start needs one. The packet is as wide
-/// as a mesh needs once the noise has added that variance; 0.8 us a node and step (measured).
-pub(super) fn cost(
-    oscillator: &Oscillator,
-    initial: &Initial,
-    until: f64,
-    drift: Drift,
-    settings: &choice::Settings,
-) -> Result<Option<Bill>> {
-    if !choice::is_narrow(oscillator, initial, drift, settings)? {
-        return Ok(None);
+/// What the opening of a run will take on one core, if it has one. The packet is as wide as a mesh needs once the
+/// noise has added that variance.
+pub(super) fn cost(recipe: &Recipe, oscillator: &Oscillator, until: f64) -> Option<Bill> {
+    if !recipe.opens_on_moving_grid() {
+        return None;
     }
-    let fineness = fineness(oscillator, settings.tolerance, (1.0, 1.0));
-    let widths = choice::thermal_widths(oscillator, settings.tolerance);
-    let wide = cells_per_deviation(settings.tolerance) * widths[0].max(widths[1]) / REFINED;
+    let fineness = fineness(oscillator, recipe.tolerance, (1.0, 1.0));
+    let widths = layout::thermal_widths(oscillator, recipe.tolerance);
+    let wide = cells_per_deviation(recipe.tolerance) * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
     let wide = -left.ln() / (2.0 * oscillator.zeta());
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
-    let forever = choice::stays_in_frame(oscillator, initial, settings);
-    let alone = forever || wide >= until;
+    let alone = recipe.first_grid == FirstGrid::MovingForGood || wide >= until;
     let time = if alone { until } else { wide };
     let steps = time / fineness.step;
-    Ok(Some(Bill {
-        seconds: 0.8e-6 * side * side * steps,
+    Some(Bill {
+        seconds: timing::FRAME_NODE * side * side * steps,
         steps,
         until: time,
         alone: alone.then_some(side as usize),
-    }))
+    })
 }
 
 impl<'a> Opening<'a> {
-    /// The opening of a run through `times`, if its start needs one.
+    /// The opening of a run, if it has one.
     pub(super) fn of(
+        recipe: &'a Recipe,
         oscillator: &'a Oscillator,
         initial: &Initial,
-        times: &[f64],
-        drift: Drift,
-        settings: &'a choice::Settings,
         (finer, longer): (f64, f64),
     ) -> Result<Option<Self>> {
-        if !choice::is_narrow(oscillator, initial, drift, settings)? {
+        if !recipe.opens_on_moving_grid() {
             return Ok(None);
         }
-        let until = times.last().copied().unwrap_or(0.0);
         let early = EARLY * longer / (1.0 + oscillator.zeta());
         let packet = Packet::new(
             oscillator,
             initial,
             early,
-            fineness(oscillator, settings.tolerance, (finer, longer)),
+            fineness(oscillator, recipe.tolerance, (finer, longer)),
         )?;
-        let goal = oscillator
-            .contact()
-            .is_confining()
-            .then(|| choice::mesh(oscillator, initial, until, drift, settings, finer))
+        let goal = (recipe.first_grid == FirstGrid::Moving)
+            .then(|| recipe.mesh(oscillator, finer))
             .transpose()?;
-        let finest = match (&goal, settings.cells) {
-            (None, _) | (_, Some(_)) => [0.0; 2],
-            (Some(_), None) => {
-                choice::thermal_widths(oscillator, settings.tolerance).map(|width| width / REFINED)
-            }
+        let finest = if goal.is_none() || recipe.layout.is_given() {
+            [0.0; 2]
+        } else {
+            layout::thermal_widths(oscillator, recipe.tolerance).map(|width| width / REFINED)
         };
         Ok(Some(Self {
             oscillator,
-            settings,
-            drift,
+            recipe,
             finer,
             packet,
             goal,
@@ -208,7 +194,7 @@ impl<'a> Opening<'a> {
             return Loss::default();
         }
         Loss {
-            spread: ROUNDING + CELLS * self.settings.tolerance + HIDDEN * self.packet.step_error(),
+            spread: ROUNDING + CELLS * self.recipe.tolerance + HIDDEN * self.packet.step_error(),
             tail: self.packet.defect(),
         }
     }
@@ -243,14 +229,15 @@ impl<'a> Opening<'a> {
 
     /// Whether a mesh can take over, or has to.
     fn is_wide(&self) -> bool {
-        let Some((mesh, _)) = &self.goal else {
+        let Some(mesh) = &self.goal else {
             return false;
         };
-        let enough = cells_per_deviation(self.settings.tolerance);
-        let widths = match self.settings.cells {
+        let enough = cells_per_deviation(self.recipe.tolerance);
+        let widths = if self.recipe.layout.is_given() {
             // The scene's own cells, the widest near the packet.
-            Some(_) => self.widest(mesh),
-            None => self.finest,
+            self.widest(mesh)
+        } else {
+            self.finest
         };
         let wide = |finer: f64| {
             let pairs = self.narrowest().into_iter().zip(widths);
@@ -263,12 +250,12 @@ impl<'a> Opening<'a> {
 
     /// Whether the packet begins not to fit its frame.
     fn is_bent(&self) -> bool {
-        self.packet.defect() > BENT * TORN * self.settings.tolerance
+        self.packet.defect() > BENT * TORN * self.recipe.tolerance
     }
 
     /// Whether the packet no longer fits its frame.
     fn is_torn(&self) -> bool {
-        self.packet.defect() > TORN * self.settings.tolerance
+        self.packet.defect() > TORN * self.recipe.tolerance
     }
 
     /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
@@ -298,16 +285,16 @@ impl<'a> Opening<'a> {
         ]
     }
 
-    /// The mesh that takes over, and its box.
+    /// The mesh that takes over.
     ///
     /// # Errors
     /// [`Error::Mesh`] if the cells of the scene are too wide for a packet that does not keep its shape.
-    pub(super) fn mesh(&self) -> Result<(Mesh, Domain)> {
-        let Some((mesh, domain)) = &self.goal else {
-            return Ok((self.own_mesh()?, self.domain()));
+    pub(super) fn mesh(&self) -> Result<Mesh> {
+        let Some(mesh) = &self.goal else {
+            return self.own_mesh();
         };
         let narrowest = self.narrowest();
-        if self.settings.cells.is_some() {
+        if self.recipe.layout.is_given() {
             let widest = self.widest(mesh);
             for ((deviation, width), name) in narrowest.iter().zip(widest).zip(["q", "v"]) {
                 if *deviation < Density::NARROWEST * width {
@@ -323,22 +310,16 @@ impl<'a> Opening<'a> {
                     });
                 }
             }
-            return Ok((mesh.clone(), *domain));
+            return Ok(mesh.clone());
         }
-        let tolerance = self.settings.tolerance;
+        let tolerance = self.recipe.tolerance;
         let start = if self.is_torn() {
-            choice::start_widths(narrowest, tolerance)
+            layout::start_widths(narrowest, tolerance)
         } else {
             narrowest.map(|deviation| deviation / cells_per_deviation(tolerance))
         };
-        choice::mesh_on(
-            self.oscillator,
-            *domain,
-            Some(start),
-            self.drift,
-            self.settings,
-            self.finer,
-        )
+        let layout = self.recipe.layout.narrowed(start);
+        layout.mesh(self.oscillator, self.finer)
     }
 
     /// The packet's own cells on the axes of q and v, for a run that never leaves it.
@@ -359,16 +340,16 @@ impl<'a> Opening<'a> {
         })
     }
 
-    /// The box, where there is one.
+    /// The truncated domain, where there is one.
     pub(super) fn domain(&self) -> Domain {
-        self.goal.as_ref().map_or(
-            Domain {
+        match self.goal {
+            Some(_) => self.recipe.layout.domain,
+            None => Domain {
                 q: [0.0; 2],
                 v: [0.0; 2],
-                neglected: choice::neglected(self.settings.tolerance),
+                neglected: layout::neglected(self.recipe.tolerance),
             },
-            |(_, domain)| *domain,
-        )
+        }
     }
 
     /// The density on the mesh of a propagator, scaled to probability 1, with what that changed.
@@ -393,7 +374,7 @@ impl<'a> Opening<'a> {
             })
         };
         let mut moments = packet.moments();
-        moments.drop_shape_of_flight(choice::neglected(self.settings.tolerance));
+        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
         if packet.is_point() {
             return Look {
                 moments,

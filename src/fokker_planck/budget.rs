@@ -1,0 +1,213 @@
+//! Seconds and bytes: what a piece of work takes, and whether a scene allows it.
+
+use super::flux::Drift;
+use super::settings::TimeScheme;
+use crate::error::{Error, Result};
+use std::time::Instant;
+
+/// Every timing of a machine that a decision or a forecast hangs on, in seconds of one core (measured:
+/// benches/time.rs, `vibroimpact precision`). Forecasts are within a factor of about three.
+pub(super) mod timing {
+    /// A stage of the explicit scheme, a cell, order 8.
+    pub(crate) const STAGE: f64 = 8e-9;
+    /// A step of IMEX, a cell, in stages.
+    pub(crate) const IMEX_STAGES: f64 = 18.0;
+    /// A step of Radau IIA and a factorisation, a cell, in stages.
+    pub(crate) const RADAU_STAGES: f64 = 250.0;
+    /// A factorisation for Radau IIA, a cell, in stages.
+    pub(crate) const RADAU_LU_STAGES: f64 = 800.0;
+    /// Sparse LU of a five-point stencil, a cell; of a wide stencil or complex numbers [`WIDE`] times that.
+    pub(crate) const LU: f64 = 2e-6;
+    /// A solve with the LU of a five-point stencil, a cell.
+    pub(crate) const SOLVE: f64 = 0.1e-6;
+    /// An LU or a solve with a wide stencil over one with a stencil of five points.
+    pub(crate) const WIDE: f64 = 10.0;
+    /// To trace a flow map and find its stencils, a cell.
+    pub(crate) const MAP: f64 = 0.3e-6;
+    /// A pass of the exact motion and the exact noise, a cell.
+    pub(crate) const PASS: f64 = 20e-9;
+    /// The numbers of an output time, a cell.
+    pub(crate) const LOOK: f64 = 60e-9;
+    /// A step of a moving local grid, a node.
+    pub(crate) const FRAME_NODE: f64 = 0.8e-6;
+    /// A step of the backward equation, a point of the boundary layer.
+    pub(crate) const ABSORBED_POINT: f64 = 20e-9;
+    /// The same, a node.
+    pub(crate) const ABSORBED_NODE: f64 = 10e-9;
+    /// To build the map of a point of the backward equation.
+    pub(crate) const ABSORBED_MAP: f64 = 4e-6;
+    /// An operation of a dense complex matrix product.
+    pub(crate) const OPERATION: f64 = 1.0 / 2e10;
+    /// Cells below which a mesh is not shared among threads.
+    pub(crate) const SHARED: usize = 7000;
+    /// n threads are as fast as n^GAIN: two came to 1.75.
+    pub(crate) const GAIN: f64 = 0.8;
+}
+
+/// What a computation will take, as far as can be said without doing it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cost {
+    /// Cells in q and v.
+    pub cells: [usize; 2],
+    /// Steps of the fine run.
+    pub steps: u64,
+    /// Bytes.
+    pub memory: u64,
+    /// Seconds on one core.
+    pub seconds: f64,
+}
+
+/// Seconds of one core on all threads.
+pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
+    if nq * nv < timing::SHARED {
+        seconds
+    } else {
+        seconds / (rayon::current_num_threads() as f64).powf(timing::GAIN)
+    }
+}
+
+/// The limits of a scene, and when its work began.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    began: Instant,
+    /// Seconds allowed.
+    pub(super) seconds: f64,
+    /// Bytes allowed.
+    pub(super) memory: u64,
+}
+
+impl Limits {
+    /// So many seconds from now on, and bytes.
+    pub(crate) fn from_now(seconds: f64, memory: u64) -> Self {
+        Self {
+            began: Instant::now(),
+            seconds,
+            memory,
+        }
+    }
+
+    /// Seconds since the work began.
+    pub(super) fn spent(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Seconds left; negative beyond the limit.
+    pub(super) fn left(&self) -> f64 {
+        self.seconds - self.spent()
+    }
+
+    /// The error of a computation that is out of time: `what` says how far it came.
+    pub(super) fn out_of_time(&self, what: String) -> Error {
+        Error::Limit {
+            key: "accuracy.max_seconds",
+            limit: format!("{}", self.seconds),
+            what,
+        }
+    }
+
+    /// Stops a computation that is out of time.
+    ///
+    /// # Errors
+    /// [`Error::Limit`].
+    pub(super) fn in_time(&self, what: impl FnOnce() -> String) -> Result<()> {
+        if self.left() < 0.0 {
+            return Err(self.out_of_time(what()));
+        }
+        Ok(())
+    }
+}
+
+/// What a run factors of the generator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Factors {
+    /// Nothing.
+    None,
+    /// A real matrix: steady state, backward Euler.
+    Real,
+    /// A real and a complex one: Radau IIA.
+    Both,
+    /// A complex one for each of two shifts: eigenvalues.
+    Shifts,
+}
+
+impl Factors {
+    /// Those of a scheme in time.
+    pub fn of(time: TimeScheme) -> Self {
+        match time {
+            TimeScheme::BackwardEuler => Self::Real,
+            TimeScheme::Implicit => Self::Both,
+            TimeScheme::Imex | TimeScheme::Explicit => Self::None,
+        }
+    }
+}
+
+/// Unknowns above which GMRES with the LU of the five-point operator beats the LU of the wide stencil.
+/// Order 8, T = 0.63, seconds of a factorisation and of a step (benches/time.rs; a run of a hundred steps
+/// factors about ten times):
+///
+/// | unknowns | LU | GMRES |
+/// |---|---|---|
+/// | 2091 | 0.08, 0.0015 to 0.003 | 0.01, 0.003 to 0.010 (7 to 23 iterations) |
+/// | 4617 | 0.28, 0.007 to 0.011 | 0.03, 0.005 to 0.024 (7 to 24) |
+/// | 9471 | 0.75, 0.017 | 0.08, 0.012 to 0.057 (7 to 30) |
+pub(super) const DIRECT: usize = 2000;
+
+/// Bytes of the arrays of a run: a dozen per cell without a matrix; the sparse LU of a five-point
+/// stencil holds about 120 entries per unknown, of a wide one about 600 (measured at 1e5 unknowns), each with
+/// its place. Radau's steps on large meshes hold that of the five-point stencil and the vectors of GMRES.
+pub fn memory(cells: [usize; 2], drift: Drift, factors: Factors) -> u64 {
+    const FIVE: u64 = 120;
+    const WIDE: u64 = 600;
+    const VECTORS: u64 = 42 * 24;
+    let (real, complex) = (8 + 8, 16 + 8);
+    let count = (cells[0] as u64).saturating_mul(cells[1] as u64);
+    let entries = if drift == Drift::Upwind { FIVE } else { WIDE };
+    let per_cell = match factors {
+        Factors::None => 0,
+        Factors::Real => entries * real,
+        Factors::Both if count > DIRECT as u64 => FIVE * (real + complex) + VECTORS,
+        Factors::Both => entries * (real + complex),
+        Factors::Shifts => 2 * entries * complex,
+    };
+    count.saturating_mul(12 * 8 + per_cell)
+}
+
+/// Bytes of the flow map: a dozen arrays and some five maps of 132 bytes per cell; along v, two dense
+/// matrices while one is built and some five that are kept.
+pub fn flow_map_memory([nq, nv]: [usize; 2]) -> u64 {
+    let (nq, nv) = (nq as u64, nv as u64);
+    let per_cell = 12 * 8 + 5 * 132;
+    nv.saturating_mul(nq.saturating_mul(per_cell).saturating_add(7 * 8 * nv))
+}
+
+/// Refuses cells that need more bytes than allowed: by their key where the scene gave them, else by the
+/// limit.
+///
+/// # Errors
+/// [`Error::Invalid`] or [`Error::Limit`].
+pub(super) fn check_memory(
+    needed: u64,
+    cells: [usize; 2],
+    given: bool,
+    max_memory: u64,
+) -> Result<()> {
+    if needed <= max_memory {
+        return Ok(());
+    }
+    let gigabytes = |bytes: u64| format!("{:.3} GB", bytes as f64 * 1e-9);
+    let (limit, needed) = (gigabytes(max_memory), gigabytes(needed));
+    if given {
+        let accepted =
+            format!("cells that fit accuracy.max_memory = {limit}; these need about {needed}");
+        return Err(Error::invalid(
+            "method.cells",
+            format!("{cells:?}"),
+            accepted,
+        ));
+    }
+    Err(Error::Limit {
+        key: "accuracy.max_memory",
+        limit,
+        what: format!("a mesh of {cells:?} cells needs about {needed}"),
+    })
+}

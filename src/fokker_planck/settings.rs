@@ -1,0 +1,97 @@
+//! What a scene may fix of the Fokker-Planck solver.
+
+use super::flux::Drift;
+
+/// Scheme in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeScheme {
+    /// Backward Euler with one sparse LU: first order, positive with upwind drift.
+    BackwardEuler,
+    /// Radau IIA of order 5: steps bound by accuracy alone, each a real and a complex sparse solve.
+    Implicit,
+    /// Additive Runge-Kutta of order 4, friction and diffusion implicit: steps bound by transport.
+    Imex,
+    /// Chebyshev series of the exponential, matrix-free: stages bound by transport and diffusion.
+    Explicit,
+}
+
+impl TimeScheme {
+    /// The name used in scenes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::BackwardEuler => "backward_euler",
+            Self::Implicit => "implicit",
+            Self::Imex => "imex",
+            Self::Explicit => "explicit",
+        }
+    }
+}
+
+/// How a density is carried forward.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransientMethod {
+    /// Finite volumes with a scheme in time.
+    FiniteVolume,
+    /// The flow map: exact transport and exact noise in turn.
+    FlowMap,
+}
+
+/// What a scene says about the Fokker-Planck solver; None is an automatic choice.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Finite volumes or flow map.
+    pub method: Option<TransientMethod>,
+    /// How g is carried across faces.
+    pub drift: Option<Drift>,
+    /// Scheme in time.
+    pub time: Option<TimeScheme>,
+    /// Cells in q and v.
+    pub cells: Option<[usize; 2]>,
+    /// Longest step in time; a stability limit may shorten it.
+    pub step: Option<f64>,
+    /// Error aimed at, relative to the natural scale of each number.
+    pub tolerance: f64,
+    /// Probability that the truncated domain may leave out; None for as little as the tolerance needs.
+    pub neglected: Option<f64>,
+    /// Bytes that may be used.
+    pub max_memory: u64,
+    /// Seconds after which a run stops with an error.
+    pub max_seconds: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: None,
+            drift: None,
+            time: None,
+            cells: None,
+            step: None,
+            tolerance: 1e-3,
+            neglected: None,
+            max_memory: 8_000_000_000,
+            max_seconds: 600.0,
+        }
+    }
+}
+
+/// What a result was computed with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Method {
+    /// Name, scheme in space and in time.
+    pub name: String,
+    /// Why it was chosen.
+    pub reason: String,
+    /// Cells in q and v.
+    pub cells: [usize; 2],
+    /// Cells that hold unknowns.
+    pub unknowns: usize,
+    /// q_lo, q_hi, v_lo, v_hi.
+    pub domain: [f64; 4],
+    /// Longest step taken; 0 where there is no time.
+    pub step: f64,
+    /// Steps taken, of all runs together.
+    pub steps: u64,
+    /// Probability left outside the truncated domain by the stationary law or by the initial condition.
+    pub neglected: f64,
+}

@@ -1,0 +1,148 @@
+//! What a transient will take, from the sizes of its mesh alone.
+
+use super::opening;
+use super::propagator::{self, CHUNK};
+use super::recipe::{Recipe, Scheme};
+use super::run::SETTLED;
+use crate::error::Result;
+use crate::fokker_planck::budget::{self, Cost, Factors, timing};
+use crate::fokker_planck::flow_map::HELD;
+use crate::fokker_planck::generator::Generator;
+use crate::fokker_planck::settings::TimeScheme;
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+
+/// The cost of a recipe. Lays out the mesh and takes no step on it: seconds are those of all threads, within a factor
+/// of about three.
+///
+/// # Errors
+/// Those of the mesh: a scene it cannot hold, cells that do not fit the memory.
+pub(super) fn foreseen(
+    recipe: &Recipe,
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    max_memory: u64,
+) -> Result<Cost> {
+    let size = |finer: f64| run(recipe, oscillator, initial, times, (finer, 1.0), max_memory);
+    let [first, last] = recipe.finer;
+    let fine = size(first)?;
+    // The coarse run that measures the error takes half of the fine one, and where the steps may have a part in
+    // it another one tells.
+    let seconds = 1.8 * fine.seconds;
+    if last > first {
+        let refined = size(last)?;
+        return Ok(Cost {
+            seconds: budget::on_threads(refined.cells, seconds + refined.seconds),
+            ..refined
+        });
+    }
+    Ok(Cost {
+        seconds: budget::on_threads(fine.cells, seconds),
+        ..fine
+    })
+}
+
+/// The time at which a run comes so close to the stationary law that it stops: from a distance of 2, by the
+/// slowest of the linear oscillator's rates.
+fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
+    if !oscillator.contact().is_confining() {
+        return f64::INFINITY;
+    }
+    if *initial == Initial::Stationary {
+        return 0.0;
+    }
+    (2.0 / (SETTLED * tolerance)).ln() * oscillator.memory()
+}
+
+/// Stages of a Chebyshev series beyond its rate, which each output time asks for anew: those that bring its
+/// tail to the tolerance.
+const STAGES_BESIDE: f64 = 12.0;
+
+/// The cost of one run on a mesh `finer` times as fine as the first guess, with steps `longer` times as
+/// long.
+pub(super) fn run(
+    recipe: &Recipe,
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    (finer, longer): (f64, f64),
+    max_memory: u64,
+) -> Result<Cost> {
+    let until = times.last().copied().unwrap_or(0.0);
+    let opening = opening::cost(recipe, oscillator, until);
+    if let Some((bill, side)) = opening
+        .as_ref()
+        .and_then(|it| it.alone.map(|side| (it, side)))
+    {
+        // The packet's own frame, the same whatever the mesh would be.
+        let cells = [(side as f64 * finer) as usize; 2];
+        return Ok(Cost {
+            cells,
+            steps: bill.steps.ceil() as u64,
+            memory: budget::memory(cells, recipe.drift(), Factors::None),
+            seconds: bill.seconds * finer.powi(2) / longer,
+        });
+    }
+    // What is left of the run for the mesh.
+    let from = opening.as_ref().map_or(0.0, |it| it.until);
+    // The first interval needs its maps, however soon the run stops.
+    let end = settled(oscillator, initial, recipe.tolerance)
+        .max(times.first().copied().unwrap_or(0.0))
+        .min(until);
+    let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
+    let looks = times.len() as f64;
+    times.retain(|t| *t <= end);
+    times.push(end.max(from));
+    for t in &mut times {
+        *t -= from;
+    }
+    let until = end.max(from) - from;
+    let finer = finer * opening.as_ref().map_or(1.0, |_| opening::REFINED);
+    let layout = &recipe.layout;
+    let cells = layout.count_within(oscillator, finer, Factors::None, max_memory)?;
+    let n = cells[0] as f64 * cells[1] as f64;
+    let mut bytes = budget::memory(cells, recipe.drift(), recipe.scheme.factors()) as f64;
+    let (steps, seconds) = match recipe.scheme {
+        Scheme::FlowMap => {
+            let map = recipe.flow_map(oscillator, longer)?;
+            let [steps, passes, maps] = map.size(&times, CHUNK);
+            let [each, rest] = map.bytes();
+            bytes = n * (maps.min(HELD) * each + rest);
+            (steps, n * (timing::MAP * maps + timing::PASS * passes))
+        }
+        Scheme::Volumes(time) => {
+            let generator =
+                Generator::new(oscillator, &recipe.mesh(oscillator, finer)?, recipe.drift())?;
+            let (transport, diffusion) = generator.radii();
+            match time {
+                TimeScheme::BackwardEuler => {
+                    let step = propagator::euler_step(generator.mesh(), recipe.step);
+                    let steps = until / (longer * step);
+                    (steps, n * (timing::LU + timing::SOLVE * steps))
+                }
+                TimeScheme::Implicit => {
+                    let steps = (100.0 + until) / longer;
+                    // Ten factorisations.
+                    let stages = 10.0 * timing::RADAU_LU_STAGES + timing::RADAU_STAGES * steps;
+                    (steps, n * stages * timing::STAGE)
+                }
+                TimeScheme::Imex => {
+                    let steps = until * transport / 3.8;
+                    (steps, n * steps * timing::IMEX_STAGES * timing::STAGE)
+                }
+                TimeScheme::Explicit => {
+                    let stages = 1.2 * (transport + 0.5 * diffusion) * until
+                        + STAGES_BESIDE * times.len() as f64;
+                    (stages, n * stages * timing::STAGE)
+                }
+            }
+        }
+    };
+    Ok(Cost {
+        cells,
+        steps: steps.ceil() as u64,
+        memory: bytes as u64,
+        seconds: seconds + n * timing::LOOK * looks + opening.map_or(0.0, |it| it.seconds),
+    })
+}

@@ -1,0 +1,20 @@
+//! The transient: from an initial condition through the output times, on two meshes, with an error on every number.
+
+mod cost;
+mod decide;
+mod error_estimate;
+mod opening;
+mod propagator;
+mod recipe;
+mod refine;
+mod report;
+mod run;
+mod solve;
+
+pub use decide::{mesh, time_scheme};
+pub use propagator::march;
+#[cfg(test)]
+pub(crate) use recipe::FirstGrid;
+pub(crate) use recipe::Recipe;
+pub use report::Transient;
+pub use solve::{transient, transient_cost};

@@ -1,0 +1,121 @@
+//! The answer of a transient: two runs joined, every number with its error.
+
+use super::error_estimate::{Errors, outside};
+use super::run::{Output, Run, SETTLED, Task};
+use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::density::Snapshot;
+use crate::fokker_planck::settings::Method;
+use crate::moments::Moments;
+
+/// The answer of a transient solve, one entry per output time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transient {
+    /// The output times, ascending.
+    pub times: Vec<f64>,
+    /// Moments with their errors.
+    pub moments: Vec<Moments>,
+    /// Total probability; the error is what the box leaves out, and at least what is missing to 1.
+    pub mass: Vec<Estimate>,
+    /// Lowest value of the density: negative where the scheme undershoots.
+    pub lowest_density: Vec<Estimate>,
+    /// Relative entropy to the stationary law; None where there is none.
+    pub relative_entropy: Vec<Option<Estimate>>,
+    /// L1 distance to the stationary law; None where there is none.
+    pub distance: Vec<Option<Estimate>>,
+    /// Densities at the times that asked for one.
+    pub densities: Vec<Snapshot>,
+    /// What it was computed with.
+    pub method: Method,
+    /// What the tolerance asked for and was not reached.
+    pub shortfall: Option<Shortfall>,
+    /// What the reader should know.
+    pub warnings: Vec<String>,
+}
+
+impl Task<'_> {
+    /// Joins two runs: the fine one's numbers with their errors. `why` says why there was no further
+    /// refinement, and whether there was the freedom to refine.
+    pub(super) fn report(
+        &self,
+        fine: Run,
+        coarse: &Run,
+        errors: &Errors,
+        reason: String,
+        (why, free): (String, bool),
+        mut warnings: Vec<String>,
+    ) -> Transient {
+        let confining = self.oscillator.contact().is_confining();
+        let outside = outside(self, &fine, coarse);
+        let mut moments: Vec<Moments> = fine.outputs.iter().map(|it| it.moments).collect();
+        for (k, moments) in moments.iter_mut().enumerate() {
+            errors.write(k, moments);
+        }
+        let (worst, k, i) = errors.worst(&fine);
+        let tolerance = self.recipe.tolerance;
+        let shortfall = (worst > tolerance || worst.is_nan()).then(|| Shortfall {
+            number: format!("{} at t = {}", moments[k].named()[i].0, fine.outputs[k].t),
+            ratio: worst / tolerance,
+            tolerance,
+            free,
+            reason: why,
+        });
+        warnings.extend(shortfall.iter().map(Shortfall::to_string));
+        if let Some(t) = fine.settled {
+            warnings.push(format!(
+                "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: the march \
+                 stopped there, and later times repeat it",
+                SETTLED * self.recipe.tolerance
+            ));
+        }
+        let pairs = || fine.outputs.iter().zip(&coarse.outputs);
+        let both = |f: fn(&Output) -> f64| -> Vec<Option<Estimate>> {
+            pairs()
+                .map(|(a, b)| {
+                    let error = (f(a) - f(b)).abs() + outside;
+                    confining.then(|| Estimate::new(f(a), error, Origin::Space))
+                })
+                .collect()
+        };
+        let negative = fine.outputs.iter().map(|o| o.negative).fold(0.0, f64::max);
+        if negative > self.recipe.tolerance {
+            warnings.push(format!(
+                "the density is negative somewhere: up to {negative:.1e} in all"
+            ));
+        }
+        Transient {
+            times: fine.outputs.iter().map(|o| o.t).collect(),
+            moments,
+            mass: fine
+                .outputs
+                .iter()
+                // All there is has probability 1.
+                .map(|o| {
+                    let error = outside.max((1.0 - o.mass).abs());
+                    Estimate::new(o.mass, error, Origin::Domain)
+                })
+                .collect(),
+            lowest_density: pairs()
+                .map(|(a, b)| Estimate::new(a.lowest, (a.lowest - b.lowest).abs(), Origin::Space))
+                .collect(),
+            relative_entropy: both(|o| o.entropy),
+            distance: both(|o| o.distance),
+            method: Method {
+                name: self.recipe.name(),
+                reason,
+                cells: fine.mesh.cells(),
+                unknowns: fine.unknowns,
+                domain: fine.mesh.domain(),
+                step: fine.step,
+                steps: fine.steps + coarse.steps,
+                neglected: outside,
+            },
+            shortfall,
+            densities: fine
+                .outputs
+                .into_iter()
+                .filter_map(|o| o.snapshot)
+                .collect(),
+            warnings,
+        }
+    }
+}

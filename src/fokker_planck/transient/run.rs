@@ -1,0 +1,316 @@
+//! One run of a transient: one recipe on one mesh, through the output times.
+
+use super::opening::{Loss, Opening};
+use super::propagator::{self, Propagator};
+use super::recipe::{Recipe, Scheme};
+use crate::error::{Error, Result};
+use crate::fokker_planck::budget::{self, Limits};
+use crate::fokker_planck::density::{Density, Snapshot};
+use crate::fokker_planck::domain::Domain;
+use crate::fokker_planck::layout;
+use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::observables::Observables;
+use crate::fokker_planck::settings::TimeScheme;
+use crate::initial::Initial;
+use crate::moments::Moments;
+use crate::oscillator::Oscillator;
+use std::time::Instant;
+
+/// One run on one mesh, at one time.
+pub(super) struct Output {
+    pub(super) t: f64,
+    pub(super) moments: Moments,
+    pub(super) mass: f64,
+    pub(super) lowest: f64,
+    pub(super) negative: f64,
+    /// What the negative cells weigh in each number.
+    pub(super) undershoot: [f64; 11],
+    pub(super) entropy: f64,
+    pub(super) distance: f64,
+    pub(super) snapshot: Option<Snapshot>,
+    /// Steps up to here on the mesh, those of a packet not counted.
+    pub(super) steps: u64,
+    /// What these steps have left of their errors in the L1 norm, as far as they are estimated.
+    pub(super) step_error: f64,
+    /// What a narrow start has cost so far.
+    pub(super) opening: Loss,
+    /// Whether a packet in its own frame said it, not a density in the box.
+    pub(super) framed: bool,
+}
+
+/// One run on one mesh.
+pub(super) struct Run {
+    pub(super) outputs: Vec<Output>,
+    pub(super) steps: u64,
+    pub(super) step: f64,
+    pub(super) mesh: Mesh,
+    pub(super) domain: Domain,
+    pub(super) unknowns: usize,
+    /// Time at which the density was within the tolerance of (21), if it came to that.
+    pub(super) settled: Option<f64>,
+    /// Seconds it took.
+    pub(super) seconds: f64,
+}
+
+/// A transient to be computed, and how.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) oscillator: &'a Oscillator,
+    pub(super) initial: &'a Initial,
+    pub(super) times: &'a [f64],
+    pub(super) density_times: &'a [f64],
+    pub(super) recipe: &'a Recipe,
+    pub(super) limits: Limits,
+}
+
+/// Distance to the stationary law at which a run stops, over the tolerance.
+pub(super) const SETTLED: f64 = 1e-2;
+
+/// Negative mass beyond which nothing is left of a density.
+const NO_DENSITY: f64 = 1.0;
+
+/// The change of every number if the negative cells were positive: where a density undershoots, two
+/// meshes may agree on what is wrong.
+fn undershoot(moments: &Moments, g: &[f64], observables: &Observables) -> [f64; 11] {
+    if g.iter().all(|g| *g >= 0.0) {
+        return [0.0; 11];
+    }
+    let positive: Vec<f64> = g.iter().map(|g| g.abs()).collect();
+    let without = observables.raw(&positive).moments(observables.contact());
+    let change = |k: usize| -> Option<f64> {
+        let change = (without.named()[k].1?.value - moments.named()[k].1?.value).abs();
+        change.is_finite().then_some(change)
+    };
+    std::array::from_fn(|k| change(k).unwrap_or(0.0))
+}
+
+/// Refuses outputs that are no densities.
+fn believable(
+    outputs: &[Output],
+    step: f64,
+    domain: &Domain,
+    temperature: f64,
+    mesh: &Mesh,
+) -> Result<()> {
+    if let Some(o) = outputs.iter().find(|o| !o.mass.is_finite()) {
+        return Err(Error::Mesh {
+            what: format!(
+                "the density grew without bound with steps of {step:.2e} up to t = {}",
+                o.t
+            ),
+            help: "a smaller method.step, or more method.cells".into(),
+        });
+    }
+    match outputs.iter().find(|o| o.negative > NO_DENSITY) {
+        Some(o) => Err(lost(o, domain, temperature, mesh)),
+        None => Ok(()),
+    }
+}
+
+/// A run whose density is none.
+fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
+    let [nq, nv] = mesh.cells();
+    let levels = 0.5 * domain.v[1].powi(2) / temperature;
+    Error::Mesh {
+        what: format!(
+            "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
+             the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
+             e^{levels:.0}",
+            o.t, o.negative
+        ),
+        help: "a start nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
+               [monte_carlo] alone"
+            .into(),
+    }
+}
+
+impl Task<'_> {
+    /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
+    pub(super) fn run(
+        &self,
+        (finer, longer): (f64, f64),
+        times: &[f64],
+        progress: &dyn Fn(f64),
+    ) -> Result<Run> {
+        let Self {
+            oscillator,
+            initial,
+            recipe,
+            limits,
+            ..
+        } = *self;
+        let began = Instant::now();
+        let until = times.last().copied().unwrap_or(0.0);
+        let in_time = |come: f64| {
+            limits.in_time(|| format!("the transient had come to t = {come:.3} of {until}"))
+        };
+        let opening = Opening::of(recipe, oscillator, initial, (finer, longer))?;
+        let (opening, mut outputs) = self.open(opening, times, &mut |come| {
+            progress(come / until);
+            in_time(come)
+        })?;
+        if let Some(opening) = opening.as_ref().filter(|_| outputs.len() == times.len()) {
+            return opened(outputs, opening, began);
+        }
+        let mesh = match &opening {
+            None => recipe.mesh(oscillator, finer)?,
+            Some(opening) => opening.mesh()?,
+        };
+        let (cells, given) = (mesh.cells(), recipe.layout.is_given());
+        let needed = match recipe.scheme {
+            Scheme::FlowMap => budget::flow_map_memory(cells),
+            Scheme::Volumes(_) => budget::memory(cells, recipe.drift(), recipe.scheme.factors()),
+        };
+        budget::check_memory(needed, cells, given, limits.memory)?;
+        let mut propagator = propagator::build(recipe, oscillator, &mesh, until, longer)?;
+        let observables =
+            Observables::new(oscillator, &mesh, recipe.drift(), propagator.weights())?;
+        let (mut density, handed) = match &opening {
+            None => (propagator.start(initial)?, 0.0),
+            Some(opening) => opening.density(&propagator),
+        };
+        let confining = oscillator.contact().is_confining();
+        let close = SETTLED * recipe.tolerance;
+        let mut settled = None;
+        // Short steps are not all looked at.
+        let every = if recipe.scheme == Scheme::Volumes(TimeScheme::Imex) {
+            16
+        } else {
+            1
+        };
+        let weights = propagator.weights().clone();
+        let columns = propagator.columns().to_vec();
+        let (mut now, spent, opened) = match &opening {
+            None => (0.0, Loss::default(), 0),
+            Some(it) => (
+                it.packet().time(),
+                it.loss().and(handed),
+                it.packet().steps(),
+            ),
+        };
+        let mut looks = 0_u64;
+        for &t in &times[outputs.len()..] {
+            if now < t && settled.is_none() {
+                let mut watch = |done: f64, density: &Density| {
+                    looks += 1;
+                    if !looks.is_multiple_of(every) {
+                        return Ok(true);
+                    }
+                    progress((now + done) / until);
+                    in_time(now + done)?;
+                    if confining && density.distance(&weights, &columns) < close {
+                        settled = Some(now + done);
+                    }
+                    Ok(settled.is_none())
+                };
+                propagator.advance(&mut density, t - now, &mut watch)?;
+                now = t;
+            }
+            outputs.push(Output {
+                steps: propagator.steps(),
+                step_error: propagator.step_error(),
+                opening: spent,
+                ..self.observe(t, &propagator, &observables, &density)
+            });
+        }
+        let step = propagator.step();
+        let domain = opening
+            .as_ref()
+            .map_or(recipe.layout.domain, Opening::domain);
+        believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
+        Ok(Run {
+            outputs,
+            steps: opened + propagator.steps(),
+            step,
+            mesh,
+            domain,
+            unknowns: propagator.unknowns(),
+            settled,
+            seconds: began.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Carries a packet, if there is one, through the times that it reaches before a mesh takes over.
+    fn open<'b>(
+        &self,
+        mut opening: Option<Opening<'b>>,
+        times: &[f64],
+        watch: &mut dyn FnMut(f64) -> Result<()>,
+    ) -> Result<(Option<Opening<'b>>, Vec<Output>)> {
+        let mut outputs = Vec::with_capacity(times.len());
+        if let Some(opening) = &mut opening {
+            for &t in times {
+                if !opening.advance(t, watch)? {
+                    break;
+                }
+                outputs.push(self.look(t, opening)?);
+            }
+        }
+        Ok((opening, outputs))
+    }
+
+    fn observe(
+        &self,
+        t: f64,
+        propagator: &Propagator,
+        observables: &Observables,
+        density: &Density,
+    ) -> Output {
+        let (weights, columns) = (propagator.weights(), propagator.columns());
+        let wanted = self.density_times.contains(&t);
+        let g = propagator.ratio(density);
+        let mut moments = observables.raw(&g).moments(observables.contact());
+        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
+        Output {
+            t,
+            moments,
+            undershoot: undershoot(&moments, &g, observables),
+            mass: density.mass(),
+            lowest: density.lowest(),
+            negative: density.negative_mass(),
+            entropy: density.relative_entropy(weights, columns),
+            distance: density.distance(weights, columns),
+            snapshot: wanted.then(|| density.snapshot(t)),
+            steps: 0,
+            step_error: 0.0,
+            opening: Loss::default(),
+            framed: false,
+        }
+    }
+
+    /// What a packet says at time t.
+    fn look(&self, t: f64, opening: &Opening) -> Result<Output> {
+        let look = opening.look();
+        let wanted = self.density_times.contains(&t);
+        Ok(Output {
+            t,
+            moments: look.moments,
+            mass: 1.0,
+            lowest: look.lowest,
+            negative: look.negative,
+            undershoot: [0.0; 11],
+            entropy: look.entropy,
+            distance: look.distance,
+            snapshot: wanted.then(|| opening.snapshot()).transpose()?,
+            steps: 0,
+            step_error: 0.0,
+            opening: opening.loss(),
+            framed: true,
+        })
+    }
+}
+
+/// A run that never left the frame of its packet.
+fn opened(outputs: Vec<Output>, opening: &Opening, began: Instant) -> Result<Run> {
+    let mesh = opening.own_mesh()?;
+    Ok(Run {
+        outputs,
+        steps: opening.packet().steps(),
+        step: opening.packet().step(),
+        unknowns: mesh.len(),
+        mesh,
+        domain: opening.domain(),
+        settled: None,
+        seconds: began.elapsed().as_secs_f64(),
+    })
+}

@@ -1,0 +1,226 @@
+//! A transient from its recipe.
+
+use super::error_estimate::Errors;
+use super::propagator;
+use super::recipe::Recipe;
+use super::refine;
+use super::report::Transient;
+use super::run::Task;
+use crate::error::Result;
+use crate::fokker_planck::budget::{Cost, Limits};
+use crate::fokker_planck::flux::Drift;
+use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::settings::Settings;
+use crate::initial::Initial;
+use crate::moments::Moments;
+use crate::oscillator::Oscillator;
+
+/// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
+/// part of them. `progress` is told the part done, 0 to 1.
+///
+/// The error of each number comes from its difference to a second run with a coarser mesh, and with longer steps
+/// where these do not know their own error, taken so large that it covers convergence of order 2, two thirds of
+/// what a kink of the force leaves; plus what the steps know of their error, what the box leaves out, and
+/// rounding. Where cells or steps are left to the program they are refined until every error is within the
+/// tolerance or a limit says stop; what was not reached is in `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
+/// the time t/(1 + c) to t by which its relaxation is ahead, and nothing is refined.
+///
+/// Mass has the natural scale 1; relative entropy and distance to the stationary law come with the
+/// difference of the two runs. These and the lowest density, a diagnostic, are not bound by the
+/// tolerance: they say how good the density is, not what it says.
+///
+/// # Errors
+/// [`Error::Invalid`] and [`Error::Mesh`] for a start or mesh that cannot work, [`Error::Limit`] when
+/// `max_seconds` is reached before there is any answer.
+pub fn transient(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    density_times: &[f64],
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Transient> {
+    let recipe = Recipe::of(oscillator, initial, times, settings)?;
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    recipe.solve(
+        (oscillator, initial),
+        (times, density_times),
+        limits,
+        progress,
+    )
+}
+
+/// What [`transient`] will take.
+///
+/// # Errors
+/// Those of [`transient`] that are known beforehand.
+pub fn transient_cost(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &Settings,
+) -> Result<(Cost, String)> {
+    let recipe = Recipe::of(oscillator, initial, times, settings)?;
+    Ok((recipe.cost, recipe.words()))
+}
+
+impl Recipe {
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        format!("{}; {}", self.name(), self.reason)
+    }
+
+    /// As [`transient`], by a recipe made before for the same question.
+    ///
+    /// # Errors
+    /// Those of [`transient`].
+    pub(crate) fn solve(
+        &self,
+        (oscillator, initial): (&Oscillator, &Initial),
+        (times, density_times): (&[f64], &[f64]),
+        limits: Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Transient> {
+        let task = Task {
+            oscillator,
+            initial,
+            times,
+            density_times,
+            recipe: self,
+            limits,
+        };
+        if self.drift() == Drift::Upwind {
+            return upwind(&task, progress);
+        }
+        refine::refined(&task, progress)
+    }
+}
+
+/// How far ahead the relaxation of upwind drift with backward Euler is: c of the energy, of diffusion
+/// along q, |v| dq/2 beside T/(2 zeta) where friction rules, and of steps dt, which damp an oscillation by
+/// dt/2 beside zeta.
+fn ahead(task: &Task, mesh: &Mesh) -> f64 {
+    let (zeta, sigma) = (task.oscillator.zeta(), task.oscillator.temperature().sqrt());
+    let width = mesh.q.at(mesh.q.locate(0.0)).1;
+    let step = propagator::euler_step(mesh, task.recipe.step);
+    propagator::upwind_excess(task.oscillator, mesh)
+        + 0.8 * zeta * width / sigma
+        + 0.5 * step.min(longest_interval(task.times)) / zeta
+}
+
+/// Upwind: the honest error names how far ahead its relaxation is.
+fn upwind(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
+    let recipe = task.recipe;
+    let mesh = recipe.mesh(task.oscillator, 1.0)?;
+    let excess = ahead(task, &mesh);
+    // Between t/(1 + c) and t, eight times to look for the largest change.
+    let mut times: Vec<f64> = task.times.to_vec();
+    let ahead = |t: f64| {
+        (0..8).map(move |k| {
+            let slowest = t / (1.0 + excess);
+            slowest + (t - slowest) * f64::from(k) / 8.0
+        })
+    };
+    times.extend(task.times.iter().flat_map(|t| ahead(*t)));
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    // Half the cells; where the scene gives the step, half of that too, or both would err alike.
+    let halved = Recipe {
+        step: recipe
+            .step
+            .map(|step| 0.5 * step.min(longest_interval(task.times))),
+        ..recipe.clone()
+    };
+    let halved = Task {
+        recipe: &halved,
+        ..*task
+    };
+    let coarse = halved.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
+    let mut fine = task.run((1.0, 1.0), &times, &|part| progress(0.15 + 0.85 * part))?;
+    let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
+    fine.outputs.retain(|o| task.times.contains(&o.t));
+    // First order: the fine run errs as much as it differs from one on half the cells; twice, to be safe.
+    let mut errors = Errors::between(task, &fine, &coarse, 2.0);
+    // Where numbers diffuse more than physics the phase of the motion is lost too: from crest to trough.
+    let phase = if excess > 1.0 { 2.0 } else { 1.0 };
+    for ((t, space), now) in task.times.iter().zip(&mut errors.space).zip(&fine.outputs) {
+        let window = all
+            .iter()
+            .filter(|(s, _)| *s >= t / (1.0 + excess) * (1.0 - 1e-12) && s <= t);
+        let mut change = [0.0_f64; 11];
+        for (_, earlier) in window {
+            let pairs = earlier.named().into_iter().zip(now.moments.named());
+            for (change, ((_, earlier), (_, now))) in change.iter_mut().zip(pairs) {
+                if let (Some(earlier), Some(now)) = (earlier, now) {
+                    *change = change.max((earlier.value - now.value).abs());
+                }
+            }
+        }
+        for (error, change) in space.iter_mut().zip(change) {
+            *error = phase * (*error + change);
+        }
+    }
+    let warning = format!(
+        "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
+         numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
+        1.0 + excess
+    );
+    let why = "upwind drift is of first order, and no affordable mesh would do".to_string();
+    let [free, _] = recipe.free();
+    Ok(task.report(
+        fine,
+        &coarse,
+        &errors,
+        recipe.reason.clone(),
+        (why, free),
+        vec![warning],
+    ))
+}
+
+/// The longest time without an output, from 0 on.
+fn longest_interval(times: &[f64]) -> f64 {
+    let before = std::iter::once(&0.0).chain(times);
+    let longest = times
+        .iter()
+        .zip(before)
+        .map(|(b, a)| b - a)
+        .fold(0.0, f64::max);
+    if longest > 0.0 { longest } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::fokker_planck::domain::tests::CLOSED;
+    use crate::oscillator::tests::NORMALISED;
+
+    #[test]
+    fn a_transient_normalises_the_stationary_law_once_and_closes_each_domain_once() {
+        let wide = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+        let narrow = Initial::gaussian([0.5, 0.2], [0.05, 0.05]).unwrap();
+        for (zeta, initial) in [
+            (0.005, wide),
+            (0.05, narrow),
+            (3.0, wide),
+            (0.05, Initial::Rest),
+        ] {
+            let oscillator = Oscillator::new(ContactLaw::Hertz, zeta, 0.4 * zeta).unwrap();
+            NORMALISED.set(0);
+            CLOSED.take();
+            let settings = Settings::default();
+            let it =
+                transient(&oscillator, &initial, &[0.5, 2.0], &[], &settings, &|_| ()).unwrap();
+            let (laws, domains) = (NORMALISED.get(), CLOSED.take());
+            println!(
+                "zeta = {zeta}, {}: {laws} laws, {} domains",
+                it.method.name,
+                domains.len()
+            );
+            assert_eq!(laws, 1);
+            for (k, domain) in domains.iter().enumerate() {
+                assert!(!domains[..k].contains(domain), "{domain:?} twice");
+            }
+        }
+    }
+}

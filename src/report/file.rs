@@ -1,0 +1,19 @@
+//! What is written: a name and its bytes.
+
+/// A file before it is written.
+#[derive(Debug, Clone)]
+pub struct File {
+    /// Its name in the output folder.
+    pub name: String,
+    /// All of it.
+    pub bytes: Vec<u8>,
+}
+
+impl File {
+    pub(crate) fn text(name: impl Into<String>, text: impl Into<Vec<u8>>) -> Self {
+        Self {
+            name: name.into(),
+            bytes: text.into(),
+        }
+    }
+}
