@@ -2,7 +2,7 @@
 //! before anything runs.
 
 use crate::error::{Error, Result};
-use crate::fokker_planck::{self, Limits, Recipe, Settings};
+use crate::fokker_planck::{self, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState};
 use crate::initial::Initial;
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
 use crate::oscillator::Oscillator;
@@ -18,8 +18,17 @@ use std::time::Instant;
 pub struct Plan {
     scene: Scene,
     settings: Settings,
-    transient: Option<Recipe>,
+    recipes: Recipes,
     stages: Vec<Stage>,
+}
+
+/// How each question asked of the Fokker-Planck equation will be answered: decided once, printed and executed.
+#[derive(Debug, Clone, Default)]
+struct Recipes {
+    transient: Option<Recipe>,
+    steady: Option<SteadyState>,
+    spectrum: Option<Resolvent>,
+    first_passage: Option<FirstPassage>,
 }
 
 /// One part of a plan.
@@ -156,7 +165,7 @@ impl Plan {
                 max_memory: scene.accuracy.max_memory,
                 max_seconds: scene.accuracy.max_seconds,
             },
-            transient: None,
+            recipes: Recipes::default(),
             stages: Vec::new(),
         };
         let outputs = &scene.outputs;
@@ -304,33 +313,37 @@ impl Plan {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
                 return self.ensemble_cost(until, monte_carlo::first_loss_scheme_and_step);
             }
-            Part::FirstLoss => return self.first_loss_cost(),
+            Part::FirstLoss => {
+                let until = self.scene.outputs.first_loss.unwrap_or(0.0);
+                let initial = &self.scene.initial;
+                let recipe = FirstPassage::of(oscillator, initial, until, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.first_passage = Some(recipe);
+                cost
+            }
             Part::Series => return self.series_cost(),
-            Part::Spectrum => fokker_planck::spectrum_cost(&self.settings),
+            Part::Spectrum => {
+                let recipe = Resolvent::of(&self.settings);
+                let cost = (recipe.cost, Resolvent::METHOD.to_string());
+                self.recipes.spectrum = Some(recipe);
+                cost
+            }
             Part::Records => return self.record_cost(),
             Part::Transient => {
                 let initial = &self.scene.initial;
                 let recipe = Recipe::of(oscillator, initial, &self.times(), &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
-                self.transient = Some(recipe);
+                self.recipes.transient = Some(recipe);
                 cost
             }
-            Part::Steady => fokker_planck::steady_cost(oscillator, &self.settings)?,
+            Part::Steady => {
+                let recipe = SteadyState::of(oscillator, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.steady = Some(recipe);
+                cost
+            }
             Part::DecayRates => fokker_planck::decay_rates_cost(oscillator, &self.settings)?,
         };
-        Ok(Cost::on_mesh(it, method))
-    }
-
-    fn first_loss_cost(&self) -> Result<Cost> {
-        let Scene {
-            oscillator,
-            initial,
-            outputs,
-            ..
-        } = &self.scene;
-        let until = outputs.first_loss.unwrap_or(0.0);
-        let (it, method) =
-            fokker_planck::first_loss_cost(oscillator, initial, until, &self.settings)?;
         Ok(Cost::on_mesh(it, method))
     }
 
@@ -442,6 +455,7 @@ impl Plan {
         let mut settings = self.settings.clone();
         settings.max_seconds -= results.run.wall_seconds;
         let max_seconds = settings.max_seconds;
+        let limits = Limits::from_now(max_seconds, settings.max_memory);
         match part {
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
@@ -458,9 +472,8 @@ impl Plan {
                 }
             }
             Part::FirstLoss => {
-                if let Some(until) = outputs.first_loss {
-                    let it =
-                        fokker_planck::first_loss(oscillator, initial, until, &settings, progress)?;
+                if let Some(recipe) = &self.recipes.first_passage {
+                    let it = recipe.solve(oscillator, initial, limits, progress)?;
                     results.fall_short(part.name(), it.shortfall.as_ref(), true);
                     results.first_loss = Some(it);
                 }
@@ -480,10 +493,9 @@ impl Plan {
             Part::Transient => {
                 let (moments_at, density_at) =
                     (outputs.moments_at.list(), outputs.density_at.list());
-                let Some(recipe) = &self.transient else {
+                let Some(recipe) = &self.recipes.transient else {
                     return Ok(());
                 };
-                let limits = Limits::from_now(max_seconds, settings.max_memory);
                 let (problem, times) = ((oscillator, initial), self.times());
                 let mut it = recipe.solve(problem, (&times, &density_at), limits, progress)?;
                 keep_times(&mut it, &moments_at);
@@ -492,7 +504,10 @@ impl Plan {
                 results.transient = Some(it);
             }
             Part::Steady => {
-                let it = fokker_planck::steady(oscillator, &settings)?;
+                let Some(recipe) = &self.recipes.steady else {
+                    return Ok(());
+                };
+                let it = recipe.solve(oscillator, settings.max_memory)?;
                 results.run.warnings.extend(it.warnings.iter().cloned());
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
@@ -502,7 +517,7 @@ impl Plan {
                 results.decay_rates = Some(it.rates);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
             }
-            Part::Spectrum => self.compute_spectrum(&settings, results, progress)?,
+            Part::Spectrum => self.compute_spectrum(limits, results, progress)?,
             Part::Series => {
                 let (welch, mut series) = self.welch()?;
                 series.max_seconds = max_seconds;
@@ -545,7 +560,7 @@ impl Plan {
 
     fn compute_spectrum(
         &self,
-        settings: &Settings,
+        limits: Limits,
         results: &mut Results,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<()> {
@@ -554,8 +569,11 @@ impl Plan {
         let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
         let mut omegas = welch.omega();
         omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
-        let it = fokker_planck::spectrum(oscillator, asked.quantity, &omegas, settings, progress)?;
-        let shortfall = it.shortfall(settings);
+        let Some(recipe) = &self.recipes.spectrum else {
+            return Ok(());
+        };
+        let it = recipe.solve(oscillator, asked.quantity, &omegas, limits, progress)?;
+        let shortfall = it.shortfall(recipe);
         results.fall_short(Part::Spectrum.name(), shortfall.as_ref(), true);
         results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
         Ok(())
@@ -851,7 +869,7 @@ mod tests {
         ];
         for (name, method, grid, cells, steps) in recipes {
             let text = SceneText::parse(name, built_in(name).unwrap(), &[]).unwrap();
-            let recipe = Plan::of(text.scene()).unwrap().transient.unwrap();
+            let recipe = Plan::of(text.scene()).unwrap().recipes.transient.unwrap();
             let found = (
                 recipe.name(),
                 recipe.first_grid,

@@ -66,6 +66,10 @@ pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     }
 }
 
+/// A computation foreseen to take so many times what is left is not begun: what is foreseen is within three of what
+/// it takes, but for a few.
+const MAX_FORESEEN_OVERRUN: f64 = 10.0;
+
 /// The limits of a scene, and when its work began.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
@@ -103,6 +107,17 @@ impl Limits {
             limit: format!("{}", self.seconds),
             what,
         }
+    }
+
+    /// Refuses a computation that is foreseen to take far longer than allowed.
+    ///
+    /// # Errors
+    /// [`Error::Limit`].
+    pub(super) fn worth_beginning(&self, name: &str, seconds: f64) -> Result<()> {
+        if seconds > MAX_FORESEEN_OVERRUN * self.left() {
+            return Err(self.out_of_time(format!("{name} would take about {seconds:.0e} s")));
+        }
+        Ok(())
     }
 
     /// Stops a computation that is out of time.

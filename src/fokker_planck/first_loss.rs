@@ -12,7 +12,7 @@
 //! the step near grazing losses. Error bars take the difference from twice the step whole.
 
 use super::absorbed::{Absorbed, Fineness, Start};
-use super::budget::{Cost, timing};
+use super::budget::{Cost, Limits, timing};
 use super::pontryagin::{dot, long_run};
 use super::settings::{Method, Settings};
 use super::trajectory::Motion;
@@ -20,7 +20,6 @@ use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
-use std::time::Instant;
 
 /// The first loss of contact: going down through q_loss.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +55,7 @@ const GAIN: f64 = 0.6;
 const COARSE: f64 = 0.7;
 
 /// Steps, meshes and times of a task.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 struct Layout {
     times: Vec<f64>,
     /// Steps between times of the fine run, even.
@@ -69,19 +68,19 @@ struct Layout {
 }
 
 impl Layout {
-    fn of(
-        oscillator: &Oscillator,
-        initial: &Initial,
-        loss: f64,
-        until: f64,
-        settings: &Settings,
-        refined: f64,
-    ) -> Self {
+    /// The layout of the run that is `refined` times as fine as the first.
+    fn of(oscillator: &Oscillator, initial: &Initial, asked: &Asked, refined: f64) -> Self {
+        let Asked {
+            loss,
+            until,
+            tolerance,
+            ..
+        } = *asked;
         let t = oscillator.temperature();
         let contact = oscillator.contact();
         let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
         // One hundredth of the tolerance above the edge, and a start with its Gaussian.
-        let mut level = (100.0 / settings.tolerance).ln().clamp(8.0, 30.0) + 2.0;
+        let mut level = (100.0 / tolerance).ln().clamp(8.0, 30.0) + 2.0;
         if let Initial::Gaussian { mean, deviation } = initial {
             let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
             for (a, b) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
@@ -95,11 +94,10 @@ impl Layout {
         // Noise gathered at the middle of a step errs by 2 pi h step^3/24 in the variance of q where the
         // law varies on the scale T of U: half the tolerance of T^2.
         let zeta = oscillator.zeta();
-        let tolerance = settings.tolerance;
         let noisy = (6.0 * tolerance * t / zeta).cbrt();
         let damped = (12.0 * tolerance / zeta).sqrt();
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce) / refined;
-        let longest = settings.step.map_or(automatic, |step| step / refined);
+        let longest = asked.step.map_or(automatic, |step| step / refined);
         // The coarse step is twice the fine one and still ends on every time.
         let outputs = (until / (2.0 * longest * refined))
             .floor()
@@ -108,7 +106,7 @@ impl Layout {
         let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
         let memory = oscillator.memory();
-        let nodes = match settings.cells {
+        let nodes = match asked.cells {
             Some(cells) => cells.map(|n| n.max(16)),
             None => {
                 // The interpolation of order 6 errs once a step; a finer round wants an eighth of it.
@@ -151,6 +149,22 @@ impl Layout {
     }
 
     /// Steps of a fine run, with those of the long run.
+    /// What the fine run takes, and those that measure its error.
+    fn cost(&self, oscillator: &Oscillator) -> Cost {
+        let [nq, nv] = self.nodes.map(|n| n as f64);
+        let (points, steps) = (self.points(oscillator), self.all_steps());
+        Cost {
+            cells: self.nodes,
+            steps: steps as u64,
+            memory: self.memory_bytes(oscillator) as u64,
+            // The runs that measure the error take as long again.
+            seconds: 2.0
+                * nq
+                * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * steps)
+                    + nv * timing::ABSORBED_NODE * steps),
+        }
+    }
+
     fn all_steps(&self) -> f64 {
         self.steps().min(10.0 * self.memory / self.step)
             + 1.2 * 18.0 * self.stride(self.step) as f64
@@ -224,21 +238,99 @@ impl March {
 /// Steps after the last one asked for.
 const ENDS: usize = 3;
 
+/// What is asked, and what the scene fixes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Asked {
+    /// The loss point.
+    loss: f64,
+    until: f64,
+    tolerance: f64,
+    step: Option<f64>,
+    cells: Option<[usize; 2]>,
+}
+
+/// How a first passage will be computed: nodes, steps and times of the first run, and its foreseen cost.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FirstPassage {
+    asked: Asked,
+    layout: Layout,
+    /// What it will take.
+    pub(crate) cost: Cost,
+}
+
+impl FirstPassage {
+    /// The recipe for the first loss of contact from `initial`, up to the time `until`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a contact law that cannot lose contact, or a time, tolerance or step that is not
+    /// positive; [`Error::NoStationaryLaw`] for a law that does not confine.
+    pub(crate) fn of(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        until: f64,
+        settings: &Settings,
+    ) -> Result<Self> {
+        positive("outputs.first_loss.until", until)?;
+        positive("accuracy.tolerance", settings.tolerance)?;
+        if let Some(step) = settings.step {
+            positive("method.step", step)?;
+        }
+        let asked = Asked {
+            loss: loss_point(oscillator)?,
+            until,
+            tolerance: settings.tolerance,
+            step: settings.step,
+            cells: settings.cells,
+        };
+        if !oscillator.contact().is_confining() {
+            oscillator.displacement_law()?;
+        }
+        let layout = Layout::of(oscillator, initial, &asked, 1.0);
+        let cost = layout.cost(oscillator);
+        Ok(Self {
+            asked,
+            layout,
+            cost,
+        })
+    }
+
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        let step = format!("{:.3}", self.layout.step);
+        format!(
+            "backward equation along the exact motion, absorbed at the loss point; step {}",
+            step.trim_end_matches('0')
+        )
+    }
+
+    /// As [`first_loss`], by a recipe made before for the same question.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] when time or memory do not suffice for a first answer.
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        initial: &Initial,
+        limits: Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<FirstLoss> {
+        let task = Task {
+            oscillator,
+            initial,
+            asked: self.asked,
+            limits,
+        };
+        limits.worth_beginning("the first loss of contact", self.cost.seconds)?;
+        task.solve(progress)
+    }
+}
+
+#[derive(Clone, Copy)]
 struct Task<'a> {
     oscillator: &'a Oscillator,
     initial: &'a Initial,
-    loss: f64,
-    settings: &'a Settings,
-    started: Instant,
-}
-
-fn check(until: f64, settings: &Settings) -> Result<()> {
-    positive("outputs.first_loss.until", until)?;
-    positive("accuracy.tolerance", settings.tolerance)?;
-    if let Some(step) = settings.step {
-        positive("method.step", step)?;
-    }
-    Ok(())
+    asked: Asked,
+    limits: Limits,
 }
 
 /// The first loss of contact from `initial`, up to the time `until` and in the long run. Errors from two
@@ -255,58 +347,9 @@ pub fn first_loss(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
-    check(until, settings)?;
-    let task = Task {
-        oscillator,
-        initial,
-        loss: loss_point(oscillator)?,
-        settings,
-        started: Instant::now(),
-    };
-    let mut best: Option<FirstLoss> = None;
-    let mut before = f64::INFINITY;
-    for round in 1..=ROUNDS {
-        let refined = 2f64.powi(round as i32 - 1);
-        let layout = Layout::of(oscillator, initial, task.loss, until, settings, refined);
-        if let Some(it) = &mut best {
-            // Half the step and the mesh that follows: four times the time and twice the memory.
-            let spent = task.started.elapsed().as_secs_f64();
-            let key = if 5.0 * spent > settings.max_seconds {
-                "accuracy.max_seconds"
-            } else if layout.memory_bytes(oscillator) > settings.max_memory as f64 {
-                "accuracy.max_memory"
-            } else {
-                ""
-            };
-            if !key.is_empty() {
-                limited(it, key);
-                break;
-            }
-        }
-        let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
-        match task.round(round - 1, &layout, &share) {
-            Ok((it, worst)) => {
-                best = Some(it);
-                // A second round may be the first that converges; later ones have to gain something.
-                let gains = round < 3 || worst < GAIN * before;
-                if worst <= 1.0 || task.chosen() || !gains {
-                    break;
-                }
-                before = worst;
-            }
-            // The round before is an answer.
-            Err(error @ Error::Limit { key, .. }) => match &mut best {
-                Some(it) => {
-                    limited(it, key);
-                    break;
-                }
-                None => return Err(error),
-            },
-            Err(error) => return Err(error),
-        }
-    }
-    progress(1.0);
-    best.ok_or_else(|| task.limit())
+    let recipe = FirstPassage::of(oscillator, initial, until, settings)?;
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    recipe.solve(oscillator, initial, limits, progress)
 }
 
 /// A finer round was not to be had.
@@ -324,63 +367,65 @@ fn loss_point(oscillator: &Oscillator) -> Result<f64> {
     })
 }
 
-/// The cost of [`first_loss`].
-///
-/// # Errors
-/// As [`first_loss`], but for the limit.
-pub fn first_loss_cost(
-    oscillator: &Oscillator,
-    initial: &Initial,
-    until: f64,
-    settings: &Settings,
-) -> Result<(Cost, String)> {
-    check(until, settings)?;
-    let loss = loss_point(oscillator)?;
-    if !oscillator.contact().is_confining() {
-        oscillator.displacement_law()?;
-    }
-    let layout = Layout::of(oscillator, initial, loss, until, settings, 1.0);
-    let [nq, nv] = layout.nodes.map(|n| n as f64);
-    let points = layout.points(oscillator);
-    let cost = Cost {
-        cells: layout.nodes,
-        steps: layout.all_steps() as u64,
-        memory: layout.memory_bytes(oscillator) as u64,
-        // The runs that measure the error take as long again.
-        seconds: 2.0
-            * nq
-            * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * layout.all_steps())
-                + nv * timing::ABSORBED_NODE * layout.all_steps()),
-    };
-    let step = format!("{:.3}", layout.step);
-    Ok((
-        cost,
-        format!(
-            "backward equation along the exact motion, absorbed at the loss point; step {}",
-            step.trim_end_matches('0')
-        ),
-    ))
-}
-
 impl Task<'_> {
-    fn late(&self) -> Result<()> {
-        if self.started.elapsed().as_secs_f64() <= self.settings.max_seconds {
-            return Ok(());
+    /// Runs, each with half the step of the one before, until the tolerance is met.
+    fn solve(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<FirstLoss> {
+        let mut best: Option<FirstLoss> = None;
+        let mut before = f64::INFINITY;
+        for round in 1..=ROUNDS {
+            let refined = 2f64.powi(round as i32 - 1);
+            let layout = Layout::of(self.oscillator, self.initial, &self.asked, refined);
+            if let Some(it) = &mut best {
+                // Half the step and the mesh that follows: four times the time and twice the memory.
+                let key = if 5.0 * self.limits.spent() > self.limits.seconds {
+                    "accuracy.max_seconds"
+                } else if layout.memory_bytes(self.oscillator) > self.limits.memory as f64 {
+                    "accuracy.max_memory"
+                } else {
+                    ""
+                };
+                if !key.is_empty() {
+                    limited(it, key);
+                    break;
+                }
+            }
+            let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
+            match self.round(round - 1, &layout, &share) {
+                Ok((it, worst)) => {
+                    best = Some(it);
+                    // A second round may be the first that converges; later ones have to gain something.
+                    let gains = round < 3 || worst < GAIN * before;
+                    if worst <= 1.0 || self.chosen() || !gains {
+                        break;
+                    }
+                    before = worst;
+                }
+                // The round before is an answer.
+                Err(error @ Error::Limit { key, .. }) => match &mut best {
+                    Some(it) => {
+                        limited(it, key);
+                        break;
+                    }
+                    None => return Err(error),
+                },
+                Err(error) => return Err(error),
+            }
         }
-        Err(self.limit())
+        progress(1.0);
+        best.ok_or_else(|| {
+            self.limits
+                .out_of_time("the first loss of contact was not done".into())
+        })
     }
 
-    fn limit(&self) -> Error {
-        Error::Limit {
-            key: "accuracy.max_seconds",
-            limit: format!("{}", self.settings.max_seconds),
-            what: "the first loss of contact was not done".into(),
-        }
+    fn late(&self) -> Result<()> {
+        self.limits
+            .in_time(|| "the first loss of contact was not done".into())
     }
 
     /// Whether the scene says how fine.
     fn chosen(&self) -> bool {
-        self.settings.step.is_some() || self.settings.cells.is_some()
+        self.asked.step.is_some() || self.asked.cells.is_some()
     }
 
     /// A fine run, and its error from one on a coarser mesh and one of twice the step.
@@ -430,7 +475,7 @@ impl Task<'_> {
     fn run(&self, layout: &Layout, fineness: &Fineness, progress: &dyn Fn(f64)) -> Result<Run> {
         self.late()?;
         let it = self.oscillator;
-        let absorbed = Absorbed::new(it, self.loss, fineness)?;
+        let absorbed = Absorbed::new(it, self.asked.loss, fineness)?;
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
         let lines = absorbed.displacements(it, 0.5 * deviation, |q| law.density(q));
@@ -438,7 +483,7 @@ impl Task<'_> {
         let (start, total) = self.start(&absorbed, &stationary);
         let balanced = *self.initial == Initial::Stationary;
         let outflow = absorbed.outflow(it, &lines);
-        let entering = absorbed.entering(it, law.density(self.loss));
+        let entering = absorbed.entering(it, law.density(self.asked.loss));
         let balance = balanced.then_some([&outflow, &entering]);
         let step = fineness.step;
         let every = (layout.every as f64 * layout.step / step).round() as usize;
@@ -451,7 +496,7 @@ impl Task<'_> {
             &|part| progress(0.4 * part),
         )?;
         let stride = layout.stride(step);
-        let enough = 1e-3 * self.settings.tolerance.min(1e-3);
+        let enough = 1e-3 * self.asked.tolerance.min(1e-3);
         // Losses a step of a mode, by detailed balance; small numbers keep their digits.
         let per_step = |mode: &[f64]| {
             let held = dot(&stationary.weights, mode);
@@ -461,13 +506,13 @@ impl Task<'_> {
         // that its error holds.
         let rare = |mode: &[f64]| {
             let forgotten = per_step(mode) * layout.memory / step;
-            forgotten < 0.3 * self.settings.tolerance
+            forgotten < 0.3 * self.asked.tolerance
         };
         let long = long_run(&absorbed, stride, enough, &rare, &|| self.late())?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         let rate = -(-per_step(&long.mode)).ln_1p() / step;
-        let rice = law.density(self.loss) * deviation / std::f64::consts::TAU.sqrt();
+        let rice = law.density(self.asked.loss) * deviation / std::f64::consts::TAU.sqrt();
         let inside = start.total / total;
         let last = march.gone.len() - 1;
         let doubt = march.doubt(rate * step, long.sum.is_none());
@@ -573,8 +618,8 @@ impl Task<'_> {
                 march.entered.push(entered);
             }
             absorbed.advance(&mut losses, &mut scratch);
+            self.late()?;
             if n.is_multiple_of(16) {
-                self.late()?;
                 progress(n as f64 / count as f64);
             }
             if n.is_multiple_of(window) {
@@ -586,7 +631,7 @@ impl Task<'_> {
                 // What is left of a change that shrinks geometrically, at the pace of energy or slower.
                 let pace = (change / earlier).max((-0.5f64).exp());
                 let doubt = change / (1.0 - pace) / c;
-                if pace < 0.9 && doubt < 1e-2 * self.settings.tolerance {
+                if pace < 0.9 && doubt < 1e-2 * self.asked.tolerance {
                     march.hazard = Some((c, doubt));
                     break;
                 }
@@ -603,7 +648,7 @@ impl Task<'_> {
         (refined, fine): (usize, &Run),
         others: [&Run; 2],
     ) -> (FirstLoss, f64) {
-        let tolerance = self.settings.tolerance;
+        let tolerance = self.asked.tolerance;
         // What the edge of the mesh leaves out of the losses.
         let outside = (-layout.level).exp() * (1.0 + layout.level);
         let gaps = |f: &dyn Fn(&Run) -> f64| -> f64 {
@@ -687,11 +732,13 @@ impl Task<'_> {
 
     fn domain(&self, layout: &Layout) -> [f64; 4] {
         let contact = self.oscillator.contact();
-        let rise = contact.potential(self.loss) - contact.lowest_potential().unwrap_or(0.0);
+        let rise = contact.potential(self.asked.loss) - contact.lowest_potential().unwrap_or(0.0);
         let top = rise + layout.level * self.oscillator.temperature();
-        let right = contact.turning_points(top).map_or(self.loss, |ends| ends.1);
+        let right = contact
+            .turning_points(top)
+            .map_or(self.asked.loss, |ends| ends.1);
         let speed = (2.0 * top).sqrt();
-        [self.loss, right, -speed, speed]
+        [self.asked.loss, right, -speed, speed]
     }
 }
 

@@ -76,19 +76,20 @@ impl Spectrum {
 
 impl Spectrum {
     /// What the tolerance asked for and was not reached.
-    pub fn shortfall(&self, settings: &Settings) -> Option<Shortfall> {
+    pub(crate) fn shortfall(&self, recipe: &Resolvent) -> Option<Shortfall> {
         let (error, omega) = self.worst();
         (!self.reached).then(|| Shortfall {
             number: format!("the spectrum at omega = {omega:.3}"),
-            ratio: error / settings.tolerance,
-            tolerance: settings.tolerance,
-            free: settings.cells.is_none(),
-            reason: match settings.cells {
-                Some(_) => "its cells are those of the scene".into(),
-                None => format!(
+            ratio: error / recipe.tolerance,
+            tolerance: recipe.tolerance,
+            free: !recipe.given,
+            reason: if recipe.given {
+                "its cells are those of the scene".into()
+            } else {
+                format!(
                     "the next resolution has more than {WIDEST} functions of q, or does not fit \
                      accuracy.max_seconds or accuracy.max_memory"
-                ),
+                )
             },
         })
     }
@@ -234,51 +235,115 @@ pub fn spectrum(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Spectrum> {
-    oscillator.displacement_law()?;
-    check(omegas)?;
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    let tolerance = settings.tolerance;
-    let control = control(omegas);
-    let solve = |resolution: Resolution, share: f64| -> Result<(Reduced, Vec<Answer>)> {
-        let full = Hierarchy::new(oscillator, quantity, resolution)?;
-        let go_on = |solved: usize| {
-            progress(share * (solved as f64 / 60.0).min(1.0));
-            limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
+    Resolvent::of(settings).solve(oscillator, quantity, omegas, limits, progress)
+}
+
+/// How a spectrum will be computed: the first resolution, and the foreseen cost.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Resolvent {
+    first: Resolution,
+    /// Whether the scene gave the cells.
+    given: bool,
+    tolerance: f64,
+    /// What it will take: cells are functions of q and of v, steps frequencies to solve for.
+    pub(crate) cost: Cost,
+}
+
+impl Resolvent {
+    /// The method.
+    pub(crate) const METHOD: &str = "resolvent in Hermite functions and spectral elements; a reduced model joins \
+                                     the frequencies";
+
+    /// The recipe.
+    pub(crate) fn of(settings: &Settings) -> Self {
+        let first = first(settings);
+        // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
+        // one round more.
+        let mut resolution = first;
+        let rounds = match settings.cells {
+            Some(_) => 1,
+            None => 4 + (-3.0 - settings.tolerance.log10()).clamp(0.0, 4.0) as usize,
         };
-        let model = Reduced::new(&full, &control, MODEL * tolerance, FLOOR, SOLVES, &go_on)?;
-        let answers = control.iter().map(|w| model.at(*w)).collect();
-        Ok((model, answers))
-    };
-    let mut resolution = first(settings);
-    let (_, mut coarse) = solve(resolution, 0.2)?;
-    loop {
-        resolution = finer(resolution);
-        let (model, fine) = solve(resolution, 0.9)?;
-        let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();
-        let density = estimates(omegas, &answers, &control, &coarse, &fine);
-        let mut it = Spectrum {
-            quantity,
-            omega: omegas.to_vec(),
-            density,
-            variance: model.variance,
-            functions: [resolution.across(), 2 * resolution.pairs],
-            solves: model.solved.len(),
-            dimension: model.dimension(),
-            reached: true,
-            model,
-        };
-        it.reached = it.worst().0 <= tolerance;
-        let next = finer(resolution);
-        let fits = next.memory() * 2 < settings.max_memory && next.across() <= WIDEST;
-        // The next round takes as many solves, each of them longer.
-        let spent = limits.spent();
-        let longer = next.operations() / resolution.operations();
-        let in_time = spent * (1.0 + longer) < settings.max_seconds;
-        if it.reached || settings.cells.is_some() || !fits || !in_time {
-            progress(1.0);
-            return Ok(it);
+        for _ in 0..rounds {
+            resolution = finer(resolution);
         }
-        coarse = fine;
+        let solves = 55.0;
+        // The coarser operators take half as much again.
+        let seconds = 1.5 * solves * resolution.operations() * timing::OPERATION;
+        let threads = rayon::current_num_threads() as f64;
+        let cost = Cost {
+            cells: [resolution.across(), 2 * resolution.pairs],
+            steps: solves as u64,
+            memory: resolution.memory() * threads as u64
+                + (2 * 16 * solves as usize * resolution.across() * 2 * resolution.pairs) as u64,
+            seconds: seconds / threads,
+        };
+        Self {
+            first,
+            given: settings.cells.is_some(),
+            tolerance: settings.tolerance,
+            cost,
+        }
+    }
+
+    /// As [`spectrum`], by this recipe.
+    ///
+    /// # Errors
+    /// Those of [`spectrum`].
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        quantity: Quantity,
+        omegas: &[f64],
+        limits: Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Spectrum> {
+        oscillator.displacement_law()?;
+        check(omegas)?;
+        let tolerance = self.tolerance;
+        let control = control(omegas);
+        let solve = |resolution: Resolution, share: f64| -> Result<(Reduced, Vec<Answer>)> {
+            let full = Hierarchy::new(oscillator, quantity, resolution)?;
+            let go_on = |solved: usize| {
+                progress(share * (solved as f64 / 60.0).min(1.0));
+                limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
+            };
+            let model = Reduced::new(&full, &control, MODEL * tolerance, FLOOR, SOLVES, &go_on)?;
+            let answers = control.iter().map(|w| model.at(*w)).collect();
+            Ok((model, answers))
+        };
+        let mut resolution = self.first;
+        let (_, mut coarse) = solve(resolution, 0.2)?;
+        loop {
+            resolution = finer(resolution);
+            let (model, fine) = solve(resolution, 0.9)?;
+            let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();
+            let density = estimates(omegas, &answers, &control, &coarse, &fine);
+            let mut it = Spectrum {
+                quantity,
+                omega: omegas.to_vec(),
+                density,
+                variance: model.variance,
+                functions: [resolution.across(), 2 * resolution.pairs],
+                solves: model.solved.len(),
+                dimension: model.dimension(),
+                reached: true,
+                model,
+            };
+            it.reached = it.worst().0 <= tolerance;
+            let next = finer(resolution);
+            let fits = next.memory() * 2 < limits.memory && next.across() <= WIDEST;
+            // The next round takes as many solves, each of them longer.
+            let spent = limits.spent();
+            let longer = next.operations() / resolution.operations();
+            let in_time = spent * (1.0 + longer) < limits.seconds;
+            if it.reached || self.given || !fits || !in_time {
+                progress(1.0);
+                return Ok(it);
+            }
+            coarse = fine;
+        }
     }
 }
 
@@ -373,32 +438,4 @@ fn estimates(
         Estimate::new(value, error, Origin::Space)
     };
     omegas.iter().zip(answers).map(estimate).collect()
-}
-
-/// What a spectrum takes: cells are functions of q and of v, steps frequencies to solve for.
-pub fn spectrum_cost(settings: &Settings) -> (Cost, String) {
-    // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
-    // one round more.
-    let mut resolution = first(settings);
-    let rounds = match settings.cells {
-        Some(_) => 1,
-        None => 4 + (-3.0 - settings.tolerance.log10()).clamp(0.0, 4.0) as usize,
-    };
-    for _ in 0..rounds {
-        resolution = finer(resolution);
-    }
-    let solves = 55.0;
-    // The coarser operators take half as much again.
-    let seconds = 1.5 * solves * resolution.operations() * timing::OPERATION;
-    let threads = rayon::current_num_threads() as f64;
-    let cost = Cost {
-        cells: [resolution.across(), 2 * resolution.pairs],
-        steps: solves as u64,
-        memory: resolution.memory() * threads as u64
-            + (2 * 16 * solves as usize * resolution.across() * 2 * resolution.pairs) as u64,
-        seconds: seconds / threads,
-    };
-    let method = "resolvent in Hermite functions and spectral elements; a reduced model joins the \
-                  frequencies";
-    (cost, method.into())
 }

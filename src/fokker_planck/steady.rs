@@ -39,122 +39,148 @@ pub struct Steady {
     pub warnings: Vec<String>,
 }
 
+/// How the steady state will be computed: the mesh, and its foreseen cost.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SteadyState {
+    layout: Layout,
+    tolerance: f64,
+    /// What it will take.
+    pub(crate) cost: Cost,
+}
+
 /// Solves L P = 0 on a mesh by sparse LU and by marching, and compares both with (21).
 ///
 /// # Errors
 /// [`Error::NoStationaryLaw`] for a contact without one; otherwise those of [`null_vector`].
 pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
-    // The law of q refuses a contact that has none, in its own words.
-    oscillator.displacement_law()?;
-    let drift = settings.drift.unwrap_or(Drift::Upwind);
-    let (_, domain) = layout::truncated(oscillator, &Initial::Stationary, settings)?;
-    let widths = layout::thermal_widths(oscillator, settings.tolerance);
-    let layout = Layout {
-        domain,
-        cells: Cells::of(settings, widths),
-        drift,
-    };
-    let mesh = layout.mesh_within(oscillator, 1.0, Factors::Real, settings.max_memory)?;
-    let generator = Generator::new(oscillator, &mesh, drift)?;
-    let (null, residual) = null_vector(&generator)?;
-    let exact = Density::start(&generator, &Initial::Stationary)?;
-    let mass = exact.mass();
-    let distance = |density: &Density| -> f64 {
-        density
-            .cells()
-            .iter()
-            .zip(exact.cells())
-            .map(|(p, w)| (p - w / mass).abs())
-            .sum()
-    };
-    let l1 = distance(&null);
-    let outside = domain.neglected.max((1.0 - mass).abs());
-    let mut march_density = Density::at_equilibrium(&generator, oscillator);
-    let relaxation = 0.5 / oscillator.zeta();
-    let approach = march(&generator, &mut march_density, relaxation, 1e-11, &distance)?;
-    let mut warnings = Vec::new();
-    let marched = approach.last().map_or(0.0, |last| last.1);
-    if l1 > 1e-9 || marched > 1e-9 {
-        warnings.push(format!(
-            "the steady state on the mesh differs from the closed form by {l1:.1e} (null vector) and \
-             {marched:.1e} (march): rounding, on a mesh with very different rates"
-        ));
-    }
-    let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
-    let mut moments = observables
-        .raw(&null.ratio(&generator))
-        .moments(oscillator.contact());
-    let scales = Scales::of(oscillator).each(&moments);
-    let weights = domain.tail_weights(oscillator);
-    let names = moments.named().map(|(name, _)| name);
-    let mut unmet: Option<(f64, &str)> = None;
-    let numbers = moments.each_mut().into_iter().zip(scales).zip(weights);
-    for (((number, scale), weight), name) in numbers.zip(names) {
-        if let Some(number) = number {
-            // A kurtosis far above 3 weighs the tail by its own size.
-            let error = (weight * outside + l1) * scale.max(number.value.abs());
-            *number = Estimate::new(number.value, error, Origin::Domain);
-            let ratio = error / (settings.tolerance * scale);
-            if ratio > unmet.map_or(1.0, |u| u.0) {
-                unmet = Some((ratio, name));
-            }
-        }
-    }
-    // Exact on any mesh but for rounding and the box: finer cells would not mend it.
-    let shortfall = unmet.map(|(ratio, name)| Shortfall {
-        number: format!("{name} in the steady state"),
-        ratio,
-        tolerance: settings.tolerance,
-        free: settings.cells.is_none(),
-        reason: "what the box leaves out, or the rounding of the null vector, is larger".into(),
-    });
-    Ok(Steady {
-        moments,
-        shortfall,
-        l1_error: Estimate::new(l1, outside, Origin::Domain),
-        residual,
-        density: null.snapshot(f64::INFINITY),
-        method: Method {
-            name: format!("finite volumes, {}, null vector by sparse LU", drift.name()),
-            reason: "one factorisation gives the steady state".into(),
-            cells: mesh.cells(),
-            unknowns: generator.unknowns(),
-            domain: mesh.domain(),
-            step: 0.0,
-            steps: approach.len() as u64 - 1,
-            neglected: outside,
-        },
-        approach,
-        warnings,
-    })
+    SteadyState::of(oscillator, settings)?.solve(oscillator, settings.max_memory)
 }
 
-/// What [`steady`] will take.
-///
-/// # Errors
-/// Those of the mesh.
-pub fn steady_cost(oscillator: &Oscillator, settings: &Settings) -> Result<(Cost, String)> {
-    const SOLVES: f64 = 60.0;
-    let drift = settings.drift.unwrap_or(Drift::Upwind);
-    let layout = Layout::stationary(oscillator, drift, settings)?;
-    let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
-    let n = cells[0] as f64 * cells[1] as f64;
-    let wide = if drift == Drift::Upwind {
-        1.0
-    } else {
-        timing::WIDE
-    };
-    let cost = Cost {
-        cells,
-        steps: SOLVES as u64,
-        memory: budget::memory(cells, drift, Factors::Real),
-        seconds: 2.0 * n * wide * (timing::LU + SOLVES * timing::SOLVE),
-    };
-    let words = format!(
-        "finite volumes, {}; null vector by sparse LU, and a march",
-        drift.name()
-    );
-    Ok((cost, words))
+impl SteadyState {
+    /// The recipe for an oscillator with a stationary law.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] for a contact without one; those of the mesh.
+    pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
+        const SOLVES: f64 = 60.0;
+        let drift = settings.drift.unwrap_or(Drift::Upwind);
+        // The law of q refuses a contact that has none, in its own words.
+        oscillator.displacement_law()?;
+        let (_, domain) = layout::truncated(oscillator, &Initial::Stationary, settings)?;
+        let widths = layout::thermal_widths(oscillator, settings.tolerance);
+        let layout = Layout {
+            domain,
+            cells: Cells::of(settings, widths),
+            drift,
+        };
+        let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
+        let n = cells[0] as f64 * cells[1] as f64;
+        let wide = if drift == Drift::Upwind {
+            1.0
+        } else {
+            timing::WIDE
+        };
+        Ok(Self {
+            layout,
+            tolerance: settings.tolerance,
+            cost: Cost {
+                cells,
+                steps: SOLVES as u64,
+                memory: budget::memory(cells, drift, Factors::Real),
+                seconds: 2.0 * n * wide * (timing::LU + SOLVES * timing::SOLVE),
+            },
+        })
+    }
+
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        format!(
+            "finite volumes, {}; null vector by sparse LU, and a march",
+            self.layout.drift.name()
+        )
+    }
+
+    /// As [`steady`], by a recipe made before for the same oscillator.
+    ///
+    /// # Errors
+    /// Those of [`steady`].
+    pub(crate) fn solve(&self, oscillator: &Oscillator, max_memory: u64) -> Result<Steady> {
+        let Layout { domain, drift, .. } = self.layout;
+        let layout = &self.layout;
+        let mesh = layout.mesh_within(oscillator, 1.0, Factors::Real, max_memory)?;
+        let generator = Generator::new(oscillator, &mesh, drift)?;
+        let (null, residual) = null_vector(&generator)?;
+        let exact = Density::start(&generator, &Initial::Stationary)?;
+        let mass = exact.mass();
+        let distance = |density: &Density| -> f64 {
+            density
+                .cells()
+                .iter()
+                .zip(exact.cells())
+                .map(|(p, w)| (p - w / mass).abs())
+                .sum()
+        };
+        let l1 = distance(&null);
+        let outside = domain.neglected.max((1.0 - mass).abs());
+        let mut march_density = Density::at_equilibrium(&generator, oscillator);
+        let relaxation = 0.5 / oscillator.zeta();
+        let approach = march(&generator, &mut march_density, relaxation, 1e-11, &distance)?;
+        let mut warnings = Vec::new();
+        let marched = approach.last().map_or(0.0, |last| last.1);
+        if l1 > 1e-9 || marched > 1e-9 {
+            warnings.push(format!(
+                "the steady state on the mesh differs from the closed form by {l1:.1e} (null vector) and \
+                 {marched:.1e} (march): rounding, on a mesh with very different rates"
+            ));
+        }
+        let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
+        let mut moments = observables
+            .raw(&null.ratio(&generator))
+            .moments(oscillator.contact());
+        let scales = Scales::of(oscillator).each(&moments);
+        let weights = domain.tail_weights(oscillator);
+        let names = moments.named().map(|(name, _)| name);
+        let mut unmet: Option<(f64, &str)> = None;
+        let numbers = moments.each_mut().into_iter().zip(scales).zip(weights);
+        for (((number, scale), weight), name) in numbers.zip(names) {
+            if let Some(number) = number {
+                // A kurtosis far above 3 weighs the tail by its own size.
+                let error = (weight * outside + l1) * scale.max(number.value.abs());
+                *number = Estimate::new(number.value, error, Origin::Domain);
+                let ratio = error / (self.tolerance * scale);
+                if ratio > unmet.map_or(1.0, |u| u.0) {
+                    unmet = Some((ratio, name));
+                }
+            }
+        }
+        // Exact on any mesh but for rounding and the box: finer cells would not mend it.
+        let shortfall = unmet.map(|(ratio, name)| Shortfall {
+            number: format!("{name} in the steady state"),
+            ratio,
+            tolerance: self.tolerance,
+            free: !self.layout.is_given(),
+            reason: "what the box leaves out, or the rounding of the null vector, is larger".into(),
+        });
+        Ok(Steady {
+            moments,
+            shortfall,
+            l1_error: Estimate::new(l1, outside, Origin::Domain),
+            residual,
+            density: null.snapshot(f64::INFINITY),
+            method: Method {
+                name: format!("finite volumes, {}, null vector by sparse LU", drift.name()),
+                reason: "one factorisation gives the steady state".into(),
+                cells: mesh.cells(),
+                unknowns: generator.unknowns(),
+                domain: mesh.domain(),
+                step: 0.0,
+                steps: approach.len() as u64 - 1,
+                neglected: outside,
+            },
+            approach,
+            warnings,
+        })
+    }
 }
 
 /// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1.

@@ -28,10 +28,6 @@ const FINER: [f64; 6] = [1.2, 1.3, 1.45, 1.6, 1.8, 2.0];
 /// A box that leaves out so many times its share is not enlarged.
 const HOPELESS: f64 = 1e8;
 
-/// A run foreseen to take so many times what is left is not begun: what is foreseen is within three of what it
-/// takes, but for a few.
-const UNTHINKABLE: f64 = 10.0;
-
 /// The best order in space hoped for before a limit is believed.
 const HOPED: f64 = 8.0;
 
@@ -274,10 +270,7 @@ impl<'a> Refinement<'a> {
         let limits = self.task.limits;
         // One step of a scheme may take longer than the limit: nobody would look at the clock.
         let (seconds, _) = self.work(&recipe, 1.0, 1.0)?;
-        if seconds > UNTHINKABLE * limits.left() {
-            let what = format!("{} would take about {seconds:.0e} s", recipe.name());
-            return Err(limits.out_of_time(what));
-        }
+        limits.worth_beginning(&recipe.name(), seconds)?;
         let (mut coarse, first) = self.coarse(&mut recipe)?;
         let task = Task {
             recipe: &recipe,
