@@ -500,8 +500,8 @@ impl Plan {
             }
             Part::DecayRates => {
                 let it = fokker_planck::decay_rates(oscillator, outputs.decay_rates, &settings)?;
-                results.decay_rates = Some(it.rates);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                results.decay_rates = Some(it);
             }
             Part::Spectrum => self.compute_spectrum(&settings, results, progress)?,
             Part::Series => {

@@ -6,7 +6,7 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall};
-use crate::fokker_planck::{DecayRate, FirstLoss, FlightLaw, Method, Steady, Transient};
+use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Method, Steady, Transient};
 use crate::json::Json;
 use crate::moments::Moments;
 use crate::monte_carlo::{
@@ -36,7 +36,7 @@ pub struct Results {
     /// Its steady state on the mesh.
     pub steady: Option<Steady>,
     /// The slowest eigenvalues of L.
-    pub decay_rates: Option<Vec<DecayRate>>,
+    pub decay_rates: Option<DecayRates>,
     /// The spectrum, from the resolvent and by sampling.
     pub spectrum: Option<SpectrumNumbers>,
     /// The transient by sampling.
@@ -329,8 +329,8 @@ impl Results {
             ];
             all.push("steady", Json::object(pairs));
         }
-        if let Some(rates) = &self.decay_rates {
-            let rates = rates.iter().map(|rate| {
+        if let Some(it) = &self.decay_rates {
+            let rates = it.rates.iter().map(|rate| {
                 Json::object([
                     ("re", Json::from(rate.re)),
                     ("im", Json::from(rate.im)),
@@ -338,6 +338,10 @@ impl Results {
                 ])
             });
             all.push("decay_rates", Json::List(rates.collect()));
+            all.push(
+                "continuous_from",
+                it.continuous_from.map_or(Json::Null, Json::from),
+            );
         }
         if let Some(it) = &self.spectrum {
             all.push("spectrum", it.json());

@@ -4,7 +4,6 @@ use super::choice::{self, Cost, Factors, Settings, TimeScheme, Way};
 use super::flow_map::HELD;
 use super::flux::Drift;
 use super::generator::Generator;
-use super::modes;
 use super::opening;
 use super::propagator::CHUNK;
 use super::refinement;
@@ -40,7 +39,8 @@ pub fn cost(
     let times = match task {
         Task::Transient(times) => times,
         Task::Spectrum => return Ok(super::spectrum::cost(settings)),
-        Task::Steady | Task::DecayRates => return eigen_cost(oscillator, task, settings),
+        Task::DecayRates => return Ok(super::modes::cost(settings)),
+        Task::Steady => return steady_cost(oscillator, settings),
     };
     // The box that the transient will choose.
     let settings = &Settings {
@@ -195,41 +195,20 @@ pub(super) fn run(
     })
 }
 
-fn eigen_cost(oscillator: &Oscillator, task: Task, settings: &Settings) -> Result<(Cost, String)> {
-    let steady = task == Task::Steady;
-    let usual = if steady { Drift::Upwind } else { Drift::Order8 };
-    let drift = settings.drift.unwrap_or(usual);
+fn steady_cost(oscillator: &Oscillator, settings: &Settings) -> Result<(Cost, String)> {
+    let drift = settings.drift.unwrap_or(Drift::Upwind);
     let (mesh, _) = choice::mesh(oscillator, &Initial::Stationary, 0.0, drift, settings, 1.0)?;
     let cells = mesh.cells();
     let n = cells[0] as f64 * cells[1] as f64;
-    // A factorisation takes 2 us a cell with the stencil of five points, ten times that with a wide one
-    // or with complex numbers; a solve a twentieth of it.
+    // A factorisation takes 2 us a cell with the stencil of five points, ten times that with a wide one;
+    // a solve a twentieth of it.
     let wide = if drift == Drift::Upwind { 1.0 } else { 10.0 };
-    let (steps, seconds, words) = if steady {
-        (
-            60.0,
-            2.0 * n * wide * (2e-6 + 60.0 * 0.1e-6),
-            "null vector by sparse LU, and a march",
-        )
-    } else {
-        (
-            6.0,
-            3.0 * n * 6.0 * wide * 2e-6,
-            "shift and invert on two meshes or more",
-        )
-    };
-    let memory = if steady {
-        choice::memory(cells, drift, Factors::Real)
-    } else {
-        // Of the second mesh.
-        let finer = cells.map(|n| (n as f64 * modes::FINER) as usize);
-        choice::memory(finer, drift, Factors::Shifts)
-    };
     let cost = Cost {
         cells,
-        steps: steps as u64,
-        memory,
-        seconds,
+        steps: 60,
+        memory: choice::memory(cells, drift, Factors::Real),
+        seconds: 2.0 * n * wide * (2e-6 + 60.0 * 0.1e-6),
     };
+    let words = "null vector by sparse LU, and a march";
     Ok((cost, format!("finite volumes, {}; {words}", drift.name())))
 }

@@ -394,6 +394,7 @@ fn linear_rates(zeta: f64, results: &Results, tolerance: f64) -> Vec<Check> {
     };
     // The k-th slowest is also to be the k-th slowest: a rate left out would show here.
     rates
+        .rates
         .iter()
         .zip(&exact)
         .enumerate()
