@@ -67,7 +67,7 @@ pub struct DecayRates {
 }
 
 /// Krylov vectors of a shift in the first search: the nearest dozens of eigenvalues converge. Finer
-/// resolutions, whose shifts are chosen, need half as many.
+/// resolutions, whose shifts are chosen, begin with half as many.
 const KRYLOV: usize = 50;
 
 /// Rounding of the operator, relative to its largest entries: orthonormal functions under a p_q that falls by many
@@ -90,6 +90,12 @@ const RESOLUTIONS: usize = 6;
 const APART: f64 = 0.25;
 const HARMONICS: usize = 12;
 
+/// A shift beside a mode that no other is near, over the mode.
+const BESIDE: f64 = 0.97;
+
+/// Share of the tolerance left to the algebraic error.
+const SHARE: f64 = 0.02;
+
 /// An error estimate beyond this, relative to the eigenvalue, makes it unknown.
 const KNOWN: f64 = 0.05;
 
@@ -105,45 +111,49 @@ pub fn decay_rates(
     settings: &Settings,
 ) -> Result<DecayRates> {
     let began = Instant::now();
-    let search = Search::new(oscillator, count)?;
+    let search = Search::new(oscillator, count, settings.tolerance)?;
     let mut resolution = first(settings);
     search.check_memory(resolution, settings)?;
     let (coarse, shifts) = search.sweep(&search.operator(resolution)?)?;
     let mut levels = vec![coarse];
-    let mut seconds = began.elapsed().as_secs_f64();
+    let mut best: Option<Answer> = None;
     loop {
         let next = finer(resolution);
-        let done = levels.len();
-        if done >= 3 {
-            let answer = search.judge(&levels[done - 3..], settings.tolerance);
-            let left = settings.max_seconds - began.elapsed().as_secs_f64();
-            seconds *= next.operations() / resolution.operations();
-            let stop = if settings.cells.is_some() {
-                Some(("its cells are those of the scene".to_owned(), false))
-            } else if answer.complete(settings.tolerance) {
-                Some((String::new(), true))
-            } else if done == RESOLUTIONS {
-                Some((format!("{RESOLUTIONS} resolutions did not settle it"), true))
-            } else if seconds > left {
-                let left = left.max(0.0);
-                let text = format!(
-                    "a finer resolution would take about {seconds:.1e} s, and {left:.1e} s are left of \
-                     accuracy.max_seconds"
-                );
-                Some((text, true))
-            } else {
-                let fits = search.check_memory(next, settings).err();
-                fits.map(|error| (error.to_string(), true))
-            };
-            if let Some((reason, free)) = stop {
-                return Ok(search.report(answer, resolution, settings.tolerance, reason, free));
-            }
-        }
         let clock = Instant::now();
-        let krylov = search.krylov(KRYLOV / 2);
-        levels.push(Search::at(&search.operator(next)?, &shifts, krylov)?);
-        seconds = clock.elapsed().as_secs_f64();
+        levels.push(search.refine(&search.operator(next)?, &shifts)?);
+        let longer = finer(next).operations() / next.operations();
+        let (seconds, done) = (longer * clock.elapsed().as_secs_f64(), levels.len());
         resolution = next;
+        if done < 3 {
+            continue;
+        }
+        // Finer resolutions lose digits of close eigenvalues to rounding.
+        let answer = search.judge(&levels[done - 3..], resolution);
+        let answer = match best.take() {
+            Some(best) if best.shortage() <= answer.shortage() => best,
+            _ => answer,
+        };
+        let left = (settings.max_seconds - began.elapsed().as_secs_f64()).max(0.0);
+        let stop = if settings.cells.is_some() {
+            Some(("its cells are those of the scene".to_owned(), false))
+        } else if answer.shortage() <= settings.tolerance {
+            Some((String::new(), true))
+        } else if done == RESOLUTIONS {
+            Some((format!("{RESOLUTIONS} resolutions did not settle it"), true))
+        } else if seconds > left {
+            let text = format!(
+                "a finer resolution would take about {seconds:.1e} s, and {left:.1e} s are left of \
+                 accuracy.max_seconds"
+            );
+            Some((text, true))
+        } else {
+            let fits = search.check_memory(finer(resolution), settings).err();
+            fits.map(|error| (error.to_string(), true))
+        };
+        if let Some((reason, free)) = stop {
+            return Ok(search.report(answer, reason, free));
+        }
+        best = Some(answer);
     }
 }
 
@@ -186,18 +196,25 @@ struct Answer {
     rates: Vec<DecayRate>,
     /// Those of the finest resolution among them that are not believed.
     unknown: Vec<C>,
+    /// How many of those asked for no resolution has found.
+    missing: usize,
+    /// Functions of q and of v at the finest resolution.
+    functions: [usize; 2],
 }
 
 impl Answer {
-    fn complete(&self, tolerance: f64) -> bool {
-        self.unknown.is_empty() && self.worst() <= tolerance
-    }
-
-    /// The largest error over the modulus.
-    fn worst(&self) -> f64 {
+    /// The largest error over the modulus, and one for each eigenvalue that is not known.
+    fn shortage(&self) -> f64 {
         let relative = |it: &DecayRate| it.error / it.re.hypot(it.im);
-        self.rates.iter().map(relative).fold(0.0, f64::max)
+        let worst = self.rates.iter().map(relative).fold(0.0, f64::max);
+        worst + (self.unknown.len() + self.missing) as f64
     }
+}
+
+/// A point near which eigenvalues are sought, and those that are to converge.
+struct Place {
+    shift: C,
+    targets: Vec<C>,
 }
 
 struct Search<'a> {
@@ -207,10 +224,11 @@ struct Search<'a> {
     edge: f64,
     /// Circular frequency of small motions.
     natural: f64,
+    tolerance: f64,
 }
 
 impl<'a> Search<'a> {
-    fn new(oscillator: &'a Oscillator, count: usize) -> Result<Self> {
+    fn new(oscillator: &'a Oscillator, count: usize, tolerance: f64) -> Result<Self> {
         oscillator.displacement_law()?;
         let contact = oscillator.contact();
         let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
@@ -221,6 +239,7 @@ impl<'a> Search<'a> {
             count,
             edge,
             natural,
+            tolerance,
         })
     }
 
@@ -230,8 +249,7 @@ impl<'a> Search<'a> {
 
     /// Krylov vectors and factors of the shifts that are worked on at the same time.
     fn memory(&self, resolution: Resolution) -> u64 {
-        let vectors =
-            16 * (self.krylov(KRYLOV) * 2 * resolution.pairs * resolution.across()) as u64;
+        let vectors = 16 * (self.krylov() * 2 * resolution.pairs * resolution.across()) as u64;
         (resolution.memory() + vectors) * rayon::current_num_threads() as u64
     }
 
@@ -247,9 +265,9 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Krylov vectors: `least`, more for many rates.
-    fn krylov(&self, least: usize) -> usize {
-        least.max(self.count + KRYLOV / 2)
+    /// Krylov vectors of a shift.
+    fn krylov(&self) -> usize {
+        KRYLOV.max(self.count + KRYLOV / 2)
     }
 
     /// The slowest modes of a list that is sorted by rate: those above the edge, as many as asked for.
@@ -258,13 +276,14 @@ impl<'a> Search<'a> {
         &modes[..above.min(count)]
     }
 
-    /// Modes of a coarse operator, found from shifts all along the imaginary axis, and the shifts that the
-    /// slowest lie nearest to. The search ends with the first harmonic that has none of those asked for.
-    fn sweep(&self, full: &Hierarchy) -> Result<(Vec<Mode>, Vec<C>)> {
+    /// Modes of a coarse operator, and where finer ones are to look. Shifts lie along the imaginary axis, up to
+    /// the first harmonic that has none of the modes asked for, and then where the slowest modes lie far from it.
+    fn sweep(&self, full: &Hierarchy) -> Result<(Vec<Mode>, Vec<Place>)> {
         let at = |k: usize| C::new(0.0, APART * self.natural * k as f64);
         let steps = (1.0 / APART) as usize;
         let mut shifts: Vec<C> = (0..=2 * steps).map(at).collect();
-        let mut modes = Self::at(full, &shifts, self.krylov(KRYLOV))?;
+        let mut modes = Vec::new();
+        self.search(full, &shifts, &mut modes)?;
         let mut harmonic = 2;
         let has = |modes: &[Mode], harmonic: usize| {
             let border = self.natural * (harmonic as f64 - 0.5);
@@ -273,30 +292,90 @@ impl<'a> Search<'a> {
         };
         while harmonic < HARMONICS && has(&modes, harmonic) {
             let more: Vec<C> = (1..=steps).map(|k| at(harmonic * steps + k)).collect();
-            merge(&mut modes, Self::at(full, &more, self.krylov(KRYLOV))?);
+            self.search(full, &more, &mut modes)?;
             shifts.extend(more);
             harmonic += 1;
         }
-        // Half as many again: some may turn out not to be eigenvalues of the oscillator.
-        let wanted = self.slowest(&modes, self.count + self.count / 2 + 2);
-        let nearest = |mode: &Mode| {
-            let distance = |shift: &C| (shift - mode.value).norm();
-            let all = shifts.iter().copied();
-            all.min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        };
-        let mut places: Vec<C> = wanted.iter().filter_map(nearest).collect();
-        // Real modes always have a place.
-        places.push(C::default());
-        places.sort_by(|a, b| a.im.total_cmp(&b.im));
-        places.dedup();
-        Ok((modes, places))
+        loop {
+            let places = self.places(&modes, &shifts);
+            let all = places.iter().map(|it| it.shift);
+            let more: Vec<C> = all.filter(|it| !shifts.contains(it)).collect();
+            if more.is_empty() || shifts.len() > 2 * steps * HARMONICS {
+                return Ok((modes, places));
+            }
+            self.search(full, &more, &mut modes)?;
+            shifts.extend(more);
+        }
     }
 
-    /// Modes near the shifts, the slowest first.
-    fn at(full: &Hierarchy, shifts: &[C], krylov: usize) -> Result<Vec<Mode>> {
+    /// For each mode asked for the nearest shift, or a new one beside it if none is near.
+    fn places(&self, modes: &[Mode], shifts: &[C]) -> Vec<Place> {
+        // Real modes always have a place.
+        let mut places = vec![Place {
+            shift: C::default(),
+            targets: Vec::new(),
+        }];
+        let mut shifts = shifts.to_vec();
+        // Half as many again: some may turn out not to be eigenvalues of the oscillator.
+        for mode in self.slowest(modes, self.count + self.count / 2 + 2) {
+            let distance = |shift: &C| (shift - mode.value).norm();
+            let all = shifts.iter().copied();
+            let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            let near = nearest.filter(|it| distance(it) <= 0.5 * self.natural);
+            let shift = near.unwrap_or_else(|| {
+                let beside = BESIDE * mode.value;
+                shifts.push(beside);
+                beside
+            });
+            match places.iter_mut().find(|it| it.shift == shift) {
+                Some(place) => place.targets.push(mode.value),
+                None => places.push(Place {
+                    shift,
+                    targets: vec![mode.value],
+                }),
+            }
+        }
+        places
+    }
+
+    /// Adds the modes near the shifts.
+    fn search(&self, full: &Hierarchy, shifts: &[C], modes: &mut Vec<Mode>) -> Result<()> {
         let found: Vec<Result<Vec<Mode>>> = shifts
             .par_iter()
-            .map(|shift| near(full, *shift, krylov))
+            .map(|shift| {
+                let mut arnoldi = Arnoldi::new(full, *shift)?;
+                arnoldi.extend(self.krylov())?;
+                arnoldi.modes()
+            })
+            .collect();
+        for found in found {
+            merge(modes, found?);
+        }
+        Ok(())
+    }
+
+    /// The modes near the places, with as many Krylov vectors as their targets need.
+    fn refine(&self, full: &Hierarchy, places: &[Place]) -> Result<Vec<Mode>> {
+        let converged = |modes: &[Mode], target: &C| {
+            let distance = |it: &&Mode| (it.value - target).norm();
+            let nearest = modes
+                .iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            nearest.is_some_and(|it| it.error <= SHARE * self.tolerance * target.norm())
+        };
+        let found: Vec<Result<Vec<Mode>>> = places
+            .par_iter()
+            .map(|place| {
+                let mut arnoldi = Arnoldi::new(full, place.shift)?;
+                loop {
+                    let grown = arnoldi.extend(self.krylov() / 2)?;
+                    let modes = arnoldi.modes()?;
+                    let enough = place.targets.iter().all(|it| converged(&modes, it));
+                    if enough || !grown || arnoldi.size() >= 3 * self.krylov() {
+                        return Ok(modes);
+                    }
+                }
+            })
             .collect();
         let mut modes = Vec::new();
         for found in found {
@@ -306,13 +385,15 @@ impl<'a> Search<'a> {
     }
 
     /// What the last three resolutions, the finest last, say of the modes asked for.
-    fn judge(&self, levels: &[Vec<Mode>], tolerance: f64) -> Answer {
+    fn judge(&self, levels: &[Vec<Mode>], resolution: Resolution) -> Answer {
         let whole: Vec<Vec<C>> = levels.iter().map(|it| conjugates(it)).collect();
         let [coarse, middle, fine] = [&whole[0], &whole[1], &whole[2]];
         let (to_middle, to_coarse) = (partners(fine, middle), partners(middle, coarse));
         let mut answer = Answer {
             rates: Vec::new(),
             unknown: Vec::new(),
+            missing: 0,
+            functions: [resolution.across(), 2 * resolution.pairs],
         };
         let mut real = false;
         for mode in self.slowest(&levels[2], usize::MAX) {
@@ -325,7 +406,7 @@ impl<'a> Search<'a> {
             let first = before.and_then(|k| to_coarse[k]);
             let rate = before.zip(first).and_then(|(before, first)| {
                 let path = [coarse[first], middle[before], mode.value];
-                believed(path, mode.error, tolerance)
+                believed(path, mode.error, self.tolerance)
             });
             match rate {
                 Some(rate) => {
@@ -335,49 +416,47 @@ impl<'a> Search<'a> {
                 None => answer.unknown.push(mode.value),
             }
         }
+        // Above the edge of a continuous spectrum there may be no more.
+        if self.edge == f64::NEG_INFINITY {
+            let found = answer.rates.len() + answer.unknown.len();
+            answer.missing = self.count.saturating_sub(found);
+        }
         answer
     }
 
-    fn report(
-        &self,
-        answer: Answer,
-        resolution: Resolution,
-        tolerance: f64,
-        reason: String,
-        free: bool,
-    ) -> DecayRates {
-        let short = |number: String, ratio: f64| Shortfall {
-            number,
-            ratio,
-            tolerance,
-            free,
-            reason: reason.clone(),
-        };
-        let worst = answer.worst();
-        let shortfall = if let Some(value) = answer.unknown.first() {
+    fn report(&self, answer: Answer, reason: String, free: bool) -> DecayRates {
+        let shortage = answer.shortage();
+        let number = if let Some(value) = answer.unknown.first() {
             let near = DecayRate {
                 re: value.re,
                 im: value.im,
                 error: 0.0,
             };
-            let more = match answer.unknown.len() - 1 {
-                0 => String::new(),
-                n => format!(" and {n} more"),
-            };
-            Some(short(
-                format!("the eigenvalue near {near}{more}"),
-                f64::INFINITY,
-            ))
-        } else if answer.rates.len() < self.count && self.edge == f64::NEG_INFINITY {
-            let name = format!("eigenvalue {} of {}", answer.rates.len() + 1, self.count);
-            Some(short(name, f64::INFINITY))
+            match answer.unknown.len() {
+                1 => format!("the eigenvalue near {near}"),
+                n => format!("the eigenvalue near {near}, and of {} more,", n - 1),
+            }
+        } else if answer.missing > 0 {
+            format!("eigenvalue {} of {}", answer.rates.len() + 1, self.count)
         } else {
-            (worst > tolerance).then(|| short("a decay rate".to_owned(), worst / tolerance))
+            "a decay rate".to_owned()
         };
+        let known = shortage < 1.0;
+        let shortfall = (shortage > self.tolerance).then(|| Shortfall {
+            number,
+            ratio: if known {
+                shortage / self.tolerance
+            } else {
+                f64::INFINITY
+            },
+            tolerance: self.tolerance,
+            free,
+            reason,
+        });
         DecayRates {
             rates: answer.rates,
             continuous_from: self.oscillator.continuous_from(),
-            functions: [resolution.across(), 2 * resolution.pairs],
+            functions: answer.functions,
             shortfall,
         }
     }
@@ -451,80 +530,106 @@ fn merge(list: &mut Vec<Mode>, more: Vec<Mode>) {
     list.sort_by(|a, b| b.value.re.total_cmp(&a.value.re));
 }
 
-/// Converged eigenvalues nearest to a shift, those of the upper half plane, by Arnoldi on (shift - L)^{-1}.
-fn near(full: &Hierarchy, shift: C, krylov: usize) -> Result<Vec<Mode>> {
-    let inverse = Factored::new(full, shift)?;
-    let n = full.len();
-    let steps = krylov.min(n - 2);
-    let mut basis: Vec<Vec<C>> = Vec::with_capacity(steps + 1);
-    let mut hessenberg = Array2::<C>::zeros((steps + 1, steps));
-    // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
-    // eigenvector of 0, is left out.
-    let start = (0..n).map(|k| C::new((k as f64 * 0.618_033_988_749_894_9).fract() - 0.5, 0.0));
-    let mut first: Vec<C> = start.collect();
-    first[0] = C::default();
-    normalise(&mut first);
-    basis.push(first);
-    let mut size = steps;
-    for k in 0..steps {
-        let mut next = inverse.solve(&basis[k])?;
-        // Gram-Schmidt twice is enough (Parlett).
-        for _ in 0..2 {
-            for (j, vector) in basis.iter().enumerate() {
-                let overlap: C = vector.iter().zip(&next).map(|(b, x)| b.conj() * x).sum();
-                hessenberg[[j, k]] += overlap;
-                let parts = next.iter_mut().zip(vector);
-                parts.for_each(|(x, b)| *x -= overlap * b);
-            }
-        }
-        let norm = normalise(&mut next);
-        hessenberg[[k + 1, k]] = C::new(norm, 0.0);
-        if norm < 1e-13 {
-            size = k + 1;
-            break;
-        }
-        basis.push(next);
-    }
-    let square = Array2::from_shape_fn((size, size), |place| hessenberg[place]);
-    let (values, vectors) = eigen(&square)?;
-    let last = hessenberg[[size, size - 1]].norm();
-    let mut modes = Vec::new();
-    for (k, theta) in values.iter().enumerate() {
-        let value = shift - theta.inv();
-        let part = vectors.column(k);
-        // The residual of theta, carried over to the eigenvalue: no vector is built for what is far from it.
-        let rough = part[size - 1].norm() * last / theta.norm();
-        if !value.is_finite() || rough > CONVERGED {
-            continue;
-        }
-        let mut vector = vec![C::default(); n];
-        for (b, s) in basis.iter().zip(part) {
-            vector.iter_mut().zip(b).for_each(|(x, b)| *x += b * s);
-        }
-        let error = algebraic(full, value, &vector);
-        if error > CONVERGED * value.norm() || value.im < -error.max(1e-9 * value.norm()) {
-            continue;
-        }
-        // A real eigenvalue of a real matrix has no imaginary part beyond its error.
-        let real = value.im <= error.max(1e-9 * value.norm());
-        let im = if real { 0.0 } else { value.im };
-        let value = C::new(value.re, im);
-        modes.push(Mode { value, error });
-    }
-    Ok(modes)
+/// Arnoldi's process for (shift - L)^{-1}.
+struct Arnoldi<'a> {
+    inverse: Factored<'a>,
+    full: &'a Hierarchy,
+    shift: C,
+    basis: Vec<Vec<C>>,
+    /// Columns of the Hessenberg matrix, one for each solve.
+    columns: Vec<Vec<C>>,
 }
 
-/// |L x - lambda x| |x| / |J x . x|, J the reversal of v, with what rounding leaves of L.
+impl<'a> Arnoldi<'a> {
+    fn new(full: &'a Hierarchy, shift: C) -> Result<Self> {
+        // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
+        // eigenvector of 0, is left out.
+        let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
+        let mut first: Vec<C> = (0..full.len()).map(|k| C::new(golden(k), 0.0)).collect();
+        first[0] = C::default();
+        normalise(&mut first);
+        Ok(Self {
+            inverse: Factored::new(full, shift)?,
+            full,
+            shift,
+            basis: vec![first],
+            columns: Vec::new(),
+        })
+    }
+
+    fn size(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Adds at most `steps` vectors; whether the space can still grow.
+    fn extend(&mut self, steps: usize) -> Result<bool> {
+        for _ in 0..steps {
+            if self.basis.len() == self.size() || self.size() + 2 > self.full.len() {
+                return Ok(false);
+            }
+            let mut next = self.inverse.solve(&self.basis[self.size()])?;
+            let mut column = vec![C::default(); self.basis.len() + 1];
+            // Gram-Schmidt twice is enough (Parlett).
+            for _ in 0..2 {
+                for (overlap, vector) in column.iter_mut().zip(&self.basis) {
+                    let part: C = vector.iter().zip(&next).map(|(b, x)| b.conj() * x).sum();
+                    *overlap += part;
+                    let both = next.iter_mut().zip(vector);
+                    both.for_each(|(x, b)| *x -= part * b);
+                }
+            }
+            let norm = normalise(&mut next);
+            column[self.basis.len()] = C::new(norm, 0.0);
+            self.columns.push(column);
+            if norm > 1e-13 {
+                self.basis.push(next);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The converged eigenvalues, those of the upper half plane.
+    fn modes(&self) -> Result<Vec<Mode>> {
+        let size = self.size();
+        let entry = |(i, j): (usize, usize)| self.columns[j].get(i).copied().unwrap_or_default();
+        let (values, vectors) = eigen(&Array2::from_shape_fn((size, size), entry))?;
+        let last = entry((size, size - 1)).norm();
+        let mut modes = Vec::new();
+        for (theta, part) in values.iter().zip(vectors.columns()) {
+            let value = self.shift - theta.inv();
+            // The residual over theta: no vector is built for what has not converged.
+            let rough = part[size - 1].norm() * last / theta.norm();
+            if !value.is_finite() || rough > CONVERGED {
+                continue;
+            }
+            let mut vector = vec![C::default(); self.full.len()];
+            for (b, s) in self.basis.iter().zip(part) {
+                vector.iter_mut().zip(b).for_each(|(x, b)| *x += b * s);
+            }
+            let error = algebraic(self.full, value, &vector);
+            let nothing = error.max(1e-9 * value.norm());
+            if error > CONVERGED * value.norm() || value.im < -nothing {
+                continue;
+            }
+            // A real eigenvalue of a real matrix has no imaginary part beyond its error.
+            let im = if value.im <= nothing { 0.0 } else { value.im };
+            let value = C::new(value.re, im);
+            modes.push(Mode { value, error });
+        }
+        Ok(modes)
+    }
+}
+
+/// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding.
 fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
     let part = |of: fn(&C) -> f64| full.apply(&x.iter().map(of).collect::<Vec<_>>());
     let (re, im) = (part(|x| x.re), part(|x| x.im));
     let image = re.iter().zip(&im).map(|(re, im)| C::new(*re, *im));
     let residual: f64 = image.zip(x).map(|(y, x)| (y - value * x).norm_sqr()).sum();
     let norm: f64 = x.iter().map(C::norm_sqr).sum();
-    let rounding = ROUNDING * full.size() * norm.sqrt();
     let (even, odd) = x.split_at(full.even());
     let square = |x: &[C]| x.iter().map(|x| x * x).sum::<C>();
-    (residual.sqrt() + rounding) * norm.sqrt() / (square(even) - square(odd)).norm()
+    (residual * norm).sqrt() / (square(even) - square(odd)).norm() + ROUNDING * full.size()
 }
 
 fn normalise(x: &mut [C]) -> f64 {
