@@ -5,6 +5,7 @@ mod mesh_modes;
 
 use mesh_modes::slowest;
 use num_complex::Complex;
+use std::fmt::Write;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flux::Drift;
@@ -131,7 +132,7 @@ fn write_references() {
     let mut text = String::from("scene,re,im,error\n");
     for (scene, (law, zeta, h)) in thirty().into_iter().enumerate() {
         for (re, im, error) in reference(&law, zeta, h) {
-            text += &format!("{scene},{re:.14e},{im:.14e},{error:.1e}\n");
+            writeln!(text, "{scene},{re:.14e},{im:.14e},{error:.1e}").unwrap();
         }
         println!("{scene}");
     }

@@ -205,8 +205,8 @@ impl Hierarchy {
         let (even, odd) = x.split_at(self.even());
         let even = rows_of(even.to_vec(), self.across());
         let odd = rows_of(odd.to_vec(), self.inside());
-        let mut out = self.from_odd(&odd);
-        let mut below = self.from_even(&even);
+        let mut out = self.odd_to_even(&odd);
+        let mut below = self.even_to_odd(&even);
         for (n, mut row) in out.rows_mut().into_iter().enumerate() {
             let friction = -4.0 * self.zeta * n as f64;
             row.scaled_add(friction, &even.row(n));
@@ -220,7 +220,7 @@ impl Hierarchy {
 
     /// What transport carries from the odd n, one row each, into the even ones:
     /// sqrt(T) (sqrt(n) D^T o_{n-1} - sqrt(n+1) C^T o_{n+1}).
-    pub(super) fn from_odd(&self, odd: &Array2<f64>) -> Array2<f64> {
+    pub(super) fn odd_to_even(&self, odd: &Array2<f64>) -> Array2<f64> {
         let (c, d) = (odd.dot(&self.c), odd.dot(&self.d));
         let heat = self.temperature.sqrt();
         let mut out = Array2::zeros((self.pairs, self.across()));
@@ -235,7 +235,7 @@ impl Hierarchy {
     }
 
     /// The same from the even n into the odd ones: sqrt(T) (sqrt(n) C e_{n-1} - sqrt(n+1) D e_{n+1}).
-    pub(super) fn from_even(&self, even: &Array2<f64>) -> Array2<f64> {
+    pub(super) fn even_to_odd(&self, even: &Array2<f64>) -> Array2<f64> {
         let (c, d) = (even.dot(&self.c.t()), even.dot(&self.d.t()));
         let heat = self.temperature.sqrt();
         let mut out = Array2::zeros((self.pairs, self.inside()));

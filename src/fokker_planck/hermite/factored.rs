@@ -94,7 +94,7 @@ impl<'a> Factored<'a> {
             .enumerate()
             .map(|(at, x)| x / self.friction((2 * (at / inside) + 1) as f64))
             .collect();
-        let mut x: Vec<C> = both(&scaled, inside, |part| full.from_odd(part))
+        let mut x: Vec<C> = both(&scaled, inside, |part| full.odd_to_even(part))
             .zip(even)
             .map(|(carried, b)| carried + b)
             .collect();
@@ -126,7 +126,7 @@ impl<'a> Factored<'a> {
                 *x += factor * below;
             }
         }
-        let carried: Vec<C> = both(&x, across, |part| full.from_even(part)).collect();
+        let carried: Vec<C> = both(&x, across, |part| full.even_to_odd(part)).collect();
         x.extend(
             carried
                 .iter()
