@@ -276,8 +276,10 @@ fn of_the_paper(it: Estimate, records: f64, keys: &Keys) -> Estimate {
 /// Sum over the rows above whose path begins with `kind.` of (ours - paper)^2/s^2, with s^2 the variance of
 /// the paper's sample and of ours and that of rounding to the printed digits, a third of half a unit squared.
 /// Rows of one level come from the same sample; their correlation is left out. The error is that of our own
-/// sampling.
+/// sampling and of the standard errors.
 fn chi_square(above: &[Row], kind: &str) -> Option<Estimate> {
+    /// What a variance from the 300 batches of a long record is good to, sqrt(2/300) and a little.
+    const OF_VARIANCE: f64 = 0.1;
     let prefix = format!("{kind}.");
     let (mut sum, mut spread, mut count) = (0.0, 0.0, 0);
     for row in above
@@ -296,7 +298,7 @@ fn chi_square(above: &[Row], kind: &str) -> Option<Estimate> {
         sum += z * z;
         // Of `own`, which holds the paper's scatter too, this part is ours.
         let ours = own.powi(2) / (1.0 + MORE);
-        spread += 4.0 * z * z * ours / variance;
+        spread += 4.0 * z * z * ours / variance + (OF_VARIANCE * z * z).powi(2);
         count += 1;
     }
     (count > 0).then(|| Estimate::new(sum, spread.sqrt(), Origin::Sampling))
