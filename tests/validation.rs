@@ -88,6 +88,32 @@ fn a_changed_number_makes_the_page_stale() {
 }
 
 #[test]
+fn an_unknown_key_of_a_line_is_refused_with_file_line_and_key_before_anything_runs() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("unknown-key");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(
+        folder.join("scene.toml"),
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n",
+    )
+    .unwrap();
+    for (name, key) in [
+        ("computed: spectrum.peak h=8e-5 bilinear=1", "bilinear"),
+        (
+            "h=8e-5 oscillator.zetta=1: stationary.std_force",
+            "oscillator.zetta",
+        ),
+    ] {
+        let list = format!("name,value,tolerance,where,reason,because\n\n{name},,,peak,,\n");
+        fs::write(folder.join("paper.csv"), list).unwrap();
+        let message = Folder::read(&folder).unwrap_err().to_string();
+        println!("{message}");
+        for part in ["unknown-key/paper.csv line 3", key] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+}
+
+#[test]
 fn what_is_not_explained_has_words() {
     for row in readme::rows(&page()) {
         if row.verdict != "unexplained" {
