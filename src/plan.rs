@@ -134,7 +134,7 @@ const WELCH_AVERAGES: usize = 400;
 const WELCH_SEGMENTS: usize = 5;
 
 /// Seconds kept for the stages still to come, over those foreseen of them, which are within three of what it takes;
-/// at most half of what is left.
+/// at least a tenth of what is left, by which a stage may overrun its own limit, and at most half.
 const RESERVED: f64 = 3.0;
 
 /// Steps beyond which a scene is taken for a slip of the pen.
@@ -449,6 +449,16 @@ impl Plan {
         })
     }
 
+    /// Seconds of those left that are kept for the stages after this one.
+    fn reserved(&self, part: Part, left: f64) -> f64 {
+        let later = self.stages.iter().skip_while(|it| it.part != part).skip(1);
+        let seconds: Vec<f64> = later.map(|it| it.cost.seconds).collect();
+        if seconds.is_empty() || left <= 0.0 {
+            return 0.0;
+        }
+        (RESERVED * seconds.iter().sum::<f64>()).clamp(0.1 * left, 0.5 * left)
+    }
+
     /// Compute one part into `results`.
     #[allow(clippy::too_many_lines)] // One arm a part.
     fn compute(
@@ -464,10 +474,8 @@ impl Plan {
             ..
         } = &self.scene;
         let mut settings = self.settings.clone();
-        let later = self.stages.iter().skip_while(|it| it.part != part).skip(1);
-        let later: f64 = later.map(|it| it.cost.seconds).sum();
         let left = settings.max_seconds - results.run.wall_seconds;
-        settings.max_seconds = left - (RESERVED * later).min(0.5 * left);
+        settings.max_seconds = left - self.reserved(part, left);
         let max_seconds = settings.max_seconds;
         match part {
             Part::Stationary => {

@@ -9,7 +9,7 @@ use super::opening;
 use super::propagator::CHUNK;
 use super::refinement;
 use super::transient::SETTLED;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -53,17 +53,9 @@ pub fn cost(
         run(oscillator, initial, times, way, settings, (finer, 1.0))
     };
     let [first, last] = choice::guesses(way, oscillator, initial, times, settings)?;
-    // Cells that do not hold the scene are refined before anything runs, as the run itself does.
-    let mut first = first;
-    let fine = loop {
-        match size(first) {
-            Err(Error::Mesh { .. })
-                if settings.cells.is_none() && way != Way::FlowMap && first < MOST_FINER =>
-            {
-                first *= 1.25;
-            }
-            it => break it?,
-        }
+    let (first, fine) = match way {
+        Way::FlowMap => (first, size(first)?),
+        Way::Volumes(_) => choice::finer_until_held(settings, first, size)?,
     };
     // The coarse run that measures the error takes half of the fine one, and where the steps may have a part in
     // it another one tells.
@@ -81,9 +73,6 @@ pub fn cost(
     }
     Ok((cost, format!("{}; {reason}", way.name(drift))))
 }
-
-/// How many times finer than the first guess cells are tried before a scene is refused.
-const MOST_FINER: f64 = 1.9;
 
 /// Seconds a cell of one core: to trace a flow map and find its stencils, for a pass of the motion and the
 /// noise, and for the numbers of an output time.
