@@ -40,6 +40,10 @@ const AIM: f64 = 0.8;
 /// Longest step over the one before: the first is a guess that may be far too short.
 const GROWTH: f64 = 10.0;
 
+/// Steps to the next output time beyond which it is too far to land on: cutting what is left into so many equal steps
+/// would change each by a rounding, and with it its factorisation.
+const FAR: f64 = 1e6;
+
 /// A longer step is worth new factorisations from this factor on.
 const WORTH: f64 = 1.35;
 
@@ -130,7 +134,11 @@ impl March {
         while done < duration {
             let left = duration - done;
             let steps = (left / self.wanted * (1.0 - 1e-9)).ceil().max(1.0);
-            let mut dt = left / steps;
+            let mut dt = if steps > FAR {
+                self.wanted
+            } else {
+                left / steps
+            };
             // The same step to rounding is the same step: its factorisation is there.
             if (dt / self.last - 1.0).abs() < 1e-11 {
                 dt = self.last;
