@@ -137,6 +137,9 @@ const WELCH_SEGMENTS: usize = 5;
 /// at least a tenth of what is left, by which a stage may overrun its own limit, and at most half.
 const RESERVED: f64 = 3.0;
 
+/// A stage may begin after the limit of time if it is foreseen to end, RESERVED times, within so many times the limit.
+const OVERRUN: f64 = 1.3;
+
 /// Steps beyond which a scene is taken for a slip of the pen.
 const MOST_STEPS: u64 = 10_000_000_000;
 
@@ -474,7 +477,9 @@ impl Plan {
             ..
         } = &self.scene;
         let mut settings = self.settings.clone();
-        let left = settings.max_seconds - results.run.wall_seconds;
+        let own = self.stages.iter().find(|it| it.part == part);
+        let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
+        let left = (settings.max_seconds - results.run.wall_seconds).max(least);
         settings.max_seconds = left - self.reserved(part, left);
         let max_seconds = settings.max_seconds;
         match part {
@@ -693,7 +698,9 @@ impl Plan {
         for (k, stage) in self.stages.iter().enumerate() {
             let limit = self.scene.accuracy.max_seconds;
             results.run.wall_seconds = start.elapsed().as_secs_f64();
-            if results.run.wall_seconds > limit {
+            // What little is left to do is done: a stage before it may have overrun its part of the time.
+            let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
+            if results.run.wall_seconds > limit && end > OVERRUN * limit {
                 return Err(Error::Limit {
                     key: "accuracy.max_seconds",
                     limit: num(limit),
