@@ -1,7 +1,7 @@
 //! The choice of steps: as long as the error asked for allows, and landing on every output time.
 
 use super::Integrator;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fokker_planck::density::Density;
 
 /// What decides about the length of a step.
@@ -55,6 +55,8 @@ pub struct March {
     wanted: f64,
     /// The last step taken.
     last: f64,
+    /// Longest step whose systems may be solved.
+    solvable: f64,
     /// Steps since the error was looked at.
     unchecked: u32,
     /// What that look found: the error of a step, and what another step leaves of it.
@@ -81,6 +83,7 @@ impl March {
             scheme,
             choice,
             last: 0.0,
+            solvable: f64::INFINITY,
             unchecked: 0,
             seen: (0.0, 1.0),
             left: 0.0,
@@ -154,8 +157,28 @@ impl March {
         Ok(done)
     }
 
-    /// One step; false if it was taken back.
+    /// One step; false if it was taken back, for its error or because its system was too hard to solve: steps then
+    /// stay shorter than that.
     fn step(&mut self, density: &mut Density, dt: f64) -> Result<bool> {
+        self.before.clear();
+        match self.attempt(density, dt) {
+            Err(Error::Linear { .. })
+                if matches!(self.choice, Step::Error { .. }) && dt > 1e-3 * self.longest =>
+            {
+                if !self.before.is_empty() {
+                    density.cells_mut().copy_from_slice(&self.before);
+                }
+                self.solvable = 0.5 * dt;
+                self.wanted = self.solvable;
+                self.refused += 1;
+                self.last = 0.0;
+                Ok(false)
+            }
+            it => it,
+        }
+    }
+
+    fn attempt(&mut self, density: &mut Density, dt: f64) -> Result<bool> {
         let Step::Error {
             total,
             horizon,
@@ -171,7 +194,6 @@ impl March {
         let check =
             !self.scheme.chooses_accuracy() && (dt != self.last || self.unchecked >= UNCHECKED);
         if check {
-            self.before.clear();
             self.before.extend_from_slice(density.cells());
         }
         self.scheme.march(density.cells_mut(), dt, SHARP * steady)?;
@@ -187,7 +209,7 @@ impl March {
             // The error of one step over the step goes with its order.
             let order = f64::from(self.scheme.order());
             let factor = (AIM * allowed / error.max(1e-300)).powf(1.0 / order);
-            let ceiling = longest.min(self.scheme.longest_step());
+            let ceiling = longest.min(self.scheme.longest_step()).min(self.solvable);
             let smallest = 1e-12 * self.longest.max(dt);
             if (error > allowed || error.is_nan()) && dt > smallest {
                 density.cells_mut().copy_from_slice(&self.before);
