@@ -390,12 +390,12 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> std::result::Result<u8, St
 }
 
 fn stability(survey: &Survey) -> std::result::Result<(), Stop> {
-    let mut scenes = vibroimpact::stability::scenes();
-    scenes.retain(|it| survey.wants(it.name));
+    let mut scenes = vibroimpact::stability::scenes()?;
+    scenes.retain(|it| survey.wants(&it.name));
     let folder = survey.folder("stability")?;
     let bar = survey_bar(scenes.len());
     let rows = vibroimpact::stability::run(scenes.clone(), &|row| {
-        bar.set_message(row.name);
+        bar.set_message(row.name.clone());
         bar.inc(1);
     });
     bar.finish_and_clear();
@@ -406,7 +406,7 @@ fn stability(survey: &Survey) -> std::result::Result<(), Stop> {
     if dishonest == 0 {
         return Ok(());
     }
-    let message = format!("{dishonest} scenes failed without saying so");
+    let message = format!("{dishonest} scenes failed");
     Err(Stop::new(1, message, "see the table"))
 }
 

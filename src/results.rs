@@ -5,7 +5,7 @@ mod spectrum;
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
-use crate::estimate::{Estimate, Shortfall};
+use crate::estimate::{Estimate, Shortfall, Warning};
 use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Method, Steady, Transient};
 use crate::json::Json;
 use crate::moments::Moments;
@@ -246,7 +246,7 @@ pub struct RunRecord {
     /// Threads.
     pub threads: usize,
     /// What the user should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 impl Results {
@@ -277,7 +277,7 @@ impl Results {
     /// Notes what a stage did not reach of the tolerance, and with `warn` among the warnings too.
     pub(crate) fn fall_short(&mut self, stage: &'static str, it: Option<&Shortfall>, warn: bool) {
         if warn {
-            let warning = it.map(|it| format!("{stage}: {it}"));
+            let warning = it.map(|it| Warning::from(format!("{stage}: {it}")));
             self.run.warnings.extend(warning);
         }
         self.shortfalls.extend(it.map(|it| (stage, it.clone())));
@@ -635,13 +635,14 @@ impl RunRecord {
                 ("wall_seconds", Json::from(*seconds)),
             ])
         });
+        let warnings = self.warnings.iter().map(|it| it.text.clone());
         Json::object([
             ("wall_seconds", Json::from(self.wall_seconds)),
             ("stages", Json::List(stages.collect())),
             ("peak_memory_bytes", Json::from(self.peak_memory_bytes)),
             ("threads", Json::from(self.threads)),
             ("version", Json::from(env!("CARGO_PKG_VERSION"))),
-            ("warnings", Json::from(self.warnings.clone())),
+            ("warnings", Json::from(warnings.collect::<Vec<_>>())),
         ])
     }
 }

@@ -566,8 +566,11 @@ fn method(
     let (time, why_time) = match settings.time {
         Some(time) => (time, "the scene asks for this scheme in time".to_string()),
         None => {
-            let (mesh, _) = mesh(oscillator, initial, until, drift, settings, 1.0)?;
-            let generator = Generator::new(oscillator, &mesh, drift)?;
+            let on = |finer: f64| {
+                let (mesh, _) = mesh(oscillator, initial, until, drift, settings, finer)?;
+                Generator::new(oscillator, &mesh, drift)
+            };
+            let generator = finer_until_held(settings, 1.0, on)?.1;
             time_scheme(oscillator, &generator, settings, until)
         }
     };
@@ -576,6 +579,27 @@ fn method(
         Way::Volumes(time),
         format!("{beside}{why_drift}; {why_time}"),
     ))
+}
+
+/// How many times finer than the first guess cells are tried before a scene is refused.
+const MOST_FINER: f64 = 1.9;
+
+/// What `on` makes of cells `finer` times as fine as the first guess, or finer where those do not hold the scene and
+/// are not the scene's own; and how fine they were.
+pub(super) fn finer_until_held<T>(
+    settings: &Settings,
+    finer: f64,
+    on: impl Fn(f64) -> Result<T>,
+) -> Result<(f64, T)> {
+    let mut finer = finer;
+    loop {
+        match on(finer) {
+            Err(Error::Mesh { .. }) if settings.cells.is_none() && finer < MOST_FINER => {
+                finer *= 1.25;
+            }
+            it => return Ok((finer, it?)),
+        }
+    }
 }
 
 /// The propagator of a way on a mesh, its steps `longer` times as long as the tolerance asks.
@@ -716,7 +740,9 @@ pub fn march(
     let choice = if time == TimeScheme::BackwardEuler {
         Step::Fixed(euler_step(generator, settings))
     } else {
-        let longest = settings.step.unwrap_or(f64::INFINITY);
+        // Steps longer than the motion's memory resolve nothing, and the systems of implicit ones grow hard to solve.
+        let memory = oscillator.memory();
+        let longest = settings.step.unwrap_or(memory);
         // Two runs that begin with the same steps would not see what these do.
         let shorter = (settings.tolerance / 1e-3).cbrt().clamp(0.1, 1.0);
         Step::Error {

@@ -53,7 +53,10 @@ pub fn cost(
         run(oscillator, initial, times, way, settings, (finer, 1.0))
     };
     let [first, last] = choice::guesses(way, oscillator, initial, times, settings)?;
-    let fine = size(first)?;
+    let (first, fine) = match way {
+        Way::FlowMap => (first, size(first)?),
+        Way::Volumes(_) => choice::finer_until_held(settings, first, size)?,
+    };
     // The coarse run that measures the error takes half of the fine one, and where the steps may have a part in
     // it another one tells.
     let seconds = 1.8 * fine.seconds;
@@ -89,16 +92,28 @@ fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     }
 }
 
-/// The time at which a run comes so close to the stationary law that it stops: from a distance of 2, by the
-/// slowest of the linear oscillator's rates.
+/// The time at which a run has come so close to the stationary law that it stops, at the latest: from a distance of 2
+/// and the deviations between the initial condition and the law, by the slowest rate there may be. That is zeta, of
+/// the means under weak friction; 1/(2 zeta), of q under strong friction; and where contact can be lost 1/(8 zeta T),
+/// where the continuous spectrum begins.
 fn settled(oscillator: &Oscillator, initial: &Initial, settings: &Settings) -> f64 {
     if !oscillator.contact().is_confining() {
         return f64::INFINITY;
     }
-    if *initial == Initial::Stationary {
-        return 0.0;
+    let (zeta, temperature) = (oscillator.zeta(), oscillator.temperature());
+    let away = match initial {
+        Initial::Stationary => return 0.0,
+        Initial::Rest => 0.0,
+        Initial::Gaussian {
+            mean: [q, v],
+            deviation: [sq, sv],
+        } => (oscillator.energy(*q, *v) + sq * sq + sv * sv) / temperature,
+    };
+    let mut slowest = (1.0 / zeta).max(2.0 * zeta);
+    if oscillator.contact().loss_point().is_some() {
+        slowest = slowest.max(8.0 * zeta * temperature);
     }
-    (2.0 / (SETTLED * settings.tolerance)).ln() * oscillator.memory()
+    ((2.0 + away.max(0.0).sqrt()) / (SETTLED * settings.tolerance)).ln() * slowest
 }
 
 /// Stages of a Chebyshev series beyond its rate, which each output time asks for anew: those that bring its
@@ -132,10 +147,12 @@ pub(super) fn run(
     }
     // What is left of the run for the mesh.
     let from = opening.as_ref().map_or(0.0, |it| it.until);
-    // The first interval needs its maps, however soon the run stops.
-    let end = settled(oscillator, initial, settings)
-        .max(times.first().copied().unwrap_or(0.0))
-        .min(until);
+    // However soon the run settles, it looks after whole chunks only.
+    let chunk = match way {
+        Way::FlowMap => CHUNK * choice::flow_map_settings(oscillator, settings, longer)?.step,
+        Way::Volumes(_) => 0.0,
+    };
+    let end = (settled(oscillator, initial, settings) + chunk).min(until);
     let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
     let looks = times.len() as f64;
     times.retain(|t| *t <= end);
@@ -172,7 +189,9 @@ pub(super) fn run(
                     (steps, n * (2e-6 + 0.1e-6 * steps))
                 }
                 TimeScheme::Implicit => {
-                    let steps = (100.0 + until) / longer;
+                    // Under strong friction steps follow the slow relaxation of q, forty to 2 zeta.
+                    let pace = (20.0 / oscillator.zeta()).min(1.0);
+                    let steps = (100.0 + pace * until) / longer;
                     (steps, n * (50e-6 + 3e-6 * steps))
                 }
                 TimeScheme::Imex => {

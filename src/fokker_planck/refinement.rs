@@ -310,7 +310,11 @@ impl<'a> Refinement<'a> {
     fn pursue(&mut self, reason: String) -> Result<(Transient, Option<String>)> {
         let mut settings = self.task.settings.clone();
         // One step of a scheme may take longer than the limit: nobody would look at the clock.
-        let (seconds, _) = self.task.work(1.0, 1.0)?;
+        let seconds = match self.task.work(1.0, 1.0) {
+            // The first coarse run tries finer cells.
+            Err(error) if is_unfit(&error) && self.free[0] && self.task.way != Way::FlowMap => 0.0,
+            it => it?.0,
+        };
         let left = settings.max_seconds - self.task.started.elapsed().as_secs_f64();
         if seconds > UNTHINKABLE * left {
             return Err(Error::Limit {

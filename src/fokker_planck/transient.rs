@@ -13,7 +13,7 @@ use super::opening::{Loss, Opening};
 use super::propagator::Propagator;
 use super::refinement;
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -609,7 +609,7 @@ impl Task<'_> {
         let (worst, k, i) = bars.worst(&fine);
         let tolerance = self.settings.tolerance;
         let shortfall = (worst > tolerance || worst.is_nan()).then(|| Shortfall {
-            number: format!("{} at t = {}", moments[k].named()[i].0, fine.outputs[k].t),
+            number: name_at(moments[k].named()[i].0, fine.outputs[k].t),
             ratio: worst / tolerance,
             tolerance,
             free,

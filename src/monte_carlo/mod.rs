@@ -44,7 +44,7 @@ mod series;
 mod signal;
 mod statistics;
 
-pub use ensemble::{Densities, EnsembleResult, run};
+pub use ensemble::{Densities, EnsembleResult, companion, run, run_with_bias};
 pub use events::Crossings;
 pub use first_loss::{FirstLossResult, first_loss, first_loss_scheme_and_step};
 pub use histogram::Histogram;
@@ -53,6 +53,7 @@ pub use scheme::Scheme;
 pub use series::{SeriesSettings, SeriesSize, series, series_size};
 
 use crate::error::{Error, Result, positive};
+use crate::estimate::name_at;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -89,6 +90,18 @@ impl Default for EnsembleSettings {
             max_seconds: f64::INFINITY,
         }
     }
+}
+
+/// The names of all moments at these times, as a warning that their errors are not known lists them.
+fn unknown(prefix: &str, times: &[Option<f64>]) -> Vec<String> {
+    let names = crate::moments::Moments::default().named().map(|it| it.0);
+    let at = |t: &Option<f64>| {
+        names.map(|name| {
+            let name = format!("{prefix}.{name}");
+            t.map_or(name.clone(), |t| name_at(&name, t))
+        })
+    };
+    times.iter().flat_map(at).collect()
 }
 
 /// Most cosines of a noise: the cost of a step is in proportion to them.

@@ -684,7 +684,7 @@ fn foot(table: &mut Table, results: &Results) {
         table.paragraph("TOLERANCE NOT REACHED: ", &text);
     }
     for warning in &run.warnings {
-        table.paragraph("warning: ", warning);
+        table.paragraph("warning: ", &warning.text);
     }
 }
 
