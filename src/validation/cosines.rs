@@ -45,14 +45,14 @@ impl Default for Procedure {
     }
 }
 
-/// E[N], E[N^2] and E[N^3] over each of several draws.
+/// The means of N, N^2 and N^3 over each of several draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Draws {
     /// One for each draw.
     pub raw: Vec<[f64; 3]>,
 }
 
-/// Mean, deviation and skewness from E[N], E[N^2] and E[N^3].
+/// Mean, deviation and skewness from the means of N, N^2 and N^3.
 fn statistics([m1, m2, m3]: [f64; 3]) -> [f64; 3] {
     let variance = m2 - m1 * m1;
     let third = m3 - 3.0 * m1 * m2 + 2.0 * m1.powi(3);

@@ -168,7 +168,7 @@ impl<'a> Evidence<'a> {
     /// - `spectrum.* KEYS`: see [`super::spectra`]; `law` is `hertz` or `bilinear`;
     /// - `density.worst LABEL`: the largest distance between the sampled and the closed p_N over the bins,
     ///   in standard errors, and `density.chi_square LABEL`: the mean of its squares;
-    /// - `chi-square.of KIND`: see [`chi_square`].
+    /// - `chi-square.of KIND`: over those rows, the sum of squares of (ours - paper) over one standard error.
     ///
     /// # Errors
     /// [`Error::Invalid`] for any other name.
