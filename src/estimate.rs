@@ -108,6 +108,40 @@ impl fmt::Display for Shortfall {
     }
 }
 
+/// What a reader of the numbers should know.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Warning {
+    /// In words; the string that stands in results.json.
+    pub text: String,
+    /// The numbers whose error is not known, by their stage, name and time: `monte_carlo.var_q at t = 20`, the
+    /// transient's without a stage. Every other number is as well known as its error says.
+    pub unknown: Vec<String>,
+}
+
+impl From<String> for Warning {
+    fn from(text: String) -> Self {
+        Self {
+            text,
+            unknown: Vec::new(),
+        }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// A number's name with its time, as warnings and tables write it.
+pub fn name_at(name: &str, t: f64) -> String {
+    if t != 0.0 && t.abs() < 1e-4 {
+        format!("{name} at t = {t:e}")
+    } else {
+        format!("{name} at t = {t}")
+    }
+}
+
 /// Prints the error with two significant digits and the value to the digit where the error starts.
 impl fmt::Display for Estimate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

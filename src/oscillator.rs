@@ -81,6 +81,15 @@ impl Oscillator {
         std::f64::consts::PI * self.h
     }
 
+    /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
+    /// force out of contact (1 for the built-in laws). None for a contact that is never lost. Where no eigenvalue lies
+    /// above it, distances to the stationary law fall as t^{-3/2} e^{-f^2 t/(8 zeta T)}.
+    pub fn continuous_from(&self) -> Option<f64> {
+        let loss = self.contact.loss_point()?;
+        let force = self.contact.force(loss - 1.0);
+        Some(-force * force / (8.0 * self.zeta * self.temperature()))
+    }
+
     /// H = v^2/2 + U(q).
     pub fn energy(&self, q: f64, v: f64) -> f64 {
         0.5 * v * v + self.contact.potential(q)

@@ -2,6 +2,7 @@
 //! before anything runs.
 
 use crate::error::{Error, Result};
+use crate::estimate::Warning;
 use crate::fokker_planck::{self, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState};
 use crate::initial::Initial;
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
@@ -141,6 +142,13 @@ impl Watch for Nobody {}
 const WELCH_SAMPLES: usize = 2048;
 const WELCH_AVERAGES: usize = 400;
 const WELCH_SEGMENTS: usize = 5;
+
+/// Seconds kept for the stages still to come, over those foreseen of them, which are within three of what it takes;
+/// at least a tenth of what is left, by which a stage may overrun its own limit, and at most half.
+const RESERVED: f64 = 3.0;
+
+/// A stage may begin after the limit of time if it is foreseen to end, RESERVED times, within so many times the limit.
+const OVERRUN: f64 = 1.3;
 
 /// Steps beyond which a scene is taken for a slip of the pen.
 const MOST_STEPS: u64 = 10_000_000_000;
@@ -307,7 +315,8 @@ impl Plan {
             }
             Part::MonteCarlo => {
                 let until = self.scene.outputs.moments_at.last();
-                return self.ensemble_cost(until, monte_carlo::scheme_and_step);
+                let cost = self.ensemble_cost(until, monte_carlo::scheme_and_step)?;
+                return self.with_companion(cost);
             }
             Part::FirstLossPaths => {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
@@ -342,7 +351,7 @@ impl Plan {
                 self.recipes.steady = Some(recipe);
                 cost
             }
-            Part::DecayRates => fokker_planck::decay_rates_cost(oscillator, &self.settings)?,
+            Part::DecayRates => fokker_planck::decay_rates_cost(&self.settings),
         };
         Ok(Cost::on_mesh(it, method))
     }
@@ -368,6 +377,26 @@ impl Plan {
             memory_bytes: (threads * 1e6) as u64,
             seconds: step_seconds(scheme, settings.noise) * settings.paths as f64 * steps / threads,
         })
+    }
+
+    /// The cost of an ensemble with that of the one that shows the bias of its step, if there is one.
+    fn with_companion(&self, mut cost: Cost) -> Result<Cost> {
+        let Scene {
+            oscillator,
+            initial,
+            outputs,
+            ..
+        } = &self.scene;
+        let settings = self.ensemble_settings().unwrap_or_default();
+        let times = outputs.moments_at.list();
+        if let Some(it) = monte_carlo::companion(oscillator, initial, &times, &settings)? {
+            let (scheme, step) = monte_carlo::scheme_and_step(oscillator, initial, &it)?;
+            let steps = (outputs.moments_at.last() / step).ceil();
+            let threads = rayon::current_num_threads() as f64;
+            cost.seconds += step_seconds(scheme, it.noise) * it.paths as f64 * steps / threads;
+            cost.method += &format!("; as many by {scheme}, step {}, for its bias", short(step));
+        }
+        Ok(cost)
     }
 
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
@@ -438,6 +467,16 @@ impl Plan {
         })
     }
 
+    /// Seconds of those left that are kept for the stages after this one.
+    fn reserved(&self, part: Part, left: f64) -> f64 {
+        let later = self.stages.iter().skip_while(|it| it.part != part).skip(1);
+        let seconds: Vec<f64> = later.map(|it| it.cost.seconds).collect();
+        if seconds.is_empty() || left <= 0.0 {
+            return 0.0;
+        }
+        (RESERVED * seconds.iter().sum::<f64>()).clamp(0.1 * left, 0.5 * left)
+    }
+
     /// Compute one part into `results`.
     #[allow(clippy::too_many_lines)] // One arm a part.
     fn compute(
@@ -453,7 +492,10 @@ impl Plan {
             ..
         } = &self.scene;
         let mut settings = self.settings.clone();
-        settings.max_seconds -= results.run.wall_seconds;
+        let own = self.stages.iter().find(|it| it.part == part);
+        let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
+        let left = (settings.max_seconds - results.run.wall_seconds).max(least);
+        settings.max_seconds = left - self.reserved(part, left);
         let max_seconds = settings.max_seconds;
         let limits = Limits::from_now(max_seconds, settings.max_memory);
         match part {
@@ -499,7 +541,8 @@ impl Plan {
                 let (problem, times) = ((oscillator, initial), self.times());
                 let mut it = recipe.solve(problem, (&times, &density_at), limits, progress)?;
                 keep_times(&mut it, &moments_at);
-                results.run.warnings.extend(it.warnings.iter().cloned());
+                let warnings = it.warnings.iter().cloned();
+                results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.transient = Some(it);
             }
@@ -508,14 +551,15 @@ impl Plan {
                     return Ok(());
                 };
                 let it = recipe.solve(oscillator, settings.max_memory)?;
-                results.run.warnings.extend(it.warnings.iter().cloned());
+                let warnings = it.warnings.iter().cloned();
+                results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
             }
             Part::DecayRates => {
                 let it = fokker_planck::decay_rates(oscillator, outputs.decay_rates, &settings)?;
-                results.decay_rates = Some(it.rates);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                results.decay_rates = Some(it);
             }
             Part::Spectrum => self.compute_spectrum(limits, results, progress)?,
             Part::Series => {
@@ -531,7 +575,9 @@ impl Plan {
                 if let Some(mut settings) = self.ensemble_settings() {
                     settings.max_seconds = max_seconds;
                     let times = outputs.moments_at.list();
-                    let it = monte_carlo::run(oscillator, initial, &times, &settings, progress)?;
+                    let it = monte_carlo::run_with_bias(
+                        oscillator, initial, &times, &settings, progress,
+                    )?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.monte_carlo = Some(it);
                     results.agreement = results.agree();
@@ -544,11 +590,12 @@ impl Plan {
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     let losses = it.crossings.as_ref().map(|it| it.losses);
                     if outputs.crossings.is_some() && losses == Some(0) {
-                        results.run.warnings.push(format!(
+                        let warning = format!(
                             "the records saw no loss of contact in a time of {:.1e}: its rate is known \
                              from the closed form alone",
                             it.duration
-                        ));
+                        );
+                        results.run.warnings.push(warning.into());
                     }
                     results.records = Some(it);
                     results.agreement = results.agree();
@@ -668,7 +715,9 @@ impl Plan {
         for (k, stage) in self.stages.iter().enumerate() {
             let limit = self.scene.accuracy.max_seconds;
             results.run.wall_seconds = start.elapsed().as_secs_f64();
-            if results.run.wall_seconds > limit {
+            // What little is left to do is done: a stage before it may have overrun its part of the time.
+            let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
+            if results.run.wall_seconds > limit && end > OVERRUN * limit {
                 return Err(Error::Limit {
                     key: "accuracy.max_seconds",
                     limit: num(limit),
@@ -708,7 +757,7 @@ impl Plan {
                 watch.ends(part, &results)?;
             } else {
                 let warning = format!("unfinished: {} had not ended yet", open.join(", "));
-                results.run.warnings.push(warning);
+                results.run.warnings.push(warning.into());
                 watch.ends(part, &results)?;
                 results.run.warnings.pop();
             }

@@ -7,8 +7,8 @@ use curve::curve;
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
-use crate::estimate::{Estimate, Shortfall};
-use crate::fokker_planck::{DecayRate, FirstLoss, FlightLaw, Method, Steady, Transient};
+use crate::estimate::{Estimate, Shortfall, Warning};
+use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Method, Steady, Transient};
 use crate::json::Json;
 use crate::moments::Moments;
 use crate::monte_carlo::{
@@ -38,7 +38,7 @@ pub struct Results {
     /// Its steady state on the mesh.
     pub steady: Option<Steady>,
     /// The slowest eigenvalues of L.
-    pub decay_rates: Option<Vec<DecayRate>>,
+    pub decay_rates: Option<DecayRates>,
     /// The spectrum, from the resolvent and by sampling.
     pub spectrum: Option<SpectrumNumbers>,
     /// The transient by sampling.
@@ -248,7 +248,7 @@ pub struct RunRecord {
     /// Threads.
     pub threads: usize,
     /// What the user should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 impl Results {
@@ -279,7 +279,7 @@ impl Results {
     /// Notes what a stage did not reach of the tolerance, and with `warn` among the warnings too.
     pub(crate) fn fall_short(&mut self, stage: &'static str, it: Option<&Shortfall>, warn: bool) {
         if warn {
-            let warning = it.map(|it| format!("{stage}: {it}"));
+            let warning = it.map(|it| Warning::from(format!("{stage}: {it}")));
             self.run.warnings.extend(warning);
         }
         self.shortfalls.extend(it.map(|it| (stage, it.clone())));
@@ -331,8 +331,8 @@ impl Results {
             ];
             all.push("steady", Json::object(pairs));
         }
-        if let Some(rates) = &self.decay_rates {
-            let rates = rates.iter().map(|rate| {
+        if let Some(it) = &self.decay_rates {
+            let rates = it.rates.iter().map(|rate| {
                 Json::object([
                     ("re", Json::from(rate.re)),
                     ("im", Json::from(rate.im)),
@@ -340,6 +340,10 @@ impl Results {
                 ])
             });
             all.push("decay_rates", Json::List(rates.collect()));
+            all.push(
+                "continuous_from",
+                it.continuous_from.map_or(Json::Null, Json::from),
+            );
         }
         if let Some(it) = &self.spectrum {
             all.push("spectrum", it.json());
@@ -633,13 +637,14 @@ impl RunRecord {
                 ("wall_seconds", Json::from(*seconds)),
             ])
         });
+        let warnings = self.warnings.iter().map(|it| it.text.clone());
         Json::object([
             ("wall_seconds", Json::from(self.wall_seconds)),
             ("stages", Json::List(stages.collect())),
             ("peak_memory_bytes", Json::from(self.peak_memory_bytes)),
             ("threads", Json::from(self.threads)),
             ("version", Json::from(env!("CARGO_PKG_VERSION"))),
-            ("warnings", Json::from(self.warnings.clone())),
+            ("warnings", Json::from(warnings.collect::<Vec<_>>())),
         ])
     }
 }

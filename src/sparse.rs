@@ -7,6 +7,7 @@
 use crate::error::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::perm::PermRef;
 use faer::sparse::linalg::lu::{
     LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
 };
@@ -235,45 +236,77 @@ pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
     Ok((values, vectors))
 }
 
-/// X of A X = B for a dense complex A and real columns B, by LU with partial pivoting.
-///
-/// # Errors
-/// [`Error::Linear`] for shapes that do not fit or a solution that is not finite.
-pub fn solve_dense(a: &Array2<Complex<f64>>, b: &Array2<f64>) -> Result<Array2<Complex<f64>>> {
-    let fail = |what: String| Error::Linear {
-        stage: "dense LU",
-        what,
-    };
-    let (n, columns) = b.dim();
-    if a.dim() != (n, n) || n == 0 {
-        let (m, k) = a.dim();
-        return Err(fail(format!(
-            "a {m} x {k} matrix with right-hand sides of length {n}"
-        )));
+/// LU of a dense complex matrix by partial pivoting: one factorisation, any number of right-hand sides.
+pub(crate) struct DenseLu {
+    factors: Mat<Complex<f64>>,
+    forward: Vec<usize>,
+    backward: Vec<usize>,
+}
+
+impl DenseLu {
+    /// Factors a square matrix. One thread: whoever has many matrices shares them out.
+    ///
+    /// # Errors
+    /// [`Error::Linear`] for a matrix that is empty, not square or not finite. A singular one shows in
+    /// the solution.
+    pub(crate) fn factor(matrix: &Array2<Complex<f64>>) -> Result<Self> {
+        let (m, n) = matrix.dim();
+        if m != n || n == 0 || !matrix.iter().all(|x| x.is_finite()) {
+            return Err(Error::Linear {
+                stage: "dense LU",
+                what: format!("a {m} x {n} matrix, expected square and finite"),
+            });
+        }
+        let mut factors = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
+        let (mut forward, mut backward) = (vec![0usize; n], vec![0usize; n]);
+        let scratch =
+            factor::lu_in_place_scratch::<usize, Complex<f64>>(n, n, Par::Seq, Spec::default());
+        let mut memory = MemBuffer::new(scratch);
+        factor::lu_in_place(
+            factors.as_mut(),
+            &mut forward,
+            &mut backward,
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Spec::default(),
+        );
+        Ok(Self {
+            factors,
+            forward,
+            backward,
+        })
     }
-    let mut lu = Mat::from_fn(n, n, |i, j| a[[i, j]]);
-    let mut x = Mat::from_fn(n, columns, |i, j| Complex::new(b[[i, j]], 0.0));
-    let (mut forward, mut backward) = (vec![0usize; n], vec![0usize; n]);
-    // One thread: whoever has many matrices shares them out.
-    let par = Par::Seq;
-    let factoring = factor::lu_in_place_scratch::<usize, Complex<f64>>(n, n, par, Spec::default());
-    let solving = solve::solve_in_place_scratch::<usize, Complex<f64>>(n, columns, par);
-    let mut memory = MemBuffer::new(factoring.or(solving));
-    let memory = MemStack::new(&mut memory);
-    let (_, order) = factor::lu_in_place(
-        lu.as_mut(),
-        &mut forward,
-        &mut backward,
-        par,
-        memory,
-        Spec::default(),
-    );
-    solve::solve_in_place(lu.as_ref(), lu.as_ref(), order, x.as_mut(), par, memory);
-    let x = Array2::from_shape_fn((n, columns), |(i, j)| x[(i, j)]);
-    if x.iter().all(|x| x.is_finite()) {
-        Ok(x)
-    } else {
-        Err(fail("a singular matrix".into()))
+
+    /// Overwrites the columns in `x`, one after the other, with the solutions.
+    ///
+    /// # Errors
+    /// [`Error::Linear`] for a length that is not a number of columns, or a solution that is not finite.
+    pub(crate) fn solve(&self, x: &mut [Complex<f64>]) -> Result<()> {
+        let n = self.forward.len();
+        let fail = |what: String| Error::Linear {
+            stage: "dense LU",
+            what,
+        };
+        if !x.len().is_multiple_of(n) {
+            let what = format!("right-hand sides of {} for a matrix of {n}", x.len());
+            return Err(fail(what));
+        }
+        let columns = x.len() / n;
+        let scratch = solve::solve_in_place_scratch::<usize, Complex<f64>>(n, columns, Par::Seq);
+        let mut memory = MemBuffer::new(scratch);
+        solve::solve_in_place(
+            self.factors.as_ref(),
+            self.factors.as_ref(),
+            PermRef::new_checked(&self.forward, &self.backward, n),
+            MatMut::from_column_major_slice_mut(x, n, columns),
+            Par::Seq,
+            MemStack::new(&mut memory),
+        );
+        if x.iter().all(|x| x.is_finite()) {
+            Ok(())
+        } else {
+            Err(fail("a singular matrix".into()))
+        }
     }
 }
 

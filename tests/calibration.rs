@@ -1,8 +1,6 @@
 //! Error bars are true: the program's own calibration on some of its scenes.
 
-use vibroimpact::precision::calibration::{
-    Calibration, End, MOST_MEDIAN, MOST_TOO_SMALL, TOLERANCES,
-};
+use vibroimpact::precision::calibration::{Calibration, End, TOLERANCES};
 use vibroimpact::precision::truths::{Case, cases};
 
 /// Every contact law, zeta from 4e-4 to 5, T from 1.7e-4 to 7; from rest, from Gaussians narrow, wide and
@@ -27,8 +25,7 @@ fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the
     for it in calibration.verdicts() {
         let tolerance = it.tolerance;
         assert!(it.numbers > 100, "{tolerance}: {} numbers", it.numbers);
-        assert!(it.share() <= MOST_TOO_SMALL, "{tolerance}: {}", it.share());
-        assert_eq!(it.unsaid, 0, "{tolerance}");
-        assert!(it.median <= MOST_MEDIAN, "{tolerance}: {}", it.median);
     }
+    let missed = calibration.missed();
+    assert!(missed.is_empty(), "{missed:?}");
 }

@@ -1,5 +1,8 @@
 //! What every scheme keeps exactly: mass, the stationary law, the sign of the entropy's change.
 
+mod mesh_modes;
+
+use mesh_modes::slowest;
 use sprs::CsMat;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::density::Density;
@@ -8,7 +11,6 @@ use vibroimpact::fokker_planck::flux::{Drift, MassFlux, Measure, maxwell};
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::march::{BackwardEuler, RungeKutta4};
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::modes::slowest;
 use vibroimpact::fokker_planck::steady::null_vector;
 use vibroimpact::fokker_planck::{Settings, steady};
 use vibroimpact::initial::Initial;

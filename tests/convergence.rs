@@ -7,9 +7,8 @@ use vibroimpact::fokker_planck::flux::Drift;
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::march::RungeKutta4;
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::modes::slowest;
 use vibroimpact::fokker_planck::observables::Observables;
-use vibroimpact::fokker_planck::{Settings, decay_rates, transient};
+use vibroimpact::fokker_planck::{Settings, transient};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moments, RawMoments};
@@ -454,79 +453,6 @@ fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
         for (a, b) in energies[0].iter().zip(energies[1]) {
             assert!((a - b).abs() < 1e-4 * a.abs().max(1.0), "{energies:?}");
         }
-    }
-}
-
-#[test]
-fn decay_rates_agree_with_theory_and_between_meshes_and_boxes() {
-    let rates = |contact, h: f64, settings: &Settings| {
-        decay_rates(&Oscillator::new(contact, 0.005, h).unwrap(), 6, settings)
-            .unwrap()
-            .rates
-    };
-    let auto = Settings::default();
-    let hertz = rates(ContactLaw::Hertz, 2e-3, &auto);
-    for rate in &hertz {
-        println!(
-            "h = 2e-3: {:.6} {:+.6}i ± {:.0e}",
-            rate.re, rate.im, rate.error
-        );
-    }
-    assert!((hertz[0].re + 0.008834).abs() < 5e-7 && hertz[0].im == 0.0);
-    assert!((hertz[1].re + 0.017142).abs() < 2e-6 && hertz[1].im == 0.0);
-    let finer = Settings {
-        cells: Some([150, 110]),
-        drift: Some(Drift::Order6),
-        ..auto.clone()
-    };
-    let again = rates(ContactLaw::Hertz, 2e-3, &finer);
-    for (a, b) in hertz.iter().zip(&again).take(2) {
-        assert!((a.re - b.re).abs() < 1e-4 * a.re.abs(), "{a:?} {b:?}");
-    }
-    // Upwind's own slowest real mode: its numerical diffusion, ten times too fast.
-    let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
-    let domain = Domain::closed(&it, &Initial::Stationary, 1e-8).unwrap();
-    let case = Case::new(&it, &Initial::Stationary, &domain, Drift::Upwind, [120, 72]);
-    let shift = num_complex::Complex::new(1e-3, 0.0);
-    let upwind = slowest(&case.generator, &[shift], 20).unwrap();
-    let upwind = upwind.iter().find(|rate| rate.im == 0.0).unwrap();
-    println!(
-        "upwind on 120 x 72: {:.4} instead of {:.6}",
-        upwind.re, hertz[0].re
-    );
-    assert!(upwind.re < 8.0 * hertz[0].re);
-    // The complex slowest modes of the weakly nonlinear levels.
-    for (h, re, im) in [
-        (3e-6, -0.00500, 1.000),
-        (8e-5, -0.0052, 0.998),
-        (5e-4, -0.0089, 0.991),
-    ] {
-        let slowest = rates(ContactLaw::Hertz, h, &auto)[0];
-        println!(
-            "h = {h}: {:.6} {:+.6}i ± {:.0e}",
-            slowest.re, slowest.im, slowest.error
-        );
-        assert!(
-            (slowest.re - re).abs() < 6e-5 && (slowest.im.abs() - im).abs() < 6e-4,
-            "{slowest:?}"
-        );
-    }
-    // G = q: -zeta (m + n) ± i sqrt(1 - zeta^2) (m - n).
-    let w = (1.0f64 - 0.005 * 0.005).sqrt();
-    let exact = [
-        (-0.005, w),
-        (-0.005, -w),
-        (-0.01, 2.0 * w),
-        (-0.01, -2.0 * w),
-        (-0.01, 0.0),
-    ];
-    let linear = rates(ContactLaw::Linear, 2e-3, &auto);
-    for (re, im) in exact {
-        let nearest = linear
-            .iter()
-            .map(|r| (r.re - re).hypot(r.im - im))
-            .fold(f64::INFINITY, f64::min);
-        assert!(nearest < 1e-6, "{re} {im}: {nearest:e}");
     }
 }
 

@@ -1040,7 +1040,7 @@ fn numpy_reads_every_array() {
 #[test]
 fn decay_rates_are_listed_slowest_first_without_the_stationary_one() {
     let room = room("rates");
-    let scene = "[oscillator]\nzeta = 0.5\nh = 0.2\n[outputs]\ndecay_rates = 3\n";
+    let scene = "[oscillator]\nzeta = 0.05\nh = 0.02\n[outputs]\ndecay_rates = 3\n";
     fs::write(room.join("rates.toml"), scene).unwrap();
     expect(0, &room, &["run", "rates.toml", "-q"]);
     let all = results(&room.join("results/rates"));
@@ -1048,11 +1048,29 @@ fn decay_rates_are_listed_slowest_first_without_the_stationary_one() {
     assert_eq!(rates.len(), 3);
     let re = |k: usize| rates[k]["re"].as_f64().unwrap();
     assert!(re(0) < -1e-3 && re(0) >= re(1) && re(1) >= re(2));
+    // -1/(8 zeta T), T = pi h/(2 zeta).
+    let edge = all["continuous_from"].as_f64().unwrap();
+    assert!((edge + 1.0 / (4.0 * std::f64::consts::PI * 0.02)).abs() < 1e-12);
     for rate in rates {
-        assert!(rate["im"].is_f64());
+        assert!(rate["im"].as_f64().unwrap() >= 0.0);
         let error = rate["error"].as_f64().unwrap();
         assert!(error > 0.0 && error < 1e-2, "{rate}");
     }
+}
+
+#[test]
+fn where_flights_decay_slowest_no_rate_is_printed_but_the_edge_is() {
+    let room = room("continuum");
+    let scene = "[oscillator]\nzeta = 0.9\nh = 0.36\n[initial]\nkind = \"rest\"\n[outputs]\n\
+                 decay_rates = 3\nmoments_at = { every = 2, until = 20 }\n";
+    fs::write(room.join("continuum.toml"), scene).unwrap();
+    let (shown, _) = expect(0, &room, &["run", "continuum.toml"]);
+    let all = results(&room.join("results/continuum"));
+    assert_eq!(all["decay_rates"].as_array().unwrap().len(), 0);
+    assert!((all["continuous_from"].as_f64().unwrap() + 0.2210).abs() < 1e-4);
+    assert!(shown.contains("continuous from -0.2210 on"), "{shown}");
+    let picture = fs::read_to_string(room.join("results/continuum/approach.svg")).unwrap();
+    assert!(picture.contains("exp(\u{2212}0.2210"));
 }
 
 #[test]

@@ -88,6 +88,32 @@ fn a_changed_number_makes_the_page_stale() {
 }
 
 #[test]
+fn an_unknown_key_of_a_line_is_refused_with_file_line_and_key_before_anything_runs() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("unknown-key");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(
+        folder.join("scene.toml"),
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n",
+    )
+    .unwrap();
+    for (name, key) in [
+        ("computed: spectrum.peak h=8e-5 bilinear=1", "bilinear"),
+        (
+            "h=8e-5 oscillator.zetta=1: stationary.std_force",
+            "oscillator.zetta",
+        ),
+    ] {
+        let list = format!("name,value,tolerance,where,reason,because\n\n{name},,,peak,,\n");
+        fs::write(folder.join("paper.csv"), list).unwrap();
+        let message = Folder::read(&folder).unwrap_err().to_string();
+        println!("{message}");
+        for part in ["unknown-key/paper.csv line 3", key] {
+            assert!(message.contains(part), "{message}");
+        }
+    }
+}
+
+#[test]
 fn what_is_not_explained_has_words() {
     for row in readme::rows(&page()) {
         if row.verdict != "unexplained" {
@@ -105,6 +131,66 @@ fn what_is_not_explained_has_words() {
             row.name
         );
     }
+}
+
+/// `table-3` as `Table 3`, `section-4.1` as `section 4.1`.
+fn in_words(folder: &str) -> String {
+    folder.replace("table-", "Table ").replace('-', " ")
+}
+
+#[test]
+fn the_readme_says_how_many_numbers_are_unexplained_and_where() {
+    let rows = readme::rows(&page());
+    let mut places: Vec<(String, usize)> = Vec::new();
+    for row in rows.iter().filter(|row| row.verdict == "unexplained") {
+        match places.iter_mut().find(|(folder, _)| *folder == row.folder) {
+            Some((_, count)) => *count += 1,
+            None => places.push((row.folder.clone(), 1)),
+        }
+    }
+    let total: usize = places.iter().map(|(_, count)| count).sum();
+    let list: Vec<String> = places
+        .iter()
+        .map(|(folder, count)| format!("{count} of {}", in_words(folder)))
+        .collect();
+    let sentence = format!(
+        "Of {} numbers, {total} stay unexplained: {}.",
+        rows.len(),
+        list.join(", ")
+    );
+    println!("{sentence}");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md");
+    let text = fs::read_to_string(path).unwrap();
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        text.contains(&sentence),
+        "README.md does not say: {sentence}"
+    );
+}
+
+#[test]
+fn a_bracket_stands_where_the_legend_says_one_does() {
+    let page = page();
+    let rows = page.lines().filter(|line| line.starts_with("| `"));
+    let mut seen = 0;
+    for line in rows {
+        let verdict = line.trim_end_matches(" |").rsplit(" | ").next().unwrap();
+        let words = verdict.split([':', '(']).next().unwrap();
+        let bracket = verdict[words.len()..].starts_with('(');
+        match words.trim().trim_matches('*') {
+            "explained" | "possibly explained" | "fitted" | "agrees" => assert!(bracket, "{line}"),
+            "within the printed digits" | "within the printed bound" | "ours alone" => {
+                assert!(!bracket, "{line}");
+            }
+            _ => {}
+        }
+        // What the words promise is there.
+        if verdict.contains("number in brackets") {
+            assert!(bracket, "{line}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 0);
 }
 
 #[test]

@@ -141,8 +141,6 @@ pub enum Factors {
     Real,
     /// A real and a complex one: Radau IIA.
     Both,
-    /// A complex one for each of two shifts: eigenvalues.
-    Shifts,
 }
 
 impl Factors {
@@ -182,7 +180,6 @@ pub fn memory(cells: [usize; 2], drift: Drift, factors: Factors) -> u64 {
         Factors::Real => entries * real,
         Factors::Both if count > DIRECT as u64 => FIVE * (real + complex) + VECTORS,
         Factors::Both => entries * (real + complex),
-        Factors::Shifts => 2 * entries * complex,
     };
     count.saturating_mul(12 * 8 + per_cell)
 }

@@ -16,13 +16,13 @@
 //! the loss of contact, so the kink of G costs nothing; convergence is faster than any power of the
 //! number of functions, and nearly so of elements.
 
+mod factored;
+
+pub(super) use factored::Factored;
+
 use crate::error::{Error, Result};
 use crate::oscillator::{Oscillator, Quantity};
-use crate::sparse::solve_dense;
-use ndarray::{Array1, Array2, ArrayView2, Axis, Slice};
-use num_complex::Complex;
-
-type C = Complex<f64>;
+use ndarray::{Array1, Array2, Axis, Slice};
 
 /// Degree of the continuous polynomials. Higher degrees with fewer elements lose where p_q falls by
 /// many powers of ten within an element.
@@ -170,6 +170,19 @@ impl Hierarchy {
         self.c.ncols()
     }
 
+    /// Size of the largest entries of L.
+    pub(super) fn size(&self) -> f64 {
+        let largest = |square: &Array2<f64>| square.diag().iter().copied().fold(0.0, f64::max);
+        let slope = largest(&self.cc).max(largest(&self.dd)).sqrt();
+        let n = 2.0 * self.pairs as f64;
+        (self.temperature * n).sqrt() * slope + 2.0 * self.zeta * n
+    }
+
+    /// Functions of q at odd n.
+    pub(super) fn inside(&self) -> usize {
+        self.c.nrows()
+    }
+
     /// Length of a state.
     pub(super) fn len(&self) -> usize {
         self.pairs * (self.c.ncols() + self.c.nrows())
@@ -189,117 +202,57 @@ impl Hierarchy {
 
     /// L x.
     pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
-        let (k, across, inside) = (self.pairs, self.c.ncols(), self.c.nrows());
-        let view = |rows: usize, columns: usize, part: &'_ [f64]| {
-            ArrayView2::from_shape((rows, columns), part).map(|it| it.to_owned())
-        };
         let (even, odd) = x.split_at(self.even());
-        let (Ok(even), Ok(odd)) = (view(k, across, even), view(k, inside, odd)) else {
-            return vec![f64::NAN; x.len()];
-        };
-        let (xc, xd) = (even.dot(&self.c.t()), even.dot(&self.d.t()));
-        let (yc, yd) = (odd.dot(&self.c), odd.dot(&self.d));
-        let heat = self.temperature.sqrt();
-        let mut out = Vec::with_capacity(x.len());
-        for i in 0..k {
-            let n = (2 * i) as f64;
-            let (up, down) = (heat * n.sqrt(), heat * (n + 1.0).sqrt());
-            for j in 0..across {
-                let below = if i > 0 { up * yd[[i - 1, j]] } else { 0.0 };
-                out.push(below - down * yc[[i, j]] - 2.0 * self.zeta * n * even[[i, j]]);
-            }
+        let even = rows_of(even.to_vec(), self.across());
+        let odd = rows_of(odd.to_vec(), self.inside());
+        let mut out = self.odd_to_even(&odd);
+        let mut below = self.even_to_odd(&even);
+        for (n, mut row) in out.rows_mut().into_iter().enumerate() {
+            let friction = -4.0 * self.zeta * n as f64;
+            row.scaled_add(friction, &even.row(n));
         }
-        for i in 0..k {
-            let n = (2 * i + 1) as f64;
-            let (up, down) = (heat * n.sqrt(), heat * (n + 1.0).sqrt());
-            for j in 0..inside {
-                let above = if i + 1 < k {
-                    down * xd[[i + 1, j]]
-                } else {
-                    0.0
-                };
-                out.push(up * xc[[i, j]] - above - 2.0 * self.zeta * n * odd[[i, j]]);
+        for (n, mut row) in below.rows_mut().into_iter().enumerate() {
+            let friction = -2.0 * self.zeta * (2 * n + 1) as f64;
+            row.scaled_add(friction, &odd.row(n));
+        }
+        out.into_iter().chain(below).collect()
+    }
+
+    /// What transport carries from the odd n, one row each, into the even ones:
+    /// sqrt(T) (sqrt(n) D^T o_{n-1} - sqrt(n+1) C^T o_{n+1}).
+    pub(super) fn odd_to_even(&self, odd: &Array2<f64>) -> Array2<f64> {
+        let (c, d) = (odd.dot(&self.c), odd.dot(&self.d));
+        let heat = self.temperature.sqrt();
+        let mut out = Array2::zeros((self.pairs, self.across()));
+        for (i, mut row) in out.rows_mut().into_iter().enumerate() {
+            let n = (2 * i) as f64;
+            row.scaled_add(-heat * (n + 1.0).sqrt(), &c.row(i));
+            if i > 0 {
+                row.scaled_add(heat * n.sqrt(), &d.row(i - 1));
             }
         }
         out
     }
 
-    /// (shift - L)^{-1} applied to [`Hierarchy::start`]. Odd n are eliminated, which leaves a block
-    /// tridiagonal system in the even n, and that from the highest n downwards; its blocks have a
-    /// positive real part, so the order of elimination is stable.
-    ///
-    /// # Errors
-    /// [`crate::Error::Linear`] if a block is singular: a shift with a negative real part at an
-    /// eigenvalue.
-    pub(super) fn resolve(&self, shift: C) -> Result<Vec<C>> {
-        let (k, across) = (self.pairs, self.across());
-        let t = self.temperature;
-        let friction = |n: f64| shift + 2.0 * self.zeta * n;
-        // From even n to n + 2 through the odd n + 1.
-        let coupling = |n: f64| t * ((n + 1.0) * (n + 2.0)).sqrt() / friction(n + 1.0);
-        let back = self.cd.t().to_owned();
-        let mut carried: Vec<Array2<C>> = Vec::with_capacity(k);
-        let mut start = vec![C::default(); across];
-        for i in (0..k).rev() {
-            let n = (2 * i) as f64;
-            let above = t * (n + 1.0) / friction(n + 1.0);
-            let below = if i > 0 {
-                t * n / friction(n - 1.0)
-            } else {
-                C::default()
-            };
-            let mut block = Array2::from_shape_fn((across, across), |place| {
-                above * self.cc[place] + below * self.dd[place]
-            });
-            block.diag_mut().mapv_inplace(|x| x + friction(n));
-            if let Some(next) = carried.last() {
-                let factor = coupling(n) * coupling(n);
-                let (re, im) = (next.map(|x| x.re), next.map(|x| x.im));
-                let (re, im) = (self.cd.dot(&re), self.cd.dot(&im));
-                ndarray::Zip::from(&mut block)
-                    .and(&re)
-                    .and(&im)
-                    .for_each(|b, re, im| *b -= factor * C::new(*re, *im));
-            }
-            if i > 0 {
-                carried.push(solve_dense(&block, &back)?);
-            } else {
-                // The constant, which nothing couples to and the start does not hold: any pivot.
-                block[[0, 0]] = C::new(1.0, 0.0);
-                let right = self.quantity.view().insert_axis(Axis(1)).to_owned();
-                start.clear();
-                start.extend(solve_dense(&block, &right)?.iter());
-            }
-        }
-        let mut state = start;
-        state.reserve(self.len() - across);
-        for i in 0..k - 1 {
-            let n = (2 * i) as f64;
-            let here = Array1::from_vec(state[i * across..].to_vec());
-            let matrix = &carried[k - 2 - i];
-            state.extend(matrix.dot(&here).iter().map(|x| coupling(n) * x));
-        }
-        let heat = t.sqrt();
-        let row = |state: &[C], i: usize| -> Vec<C> {
-            let range = i * across..(i + 1) * across;
-            if i < k {
-                state[range].to_vec()
-            } else {
-                vec![C::default(); across]
-            }
-        };
-        for i in 0..k {
+    /// The same from the even n into the odd ones: sqrt(T) (sqrt(n) C e_{n-1} - sqrt(n+1) D e_{n+1}).
+    pub(super) fn even_to_odd(&self, even: &Array2<f64>) -> Array2<f64> {
+        let (c, d) = (even.dot(&self.c.t()), even.dot(&self.d.t()));
+        let heat = self.temperature.sqrt();
+        let mut out = Array2::zeros((self.pairs, self.inside()));
+        for (i, mut row) in out.rows_mut().into_iter().enumerate() {
             let n = (2 * i + 1) as f64;
-            let (a, b) = (row(&state, i), row(&state, i + 1));
-            let (up, down) = (heat * n.sqrt(), heat * (n + 1.0).sqrt());
-            for (c, d) in self.c.rows().into_iter().zip(self.d.rows()) {
-                let from: C = c.iter().zip(&a).map(|(c, a)| a * c).sum();
-                let onto: C = d.iter().zip(&b).map(|(d, b)| b * d).sum();
-                state.push((up * from - down * onto) / friction(n));
+            row.scaled_add(heat * n.sqrt(), &c.row(i));
+            if i + 1 < self.pairs {
+                row.scaled_add(-heat * (n + 1.0).sqrt(), &d.row(i + 1));
             }
         }
-        Ok(state)
+        out
     }
+}
+
+/// Values as rows of a width that divides their number.
+fn rows_of(values: Vec<f64>, width: usize) -> Array2<f64> {
+    Array2::from_shape_vec((values.len() / width, width), values).expect("whole rows")
 }
 
 /// Ends of the elements: equal lengths on either side of the loss of contact, numbers in proportion to
@@ -412,6 +365,9 @@ fn gauss(count: usize) -> (Vec<f64>, Vec<f64>) {
 mod tests {
     use super::*;
     use crate::contact::ContactLaw;
+    use num_complex::Complex;
+
+    type C = Complex<f64>;
 
     #[test]
     fn gauss_points_integrate_polynomials_exactly() {
@@ -440,15 +396,22 @@ mod tests {
         one[0] = 1.0;
         assert!(it.apply(&one).iter().all(|x| x.abs() < 1e-11));
         let shift = C::new(0.003, 0.9);
-        let x = it.resolve(shift).unwrap();
-        let [re, im] = [
-            it.apply(&x.iter().map(|x| x.re).collect::<Vec<_>>()),
-            it.apply(&x.iter().map(|x| x.im).collect::<Vec<_>>()),
-        ];
-        let size = x.iter().map(|x| x.norm()).fold(0.0, f64::max);
-        for (k, b) in it.start().iter().enumerate() {
-            let left = shift * x[k] - C::new(re[k], im[k]) - b;
-            assert!(left.norm() < 1e-11 * size.max(1.0), "{k}: {left}");
+        let start: Vec<C> = it.start().iter().map(|x| C::new(*x, 0.0)).collect();
+        let mut full: Vec<C> = (0..it.len())
+            .map(|k| C::new((k as f64).sin(), (2.0 * k as f64).cos()))
+            .collect();
+        full[0] = C::default();
+        for b in [start, full] {
+            let x = Factored::new(&it, shift).unwrap().solve(&b).unwrap();
+            let [re, im] = [
+                it.apply(&x.iter().map(|x| x.re).collect::<Vec<_>>()),
+                it.apply(&x.iter().map(|x| x.im).collect::<Vec<_>>()),
+            ];
+            let size = x.iter().map(|x| x.norm()).fold(0.0, f64::max);
+            for (k, b) in b.iter().enumerate() {
+                let left = shift * x[k] - C::new(re[k], im[k]) - b;
+                assert!(left.norm() < 1e-11 * size.max(1.0), "{k}: {left}");
+            }
         }
     }
 }

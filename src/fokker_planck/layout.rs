@@ -36,25 +36,6 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// The layout for the stationary law: that of the steady state and of eigenvalues.
-    ///
-    /// # Errors
-    /// Those of [`Domain::closed`].
-    pub(super) fn stationary(
-        oscillator: &Oscillator,
-        drift: Drift,
-        settings: &Settings,
-    ) -> Result<Self> {
-        let neglected = settings
-            .neglected
-            .unwrap_or_else(|| neglected(settings.tolerance));
-        Ok(Self {
-            domain: Domain::closed(oscillator, &Initial::Stationary, neglected)?,
-            cells: Cells::of(settings, thermal_widths(oscillator, settings.tolerance)),
-            drift,
-        })
-    }
-
     /// Whether the scene gave the cells.
     pub(super) fn is_given(&self) -> bool {
         matches!(self.cells, Cells::Given(_))

@@ -1,18 +1,33 @@
-//! The slowest modes: eigenvalues of the generator nearest to the imaginary axis.
+//! The slowest modes: eigenvalues of the Fokker-Planck operator nearest to the imaginary axis.
+//!
+//! Shift-invert Arnoldi on the operator in Hermite functions of v and spectral elements of q (`hermite`), at
+//! three resolutions or more, each finer in elements, functions and domain. An eigenvalue is believed if the
+//! last three have it and its changes shrink; the error estimate is twice the last change, or half of the one
+//! before where that is larger (the last may pass through zero), the algebraic error
+//! |residual| / |left . right|, and rounding. The left eigenvector is the right one with v reversed.
+//!
+//! **Continuous spectrum.** Out of contact the force is a constant -f, and flights can be arbitrarily high.
+//! Functions g = e^{kappa q} phi(v) solve the equation there, with kappa = -f/(2T) + ik where they stay bounded in the
+//! norm of p_s; their eigenvalues are
+//!
+//! ```text
+//! lambda = -f^2/(8 zeta T) - T k^2/(2 zeta) - 2 zeta n,   n = 0, 1, ...
+//! ```
+//!
+//! a half-line without gaps. No eigenvalue beyond its edge is slowest: where none lies above it, distances to
+//! the stationary law fall as t^{-3/2} e^{-f^2 t/(8 zeta T)} (f = 1 for the built-in laws).
 
-use super::budget::{self, Cost, Factors, timing};
-use super::flux::Drift;
-use super::generator::Generator;
-use super::layout::Layout;
+use super::budget::Cost;
+use super::hermite::{DEGREE, Factored, Hierarchy, Resolution};
 use super::settings::Settings;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::estimate::Shortfall;
-use crate::oscillator::Oscillator;
-use crate::sparse::{self, Lu, eigen};
+use crate::oscillator::{Oscillator, Quantity};
+use crate::sparse::eigen;
 use ndarray::Array2;
 use num_complex::Complex;
 use rayon::prelude::*;
-use sprs::CsMat;
+use std::fmt;
 use std::time::Instant;
 
 type C = Complex<f64>;
@@ -22,381 +37,600 @@ type C = Complex<f64>;
 pub struct DecayRate {
     /// Real part, negative.
     pub re: f64,
-    /// Imaginary part; complex modes come in conjugate pairs, both listed.
+    /// Imaginary part, not negative: complex modes come in conjugate pairs, each listed once.
     pub im: f64,
-    /// Error of |re + i im|: |residual| / |left . right| plus, where two meshes were compared, their
-    /// difference.
+    /// Error of |re + i im|.
     pub error: f64,
 }
 
-/// Krylov vectors per shift: the nearest dozen eigenvalues converge to rounding.
-const KRYLOV: usize = 60;
-
-/// Modes with a larger part of their norm in the rim are of the box, not of the oscillator.
-const RIM: f64 = 0.01;
-
-/// Neglected probability of the first mesh of [`decay_rates`], and by how much each finer one divides it:
-/// slow modes weigh the tail, so their box is wider than that of a moment, and a mode of the box moves
-/// with it.
-const OUTSIDE: f64 = 1e-8;
-const WIDER: f64 = 100.0;
-
-/// A box beyond this leaves nothing but rounding in its rim.
-const WIDEST: f64 = 1e-12;
-
-/// Cells of each mesh of [`decay_rates`] over those of the one before.
-const FINER: f64 = 1.25;
-
-/// Meshes after the first two: each costs about twice the one before, and four are 2.4 times as fine.
-const REFINEMENTS: usize = 4;
+impl fmt::Display for DecayRate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.4e}", self.re)?;
+        if self.im == 0.0 {
+            return Ok(());
+        }
+        write!(f, " ± {:.4}i", self.im)
+    }
+}
 
 /// Decay rates with what the tolerance asked for and was not reached.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecayRates {
-    /// The slowest first.
+    /// The slowest first; the slowest real one is added where it is not among those asked for. Fewer than
+    /// asked for where the rest lies in the continuous spectrum.
     pub rates: Vec<DecayRate>,
-    /// Cells in q and v of the finest mesh.
-    pub cells: [usize; 2],
+    /// Where the continuous spectrum begins; None for a contact that is never lost.
+    pub continuous_from: Option<f64>,
+    /// Functions of q and of v at the finest resolution.
+    pub functions: [usize; 2],
     /// What is missing.
     pub shortfall: Option<Shortfall>,
 }
 
-/// What [`decay_rates`] will take.
+/// Krylov vectors of a shift in the first search: the nearest dozens of eigenvalues converge. Finer
+/// resolutions, whose shifts are chosen, begin with half as many.
+const KRYLOV: usize = 50;
+
+/// Rounding of the operator, relative to its largest entries: orthonormal functions under a p_q that falls by many
+/// powers of ten (measured at T = 26, where equal eigenvalues of three resolutions differ by it).
+const ROUNDING: f64 = 2e-13;
+
+/// Algebraic error, relative to the eigenvalue, beyond which a Ritz value is not converged.
+const CONVERGED: f64 = 1e-3;
+
+/// Growth of elements and functions from one resolution to the next, and of the energy, in T, at which the
+/// domain ends.
+const FINER: f64 = 1.4;
+const HIGHER: f64 = 4.0;
+
+/// Resolutions at most; the last has 32 times the unknowns of the first.
+const RESOLUTIONS: usize = 6;
+
+/// Distance of the shifts along the imaginary axis, in frequencies of small motions, and harmonics searched
+/// at most.
+const APART: f64 = 0.25;
+const HARMONICS: usize = 12;
+
+/// A shift beside a mode that no other is near, over the mode.
+const BESIDE: f64 = 0.97;
+
+/// Share of the tolerance left to the algebraic error.
+const SHARE: f64 = 0.02;
+
+/// An error estimate beyond this, relative to the eigenvalue, makes it unknown.
+const KNOWN: f64 = 0.05;
+
+/// The `count` slowest decay rates of an oscillator with a stationary law, each to `settings.tolerance` of its
+/// modulus; `settings.cells` fixes the finest resolution, as functions of q and of v.
 ///
 /// # Errors
-/// Those of the mesh.
-pub fn decay_rates_cost(oscillator: &Oscillator, settings: &Settings) -> Result<(Cost, String)> {
-    let drift = settings.drift.unwrap_or(Drift::Order8);
-    let layout = Layout::stationary(oscillator, drift, settings)?;
-    let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
-    let n = cells[0] as f64 * cells[1] as f64;
-    let wide = if drift == Drift::Upwind {
-        1.0
-    } else {
-        timing::WIDE
-    };
-    // Of the second mesh.
-    let finer = cells.map(|n| (n as f64 * FINER) as usize);
-    let cost = Cost {
-        cells,
-        steps: 6,
-        memory: budget::memory(finer, drift, Factors::Shifts),
-        seconds: 3.0 * n * 6.0 * wide * timing::LU,
-    };
-    let words = format!(
-        "finite volumes, {}; shift and invert on two meshes or more",
-        drift.name()
-    );
-    Ok((cost, words))
-}
-
-/// The modes of one mesh.
-struct Level {
-    modes: Vec<DecayRate>,
-    cells: [usize; 2],
-    seconds: f64,
-}
-
-/// The `count` slowest decay rates of an oscillator with a stationary law, from meshes in growing boxes:
-/// only modes found in the last two are given, with their difference in the error. Where the cells are
-/// left open they are refined until every error is within the tolerance times |rate|.
-///
-/// The first mesh is searched near zero and near i and 2i; the finer ones only where a wanted mode was.
-///
-/// # Errors
-/// [`crate::Error::NoStationaryLaw`] for a contact without one; those of [`slowest`] on the first two
-/// meshes.
-#[expect(clippy::too_many_lines, reason = "one loop over one state")]
+/// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Limit`] for a first resolution that does
+/// not fit `settings.max_memory`; [`Error::Linear`] if a shift hits an eigenvalue.
 pub fn decay_rates(
     oscillator: &Oscillator,
     count: usize,
     settings: &Settings,
 ) -> Result<DecayRates> {
     let began = Instant::now();
-    oscillator.displacement_law()?;
-    let drift = settings.drift.unwrap_or(Drift::Order8);
-    let free = settings.cells.is_none();
-    // Zero itself is an eigenvalue; the others lie at zeta and beyond, near multiples of i.
-    let slow = 1e-2 * oscillator.zeta().min(1.0 / oscillator.zeta());
-    let all = [C::new(slow, 0.0), C::new(0.0, 1.0), C::new(0.0, 2.0)];
-    let usual = cells(oscillator, drift, settings.tolerance)?;
-    let solve = |k: i32, shifts: &[C]| -> Result<Level> {
-        let began = Instant::now();
-        let boxed = Settings {
-            cells: settings.cells.or(Some(usual)),
-            neglected: Some((OUTSIDE * WIDER.powi(-k)).max(WIDEST)),
-            ..settings.clone()
+    let search = Search::new(oscillator, count, settings.tolerance)?;
+    let mut resolution = first(settings);
+    search.check_memory(resolution, settings)?;
+    let (coarse, shifts) = search.sweep(&search.operator(resolution)?)?;
+    let mut levels = vec![coarse];
+    let mut best: Option<Answer> = None;
+    loop {
+        let next = finer(resolution);
+        let clock = Instant::now();
+        levels.push(search.refine(&search.operator(next)?, &shifts)?);
+        let longer = finer(next).operations() / next.operations();
+        let (seconds, done) = (longer * clock.elapsed().as_secs_f64(), levels.len());
+        resolution = next;
+        if done < 3 {
+            continue;
+        }
+        // Finer resolutions lose digits of close eigenvalues to rounding.
+        let answer = search.judge(&levels[done - 3..], resolution);
+        let answer = match best.take() {
+            Some(best) if best.shortage() <= answer.shortage() => best,
+            _ => answer,
         };
-        // The scene's own cells are those of the finer of two meshes.
-        let finer = FINER.powi(if free { k } else { k - 1 });
-        let layout = Layout::stationary(oscillator, drift, &boxed)?;
-        let mesh = layout.mesh_within(oscillator, finer, Factors::Shifts, settings.max_memory)?;
-        let generator = Generator::new(oscillator, &mesh, drift)?;
-        let found: Vec<Result<Vec<DecayRate>>> = shifts
+        let left = (settings.max_seconds - began.elapsed().as_secs_f64()).max(0.0);
+        let stop = if settings.cells.is_some() {
+            Some(("its cells are those of the scene".to_owned(), false))
+        } else if answer.shortage() <= settings.tolerance {
+            Some((String::new(), true))
+        } else if done == RESOLUTIONS {
+            Some((format!("{RESOLUTIONS} resolutions did not settle it"), true))
+        } else if seconds > left {
+            let text = format!(
+                "a finer resolution would take about {seconds:.1e} s, and {left:.1e} s are left of \
+                 accuracy.max_seconds"
+            );
+            Some((text, true))
+        } else {
+            let fits = search.check_memory(finer(resolution), settings).err();
+            fits.map(|error| (error.to_string(), true))
+        };
+        if let Some((reason, free)) = stop {
+            return Ok(search.report(answer, reason, free));
+        }
+        best = Some(answer);
+    }
+}
+
+/// The coarsest resolution.
+fn first(settings: &Settings) -> Resolution {
+    let coarse = |n: usize, of: usize| {
+        let n = n as f64 / of as f64 / FINER.powi(2);
+        (n.round() as usize).max(2)
+    };
+    let [elements, pairs] = match settings.cells {
+        Some([q, v]) => [coarse(q, DEGREE), coarse(v, 2)],
+        None => [6, 24],
+    };
+    Resolution {
+        elements,
+        pairs,
+        // What lies beyond e^-27 in probability moves a slow mode by the square of its size there, about 1e4.
+        level: 27.0,
+    }
+}
+
+fn finer(it: Resolution) -> Resolution {
+    Resolution {
+        elements: (it.elements as f64 * FINER).round() as usize,
+        pairs: (it.pairs as f64 * FINER).round() as usize,
+        level: it.level + HIGHER,
+    }
+}
+
+/// An eigenvalue at one resolution, with its algebraic error.
+#[derive(Debug, Clone, Copy)]
+struct Mode {
+    value: C,
+    error: f64,
+}
+
+/// What three resolutions say.
+struct Answer {
+    /// Believed eigenvalues above the edge, the slowest first.
+    rates: Vec<DecayRate>,
+    /// Those of the finest resolution among them that are not believed.
+    unknown: Vec<C>,
+    /// How many of those asked for no resolution has found.
+    missing: usize,
+    /// Functions of q and of v at the finest resolution.
+    functions: [usize; 2],
+}
+
+impl Answer {
+    /// The largest error over the modulus, and one for each eigenvalue that is not known.
+    fn shortage(&self) -> f64 {
+        let relative = |it: &DecayRate| it.error / it.re.hypot(it.im);
+        let worst = self.rates.iter().map(relative).fold(0.0, f64::max);
+        worst + (self.unknown.len() + self.missing) as f64
+    }
+}
+
+/// A point near which eigenvalues are sought, and those that are to converge.
+struct Place {
+    shift: C,
+    targets: Vec<C>,
+}
+
+struct Search<'a> {
+    oscillator: &'a Oscillator,
+    count: usize,
+    /// Where the continuous spectrum begins; minus infinity without one.
+    edge: f64,
+    /// Circular frequency of small motions.
+    natural: f64,
+    tolerance: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(oscillator: &'a Oscillator, count: usize, tolerance: f64) -> Result<Self> {
+        oscillator.displacement_law()?;
+        let contact = oscillator.contact();
+        let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
+        let natural = stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt);
+        let edge = oscillator.continuous_from().unwrap_or(f64::NEG_INFINITY);
+        Ok(Self {
+            oscillator,
+            count,
+            edge,
+            natural,
+            tolerance,
+        })
+    }
+
+    fn operator(&self, resolution: Resolution) -> Result<Hierarchy> {
+        Hierarchy::new(self.oscillator, Quantity::Displacement, resolution)
+    }
+
+    /// Krylov vectors and factors of the shifts that are worked on at the same time.
+    fn memory(&self, resolution: Resolution) -> u64 {
+        let vectors = 16 * (self.krylov() * 2 * resolution.pairs * resolution.across()) as u64;
+        (resolution.memory() + vectors) * rayon::current_num_threads() as u64
+    }
+
+    fn check_memory(&self, resolution: Resolution, settings: &Settings) -> Result<()> {
+        let memory = self.memory(resolution);
+        if memory <= settings.max_memory {
+            return Ok(());
+        }
+        Err(Error::Limit {
+            key: "accuracy.max_memory",
+            limit: settings.max_memory.to_string(),
+            what: format!("decay rates at the next resolution need {memory} bytes"),
+        })
+    }
+
+    /// Krylov vectors of a shift.
+    fn krylov(&self) -> usize {
+        KRYLOV.max(self.count + KRYLOV / 2)
+    }
+
+    /// The slowest modes of a list that is sorted by rate: those above the edge, as many as asked for.
+    fn slowest<'b>(&self, modes: &'b [Mode], count: usize) -> &'b [Mode] {
+        let above = modes.partition_point(|it| it.value.re > self.edge);
+        &modes[..above.min(count)]
+    }
+
+    /// Modes of a coarse operator, and where finer ones are to look. Shifts lie along the imaginary axis, up to
+    /// the first harmonic that has none of the modes asked for, and then where the slowest modes lie far from it.
+    fn sweep(&self, full: &Hierarchy) -> Result<(Vec<Mode>, Vec<Place>)> {
+        let at = |k: usize| C::new(0.0, APART * self.natural * k as f64);
+        let steps = (1.0 / APART) as usize;
+        let mut shifts: Vec<C> = (0..=2 * steps).map(at).collect();
+        let mut modes = Vec::new();
+        self.search(full, &shifts, &mut modes)?;
+        let mut harmonic = 2;
+        let has = |modes: &[Mode], harmonic: usize| {
+            let border = self.natural * (harmonic as f64 - 0.5);
+            let wanted = self.slowest(modes, self.count);
+            wanted.iter().any(|it| it.value.im > border)
+        };
+        while harmonic < HARMONICS && has(&modes, harmonic) {
+            let more: Vec<C> = (1..=steps).map(|k| at(harmonic * steps + k)).collect();
+            self.search(full, &more, &mut modes)?;
+            shifts.extend(more);
+            harmonic += 1;
+        }
+        loop {
+            let places = self.places(&modes, &shifts);
+            let all = places.iter().map(|it| it.shift);
+            let more: Vec<C> = all.filter(|it| !shifts.contains(it)).collect();
+            if more.is_empty() || shifts.len() > 2 * steps * HARMONICS {
+                return Ok((modes, places));
+            }
+            self.search(full, &more, &mut modes)?;
+            shifts.extend(more);
+        }
+    }
+
+    /// For each mode asked for the nearest shift, or a new one beside it if none is near.
+    fn places(&self, modes: &[Mode], shifts: &[C]) -> Vec<Place> {
+        // Real modes always have a place.
+        let mut places = vec![Place {
+            shift: C::default(),
+            targets: Vec::new(),
+        }];
+        let mut shifts = shifts.to_vec();
+        // Half as many again: some may turn out not to be eigenvalues of the oscillator.
+        for mode in self.slowest(modes, self.count + self.count / 2 + 2) {
+            let distance = |shift: &C| (shift - mode.value).norm();
+            let all = shifts.iter().copied();
+            let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            let near = nearest.filter(|it| distance(it) <= 0.5 * self.natural);
+            let shift = near.unwrap_or_else(|| {
+                let beside = BESIDE * mode.value;
+                shifts.push(beside);
+                beside
+            });
+            match places.iter_mut().find(|it| it.shift == shift) {
+                Some(place) => place.targets.push(mode.value),
+                None => places.push(Place {
+                    shift,
+                    targets: vec![mode.value],
+                }),
+            }
+        }
+        places
+    }
+
+    /// Adds the modes near the shifts.
+    fn search(&self, full: &Hierarchy, shifts: &[C], modes: &mut Vec<Mode>) -> Result<()> {
+        let found: Vec<Result<Vec<Mode>>> = shifts
             .par_iter()
-            .map(|shift| slowest(&generator, &[*shift], usize::MAX))
+            .map(|shift| {
+                let mut arnoldi = Arnoldi::new(full, *shift)?;
+                arnoldi.extend(self.krylov())?;
+                arnoldi.modes()
+            })
+            .collect();
+        for found in found {
+            merge(modes, found?);
+        }
+        Ok(())
+    }
+
+    /// The modes near the places, with as many Krylov vectors as their targets need.
+    fn refine(&self, full: &Hierarchy, places: &[Place]) -> Result<Vec<Mode>> {
+        let converged = |modes: &[Mode], target: &C| {
+            let distance = |it: &&Mode| (it.value - target).norm();
+            let nearest = modes
+                .iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            nearest.is_some_and(|it| it.error <= SHARE * self.tolerance * target.norm())
+        };
+        let found: Vec<Result<Vec<Mode>>> = places
+            .par_iter()
+            .map(|place| {
+                let mut arnoldi = Arnoldi::new(full, place.shift)?;
+                loop {
+                    let grown = arnoldi.extend(self.krylov() / 2)?;
+                    let modes = arnoldi.modes()?;
+                    let enough = place.targets.iter().all(|it| converged(&modes, it));
+                    if enough || !grown || arnoldi.size() >= 3 * self.krylov() {
+                        return Ok(modes);
+                    }
+                }
+            })
             .collect();
         let mut modes = Vec::new();
         for found in found {
             merge(&mut modes, found?);
         }
-        modes.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
-        Ok(Level {
-            modes,
-            cells: mesh.cells(),
-            seconds: began.elapsed().as_secs_f64(),
-        })
-    };
-    let mut coarse = solve(0, &all)?;
-    // Half as many again: some may turn out to be of the box.
-    let wanted = coarse.modes.iter().take(count + count / 2 + 2);
-    let nearest = |mode: &DecayRate| {
-        let distance = |shift: &C| (shift - C::new(mode.re, mode.im.abs())).norm();
-        (0..all.len()).min_by(|a, b| distance(&all[*a]).total_cmp(&distance(&all[*b])))
-    };
-    let places: Vec<usize> = wanted.filter_map(nearest).collect();
-    // Nothing found yet: everywhere again.
-    let shifts: Vec<C> = (0..all.len())
-        .filter(|k| places.is_empty() || places.contains(k))
-        .map(|k| all[k])
-        .collect();
-    let mut fine = solve(1, &shifts)?;
-    let tolerance = settings.tolerance;
-    let mut why = ("cells are those of the scene".to_string(), false);
-    for k in 2.. {
-        let (rates, worst) = believed(&fine.modes, &coarse.modes, count);
-        if (worst <= tolerance && rates.len() == count) || !free {
-            break;
-        }
-        // A factorisation of a mesh n by n takes n^3 to n^4.
-        let next = fine.seconds * FINER.powi(4);
-        let left = settings.max_seconds - began.elapsed().as_secs_f64();
-        let [q, v] = fine.cells.map(|n| (n as f64 * FINER) as usize);
-        if k as usize >= 2 + REFINEMENTS {
-            why = ("that many finer meshes did not help".into(), true);
-            break;
-        }
-        if next > left {
-            let text = format!(
-                "a finer mesh would take about {next:.1e} s, and {:.1e} s are left of \
-                 accuracy.max_seconds",
-                left.max(0.0)
-            );
-            why = (text, true);
-            break;
-        }
-        if budget::memory([q, v], drift, Factors::Shifts) > settings.max_memory {
-            let text = format!("{q} x {v} cells do not fit accuracy.max_memory");
-            why = (text, true);
-            break;
-        }
-        match solve(k, &shifts) {
-            Ok(finer) => coarse = std::mem::replace(&mut fine, finer),
-            Err(error) => {
-                why = (format!("a finer mesh failed: {error}"), true);
-                break;
+        Ok(modes)
+    }
+
+    /// What the last three resolutions, the finest last, say of the modes asked for.
+    fn judge(&self, levels: &[Vec<Mode>], resolution: Resolution) -> Answer {
+        let whole: Vec<Vec<C>> = levels.iter().map(|it| conjugates(it)).collect();
+        let [coarse, middle, fine] = [&whole[0], &whole[1], &whole[2]];
+        let (to_middle, to_coarse) = (partners(fine, middle), partners(middle, coarse));
+        let mut answer = Answer {
+            rates: Vec::new(),
+            unknown: Vec::new(),
+            missing: 0,
+            functions: [resolution.across(), 2 * resolution.pairs],
+        };
+        let mut real = false;
+        for mode in self.slowest(&levels[2], usize::MAX) {
+            let wanted = answer.rates.len() < self.count || (!real && mode.value.im == 0.0);
+            if !wanted {
+                continue;
+            }
+            let place = fine.iter().position(|it| *it == mode.value);
+            let before = place.and_then(|k| to_middle[k]);
+            let first = before.and_then(|k| to_coarse[k]);
+            let rate = before.zip(first).and_then(|(before, first)| {
+                let path = [coarse[first], middle[before], mode.value];
+                believed(path, mode.error, self.tolerance)
+            });
+            match rate {
+                Some(rate) => {
+                    real |= rate.im == 0.0;
+                    answer.rates.push(rate);
+                }
+                None => answer.unknown.push(mode.value),
             }
         }
+        // Above the edge of a continuous spectrum there may be no more.
+        if self.edge == f64::NEG_INFINITY {
+            let found = answer.rates.len() + answer.unknown.len();
+            answer.missing = self.count.saturating_sub(found);
+        }
+        answer
     }
-    let (rates, worst) = believed(&fine.modes, &coarse.modes, count);
-    let missing = rates.len() < count;
-    let shortfall = (missing || worst > tolerance).then(|| Shortfall {
-        number: if missing {
-            format!(
-                "decay rate {} of {count}, not seen alike on two meshes,",
-                rates.len() + 1
-            )
+
+    fn report(&self, answer: Answer, reason: String, free: bool) -> DecayRates {
+        let shortage = answer.shortage();
+        let number = if let Some(value) = answer.unknown.first() {
+            let near = DecayRate {
+                re: value.re,
+                im: value.im,
+                error: 0.0,
+            };
+            match answer.unknown.len() {
+                1 => format!("the eigenvalue near {near}"),
+                n => format!("the eigenvalue near {near}, and of {} more,", n - 1),
+            }
+        } else if answer.missing > 0 {
+            format!("eigenvalue {} of {}", answer.rates.len() + 1, self.count)
         } else {
-            "a decay rate".into()
-        },
-        ratio: if missing {
-            f64::INFINITY
-        } else {
-            worst / tolerance
-        },
-        tolerance,
-        free: why.1,
-        reason: why.0,
-    });
-    Ok(DecayRates {
-        rates,
-        cells: fine.cells,
-        shortfall,
+            "a decay rate".to_owned()
+        };
+        let known = shortage < 1.0;
+        let shortfall = (shortage > self.tolerance).then(|| Shortfall {
+            number,
+            ratio: if known {
+                shortage / self.tolerance
+            } else {
+                f64::INFINITY
+            },
+            tolerance: self.tolerance,
+            free,
+            reason,
+        });
+        DecayRates {
+            rates: answer.rates,
+            continuous_from: self.oscillator.continuous_from(),
+            functions: answer.functions,
+            shortfall,
+        }
+    }
+}
+
+/// An eigenvalue at three resolutions, the finest last, with its estimate; None if it is not known. Changes
+/// that halve at least show its order; where they do not, twice the larger must be within the tolerance.
+fn believed(path: [C; 3], algebraic: f64, tolerance: f64) -> Option<DecayRate> {
+    let [earlier, last] = [(path[1] - path[0]).norm(), (path[2] - path[1]).norm()];
+    let size = path[2].norm();
+    let (change, limit) = if last <= 0.5 * earlier {
+        (last.max(0.25 * earlier), KNOWN)
+    } else {
+        (last.max(earlier), tolerance.min(KNOWN))
+    };
+    let error = 2.0 * change + algebraic;
+    (error <= limit * size).then_some(DecayRate {
+        re: path[2].re,
+        im: path[2].im,
+        error,
     })
 }
 
-/// The slowest modes that two meshes share, each with their difference in its error, and the largest
-/// error over |rate|.
-fn believed(fine: &[DecayRate], coarse: &[DecayRate], count: usize) -> (Vec<DecayRate>, f64) {
-    let distance = |a: &DecayRate, b: &DecayRate| (a.re - b.re).hypot(a.im - b.im);
-    let size = |mode: &DecayRate| mode.re.hypot(mode.im);
-    let mut both: Vec<DecayRate> = fine
-        .iter()
-        .filter_map(|mode| {
-            let nearest = coarse
-                .iter()
-                .map(|other| distance(mode, other))
-                .fold(f64::INFINITY, f64::min);
-            // Believed only if the other mesh knows it, to half a percent: modes of the box move.
-            let believed = nearest < 5e-3 * size(mode);
-            believed.then_some(DecayRate {
-                error: mode.error + nearest,
-                ..*mode
-            })
-        })
-        .collect();
-    both.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
-    both.truncate(count);
-    let worst = both.iter().map(|mode| mode.error / size(mode));
-    let worst = worst.fold(0.0, f64::max);
-    (both, worst)
-}
-
-/// Cells of the first mesh for the modes: at 1e-3 about four per thermal deviation, in the box of a
-/// moment at 1e-3 stretched to that of the modes.
-fn cells(oscillator: &Oscillator, drift: Drift, tolerance: f64) -> Result<[usize; 2]> {
-    let settings = Settings {
-        tolerance: tolerance.clamp(1e-6, 1e-2),
-        neglected: Some(OUTSIDE),
-        ..Settings::default()
+/// The modes and the conjugates of the complex ones.
+fn conjugates(modes: &[Mode]) -> Vec<C> {
+    let pair = |it: &Mode| match it.value {
+        value if value.im > 0.0 => vec![value, value.conj()],
+        value => vec![value],
     };
-    let [q, v] = Layout::stationary(oscillator, drift, &settings)?.count(oscillator, 0.8)?;
-    Ok([q, v + v % 2])
+    modes.iter().flat_map(pair).collect()
 }
 
-/// Adds modes that are not in the list yet.
-fn merge(list: &mut Vec<DecayRate>, more: Vec<DecayRate>) {
-    for mode in more {
-        let same = |other: &DecayRate| {
-            let size = mode.re.hypot(mode.im);
-            (mode.re - other.re).hypot(mode.im - other.im) < 1e-6 * size + mode.error + other.error
-        };
-        if !list.iter().any(same) {
-            list.push(mode);
+/// For each of `these` its partner among `those`, each given once, the closest first.
+fn partners(these: &[C], those: &[C]) -> Vec<Option<usize>> {
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    for (i, a) in these.iter().enumerate() {
+        let near = those.iter().enumerate();
+        let near = near.map(|(j, b)| ((a - b).norm(), i, j));
+        pairs.extend(near.filter(|(distance, ..)| *distance < 0.2 * a.norm()));
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut partner = vec![None; these.len()];
+    let mut taken = vec![false; those.len()];
+    for (_, i, j) in pairs {
+        if partner[i].is_none() && !taken[j] {
+            (partner[i], taken[j]) = (Some(j), true);
         }
     }
+    partner
 }
 
-/// The eigenvalues near the given shifts (points of the upper half plane), rim modes and the zero left
-/// out, the slowest first, conjugates included, at most `count`.
-///
-/// Shift-invert Arnoldi with one complex LU per shift on the symmetrised generator, whose left
-/// eigenvectors are the right ones with v reversed.
-///
-/// # Errors
-/// [`crate::Error::Linear`] if a shift hits an eigenvalue or the projected problem fails.
-pub fn slowest(generator: &Generator, shifts: &[C], count: usize) -> Result<Vec<DecayRate>> {
-    let matrix = generator.symmetrised();
-    let mirror = mirror(generator);
-    let rim = generator.rim();
-    let mut found: Vec<DecayRate> = Vec::new();
-    for shift in shifts {
-        for (value, vector) in near(&matrix, *shift)? {
-            let norm: f64 = vector.iter().map(C::norm_sqr).sum();
-            let outside: f64 = vector
-                .iter()
-                .zip(&rim)
-                .filter(|(_, r)| **r)
-                .map(|(x, _)| x.norm_sqr())
-                .sum();
-            if outside > RIM * norm || value.norm() < 1e-9 || value.re > 1e-9 {
+/// Adds the modes of another shift that are not in the list yet, the better known of two alike, and sorts by
+/// rate. Each mode of the list stands for one of the others, so that close eigenvalues stay apart.
+fn merge(list: &mut Vec<Mode>, more: Vec<Mode>) {
+    let mut free = vec![true; list.len()];
+    for mode in more {
+        let same = |other: &Mode| {
+            let apart = (mode.value - other.value).norm();
+            apart < 1e-7 * mode.value.norm() + 2.0 * (mode.error + other.error)
+        };
+        match (0..free.len()).find(|k| free[*k] && same(&list[*k])) {
+            Some(k) => {
+                free[k] = false;
+                if mode.error < list[k].error {
+                    list[k] = mode;
+                }
+            }
+            None => list.push(mode),
+        }
+    }
+    list.sort_by(|a, b| b.value.re.total_cmp(&a.value.re));
+}
+
+/// Arnoldi's process for (shift - L)^{-1}.
+struct Arnoldi<'a> {
+    inverse: Factored<'a>,
+    full: &'a Hierarchy,
+    shift: C,
+    basis: Vec<Vec<C>>,
+    /// Columns of the Hessenberg matrix, one for each solve.
+    columns: Vec<Vec<C>>,
+}
+
+impl<'a> Arnoldi<'a> {
+    fn new(full: &'a Hierarchy, shift: C) -> Result<Self> {
+        // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
+        // eigenvector of 0, is left out.
+        let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
+        let mut first: Vec<C> = (0..full.len()).map(|k| C::new(golden(k), 0.0)).collect();
+        first[0] = C::default();
+        normalise(&mut first);
+        Ok(Self {
+            inverse: Factored::new(full, shift)?,
+            full,
+            shift,
+            basis: vec![first],
+            columns: Vec::new(),
+        })
+    }
+
+    fn size(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Adds at most `steps` vectors; whether the space can still grow.
+    fn extend(&mut self, steps: usize) -> Result<bool> {
+        for _ in 0..steps {
+            if self.basis.len() == self.size() || self.size() + 2 > self.full.len() {
+                return Ok(false);
+            }
+            let mut next = self.inverse.solve(&self.basis[self.size()])?;
+            let mut column = vec![C::default(); self.basis.len() + 1];
+            // Gram-Schmidt twice is enough (Parlett).
+            for _ in 0..2 {
+                for (overlap, vector) in column.iter_mut().zip(&self.basis) {
+                    let part: C = vector.iter().zip(&next).map(|(b, x)| b.conj() * x).sum();
+                    *overlap += part;
+                    let both = next.iter_mut().zip(vector);
+                    both.for_each(|(x, b)| *x -= part * b);
+                }
+            }
+            let norm = normalise(&mut next);
+            column[self.basis.len()] = C::new(norm, 0.0);
+            self.columns.push(column);
+            if norm > 1e-13 {
+                self.basis.push(next);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The converged eigenvalues, those of the upper half plane.
+    fn modes(&self) -> Result<Vec<Mode>> {
+        let size = self.size();
+        let entry = |(i, j): (usize, usize)| self.columns[j].get(i).copied().unwrap_or_default();
+        let (values, vectors) = eigen(&Array2::from_shape_fn((size, size), entry))?;
+        let last = entry((size, size - 1)).norm();
+        let mut modes = Vec::new();
+        for (theta, part) in values.iter().zip(vectors.columns()) {
+            let value = self.shift - theta.inv();
+            // The residual over theta: no vector is built for what has not converged.
+            let rough = part[size - 1].norm() * last / theta.norm();
+            if !value.is_finite() || rough > CONVERGED {
                 continue;
             }
-            let overlap: C = vector
-                .iter()
-                .zip(&mirror)
-                .map(|(x, k)| x * vector[*k])
-                .sum();
-            let residual = residual(&matrix, value, &vector);
-            let error = residual * norm / overlap.norm();
-            let near = |other: &DecayRate| {
-                (C::new(other.re, other.im.abs()) - C::new(value.re, value.im.abs())).norm()
-            };
-            // The same mode from two shifts, or an unconverged Ritz value.
-            if error < 1e-3 * value.norm()
-                && !found
-                    .iter()
-                    .any(|f| near(f) < 1e-6 * value.norm() + f.error)
-            {
-                found.push(DecayRate {
-                    re: value.re,
-                    im: value.im.abs(),
-                    error,
-                });
+            let mut vector = vec![C::default(); self.full.len()];
+            for (b, s) in self.basis.iter().zip(part) {
+                vector.iter_mut().zip(b).for_each(|(x, b)| *x += b * s);
             }
+            let error = algebraic(self.full, value, &vector);
+            let nothing = error.max(1e-9 * value.norm());
+            if error > CONVERGED * value.norm() || value.im < -nothing {
+                continue;
+            }
+            // A real eigenvalue of a real matrix has no imaginary part beyond its error.
+            let im = if value.im <= nothing { 0.0 } else { value.im };
+            let value = C::new(value.re, im);
+            modes.push(Mode { value, error });
         }
+        Ok(modes)
     }
-    found.sort_by(|a, b| b.re.total_cmp(&a.re));
-    let conjugates = found.into_iter().flat_map(|mode| {
-        let DecayRate { re, im, error } = mode;
-        // A real eigenvalue of a real matrix has no imaginary part beyond its error.
-        if im <= error.max(1e-9) {
-            vec![DecayRate { re, im: 0.0, error }]
-        } else {
-            vec![mode, DecayRate { re, im: -im, error }]
-        }
-    });
-    Ok(conjugates.take(count).collect())
 }
 
-/// |A x - lambda x|/|x|.
-fn residual(matrix: &CsMat<f64>, value: C, vector: &[C]) -> f64 {
-    let mut image: Vec<C> = vector.iter().map(|x| -value * x).collect();
-    for (column, entries) in matrix.outer_iterator().enumerate() {
-        for (row, a) in entries.iter() {
-            image[row] += vector[column] * *a;
-        }
-    }
-    let size = |x: &[C]| x.iter().map(C::norm_sqr).sum::<f64>().sqrt();
-    size(&image) / size(vector)
-}
-
-/// Eigenpairs of the matrix nearest to a shift, by Arnoldi on (A - shift)^{-1}.
-fn near(matrix: &CsMat<f64>, shift: C) -> Result<Vec<(C, Vec<C>)>> {
-    let mut shifted = matrix.map(|a| C::new(*a, 0.0));
-    sparse::shift(&mut shifted, -shift);
-    let mut lu = Lu::factor(shifted)?;
-    let n = matrix.cols();
-    let steps = KRYLOV.min(n - 1);
-    let mut basis: Vec<Vec<C>> = Vec::with_capacity(steps + 1);
-    let mut hessenberg = Array2::<C>::zeros((steps + 1, steps));
-    // A fixed, structureless start: the golden-ratio sequence overlaps with every mode.
-    let start = (0..n).map(|k| C::new((k as f64 * 0.618_033_988_749_894_9).fract() - 0.5, 0.0));
-    let mut first: Vec<C> = start.collect();
-    normalise(&mut first);
-    basis.push(first);
-    let mut size = steps;
-    for k in 0..steps {
-        let mut next = basis[k].clone();
-        lu.solve(&mut next)?;
-        // Gram-Schmidt twice is enough (Parlett).
-        for _ in 0..2 {
-            for (j, vector) in basis.iter().enumerate() {
-                let overlap: C = vector.iter().zip(&next).map(|(b, x)| b.conj() * x).sum();
-                hessenberg[[j, k]] += overlap;
-                next.iter_mut()
-                    .zip(vector)
-                    .for_each(|(x, b)| *x -= overlap * b);
-            }
-        }
-        let norm = normalise(&mut next);
-        hessenberg[[k + 1, k]] = C::new(norm, 0.0);
-        if norm < 1e-13 {
-            size = k + 1;
-            break;
-        }
-        basis.push(next);
-    }
-    let square = Array2::from_shape_fn((size, size), |place| hessenberg[place]);
-    let (values, vectors) = eigen(&square)?;
-    let pairs = values.iter().enumerate().map(|(k, theta)| {
-        let mut vector = vec![C::default(); n];
-        for (b, s) in basis.iter().zip(vectors.column(k)) {
-            vector.iter_mut().zip(b).for_each(|(x, b)| *x += b * s);
-        }
-        (shift + theta.inv(), vector)
-    });
-    Ok(pairs.collect())
+/// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding.
+fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
+    let part = |of: fn(&C) -> f64| full.apply(&x.iter().map(of).collect::<Vec<_>>());
+    let (re, im) = (part(|x| x.re), part(|x| x.im));
+    let image = re.iter().zip(&im).map(|(re, im)| C::new(*re, *im));
+    let residual: f64 = image.zip(x).map(|(y, x)| (y - value * x).norm_sqr()).sum();
+    let norm: f64 = x.iter().map(C::norm_sqr).sum();
+    let (even, odd) = x.split_at(full.even());
+    let square = |x: &[C]| x.iter().map(|x| x * x).sum::<C>();
+    (residual * norm).sqrt() / (square(even) - square(odd)).norm() + ROUNDING * full.size()
 }
 
 fn normalise(x: &mut [C]) -> f64 {
@@ -409,18 +643,24 @@ fn normalise(x: &mut [C]) -> f64 {
     norm
 }
 
-/// The unknown at (q, -v) of each unknown.
-fn mirror(generator: &Generator) -> Vec<usize> {
-    let number = generator.numbering();
-    let [nq, nv] = generator.mesh().cells();
-    let mut mirror = vec![0; generator.unknowns()];
-    for i in 0..nq {
-        for j in generator.active(i) {
-            let other = number[i * nv + nv - 1 - j];
-            // Active columns are symmetric in v for a symmetric axis; fall back on the cell itself.
-            let here = number[i * nv + j];
-            mirror[here] = if other == usize::MAX { here } else { other };
-        }
-    }
-    mirror
+/// What the decay rates take: cells are functions of q and of v, steps the factorisations.
+pub fn decay_rates_cost(settings: &Settings) -> (Cost, String) {
+    let coarse = first(settings);
+    let middle = finer(coarse);
+    let fine = finer(middle);
+    // Nine shifts at the coarse resolution, two or three at the finer ones; fifty solves take as long as the
+    // factorisation.
+    let operations = 9.0 * coarse.operations() + 3.0 * (middle.operations() + fine.operations());
+    let threads = rayon::current_num_threads() as f64;
+    let vectors = 16 * (KRYLOV * 2 * fine.pairs * fine.across()) as u64;
+    let cost = Cost {
+        cells: [fine.across(), 2 * fine.pairs],
+        steps: 15,
+        memory: (fine.memory() + vectors) * threads as u64,
+        // 1e10 operations a second and processor (measured).
+        seconds: 2.0 * operations / 1e10 / threads,
+    };
+    let method =
+        "shift-invert Arnoldi in Hermite functions and spectral elements, three resolutions";
+    (cost, method.into())
 }

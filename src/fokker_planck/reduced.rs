@@ -11,7 +11,7 @@
 //! v -> -v, J, turns L into its transpose, so J V c solves the adjoint equation too: the second term
 //! doubles the digits, and the third bounds what is left by |r|^2 |(i omega - L)^{-1}|.
 
-use super::hermite::Hierarchy;
+use super::hermite::{Factored, Hierarchy};
 use crate::error::Result;
 use crate::sparse::eigen;
 use ndarray::{Array1, Array2, ArrayView1, Axis, Slice};
@@ -178,9 +178,10 @@ impl<'a> Builder<'a> {
     }
 
     fn solve(&mut self, omegas: &[f64]) -> Result<()> {
+        let start: Vec<C> = self.full.start().into_iter().map(C::from).collect();
         let states: Vec<Result<Vec<C>>> = omegas
             .par_iter()
-            .map(|w| self.full.resolve(C::new(0.0, *w)))
+            .map(|w| Factored::new(self.full, C::new(0.0, *w))?.solve(&start))
             .collect();
         for (omega, state) in omegas.iter().zip(states) {
             let state = state?;

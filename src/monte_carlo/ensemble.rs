@@ -6,17 +6,16 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
 use super::scheme::{self, Coefficients, Group};
-use super::statistics::{Frames, Sums};
+use super::statistics::{FEW, Frames, Sums, unknown};
 use super::{EnsembleSettings, Noise, Progress, Scheme, check_bins, scheme_and_step};
 use crate::error::{Error, Result};
+use crate::estimate::Warning;
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Below this many paths a standard error is known to worse than a tenth.
-const FEW: u64 = 51;
+use std::time::Instant;
 
 /// A band that ends below twice the resonance distorts what the contact does.
 const RESONANCE: f64 = 2.0;
@@ -47,7 +46,7 @@ pub struct EnsembleResult {
     /// Paths times steps.
     pub path_steps: u64,
     /// What a reader of the numbers should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 /// Densities of an ensemble at one time.
@@ -61,7 +60,8 @@ pub struct Densities {
     pub force: Histogram,
 }
 
-/// Moments at `times` (ascending, may begin with 0) of an ensemble that starts from `initial`.
+/// Moments at `times` (ascending, may begin with 0) of an ensemble that starts from `initial`. A step whose
+/// bias may exceed a standard error is warned of; [`run_with_bias`] puts that bias into the errors.
 ///
 /// `progress` is called, from any thread, with the fraction of the work done, 0 to 1.
 ///
@@ -71,6 +71,115 @@ pub struct Densities {
 /// stationary start that does not exist; [`Error::Limit`] for more steps than can be counted, and where
 /// `max_seconds` are over.
 pub fn run(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &EnsembleSettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<EnsembleResult> {
+    let mut it = sample(oscillator, initial, times, settings, progress)?;
+    let frequency = highest_frequency(oscillator, initial);
+    let step = (it.scheme, it.step);
+    let warning = scheme::bias_warning(step, oscillator, frequency, settings.paths as f64);
+    let moved: Vec<Option<f64>> = times
+        .iter()
+        .filter(|t| **t > 0.0)
+        .map(|t| Some(*t))
+        .collect();
+    it.warnings.extend(warning.map(|text| Warning {
+        text,
+        unknown: unknown("monte_carlo", &moved),
+    }));
+    Ok(it)
+}
+
+/// The ensemble that shows the bias of the scheme and step of `settings`: as many paths by the program's own choice
+/// of both, the step at most half as long where the scheme is the same. None where that bias, in a variance or
+/// through the phase of the motion, is below one standard error.
+///
+/// # Errors
+/// Those of [`run`] for scheme, step and times.
+pub fn companion(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &EnsembleSettings,
+) -> Result<Option<EnsembleSettings>> {
+    let frequency = highest_frequency(oscillator, initial);
+    let (scheme, step) = scheme_and_step(oscillator, initial, settings)?;
+    let (mut now, mut longest) = (0.0, 0.0);
+    for time in times {
+        let (count, length) = equal_steps(time - now, step)?;
+        longest = f64::max(longest, if count > 0 { length } else { 0.0 });
+        now = *time;
+    }
+    let bias = scheme::bias(scheme, oscillator, longest, frequency)
+        + scheme::phase_lead((scheme, longest), oscillator, initial, frequency, now);
+    if bias <= (2.0 / settings.paths as f64).sqrt() {
+        return Ok(None);
+    }
+    let own = EnsembleSettings {
+        scheme: Scheme::Auto,
+        step: None,
+        bins: 0,
+        ..settings.clone()
+    };
+    let (own_scheme, own_step) = scheme_and_step(oscillator, initial, &own)?;
+    let most = if own_scheme == scheme {
+        0.5 * longest
+    } else {
+        own_step
+    };
+    Ok(Some(EnsembleSettings {
+        step: Some(own_step.min(most)),
+        ..own
+    }))
+}
+
+/// The error of a scheme of order 2 over the difference that half the step makes.
+const HALVED: f64 = 4.0 / 3.0;
+
+/// [`run`], and where the bias of the step may exceed a standard error the ensemble of [`companion`] beside it: the
+/// error of every number is then one standard error and the difference that the companion makes.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with_bias(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &EnsembleSettings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<EnsembleResult> {
+    let Some(mut other) = companion(oscillator, initial, times, settings)? else {
+        return sample(oscillator, initial, times, settings, progress);
+    };
+    let start = Instant::now();
+    let half = |part: f64| progress(0.5 * part);
+    let mut it = sample(oscillator, initial, times, settings, &half)?;
+    other.max_seconds -= start.elapsed().as_secs_f64();
+    let half = |part: f64| progress(0.5 + 0.5 * part);
+    let beside = sample(oscillator, initial, times, &other, &half)?;
+    for (moments, beside) in it.moments.iter_mut().zip(&beside.moments) {
+        for (number, (_, beside)) in moments.each_mut().into_iter().zip(beside.named()) {
+            if let (Some(number), Some(beside)) = (number, beside) {
+                let difference = (number.value - beside.value).abs();
+                number.error = number.error.max(beside.error) + HALVED * difference;
+            }
+        }
+    }
+    let warning = format!(
+        "the step {:.3e} is long for the scheme {}: to the standard error of every sampled number is added what {} \
+         with steps of {:.3e} makes different; shorten monte_carlo.step or leave scheme and step out to have them \
+         chosen",
+        it.step, it.scheme, beside.scheme, beside.step
+    );
+    it.warnings.push(warning.into());
+    Ok(it)
+}
+
+/// One ensemble, the bias of its step left to the caller.
+fn sample(
     oscillator: &Oscillator,
     initial: &Initial,
     times: &[f64],
@@ -99,31 +208,38 @@ pub fn run(
         .zip(&sums)
         .map(|(frames, sums)| sums.moments(oscillator.contact(), frames))
         .collect();
-    let mut warnings = Vec::from_iter(plan.warning.clone());
+    let mut warnings: Vec<Warning> = Vec::new();
     if settings.paths < FEW {
-        warnings.push(format!(
+        let text = format!(
             "standard errors from {} paths are themselves known to {:.0} % at best; more monte_carlo.paths \
              would help",
             settings.paths,
             100.0 / (2.0 * (settings.paths - 1) as f64).sqrt()
-        ));
+        );
+        warnings.push(text.into());
     }
     if let Noise::Cosines { band, .. } = settings.noise
         && band < RESONANCE
     {
-        warnings.push(format!(
+        let text = format!(
             "the band of the noise ends at {band}, below {RESONANCE}: the response near the resonance at 1 \
              is not that to white noise"
-        ));
+        );
+        warnings.push(text.into());
     }
-    warnings.extend(settings.noise.warning(oscillator.zeta()));
+    let cosines = settings.noise.warning(oscillator.zeta());
+    warnings.extend(cosines.map(Warning::from));
     let finite = |m: &Moments| m.mean_energy.value.is_finite();
     if let Some(k) = moments.iter().position(|m| !finite(m)) {
-        warnings.push(format!(
-            "the ensemble is not finite from t = {} on: the step {} is too long for the scheme {}; \
-             leave monte_carlo.step out to have one chosen",
-            times[k], plan.step, plan.scheme
-        ));
+        let from: Vec<Option<f64>> = times[k..].iter().map(|t| Some(*t)).collect();
+        warnings.push(Warning {
+            text: format!(
+                "the ensemble is not finite from t = {} on, and none of its numbers is known from there: the step {} \
+                 is too long for the scheme {}; leave monte_carlo.step out to have one chosen",
+                times[k], plan.step, plan.scheme
+            ),
+            unknown: unknown("monte_carlo", &from),
+        });
     }
     Ok(EnsembleResult {
         times: times.to_vec(),
@@ -157,7 +273,6 @@ struct Plan {
     longest: f64,
     path_steps: u64,
     bins: usize,
-    warning: Option<String>,
 }
 
 impl Plan {
@@ -200,8 +315,6 @@ impl Plan {
             now = time;
         }
         let noise = settings.noise;
-        let paths = settings.paths as f64;
-        let warning = scheme::bias_warning(scheme, oscillator, longest, frequency, paths);
         Ok(Self {
             count: settings.paths,
             paths: Paths::new(oscillator, initial, settings.seed, noise, scheme, step)?,
@@ -211,7 +324,6 @@ impl Plan {
             longest,
             path_steps: steps.saturating_mul(settings.paths),
             bins: check_bins(settings.bins, 0)?,
-            warning,
         })
     }
 }

@@ -346,11 +346,11 @@ fn few_cosines_raise_the_kurtosis_as_the_warning_says() {
         let got = run(&it, &Initial::Rest, &[80.0], &cosines, &quiet).unwrap();
         let kurtosis = got.moments[0].kurtosis_force;
         println!("{count} cosines: kurtosis {kurtosis}, {:?}", got.warnings);
-        let warning = got.warnings.iter().find(|it| it.contains("cosines"));
+        let warning = got.warnings.iter().find(|it| it.text.contains("cosines"));
         match expected {
             None => assert!(warning.is_none()),
             Some(excess) => {
-                assert!(warning.is_some_and(|it| it.contains(excess)));
+                assert!(warning.is_some_and(|it| it.text.contains(excess)));
                 let excess: f64 = excess.parse().unwrap();
                 let miss = (kurtosis.value - 3.0 - excess).abs();
                 assert!(miss < 0.2 * excess + 4.0 * kurtosis.error);

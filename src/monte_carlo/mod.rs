@@ -49,7 +49,7 @@ mod signal;
 mod statistics;
 
 pub use choice::scheme_and_step;
-pub use ensemble::{Densities, EnsembleResult, run};
+pub use ensemble::{Densities, EnsembleResult, companion, run, run_with_bias};
 pub use events::Crossings;
 pub use first_loss::{FirstLossResult, first_loss, first_loss_scheme_and_step};
 pub use histogram::Histogram;

@@ -7,8 +7,10 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::{Paths, highest_frequency};
 use super::scheme::{self, Coefficients, Group};
+use super::statistics::unknown;
 use super::{Noise, Progress, Scheme, check_bins, choose};
 use crate::error::{Error, Result, positive};
+use crate::estimate::Warning;
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -85,7 +87,7 @@ pub struct RecordResult {
     /// Steps of all records.
     pub path_steps: u64,
     /// What a reader of the numbers should know.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
 }
 
 /// Stationary statistics from records that start in the exact stationary law. With a sum of cosines,
@@ -114,40 +116,44 @@ pub fn records(
     progress.in_time()?;
     let contact = oscillator.contact();
     let batches = sums.means.count() as u64;
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<Warning> = Vec::new();
     let effective_samples = sums.means.effective_samples();
     let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
     if worth < 50.0 {
-        warnings.push(format!(
+        let text = format!(
             "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
              the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
             oscillator.memory()
-        ));
+        );
+        warnings.push(text.into());
     }
-    warnings.extend(settings.noise.warning(oscillator.zeta()));
-    let (step, frequency) = (size.step, size.frequency);
-    warnings.extend(scheme::bias_warning(
-        size.scheme,
-        oscillator,
-        step,
-        frequency,
-        effective_samples[2],
-    ));
+    let cosines = settings.noise.warning(oscillator.zeta());
+    warnings.extend(cosines.map(Warning::from));
+    let step = (size.scheme, size.step);
+    let biased = scheme::bias_warning(step, oscillator, size.frequency, effective_samples[2]);
+    warnings.extend(biased.map(|text| Warning {
+        text,
+        unknown: unknown("records", &[None]),
+    }));
     let moments = sums.means.moments(contact, &plan.units);
     if !moments.mean_energy.value.is_finite() {
-        warnings.push(format!(
-            "the records are not finite: the step {} is too long for the scheme {}; leave \
-             monte_carlo.step out to have one chosen",
-            size.step, size.scheme
-        ));
+        warnings.push(Warning {
+            text: format!(
+                "the records are not finite, and none of their numbers is known: the step {} is too long for the \
+                 scheme {}; leave monte_carlo.step out to have one chosen",
+                size.step, size.scheme
+            ),
+            unknown: unknown("records", &[None]),
+        });
     }
     let lossy = contact.loss_point().is_some();
     if lossy && !size.scheme.locates_crossings() {
-        warnings.push(format!(
+        let text = format!(
             "losses of contact are not counted: the scheme {} does not locate them; ask for \
              monte_carlo.scheme = \"splitting_4_2\", whose steps are short under strong friction",
             size.scheme
-        ));
+        );
+        warnings.push(text.into());
     }
     Ok(RecordResult {
         moments,

@@ -5,6 +5,7 @@ use super::hamiltonian::Flow;
 use super::law::Law;
 use super::noise::{LANES, Lanes, Streams};
 use super::signal::Signal;
+use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::fmt;
 
@@ -643,11 +644,30 @@ pub(super) fn bias(scheme: Scheme, oscillator: &Oscillator, step: f64, frequency
     }
 }
 
+/// What the phase by which a scheme leads does to the mean of a motion that begins away from the stationary law, at
+/// worst up to `until`, in stationary deviations; friction forgets the phase with the amplitude.
+pub(super) fn phase_lead(
+    (scheme, step): (Scheme, f64),
+    oscillator: &Oscillator,
+    initial: &Initial,
+    frequency: f64,
+    until: f64,
+) -> f64 {
+    let (Scheme::CentralDifference | Scheme::Baoab, Initial::Gaussian { mean, .. }) =
+        (scheme, initial)
+    else {
+        return 0.0;
+    };
+    let turn = step * frequency.max(1.0);
+    let time = until.min(1.0 / (std::f64::consts::E * oscillator.zeta()));
+    let swing = 1.0 + mean[0].hypot(mean[1]) / oscillator.temperature().sqrt();
+    swing * turn * turn / 24.0 * frequency.max(1.0) * time
+}
+
 /// A warning if the bias of a variance exceeds one standard error of `samples` independent samples.
 pub(super) fn bias_warning(
-    scheme: Scheme,
+    (scheme, step): (Scheme, f64),
     oscillator: &Oscillator,
-    step: f64,
     frequency: f64,
     samples: f64,
 ) -> Option<String> {
@@ -659,7 +679,8 @@ pub(super) fn bias_warning(
         let share = if bias < 1.0 { format!("by about {bias:.1e} of itself") } else { "without bound".into() };
         format!(
             "with the step {step:.3e} the scheme {scheme} is off {share} in a variance, its standard error \
-             is {error:.1e}: shorten monte_carlo.step or leave scheme and step out to have them chosen"
+             is {error:.1e}, and no standard error of a sampled number holds that: shorten monte_carlo.step or leave \
+             scheme and step out to have them chosen"
         )
     })
 }

@@ -4,7 +4,7 @@
 use super::bins::Bins;
 use super::law::Law;
 use crate::contact::ContactLaw;
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, name_at};
 use crate::moments::Moments;
 
 /// A centre and a unit near the mean and the deviation, so that power sums neither cancel nor
@@ -166,7 +166,7 @@ impl Sums {
         let force = central(&self.force, n);
         let energy = central(&self.energy, n);
         let [std, skewness, kurtosis] = shape(&force, n);
-        Moments {
+        let mut moments = Moments {
             mean_q: mean(&q, n, fq),
             var_q: variance(&q, n, fq),
             mean_v: mean(&v, n, fv),
@@ -177,8 +177,13 @@ impl Sums {
             skewness_force: skewness,
             kurtosis_force: kurtosis,
             mean_energy: mean(&energy, n, fh),
-            contact_loss_probability: contact.loss_point().map(|_| proportion(self.lost, n)),
+            contact_loss_probability: None,
+        };
+        for number in moments.each_mut().into_iter().flatten() {
+            number.error *= student(n);
         }
+        moments.contact_loss_probability = contact.loss_point().map(|_| proportion(self.lost, n));
+        moments
     }
 
     fn covariance(&self, fq: Frame, fv: Frame) -> Estimate {
@@ -193,7 +198,9 @@ impl Sums {
             + 4.0 * q1 * v1 * qv
             + q1 * q1 * v2
             - 3.0 * q1 * q1 * v1 * v1;
-        let error = ((square - covariance * covariance).max(0.0) / n).sqrt();
+        // That of a Gaussian, if its own is not to be seen.
+        let gaussian = (q2 - q1 * q1) * (v2 - v1 * v1) + covariance * covariance;
+        let error = (at_least(square - covariance * covariance, gaussian, n) / n).sqrt();
         let unit = 1.0 / (fq.inverse * fv.inverse);
         sampled(covariance * n / (n - 1.0), error).scaled(unit)
     }
@@ -260,6 +267,38 @@ fn central<const K: usize>(sums: &[f64; K], n: f64) -> Central<K> {
     Central { mean, order }
 }
 
+/// Below this many paths a standard error is known to worse than a tenth.
+pub(super) const FEW: u64 = 51;
+
+/// The names of all moments at these times, as a warning that their errors are not known lists them.
+pub(super) fn unknown(prefix: &str, times: &[Option<f64>]) -> Vec<String> {
+    let names = Moments::default().named().map(|it| it.0);
+    let at = |t: &Option<f64>| {
+        names.map(|name| {
+            let name = format!("{prefix}.{name}");
+            t.map_or(name.clone(), |t| name_at(&name, t))
+        })
+    };
+    times.iter().flat_map(at).collect()
+}
+
+/// The mean square of an influence function; of few paths, which do not show their own tails (two have a kurtosis of
+/// 1 and no error), at least that of a Gaussian.
+fn at_least(square: f64, gaussian: f64, n: f64) -> f64 {
+    let least = if n < FEW as f64 { gaussian } else { 0.0 };
+    square.max(least)
+}
+
+/// The deviation that holds two thirds of Student's t with n - 1 degrees of freedom, to a hundredth; 1 for many paths.
+fn student(n: f64) -> f64 {
+    let nu = n - 1.0;
+    if n < FEW as f64 {
+        1.0 + (0.5 + 0.33 / nu) / nu
+    } else {
+        1.0
+    }
+}
+
 fn sampled(value: f64, error: f64) -> Estimate {
     Estimate::new(value, error, Origin::Sampling)
 }
@@ -276,7 +315,7 @@ fn mean<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
 /// The unbiased variance; its error is sqrt((m4 - m2^2)/n).
 fn variance<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
     let (m2, m4) = (c.order[1], c.order[3]);
-    let error = ((m4 - m2 * m2).max(0.0) / n).sqrt();
+    let error = (at_least(m4 - m2 * m2, 2.0 * m2 * m2, n) / n).sqrt();
     sampled(m2 * n / (n - 1.0), error).scaled(frame.inverse.powi(-2))
 }
 
@@ -288,9 +327,9 @@ fn shape(c: &Central<8>, n: f64) -> [Estimate; 3] {
     // Moments of x: m(1) = 0, m(2) = 1.
     let m = |k: usize| c.order[k - 1] / std.powi(k as i32);
     let (s, k) = (m(3), m(4));
-    let error = |square: f64| (square.max(0.0) / n).sqrt();
+    let error = |square: f64, gaussian: f64| (at_least(square, gaussian, n) / n).sqrt();
     let std_error = if variance > 0.0 {
-        error(0.25 * (k - 1.0)) * std
+        error(0.25 * (k - 1.0), 0.5) * std
     } else {
         0.0
     };
@@ -304,8 +343,8 @@ fn shape(c: &Central<8>, n: f64) -> [Estimate; 3] {
             + 8.0 * b * s * s;
     [
         sampled((variance * n / (n - 1.0)).sqrt(), std_error),
-        sampled(s, error(skewness)),
-        sampled(k, error(kurtosis)),
+        sampled(s, error(skewness, 6.0)),
+        sampled(k, error(kurtosis, 24.0)),
     ]
 }
 

@@ -64,7 +64,7 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
             "reference: closed form".to_string()
         } else {
             format!(
-                "references: fine runs of two methods, each judging all but its own kind; they differ by {:.1e} in L1, {:.1e} in E[v^2]/T, {:.1e} in E[H]/T, {:.1e} in P(loss)",
+                "references: fine runs of two methods, each judging all but its own kind; they differ by {:.1e} in L1, {:.1e} in E[v^2]/T, {:.1e} in E[H]/T, {:.1e} in P(loss): errors of L1 and of E[H] below that are not known",
                 u.l1.unwrap_or(0.0),
                 u.square_speed,
                 u.energy,

@@ -184,11 +184,11 @@ pub fn steady(results: &Results) -> Result<Vec<File>> {
 
 /// The decay rates.
 pub fn decay_rates(results: &Results) -> Vec<File> {
-    let Some(rates) = &results.decay_rates else {
+    let Some(it) = &results.decay_rates else {
         return Vec::new();
     };
     let mut table = String::from("re [W],im [W],error [W]\n");
-    for rate in rates {
+    for rate in &it.rates {
         let _ = writeln!(
             table,
             "{},{},{}",

@@ -13,7 +13,7 @@ pub fn at_the_start(results: &Results) -> Vec<File> {
     results
         .run
         .warnings
-        .push("unfinished: no stage had ended yet".into());
+        .push("unfinished: no stage had ended yet".to_string().into());
     let scene = File::text("scene.toml", results.scene.to_toml());
     vec![
         File::text(data::RESULTS, format!("{}\n", results.json())),

@@ -28,7 +28,7 @@ pub fn page(results: &Results) -> Result<String> {
          <h1>{title}</h1>\n"
     );
     for warning in &results.run.warnings {
-        let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
+        let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(&warning.text));
     }
     let table = escaped(&terminal::table(results, false));
     let _ = writeln!(page, "<pre>{table}</pre>");

@@ -1,6 +1,7 @@
 //! The table on the terminal: 80 columns, readable by a stranger.
 
 use crate::estimate::Estimate;
+use crate::fokker_planck::DecayRate;
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::plan::{Part, Plan, Stage, bytes, seconds};
@@ -495,24 +496,24 @@ fn deterministic(table: &mut Table, results: &Results) {
         table.line("");
         table.paragraph("steady state: ", &text);
     }
-    if let Some(rates) = results.decay_rates.as_ref().filter(|it| !it.is_empty()) {
-        let rates: Vec<String> = rates
-            .iter()
-            .map(|rate| {
-                let re = cell(Some(Estimate {
-                    value: rate.re,
-                    error: rate.error,
-                    ..Estimate::default()
-                }));
-                if rate.im == 0.0 {
-                    re
-                } else {
-                    format!("{re} {:+.4}i", rate.im)
-                }
-            })
-            .collect();
+    if let Some(it) = &results.decay_rates {
+        let rate = |rate: &DecayRate| {
+            let re = cell(Some(Estimate {
+                value: rate.re,
+                error: rate.error,
+                ..Estimate::default()
+            }));
+            match rate.im {
+                0.0 => re,
+                im => format!("{re} (a pair, +-{im:.4}i)"),
+            }
+        };
+        let mut words: Vec<String> = it.rates.iter().map(rate).collect();
+        if let Some(edge) = it.continuous_from {
+            words.push(format!("continuous from {edge:.4} on"));
+        }
         table.line("");
-        table.paragraph("decay rates:  ", &rates.join(";  "));
+        table.paragraph("decay rates:  ", &words.join(";  "));
     }
 }
 
@@ -683,7 +684,7 @@ fn foot(table: &mut Table, results: &Results) {
         table.paragraph("TOLERANCE NOT REACHED: ", &text);
     }
     for warning in &run.warnings {
-        table.paragraph("warning: ", warning);
+        table.paragraph("warning: ", &warning.text);
     }
 }
 

@@ -37,7 +37,7 @@ fn line(row: &Row) -> String {
 pub fn text(rows: &[Row]) -> String {
     let mut all = format!(
         "{:<24} {:<8} {:>8} {:>8} {:>9} {:>8} {:>9} {:>6}  {}\n",
-        "scene", "verdict", "error", "of bar", "lowest p", "mass", "steps", "s", "worst number"
+        "scene", "verdict", "error", "/ est.", "lowest p", "mass", "steps", "s", "worst number"
     );
     for row in rows {
         all += &line(row);
@@ -49,11 +49,11 @@ pub fn text(rows: &[Row]) -> String {
     let dishonest: Vec<&str> = rows
         .iter()
         .filter(|row| !row.verdict.honest())
-        .map(|row| row.name)
+        .map(|row| row.name.as_str())
         .collect();
     let _ = writeln!(
         all,
-        "{} scenes, {} with a wrong number, a crash or a hang that nothing said{}{}",
+        "{} scenes, {} failed (a number outside its error estimate, no answer where one is expected, a crash, a hang){}{}",
         rows.len(),
         dishonest.len(),
         if dishonest.is_empty() { "" } else { ": " },
@@ -78,7 +78,7 @@ pub fn files(scenes: &[Extreme], rows: &[Row]) -> Vec<File> {
 
 fn csv(rows: &[Row]) -> String {
     let mut all = String::from(
-        "scene,extreme in,against,verdict,largest error (natural scales),largest error over its bar,\
+        "scene,extreme in,against,verdict,largest error (natural scales),largest error over its estimate,\
          of,lowest density,mass error,steps,wall time (s),message\n",
     );
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " "));
@@ -91,8 +91,8 @@ fn csv(rows: &[Row]) -> String {
                 (format!("{ratio:e}"), of)
             });
         let fields = [
-            row.name.to_string(),
-            quoted(row.what),
+            row.name.clone(),
+            quoted(&row.what),
             quoted(&row.against),
             row.verdict.name().to_string(),
             number(row.error),
@@ -112,7 +112,7 @@ fn csv(rows: &[Row]) -> String {
 
 fn markdown(rows: &[Row]) -> String {
     let mut all = String::from(
-        "| scene | extreme in | against | verdict | error | of its bar | lowest p | mass | steps | s | what it said |\n\
+        "| scene | extreme in | against | verdict | error | over its estimate | lowest p | mass | steps | s | what it said |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in rows {

@@ -3,10 +3,12 @@
 use super::extreme::Extreme;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Warning, name_at};
+use crate::fokker_planck::DecayRate;
 use crate::gaussian::Gaussian;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
+use crate::plan::Part;
 use crate::results::Results;
 use crate::scales::Scales;
 use crate::scene::Scene;
@@ -26,8 +28,8 @@ pub enum Against {
     Start,
     /// The scene's own ensemble of paths.
     Paths,
-    /// The same scene with these overrides: finer, or by another method.
-    Other(&'static [&'static str]),
+    /// The same scene with these overrides: finer, or by another method; what is sampled against what is sampled.
+    Other(Vec<String>),
     /// d/dt E\[H\] = pi h - 2 zeta E\[v^2\], integrated over equal output intervals.
     EnergyLaw,
     /// log10 P(q < q_loss) of the Hertz law: T e^{-9/(10 T)} over the normaliser by the trapezoidal rule.
@@ -38,6 +40,34 @@ pub enum Against {
     Steady,
     /// A refusal.
     Refusal,
+}
+
+impl Against {
+    /// What an entry of the scenes may be held against.
+    pub(super) const ACCEPTED: &str = "\"gaussian\", \"flight\", \"stationary\", \"start\", \"paths\", \"energy law\", \
+        \"flight tail\", \"linear rates\", \"steady state\", \"refusal\" or { other = [overrides] }";
+
+    /// From an entry of the scenes.
+    pub(super) fn read(value: &toml::Value) -> Option<Self> {
+        if let Some(overrides) = value.get("other") {
+            let overrides = overrides.as_array()?.iter();
+            let texts: Option<Vec<&str>> = overrides.map(toml::Value::as_str).collect();
+            return Some(Self::Other(texts?.into_iter().map(str::to_owned).collect()));
+        }
+        Some(match value.as_str()? {
+            "gaussian" => Self::Gaussian,
+            "flight" => Self::Flight,
+            "stationary" => Self::Stationary,
+            "start" => Self::Start,
+            "paths" => Self::Paths,
+            "energy law" => Self::EnergyLaw,
+            "flight tail" => Self::FlightTail,
+            "linear rates" => Self::LinearRates,
+            "steady state" => Self::Steady,
+            "refusal" => Self::Refusal,
+            _ => return None,
+        })
+    }
 }
 
 impl fmt::Display for Against {
@@ -59,10 +89,12 @@ impl fmt::Display for Against {
 /// A number beside what it should be.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Check {
-    /// Name and time.
+    /// Stage of the plan that answers.
+    pub(super) stage: &'static str,
+    /// Name and time, as warnings write them.
     pub(super) name: String,
     pub(super) value: f64,
-    /// Its error bar; one standard error if `sampled`.
+    /// Its error estimate; one standard error if `sampled`.
     pub(super) bar: f64,
     pub(super) sampled: bool,
     pub(super) reference: f64,
@@ -103,7 +135,7 @@ pub(super) fn checks(extreme: &Extreme, scene: &Scene, results: &Results) -> Res
             let law = Stationary::of(oscillator)?;
             let mut all = comparison.both(results, &|_| Ok(law.moments()))?;
             if let Some(it) = &results.records {
-                comparison.moments(&mut all, None, &it.moments, &law.moments(), true);
+                comparison.moments(&mut all, None, &it.moments, &law.moments(), Part::Records);
             }
             Ok(all)
         }
@@ -114,18 +146,13 @@ pub(super) fn checks(extreme: &Extreme, scene: &Scene, results: &Results) -> Res
         }
         Against::Paths => Ok(comparison.paths(results)),
         Against::Other(overrides) => {
-            let overrides: Vec<String> = overrides.iter().map(|it| (*it).to_string()).collect();
-            let other = extreme.scene(&overrides);
+            let other = extreme.scene(overrides);
             let other = other.map_err(|it| Error::invalid("the yardstick", it, "a scene"))?;
-            Ok(comparison.transients(results, &super::solve(&other)?))
+            Ok(comparison.other(results, &super::solve(&other)?))
         }
         Against::EnergyLaw => Ok(comparison.energy_law(oscillator, results)),
         Against::FlightTail => Ok(flight_tail(oscillator, results)),
-        Against::LinearRates => Ok(linear_rates(
-            oscillator.zeta(),
-            results,
-            comparison.tolerance,
-        )),
+        Against::LinearRates => Ok(linear_rates(scene, results)),
         Against::Steady => Ok(comparison.steady(results)),
         Against::Refusal => Ok(Vec::new()),
     }
@@ -142,12 +169,12 @@ impl Comparison {
         let mut all = Vec::new();
         if let Some(it) = &results.transient {
             for (t, moments) in it.times.iter().zip(&it.moments) {
-                self.moments(&mut all, Some(*t), moments, &at(*t)?, false);
+                self.moments(&mut all, Some(*t), moments, &at(*t)?, Part::Transient);
             }
         }
         if let Some(it) = &results.monte_carlo {
             for (t, moments) in it.times.iter().zip(&it.moments) {
-                self.moments(&mut all, Some(*t), moments, &at(*t)?, true);
+                self.moments(&mut all, Some(*t), moments, &at(*t)?, Part::MonteCarlo);
             }
         }
         Ok(all)
@@ -160,8 +187,9 @@ impl Comparison {
         t: Option<f64>,
         moments: &Moments,
         reference: &Moments,
-        sampled: bool,
+        part: Part,
     ) {
+        let sampled = matches!(part, Part::MonteCarlo | Part::Records);
         let scales = self.scales.each(reference);
         let pairs = moments.named().into_iter().zip(reference.named());
         for (((name, value), (_, reference)), scale) in pairs.zip(scales) {
@@ -171,9 +199,15 @@ impl Comparison {
             if !reference.value.is_finite() {
                 continue;
             }
-            let who = if sampled { "sampled " } else { "" };
+            let stage = part.name();
+            let name = if sampled {
+                format!("{stage}.{name}")
+            } else {
+                name.to_string()
+            };
             all.push(Check {
-                name: t.map_or(name.to_string(), |t| format!("{who}{name} at {t}")),
+                stage,
+                name: t.map_or(name.clone(), |t| name_at(&name, t)),
                 value: value.value,
                 bar: value.error,
                 sampled,
@@ -197,17 +231,32 @@ impl Comparison {
                 for number in reference.each_mut().into_iter().flatten() {
                     number.error *= super::verdict::SIGMAS;
                 }
-                self.moments(&mut all, Some(*t), &mesh.moments[k], &reference, false);
+                self.moments(
+                    &mut all,
+                    Some(*t),
+                    &mesh.moments[k],
+                    &reference,
+                    Part::Transient,
+                );
             }
         }
         all
     }
 
-    fn transients(&self, results: &Results, other: &Results) -> Vec<Check> {
+    fn other(&self, results: &Results, other: &Results) -> Vec<Check> {
         let mut all = Vec::new();
+        if let (Some(a), Some(b)) = (&results.monte_carlo, &other.monte_carlo) {
+            for ((t, a), b) in a.times.iter().zip(&a.moments).zip(&b.moments) {
+                let mut reference = *b;
+                for number in reference.each_mut().into_iter().flatten() {
+                    number.error *= super::verdict::SIGMAS;
+                }
+                self.moments(&mut all, Some(*t), a, &reference, Part::MonteCarlo);
+            }
+        }
         if let (Some(a), Some(b)) = (&results.transient, &other.transient) {
             for ((t, a), b) in a.times.iter().zip(&a.moments).zip(&b.moments) {
-                self.moments(&mut all, Some(*t), a, b, false);
+                self.moments(&mut all, Some(*t), a, b, Part::Transient);
             }
         }
         all
@@ -246,6 +295,7 @@ impl Comparison {
             .map(|m| m.var_v.error + 2.0 * m.mean_v.value.abs() * m.mean_v.error);
         let speeds = 2.0 * oscillator.zeta() * time * speed.fold(0.0, f64::max);
         vec![Check {
+            stage: Part::Transient.name(),
             name: "E[H] gained".into(),
             value: last.mean_energy.value - first.mean_energy.value,
             bar: energies,
@@ -263,9 +313,10 @@ impl Comparison {
         };
         let mut all = Vec::new();
         if let Ok(law) = Stationary::of(&results.scene.oscillator) {
-            self.moments(&mut all, None, &it.moments, &law.moments(), false);
+            self.moments(&mut all, None, &it.moments, &law.moments(), Part::Steady);
         }
         all.push(Check {
+            stage: Part::Steady.name(),
             name: "L1 error".into(),
             value: it.l1_error.value,
             bar: it.l1_error.error,
@@ -344,6 +395,7 @@ fn flight_tail(oscillator: &Oscillator, results: &Results) -> Vec<Check> {
     let number = it.get("log10_contact_loss_probability");
     let plain = it.get("contact_loss_probability");
     let check = |name: &str, number: Estimate, reference: f64| Check {
+        stage: Part::Stationary.name(),
         name: name.into(),
         value: number.value,
         bar: number.error,
@@ -365,47 +417,85 @@ fn flight_tail(oscillator: &Oscillator, results: &Results) -> Vec<Check> {
     all
 }
 
-/// Each rate against the nearest of the closed form.
-fn linear_rates(zeta: f64, results: &Results, tolerance: f64) -> Vec<Check> {
-    let Some(rates) = &results.decay_rates else {
-        return Vec::new();
-    };
-    let mut exact: Vec<(f64, f64)> = Vec::new();
+/// Eigenvalues of G = q with 0 < m + n < 30, a complex pair once (im > 0), slowest first.
+fn exact_rates(zeta: f64) -> Vec<[f64; 2]> {
+    let mut all = Vec::new();
     for m in 0..30 {
-        for n in 0..30 {
+        for n in 0..30 - m {
             let (sum, difference) = (f64::from(m + n), f64::from(m - n));
             if m + n == 0 {
                 continue;
             }
             if zeta < 1.0 {
-                exact.push((-zeta * sum, (1.0 - zeta * zeta).sqrt() * difference));
+                if m >= n {
+                    all.push([-zeta * sum, (1.0 - zeta * zeta).sqrt() * difference]);
+                }
             } else {
-                let root = (zeta * zeta - 1.0).sqrt();
                 // zeta - root without cancellation.
-                let (slow, fast) = (1.0 / (zeta + root), zeta + root);
-                exact.push((-slow * f64::from(m) - fast * f64::from(n), 0.0));
+                let fast = zeta + (zeta * zeta - 1.0).sqrt();
+                all.push([-f64::from(m) / fast - fast * f64::from(n), 0.0]);
             }
         }
     }
-    exact.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let nearest = |rate: &crate::fokker_planck::DecayRate| {
-        let away = |it: &(f64, f64)| (it.0 - rate.re).hypot(it.1 - rate.im);
-        exact.iter().map(away).fold(f64::INFINITY, f64::min)
+    all.sort_by(|a, b| b[0].total_cmp(&a[0]));
+    all
+}
+
+/// Every rate printed against the nearest exact one, each of them once; every exact one slower than the last printed,
+/// and the slowest real one, against the nearest printed. Fewer than asked for are a number that does not exist,
+/// unless a warning says so.
+fn linear_rates(scene: &Scene, results: &Results) -> Vec<Check> {
+    let Some(rates) = results.decay_rates.as_ref().map(|it| &it.rates) else {
+        return Vec::new();
     };
-    // The k-th slowest is also to be the k-th slowest: a rate left out would show here.
-    rates
-        .iter()
-        .zip(&exact)
-        .enumerate()
-        .map(|(k, (rate, in_order))| Check {
-            name: format!("decay rate {}", k + 1),
-            value: nearest(rate).max((rate.re - in_order.0).abs()),
-            bar: rate.error,
-            sampled: false,
-            reference: 0.0,
-            reference_error: 1e-12,
-            scale: rate.re.hypot(rate.im),
-            tolerance,
-        })
-        .collect()
+    let exact = exact_rates(scene.oscillator.zeta());
+    let away = |exact: &[f64; 2], rate: &DecayRate| (exact[0] - rate.re).hypot(exact[1] - rate.im);
+    let check = |name: String, value: f64, bar: f64, scale: f64| Check {
+        stage: Part::DecayRates.name(),
+        name,
+        value,
+        bar,
+        sampled: false,
+        reference: 0.0,
+        reference_error: 1e-12,
+        scale,
+        tolerance: scene.accuracy.tolerance,
+    };
+    let size = |rate: &DecayRate| rate.re.hypot(rate.im);
+    let mut all = Vec::new();
+    // An exact rate that is there twice, at critical damping, may be printed twice.
+    let mut free = exact.clone();
+    for (k, rate) in rates.iter().enumerate() {
+        let nearest =
+            (0..free.len()).min_by(|a, b| away(&free[*a], rate).total_cmp(&away(&free[*b], rate)));
+        let error = nearest.map_or(f64::NAN, |k| away(&free.remove(k), rate));
+        all.push(check(
+            format!("decay rate {}", k + 1),
+            error,
+            rate.error,
+            size(rate),
+        ));
+    }
+    let last = rates.last().map_or(0.0, |it| it.re + it.error);
+    let slower = exact.iter().filter(|it| it[0] > last + 1e-12);
+    let real = exact.iter().find(|it| it[1] == 0.0);
+    for it in slower.chain(real) {
+        let nearest = rates
+            .iter()
+            .min_by(|a, b| away(it, a).total_cmp(&away(it, b)));
+        if let Some(rate) = nearest {
+            let name = format!("exact rate {:.4e} {:+.4e} i", it[0], it[1]);
+            all.push(check(name, away(it, rate), rate.error, size(rate)));
+        }
+    }
+    let said = |it: &Warning| it.text.contains(Part::DecayRates.name());
+    if rates.len() < scene.outputs.decay_rates && !results.run.warnings.iter().any(said) {
+        all.push(check(
+            format!("decay rate {}", rates.len() + 1),
+            f64::NAN,
+            f64::NAN,
+            1.0,
+        ));
+    }
+    all
 }

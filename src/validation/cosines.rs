@@ -45,21 +45,46 @@ impl Default for Procedure {
     }
 }
 
-/// Mean, deviation and skewness of N in each of several draws.
+/// The means of N, N^2 and N^3 over each of several draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Draws {
     /// One for each draw.
-    pub each: Vec<[f64; 3]>,
+    pub raw: Vec<[f64; 3]>,
+}
+
+/// Mean, deviation and skewness from the means of N, N^2 and N^3.
+fn statistics([m1, m2, m3]: [f64; 3]) -> [f64; 3] {
+    let variance = m2 - m1 * m1;
+    let third = m3 - 3.0 * m1 * m2 + 2.0 * m1.powi(3);
+    [m1, variance.sqrt(), third / variance.powf(1.5)]
 }
 
 impl Draws {
-    /// The k-th number's mean over the draws, with the spread between draws as its error.
+    /// The k-th number (mean, deviation, skewness) of each draw: its mean over the draws, with the spread
+    /// between draws as its error.
     pub fn spread(&self, k: usize) -> Estimate {
-        let n = self.each.len() as f64;
-        let mean = self.each.iter().map(|it| it[k]).sum::<f64>() / n;
-        let square = self.each.iter().map(|it| (it[k] - mean).powi(2));
+        let n = self.raw.len() as f64;
+        let each: Vec<f64> = self.raw.iter().map(|raw| statistics(*raw)[k]).collect();
+        let mean = each.iter().sum::<f64>() / n;
+        let square = each.iter().map(|it| (it - mean).powi(2));
         let deviation = (square.sum::<f64>() / (n - 1.0)).sqrt();
         Estimate::new(mean, deviation, Origin::Sampling)
+    }
+
+    /// The k-th number of all draws together, with its standard error by the jackknife (Quenouille, Biometrika
+    /// 43, 1956, 353).
+    pub fn pooled(&self, k: usize) -> Estimate {
+        let n = self.raw.len() as f64;
+        let total = [0, 1, 2].map(|m| self.raw.iter().map(|it| it[m]).sum::<f64>());
+        let all = statistics(total.map(|sum| sum / n))[k];
+        let without = |raw: &[f64; 3]| {
+            let rest = [0, 1, 2].map(|m| (total[m] - raw[m]) / (n - 1.0));
+            statistics(rest)[k]
+        };
+        let left: Vec<f64> = self.raw.iter().map(without).collect();
+        let mean = left.iter().sum::<f64>() / n;
+        let square = left.iter().map(|it| (it - mean).powi(2)).sum::<f64>();
+        Estimate::new(all, ((n - 1.0) / n * square).sqrt(), Origin::Sampling)
     }
 }
 
@@ -155,7 +180,7 @@ impl Procedure {
         }
     }
 
-    /// Statistics of N in as many draws; the k-th draw has seed k, whatever the level.
+    /// Moments of N in as many draws; the k-th draw has seed k, whatever the level.
     pub fn draws(&self, oscillator: &Oscillator, draws: u64) -> Draws {
         let one = |seed: u64| {
             let mut sums = [0.0; 4];
@@ -167,13 +192,10 @@ impl Procedure {
                     }
                 }
             });
-            let [m1, m2, m3] = [1, 2, 3].map(|k| sums[k] / sums[0]);
-            let variance = m2 - m1 * m1;
-            let third = m3 - 3.0 * m1 * m2 + 2.0 * m1.powi(3);
-            [m1, variance.sqrt(), third / variance.powf(1.5)]
+            [1, 2, 3].map(|k| sums[k] / sums[0])
         };
-        let each = (1..=draws.max(2)).into_par_iter().map(one).collect();
-        Draws { each }
+        let raw = (1..=draws.max(2)).into_par_iter().map(one).collect();
+        Draws { raw }
     }
 
     /// Time and N over the last `shown` periods of a record, one draw.
@@ -213,8 +235,17 @@ mod tests {
             let _phase: f64 = rng.random();
             exact += 0.5 * amplitude.powi(2) / ((1.0 - w * w).powi(2) + (0.1 * w).powi(2));
         }
-        let seen = procedure.draws(&oscillator, 2).each[0][1].powi(2);
+        let seen = statistics(procedure.draws(&oscillator, 2).raw[0])[1].powi(2);
         println!("{seen} against {exact}");
         assert!((seen / exact - 1.0).abs() < 5e-3);
+    }
+
+    #[test]
+    fn the_jackknife_of_a_mean_is_its_standard_error() {
+        let raw: Vec<[f64; 3]> = (0..50).map(|k| [f64::from(k % 7), 20.0, 100.0]).collect();
+        let it = Draws { raw };
+        let (each, all) = (it.spread(0), it.pooled(0));
+        assert!((each.value - all.value).abs() < 1e-13);
+        assert!((each.error / 50f64.sqrt() / all.error - 1.0).abs() < 1e-12);
     }
 }

@@ -1,6 +1,6 @@
 //! A folder of the validation: its items, its scenes, and what came of them.
 
-use super::evidence::Evidence;
+use super::evidence::{self, Evidence};
 use super::item::{Item, Row};
 use super::numbers::{self, COMPUTED, Name};
 use super::spectra::Spectra;
@@ -69,18 +69,39 @@ impl Folder {
             let accepted = format!("a folder with a {ITEMS}: {shown}: {error}");
             Error::invalid("validate", path.display(), accepted)
         })?;
-        let mut items = Vec::new();
+        let (mut items, mut places) = (Vec::new(), Vec::new());
         for (k, line) in text.lines().enumerate().skip(1) {
             if !line.trim().is_empty() && !line.starts_with('#') {
-                items.push(Item::parse(line, &format!("{shown} line {}", k + 1))?);
+                places.push(format!("{shown} line {}", k + 1));
+                items.push(Item::parse(line, &places[places.len() - 1])?);
             }
         }
-        Ok(Self {
+        let folder = Self {
             name: name_of(path),
             about: fs::read_to_string(path.join("about.md")).unwrap_or_default(),
             items,
             path: path.to_owned(),
-        })
+        };
+        folder.check(&places)?;
+        Ok(folder)
+    }
+
+    /// Every name of every item can be read, before anything is computed: a key that a scene or a kind of number
+    /// does not have is an error that names the line.
+    fn check(&self, places: &[String]) -> Result<()> {
+        let mut scenes: Vec<&str> = Vec::new();
+        for (item, at) in self.items.iter().zip(places) {
+            for name in item.names() {
+                if name.label == COMPUTED {
+                    evidence::check(&name.path, at)?;
+                } else if !scenes.contains(&name.label.as_str()) {
+                    scenes.push(&name.label);
+                    let wrong = |error: Error| Error::invalid(at, &name.label, error.to_string());
+                    self.scene(&name.label).map_err(wrong)?;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Whether it takes a second or less: closed forms and long records, no transient, spectrum or draw.
@@ -144,18 +165,6 @@ impl Folder {
         }
         progress("comparing");
         let evidence = Evidence::new(&self.path, &runs, spectra);
-        let number = |name: &Name| -> Result<Estimate> {
-            if name.label == COMPUTED {
-                return evidence.number(&name.path);
-            }
-            let found = runs.iter().find(|run| run.label == name.label);
-            found
-                .and_then(|run| numbers::at(&run.json, &name.path))
-                .ok_or_else(|| {
-                    let accepted = "the path of a number in results.json";
-                    Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
-                })
-        };
         let per_length = |name: &Name, length: f64| -> Result<f64> {
             let found = runs.iter().find(|run| run.label == name.label);
             found
@@ -166,8 +175,23 @@ impl Folder {
                     Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
                 })
         };
-        let answer = |item: &Item| item.answer(&number, &per_length);
-        let rows = self.items.iter().map(answer).collect::<Result<_>>()?;
+        let mut rows: Vec<Row> = Vec::new();
+        for item in &self.items {
+            let number = |name: &Name| -> Result<Estimate> {
+                if name.label == COMPUTED {
+                    return evidence.number(&name.path, &rows);
+                }
+                let found = runs.iter().find(|run| run.label == name.label);
+                found
+                    .and_then(|run| numbers::at(&run.json, &name.path))
+                    .ok_or_else(|| {
+                        let accepted = "the path of a number in results.json";
+                        Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
+                    })
+            };
+            let row = item.answer(&number, &per_length)?;
+            rows.push(row);
+        }
         Ok(Outcome {
             name: self.name.clone(),
             about: self.about.clone(),

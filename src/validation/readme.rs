@@ -1,7 +1,7 @@
 //! validation/README.md: one section a folder, and how to read its numbers back.
 
 use super::folder::Outcome;
-use super::item::{Row, Verdict};
+use super::item::{Paper, Row, Verdict};
 use super::numbers::{COMPUTED, Name};
 use crate::estimate::{Estimate, Origin};
 use std::fmt::Write;
@@ -21,16 +21,22 @@ Each line is a number: `label: path` names the scene of the folder, with the key
 place of the number in its results.json; `computed` names a number that no scene gives
 (src/validation/evidence.rs). Ours is given as value ± error: a bound for what is computed without
 sampling, 1e-7 of the value if it is smaller; one standard error (se) for what is sampled; the standard
-deviation between draws (sd) for `draws`. The paper's number is given with half a unit of its last digit.
+deviation between draws (sd) for `draws`. The paper's number is given with half a unit of its last digit, or as a
+bound. Our error, in the verdicts, is the bound, or two standard errors.
 
 | verdict | meaning |
 |---|---|
-| within the printed digits | the difference is below half a unit of the paper's last digit |
-| within sampling error | it is within two standard errors, of our sample or of one as long as the paper's |
-| explained | another number, given in brackets, agrees with what the paper prints, and the line says why it stands there |
-| **unexplained** | neither |
-| agrees, **disagrees** | two of our own ways to the same number, within their errors |
-| would explain it, does not explain it | a candidate for the cause of a difference, tried |
+| within the printed digits | the difference is at most half a unit of the paper's last digit, and so is our error |
+| within the printed bound | ours is below the paper's bound by more than our error |
+| within our own error | neither can be told: the difference is at most half a unit and our error together (in brackets, where the paper's inputs have the larger part in it), or our error holds the paper's bound |
+| within sampling error | the difference is at most half a unit and two standard errors, of our sample or of one as long as the paper's |
+| explained | another number, given in brackets by its name or label, agrees with what the paper prints within half a unit, its own error and two standard errors of a record like the paper's; the line says why it stands there |
+| possibly explained | the same, but a rival cause does as well |
+| fitted | the same, but a parameter of that number was fitted to the paper's: it says what the number asks for, and explains nothing |
+| **unexplained** | none of these; the number in brackets, if any, is the nearest that was tried |
+| agrees, **disagrees** | two independent numbers of ours, the other in brackets: the difference is at most twice the root of the sum of the squares of two bounds, or four standard errors |
+| would explain it, does not explain it | a candidate for the cause of a difference, tried: the paper's number lies within half a unit, our error, and two standard errors of a record like the paper's, or does not |
+| ours alone | the paper gives no number |
 ";
 
 /// Whether a page is one of ours, or none at all.
@@ -42,8 +48,12 @@ pub fn is_ours(page: &str) -> bool {
 pub fn counts<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<(Verdict, usize)> {
     let all = [
         Verdict::Digits,
+        Verdict::Bound,
+        Verdict::OurError,
         Verdict::Sampling,
         Verdict::Explained,
+        Verdict::Possible,
+        Verdict::Fitted,
         Verdict::Unexplained,
         Verdict::Agrees,
         Verdict::Disagrees,
@@ -165,12 +175,13 @@ fn section(outcome: &Outcome) -> String {
 fn line(row: &Row) -> String {
     let item = &row.item;
     let paper = match item.paper {
-        Some((_, tolerance)) => format!("{} ± {tolerance:e}", item.printed),
+        Some(Paper::Number(_, half)) => format!("{} ± {half:e}", item.printed),
+        Some(Paper::Below(_)) => item.printed.clone(),
         None => String::new(),
     };
-    let deviation = match (item.paper, row.other) {
-        (Some((paper, _)), _) => deviation(row.ours.value - paper, paper),
-        (None, Some(other)) => deviation(row.ours.value - other.value, other.value),
+    let deviation = match (item.paper, &row.other) {
+        (Some(Paper::Number(paper, _)), _) => deviation(row.ours.value - paper, paper),
+        (None, Some((_, other))) => deviation(row.ours.value - other.value, other.value),
         _ => String::new(),
     };
     let bold = matches!(row.verdict, Verdict::Unexplained | Verdict::Disagrees);
@@ -185,11 +196,27 @@ fn line(row: &Row) -> String {
             " (a record like the paper's has a se of {error:.1e})"
         );
     }
-    if let Some(other) = row.other {
-        let from = item.names().last().unwrap_or(&item.name);
-        let _ = write!(verdict, " ({})", named(from, other));
+    if let Some(share) = item.inputs().filter(|_| row.verdict == Verdict::OurError) {
+        let _ = write!(verdict, " ({:.1e})", share * row.ours.value.abs());
     }
-    let differs = matches!(row.verdict, Verdict::Explained | Verdict::Unexplained);
+    if let Some((name, other)) = &row.other {
+        let number = named(name, *other);
+        let _ = match item.paper {
+            None => write!(verdict, " ({number})"),
+            Some(_) if name.path == item.name.path => {
+                write!(verdict, " (`{}`: {number})", name.label)
+            }
+            Some(_) => write!(verdict, " (`{name}`: {number})"),
+        };
+    }
+    let differs = matches!(
+        row.verdict,
+        Verdict::OurError
+            | Verdict::Explained
+            | Verdict::Possible
+            | Verdict::Fitted
+            | Verdict::Unexplained
+    );
     let always = matches!(
         row.verdict,
         Verdict::WouldExplain | Verdict::DoesNotExplain | Verdict::Alone

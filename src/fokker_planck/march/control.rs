@@ -1,7 +1,7 @@
 //! The choice of steps: as long as the error asked for allows, and landing on every output time.
 
 use super::Integrator;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fokker_planck::density::Density;
 
 /// What decides about the length of a step.
@@ -40,6 +40,10 @@ const AIM: f64 = 0.8;
 /// Longest step over the one before: the first is a guess that may be far too short.
 const GROWTH: f64 = 10.0;
 
+/// Steps to the next output time beyond which it is too far to land on: cutting what is left into so many equal steps
+/// would change each by a rounding, and with it its factorisation.
+const FAR: f64 = 1e6;
+
 /// A longer step is worth new factorisations from this factor on.
 const WORTH: f64 = 1.35;
 
@@ -51,6 +55,8 @@ pub struct March {
     wanted: f64,
     /// The last step taken.
     last: f64,
+    /// Longest step whose systems may be solved.
+    solvable: f64,
     /// Steps since the error was looked at.
     unchecked: u32,
     /// What that look found: the error of a step, and what another step leaves of it.
@@ -77,6 +83,7 @@ impl March {
             scheme,
             choice,
             last: 0.0,
+            solvable: f64::INFINITY,
             unchecked: 0,
             seen: (0.0, 1.0),
             left: 0.0,
@@ -130,7 +137,11 @@ impl March {
         while done < duration {
             let left = duration - done;
             let steps = (left / self.wanted * (1.0 - 1e-9)).ceil().max(1.0);
-            let mut dt = left / steps;
+            let mut dt = if steps > FAR {
+                self.wanted
+            } else {
+                left / steps
+            };
             // The same step to rounding is the same step: its factorisation is there.
             if (dt / self.last - 1.0).abs() < 1e-11 {
                 dt = self.last;
@@ -146,8 +157,28 @@ impl March {
         Ok(done)
     }
 
-    /// One step; false if it was taken back.
+    /// One step; false if it was taken back, for its error or because its system was too hard to solve: steps then
+    /// stay shorter than that.
     fn step(&mut self, density: &mut Density, dt: f64) -> Result<bool> {
+        self.before.clear();
+        match self.attempt(density, dt) {
+            Err(Error::Linear { .. })
+                if matches!(self.choice, Step::Error { .. }) && dt > 1e-3 * self.longest =>
+            {
+                if !self.before.is_empty() {
+                    density.cells_mut().copy_from_slice(&self.before);
+                }
+                self.solvable = 0.5 * dt;
+                self.wanted = self.solvable;
+                self.refused += 1;
+                self.last = 0.0;
+                Ok(false)
+            }
+            it => it,
+        }
+    }
+
+    fn attempt(&mut self, density: &mut Density, dt: f64) -> Result<bool> {
         let Step::Error {
             total,
             horizon,
@@ -163,7 +194,6 @@ impl March {
         let check =
             !self.scheme.chooses_accuracy() && (dt != self.last || self.unchecked >= UNCHECKED);
         if check {
-            self.before.clear();
             self.before.extend_from_slice(density.cells());
         }
         self.scheme.march(density.cells_mut(), dt, SHARP * steady)?;
@@ -179,7 +209,7 @@ impl March {
             // The error of one step over the step goes with its order.
             let order = f64::from(self.scheme.order());
             let factor = (AIM * allowed / error.max(1e-300)).powf(1.0 / order);
-            let ceiling = longest.min(self.scheme.longest_step());
+            let ceiling = longest.min(self.scheme.longest_step()).min(self.solvable);
             let smallest = 1e-12 * self.longest.max(dt);
             if (error > allowed || error.is_nan()) && dt > smallest {
                 density.cells_mut().copy_from_slice(&self.before);

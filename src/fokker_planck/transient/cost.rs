@@ -43,16 +43,28 @@ pub(super) fn foreseen(
     })
 }
 
-/// The time at which a run comes so close to the stationary law that it stops: from a distance of 2, by the
-/// slowest of the linear oscillator's rates.
+/// The time at which a run has come so close to the stationary law that it stops, at the latest: from a distance of 2
+/// and the deviations between the initial condition and the law, by the slowest rate there may be. That is zeta, of
+/// the means under weak friction; 1/(2 zeta), of q under strong friction; and where contact can be lost 1/(8 zeta T),
+/// where the continuous spectrum begins.
 fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
     if !oscillator.contact().is_confining() {
         return f64::INFINITY;
     }
-    if *initial == Initial::Stationary {
-        return 0.0;
+    let (zeta, temperature) = (oscillator.zeta(), oscillator.temperature());
+    let away = match initial {
+        Initial::Stationary => return 0.0,
+        Initial::Rest => 0.0,
+        Initial::Gaussian {
+            mean: [q, v],
+            deviation: [sq, sv],
+        } => (oscillator.energy(*q, *v) + sq * sq + sv * sv) / temperature,
+    };
+    let mut slowest = (1.0 / zeta).max(2.0 * zeta);
+    if let Some(edge) = oscillator.continuous_from() {
+        slowest = slowest.max(-1.0 / edge);
     }
-    (2.0 / (SETTLED * tolerance)).ln() * oscillator.memory()
+    ((2.0 + away.max(0.0).sqrt()) / (SETTLED * tolerance)).ln() * slowest
 }
 
 /// Stages of a Chebyshev series beyond its rate, which each output time asks for anew: those that bring its
@@ -86,10 +98,12 @@ pub(super) fn run(
     }
     // What is left of the run for the mesh.
     let from = opening.as_ref().map_or(0.0, |it| it.until);
-    // The first interval needs its maps, however soon the run stops.
-    let end = settled(oscillator, initial, recipe.tolerance)
-        .max(times.first().copied().unwrap_or(0.0))
-        .min(until);
+    // However soon the run settles, it looks after whole chunks only.
+    let chunk = match recipe.scheme {
+        Scheme::FlowMap => CHUNK * recipe.flow_map(oscillator, longer)?.step,
+        Scheme::Volumes(_) => 0.0,
+    };
+    let end = (settled(oscillator, initial, recipe.tolerance) + chunk).min(until);
     let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
     let looks = times.len() as f64;
     times.retain(|t| *t <= end);
@@ -122,7 +136,9 @@ pub(super) fn run(
                     (steps, n * (timing::LU + timing::SOLVE * steps))
                 }
                 TimeScheme::Implicit => {
-                    let steps = (100.0 + until) / longer;
+                    // Under strong friction steps follow the slow relaxation of q, forty to 2 zeta.
+                    let pace = (20.0 / oscillator.zeta()).min(1.0);
+                    let steps = (100.0 + pace * until) / longer;
                     // Ten factorisations.
                     let stages = 10.0 * timing::RADAU_LU_STAGES + timing::RADAU_STAGES * steps;
                     (steps, n * stages * timing::STAGE)

@@ -272,7 +272,8 @@ pub fn march(
     let choice = if time == TimeScheme::BackwardEuler {
         Step::Fixed(euler_step(generator.mesh(), longest))
     } else {
-        let longest = longest.unwrap_or(f64::INFINITY);
+        // Steps longer than the motion's memory resolve nothing, and the systems of implicit ones grow hard to solve.
+        let longest = longest.unwrap_or_else(|| oscillator.memory());
         // Two runs that begin with the same steps would not see what these do.
         let shorter = (tolerance / 1e-3).cbrt().clamp(0.1, 1.0);
         Step::Error {

@@ -2,7 +2,7 @@
 
 use super::error_estimate::{Errors, outside};
 use super::run::{Output, Run, SETTLED, Task};
-use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::settings::Method;
 use crate::moments::Moments;
@@ -53,7 +53,7 @@ impl Task<'_> {
         let (worst, k, i) = errors.worst(&fine);
         let tolerance = self.recipe.tolerance;
         let shortfall = (worst > tolerance || worst.is_nan()).then(|| Shortfall {
-            number: format!("{} at t = {}", moments[k].named()[i].0, fine.outputs[k].t),
+            number: name_at(moments[k].named()[i].0, fine.outputs[k].t),
             ratio: worst / tolerance,
             tolerance,
             free,

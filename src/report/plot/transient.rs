@@ -1,10 +1,11 @@
 //! Moments against time, and the approach to the stationary law.
 
 use super::canvas::{
-    BLUE, GREEN, Hang, INK, Mark, Panel, Points, VERMILION, dashed, legend, picture, range, write,
+    BLUE, GREEN, Hang, INK, Mark, Panel, Points, VERMILION, legend, picture, range, write,
 };
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::fokker_planck::DecayRates;
 use crate::moments::Moments;
 use crate::report::File;
 use crate::results::Results;
@@ -175,7 +176,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
         return Ok(None);
     };
     let size = ((last.right() + 28.0) as u32, 420);
-    let slowest = results.decay_rates.as_ref().and_then(|rates| rates.first());
+    let decay = results.decay_rates.as_ref().and_then(Decay::of);
     picture("approach.svg", size, |area| {
         if let Some(panel) = &first {
             write(
@@ -194,14 +195,13 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
             if !entropy.is_empty() {
                 legends.push((VERMILION, Mark::Line, "relative entropy".into()));
             }
-            if let Some((rate, (t, end))) = slowest.zip(distance.get(distance.len() * 2 / 3)) {
-                let slope = rate.re / std::f64::consts::LN_10;
-                let at = |x: f64| (x, end + slope * (x - t));
-                if let Some((a, b)) = panel.clip(at(panel.x.0), at(panel.x.1)) {
-                    dashed(area, panel.at(a.0, a.1), panel.at(b.0, b.1), GREEN, 1.5)?;
-                    let words = format!("slowest mode, rate {:.6}", rate.re);
-                    legends.push((GREEN, Mark::Dashes, words.replace('-', "\u{2212}")));
+            if let Some((decay, from)) = decay.zip(distance.get(distance.len() * 2 / 3)) {
+                let line = decay.line(*from, panel.x);
+                // Every other piece: a dashed curve.
+                for piece in line.windows(2).step_by(2) {
+                    panel.curve(area, piece, GREEN, 1.5)?;
                 }
+                legends.push((GREEN, Mark::Dashes, decay.words()));
             }
             panel.frame(area)?;
             for (k, (colour, mark, words)) in legends.into_iter().enumerate() {
@@ -224,4 +224,41 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
         Ok(())
     })
     .map(Some)
+}
+
+/// How distances to the stationary law fall in the end: as t^power e^{rate t}.
+#[derive(Clone, Copy)]
+struct Decay {
+    rate: f64,
+    power: f64,
+}
+
+impl Decay {
+    /// The slowest eigenvalue's, or where none lies above the continuous spectrum, that of its edge.
+    fn of(it: &DecayRates) -> Option<Self> {
+        let edge = it.continuous_from.map(|rate| Self { rate, power: -1.5 });
+        let slowest = it.rates.first().map(|it| Self {
+            rate: it.re,
+            power: 0.0,
+        });
+        slowest.or(edge)
+    }
+
+    /// log10 of it over times, through a point.
+    fn line(self, (t, y): (f64, f64), times: (f64, f64)) -> Points {
+        let pieces = 120;
+        let at = |k: usize| times.0 + (times.1 - times.0) * k as f64 / pieces as f64;
+        let change = |x: f64| self.power * (x / t).ln() + self.rate * (x - t);
+        let point = |x: f64| (x, y + change(x) / std::f64::consts::LN_10);
+        (1..=pieces).map(|k| point(at(k))).collect()
+    }
+
+    fn words(self) -> String {
+        let words = if self.power == 0.0 {
+            format!("slowest eigenvalue, {:.6}", self.rate)
+        } else {
+            format!("\u{3c4}^(-3/2) exp({:.4} \u{3c4})", self.rate)
+        };
+        words.replace('-', "\u{2212}")
+    }
 }
