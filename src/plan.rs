@@ -379,7 +379,11 @@ impl Plan {
             let steps = (outputs.moments_at.last() / step).ceil();
             let threads = rayon::current_num_threads() as f64;
             cost.seconds += step_seconds(scheme, it.noise) * it.paths as f64 * steps / threads;
-            cost.method += &format!("; as many by {scheme}, step {}, for its bias", short(step));
+            cost.method = format!(
+                "{}; as many by {scheme}, step {}, for its bias",
+                cost.method,
+                short(step)
+            );
         }
         Ok(cost)
     }
