@@ -483,7 +483,10 @@ impl Plan {
         let mut settings = self.settings.clone();
         let own = self.stages.iter().find(|it| it.part == part);
         let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
-        let left = (settings.max_seconds - results.run.wall_seconds).max(least);
+        let mut left = settings.max_seconds - results.run.wall_seconds;
+        if results.run.wall_seconds + least <= OVERRUN * settings.max_seconds {
+            left = left.max(least);
+        }
         settings.max_seconds = left - self.reserved(part, left);
         let max_seconds = settings.max_seconds;
         match part {
