@@ -394,7 +394,11 @@ impl Plan {
             let steps = (outputs.moments_at.last() / step).ceil();
             let threads = rayon::current_num_threads() as f64;
             cost.seconds += step_seconds(scheme, it.noise) * it.paths as f64 * steps / threads;
-            cost.method += &format!("; as many by {scheme}, step {}, for its bias", short(step));
+            cost.method = format!(
+                "{}; as many by {scheme}, step {}, for its bias",
+                cost.method,
+                short(step)
+            );
         }
         Ok(cost)
     }
@@ -494,7 +498,10 @@ impl Plan {
         let mut settings = self.settings.clone();
         let own = self.stages.iter().find(|it| it.part == part);
         let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
-        let left = (settings.max_seconds - results.run.wall_seconds).max(least);
+        let mut left = settings.max_seconds - results.run.wall_seconds;
+        if results.run.wall_seconds + least <= OVERRUN * settings.max_seconds {
+            left = left.max(least);
+        }
         settings.max_seconds = left - self.reserved(part, left);
         let max_seconds = settings.max_seconds;
         let limits = Limits::from_now(max_seconds, settings.max_memory);
