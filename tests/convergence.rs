@@ -274,7 +274,7 @@ fn a_manufactured_solution_on_a_mapped_mesh_shows_the_orders_until_the_kink() {
 fn without_a_kink_the_manufactured_solution_on_a_mapped_mesh_shows_orders_2_4_6_8() {
     // The same mesh, graded as for the loss of contact, and the linear law.
     let it = oscillator(ContactLaw::Linear, 0.05, 20.0);
-    for (drift, level) in CENTRAL.into_iter().zip([1.0, 1.0, 1.0, 1.0]) {
+    for (drift, level) in CENTRAL.into_iter().zip([5e-3, 1.5e-4, 8e-6, 6e-7]) {
         let errors = [[64, 52], [96, 78]].map(|n| manufactured(&it, drift, n, 1e-9));
         let observed = order(errors[0], errors[1], 1.5);
         println!("{drift:?}: error {:.1e}, order {observed:.2}", errors[1]);
@@ -295,22 +295,33 @@ fn hertz_that_stays_in_contact_converges_to_itself_at_orders_2_4_6_8() {
     assert!(domain.q[0] > -1.5, "{:?}", domain.q);
     for (drift, level) in CENTRAL.into_iter().zip([1.0, 1.0, 1.0, 1.0]) {
         let inner = [44, 60, 82];
-        let energies = inner.map(|n| {
+        let numbers = inner.map(|n| {
             let n = n + 2 * drift.margin();
             let mut case = Case::new(&it, &start, &domain, drift, [n, n]);
             case.run(3.0);
-            case.moments().mean_energy.value / it.temperature()
+            let m = case.moments();
+            let t = it.temperature();
+            [
+                m.mean_q.value / t.sqrt(),
+                m.mean_v.value / t.sqrt(),
+                m.var_q.value / t,
+                m.cov_qv.value / t,
+                m.var_v.value / t,
+            ]
         });
-        let change = |a: usize, b: usize| (energies[a] - energies[b]).abs();
+        let change = |a: usize, b: usize| -> f64 {
+            let pairs = numbers[a].iter().zip(numbers[b]);
+            pairs.map(|(a, b)| (a - b).abs()).sum()
+        };
         let observed = order(change(0, 1), change(1, 2), 1.365);
         println!(
-            "{drift:?}: E[H] changes by {:.1e} T, order {observed:.2}",
+            "{drift:?}: mean and covariance change by {:.1e}, order {observed:.2}",
             change(1, 2)
         );
         let claimed = drift.order() as f64;
         assert!(
             (observed - claimed).abs() < 0.8 && change(1, 2) < level,
-            "{drift:?} {energies:?}"
+            "{drift:?} {numbers:?}"
         );
     }
 }
@@ -320,12 +331,12 @@ fn hertz_with_loss_of_contact_converges_to_itself() {
     let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
     let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
     let domain = Domain::closed(&it, &start, 1e-7).unwrap();
-    // Smooth numbers show the order; the kink leaves order 8 no more than 6.
+    // Smooth numbers show the order, until the kink at order 8, which the test without one shows.
     for (drift, expected, level) in [
         (Drift::Order2, 2.1, 1e-3),
         (Drift::Order4, 4.3, 2.5e-5),
         (Drift::Order6, 5.7, 7e-7),
-        (Drift::Order8, 6.0, 7e-7),
+        (Drift::Order8, f64::NAN, 6e-8),
     ] {
         let energies = [[96, 60], [136, 85], [192, 120]].map(|n| {
             let mut case = Case::new(&it, &start, &domain, drift, n);
@@ -342,7 +353,7 @@ fn hertz_with_loss_of_contact_converges_to_itself() {
             change(1, 2)
         );
         assert!(
-            (observed - expected).abs() < 0.5 && change(1, 2) < level,
+            (expected.is_nan() || (observed - expected).abs() < 0.5) && change(1, 2) < level,
             "{drift:?} {energies:?}"
         );
     }

@@ -315,7 +315,7 @@ fn losses_in_few_bursts_have_standard_errors_that_hold_over_seeds() {
         ("mean_flight", law.mean_flight()),
         ("mean_impact_speed", law.mean_impact_speed()),
     ];
-    for duration in [2e4, 6e4, 2e5, 6e5] {
+    for (duration, [low, high]) in [(2e4, [0.0, 1.15]), (1e5, [0.6, 1.25]), (4e5, [0.75, 1.25])] {
         let mut squares = [0.0; 5];
         let mut counts = [0.0; 5];
         let (mut bursts, mut losses, mut said) = (0.0, 0.0, 0.0);
@@ -358,6 +358,7 @@ fn losses_in_few_bursts_have_standard_errors_that_hold_over_seeds() {
         for (k, (name, _)) in exact.iter().enumerate() {
             let rms = (squares[k] / counts[k]).sqrt();
             println!("    {name}: rms z {rms:.2} over {} seeds", counts[k]);
+            assert!(rms > low && rms < high, "{name}: {rms}");
         }
     }
 }

@@ -183,15 +183,10 @@ fn a_tolerance_is_kept_and_not_wasted() {
                 // A step bound by stability is more accurate than asked for: a longer one there is not. A few
                 // steps that grow from the start and land on the times looked at are up to half as long as
                 // accuracy allows, 2^5 for order 5, and their errors are in part forgotten.
-                // One bound by stability is as accurate as the longest stable step makes it, 4.6e-7 in free
-                // flight, and makes few more steps than that.
+                // One bound by stability errs by 2e-7 or more, as its longest stable step does.
                 let bound = march.longest() > 0.7 * march.longest_stable();
-                if time == TimeScheme::Imex && bound {
-                    let fewest = case.until / march.longest_stable();
-                    assert!((march.steps() as f64) < 2.0 * fewest + 20.0);
-                }
                 let factor = match time {
-                    TimeScheme::Imex if bound => 1e3 * (tolerance / 2e-4),
+                    TimeScheme::Imex if bound => (tolerance / 2e-7).max(20.0),
                     TimeScheme::Implicit if march.steps() < 40 => 100.0,
                     _ => 20.0,
                 };
@@ -565,13 +560,13 @@ fn every_scheme_follows_the_closed_form_transients_at_its_order() {
                 "additive",
                 Box::new(Additive::new(&case.generator)),
                 60.0,
-                1e-7,
+                1.5e-8,
             ),
             (
                 "Runge-Kutta 4",
                 Box::new(RungeKutta4::new(&case.generator)),
                 200.0,
-                1e-7,
+                1e-9,
             ),
         ];
         for (name, mut scheme, steps, level) in schemes {

@@ -51,10 +51,12 @@ impl Crossings {
 /// a standard error is itself known to some 20 %.
 pub(super) const FEW_BURSTS: f64 = 20.0;
 
-/// Losses of contact come in bursts: an excursion of the energy above that of the loss, E, lasts as long as
-/// friction needs to take T from it, 1/delta periods with delta = 4 pi zeta E/T (Mel'nikov and Meshkov, J.
-/// Chem. Phys. 85, 1018, 1986). The number of losses in a burst is taken as geometric with the mean
-/// 1 + 1/delta. Few bursts do not show how large they can be; this is the least that is believed of one.
+/// Losses of contact come in bursts: the energy stays near that of the loss, E, for about as long as friction
+/// needs to take T from it. Of the losses a share A is not a repetition (Mel'nikov and Meshkov, J. Chem. Phys.
+/// 85, 1018, 1986), ln A = (1/2 pi) times the integral of ln(1 - exp(-delta (x^2 + 1/4)))/(x^2 + 1/4), with
+/// delta = 4 pi zeta E/T the loss of energy in a period of the linear oscillator, in T. The number of losses in
+/// a burst is taken as geometric with the mean 1/A. Few bursts do not show how large they can be; this is the
+/// least that is believed of one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Burst {
     /// Mean square of the losses in a burst.
@@ -63,6 +65,10 @@ pub(super) struct Burst {
     time: f64,
 }
 
+/// The flights of a burst are alike, and long in a large burst: the mean square of their sum is about this
+/// many times that of as many independent ones.
+const ALIKE: f64 = 2.0;
+
 impl Burst {
     /// The burst of an oscillator in batches of `length`; None for a law that cannot lose contact.
     pub(super) fn of(oscillator: &Oscillator, length: f64) -> Option<Self> {
@@ -70,15 +76,22 @@ impl Burst {
         let loss = contact.loss_point()?;
         let temperature = oscillator.temperature();
         let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
-        let periods = temperature / (4.0 * PI * oscillator.zeta() * rise.max(0.0));
+        let delta = 4.0 * PI * oscillator.zeta() * rise.max(0.0) / temperature;
+        // x = tan(angle)/2 and the midpoint rule.
+        let points = 100;
+        let sum: f64 = (0..points)
+            .map(|k| 0.5 * PI * (f64::from(k) + 0.5) / f64::from(points))
+            .map(|angle| (-(-0.25 * delta / angle.cos().powi(2)).exp_m1()).ln())
+            .sum();
         // One loss a period, and no burst longer than its batch.
-        let size = 1.0 + periods.min(length / (2.0 * PI));
+        let size = (-sum / f64::from(points)).exp();
+        let size = size.min(1.0 + length / (2.0 * PI));
         let losses = size * (2.0 * size - 1.0);
         // A body lost at the mean speed sqrt(pi T/2) falls back in 2 v/|G|.
         let flight = (2.0 * PI * temperature).sqrt() / contact.force(loss).abs();
         Some(Self {
             losses,
-            time: losses * flight.min(length).powi(2),
+            time: ALIKE * losses * flight.min(length).powi(2),
         })
     }
 
@@ -89,11 +102,16 @@ impl Burst {
 }
 
 /// What is added to the variance of a sum over independent batches of which `seen` have anything to show,
-/// `square` being their squared deviations from the mean: two bursts more, neither smaller than `burst`. A
-/// sum over few bursts varies with their number as a Poisson variable does, and where it is too small its
-/// scatter is too.
+/// `square` being their squared deviations from the mean: three bursts more, none smaller than `burst`, a mean
+/// square, unless enough are seen to speak for themselves. A sum over few bursts varies with their number as a
+/// Poisson variable does, and where it is too small its scatter is too.
 pub(super) fn unseen(square: f64, seen: f64, burst: f64) -> f64 {
-    2.0 * (square / seen.max(1.0)).max(burst)
+    let one = square / seen.max(1.0);
+    3.0 * if seen < FEW_BURSTS {
+        one.max(burst)
+    } else {
+        one
+    }
 }
 
 /// Hears of every crossing of the loss point.
@@ -292,17 +310,18 @@ impl CrossingSums {
     }
 
     /// Sum j over the number of flights, its error from the scatter about the ratio of the batches that saw
-    /// a flight, each of which is a degree of freedom but one; and from one burst more, whose flights
+    /// a flight, each of which is a degree of freedom but one. The flights of a burst that was not seen
     /// scatter as the speeds of a Rayleigh law, by sqrt(4/pi - 1) of their mean.
-    fn per_flight(&self, j: usize) -> Estimate {
+    fn per_flight(&self, j: usize, burst: Burst) -> Estimate {
         let (seen, a, b) = (self.seen[FLIGHTS], self.sum[j], self.sum[FLIGHTS]);
         let r = a / b;
         let product = |j: usize, k: usize| self.product[j][k];
         let square =
             product(j, j) - 2.0 * r * product(j, FLIGHTS) + r * r * product(FLIGHTS, FLIGHTS);
-        let square = square.max(0.0) * seen / (seen - 1.0).max(1.0);
-        let more = r * r * (4.0 / PI - 1.0) * b / seen;
-        Estimate::new(r, (square + more).sqrt() / b, Origin::Sampling)
+        let square = square.max(0.0);
+        let burst = ALIKE * burst.losses * r * r * (4.0 / PI - 1.0);
+        let variance = square * seen / (seen - 1.0).max(1.0) + unseen(square, seen, burst);
+        Estimate::new(r, variance.sqrt() / b, Origin::Sampling)
     }
 
     /// Sum j per unit time, no burst being smaller than `burst`, a mean square.
@@ -323,8 +342,8 @@ impl CrossingSums {
             bursts: seen * seen / self.product[losses][losses].max(1.0),
             loss_rate: self.rate(losses, burst.losses),
             lost_share: self.rate(lost_time, burst.time),
-            mean_flight: self.per_flight(flight_time),
-            mean_impact_speed: self.per_flight(speed),
+            mean_flight: self.per_flight(flight_time, burst),
+            mean_impact_speed: self.per_flight(speed, burst),
             flight_time: self.flight_bins.histogram(bins.time, false),
             impact_speed: self.speed_bins.histogram(bins.speed, false),
         }
