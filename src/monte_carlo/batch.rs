@@ -250,7 +250,7 @@ impl BatchMeans {
                 let square = self.product[LOST][LOST] - n * x[LOST] * x[LOST];
                 let error = loss
                     .error
-                    .hypot(unseen(square, self.lost, burst).sqrt() / n);
+                    .hypot(unseen(square, self.lost, n, burst).sqrt() / n);
                 Estimate { error, ..loss }
             }),
         }

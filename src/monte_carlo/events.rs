@@ -102,16 +102,13 @@ impl Burst {
 }
 
 /// What is added to the variance of a sum over independent batches of which `seen` have anything to show,
-/// `square` being their squared deviations from the mean: three bursts more, none smaller than `burst`, a mean
-/// square, unless enough are seen to speak for themselves. A sum over few bursts varies with their number as a
-/// Poisson variable does, and where it is too small its scatter is too.
-pub(super) fn unseen(square: f64, seen: f64, burst: f64) -> f64 {
+/// `square` being their squared deviations from the mean: four bursts more, none smaller than `burst`, a mean
+/// square, where most of the `batches` saw none. A sum over few bursts varies with their number as a Poisson
+/// variable does, and where it is too small its scatter is too.
+pub(super) fn unseen(square: f64, seen: f64, batches: f64, burst: f64) -> f64 {
     let one = square / seen.max(1.0);
-    3.0 * if seen < FEW_BURSTS {
-        one.max(burst)
-    } else {
-        one
-    }
+    let rare = 2.0 * seen < batches;
+    4.0 * if rare { one.max(burst) } else { one }
 }
 
 /// Hears of every crossing of the loss point.
@@ -320,7 +317,8 @@ impl CrossingSums {
             product(j, j) - 2.0 * r * product(j, FLIGHTS) + r * r * product(FLIGHTS, FLIGHTS);
         let square = square.max(0.0);
         let burst = ALIKE * burst.losses * r * r * (4.0 / PI - 1.0);
-        let variance = square * seen / (seen - 1.0).max(1.0) + unseen(square, seen, burst);
+        let variance =
+            square * seen / (seen - 1.0).max(1.0) + unseen(square, seen, self.batches, burst);
         Estimate::new(r, variance.sqrt() / b, Origin::Sampling)
     }
 
@@ -328,7 +326,7 @@ impl CrossingSums {
     fn rate(&self, j: usize, burst: f64) -> Estimate {
         let (n, sum) = (self.batches, self.sum[j]);
         let square = (self.product[j][j] - sum * sum / n).max(0.0);
-        let variance = square * n / (n - 1.0) + unseen(square, self.seen[j], burst);
+        let variance = square * n / (n - 1.0) + unseen(square, self.seen[j], n, burst);
         let error = variance.sqrt() / self.time;
         Estimate::new(sum / self.time, error, Origin::Sampling)
     }

@@ -329,10 +329,10 @@ fn the_splittings_have_orders_4_and_6_in_zeta_and_2_in_its_square() {
     };
     // Scheme, zeta, the order, and the most over zeta T at the shorter step.
     for (scheme, zeta, step, order, levels) in [
-        (Scheme::Splitting42, 1e-5, 1.0, 4.0, [1.0, 1.0]),
-        (Scheme::Splitting62, 1e-5, 1.0, 6.0, [1.0, 1.0]),
-        (Scheme::Splitting42, 0.3, 0.5, 2.0, [1.0, 1.0]),
-        (Scheme::Splitting62, 0.3, 0.5, 2.0, [1.0, 1.0]),
+        (Scheme::Splitting42, 1e-5, 1.0, 4.0, [4e-4, 1.3e-4]),
+        (Scheme::Splitting62, 1e-5, 2.0, 6.0, [6e-5, 3e-5]),
+        (Scheme::Splitting42, 0.3, 0.5, 2.0, [1e-3, 9e-7]),
+        (Scheme::Splitting62, 0.3, 0.5, 2.0, [6e-4, 4e-7]),
     ] {
         let errors = [step, step / 2.0].map(|step| match scheme {
             Scheme::Splitting42 => weak_error(zeta, step, four(step)),
@@ -344,8 +344,9 @@ fn the_splittings_have_orders_4_and_6_in_zeta_and_2_in_its_square() {
             println!(
                 "{scheme}, zeta {zeta}: {name} errs by {coarse:.2e} zeta T, {fine:.2e}: order {measured:.2} of {order}"
             );
+            // Steps short enough for the power 6 alone leave too little to see.
             assert!(
-                (measured - order).abs() < 0.6,
+                (measured - order).abs() < if order > 5.0 { 1.1 } else { 0.4 },
                 "{scheme} {name}: {measured}"
             );
             assert!(fine < levels[k], "{scheme} {name}: {fine}");
