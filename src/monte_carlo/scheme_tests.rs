@@ -416,3 +416,36 @@ fn the_exponential_scheme_has_order_two_in_the_motion_under_strong_friction() {
     println!("{errors:?}, rates {rates:.2?}");
     assert!(errors[2] < 1e-3 && rates.iter().all(|rate| (1.7..2.6).contains(rate)));
 }
+
+#[test]
+fn the_schemes_of_order_1_and_2_converge_to_the_mean_of_the_linear_oscillator() {
+    // A scheme that converges to something else passes every test against itself. Noise apart, G = q, t = 6.
+    let it = Oscillator::new(ContactLaw::Linear, 0.005, 1e-200).unwrap();
+    let start = Initial::gaussian([1.0, 0.5], [0.5; 2]).unwrap();
+    let exact = Gaussian::of(&it, &start).unwrap().after(&it, 6.0).unwrap();
+    for (scheme, step, order, level) in [
+        (Scheme::EulerMaruyama, 0.02, 1.0, 0.07),
+        (Scheme::CentralDifference, 0.2, 2.0, 6e-3),
+        (Scheme::Baoab, 0.2, 2.0, 6e-3),
+    ] {
+        let errors = [step, step / 2.0].map(|step: f64| {
+            let mut group = Group {
+                q: [1.0; LANES],
+                v: [0.5; LANES],
+                excitation: [0.0; LANES],
+                signal: None,
+                streams: Streams::new(1, 0),
+            };
+            let steps = (6.0 / step).round() as u64;
+            Coefficients::new(scheme, &it, step, 1.0)
+                .advance(Linear, &mut group, steps, 0.0, &mut Deaf);
+            (group.q[3] - exact.mean[0]).hypot(group.v[3] - exact.mean[1])
+        });
+        let measured = (errors[0] / errors[1]).log2();
+        println!("{scheme}: the mean errs by {errors:.1e?}, order {measured:.2}");
+        assert!(
+            (measured - order).abs() < 0.3 && errors[1] < level,
+            "{scheme}: {errors:e?}"
+        );
+    }
+}

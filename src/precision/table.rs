@@ -134,7 +134,7 @@ fn space_table(orders: &[SpaceOrder]) -> String {
     }
     all += "\nAn order above is the slope against the cells per direction, while the domain grows and the steps \
             shorten from level to level. Most of the error is then what the truncated domain leaves out, and \
-            fewer of the cells go into their width. With 1e-10 outside the domain and steps to 1e-10 the same \
+            fewer of the cells go into their width. With 1e-11 outside the domain and steps to 1e-10 the same \
             schemes show their orders in the width of the cells:\n\n\
             | scheme | cells per direction | L1 error | order |\n|---|---|---|---|\n";
     for it in orders {
