@@ -10,7 +10,7 @@ use vibroimpact::fokker_planck::march::{BackwardEuler, RungeKutta4};
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::modes::slowest;
 use vibroimpact::fokker_planck::steady::null_vector;
-use vibroimpact::fokker_planck::{Settings, steady};
+use vibroimpact::fokker_planck::{Settings, TransientMethod, steady, transient};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::stationary::Stationary;
@@ -384,5 +384,31 @@ fn the_moments_of_the_steady_state_are_those_of_the_closed_form_within_their_bar
                 );
             }
         }
+    }
+}
+
+#[test]
+fn the_negative_mass_is_the_integral_of_the_negative_part_of_the_density() {
+    let it = paper();
+    let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let settings = Settings {
+        method: Some(TransientMethod::FiniteVolume),
+        drift: Some(Drift::Order8),
+        cells: Some([100, 66]),
+        ..Settings::default()
+    };
+    let got = transient(&it, &start, &[5.0, 10.0], &[5.0, 10.0], &settings, &|_| ()).unwrap();
+    for (k, snapshot) in got.densities.iter().enumerate() {
+        let (q, v) = (&snapshot.q, &snapshot.v);
+        // Equal cells at this temperature.
+        let area = (q[1] - q[0]) * (v[1] - v[0]);
+        let negative = area * snapshot.p.iter().map(|p| (-p).max(0.0)).sum::<f64>();
+        let (said, lowest) = (got.negative_mass[k], got.lowest_density[k]);
+        println!(
+            "t = {}: lowest density {lowest}, negative mass {said}, of the array {negative:.3e}",
+            snapshot.t
+        );
+        assert!(negative > 1e-7 && (said.value / negative - 1.0).abs() < 1e-9);
+        assert!(lowest.value < 0.0 && said.error > 0.0 && said.error < 1e-2);
     }
 }

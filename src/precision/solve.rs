@@ -96,7 +96,7 @@ pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Re
 
 fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result<Answer> {
     let mesh = mesh(case, drift, level)?;
-    volumes_on(case, drift, time, mesh, STEPS * level.tolerance)
+    volumes_on(case, drift, time, &mesh, STEPS * level.tolerance)
 }
 
 /// Finite volumes on a mesh; the steps may err by `tolerance`.
@@ -104,11 +104,11 @@ pub(super) fn volumes_on(
     case: &Case,
     drift: Drift,
     time: TimeScheme,
-    mesh: Mesh,
+    mesh: &Mesh,
     tolerance: f64,
 ) -> Result<Answer> {
     let oscillator = &case.oscillator;
-    let generator = Generator::new(oscillator, &mesh, drift)?;
+    let generator = Generator::new(oscillator, mesh, drift)?;
     let settings = Settings {
         tolerance,
         ..Settings::default()
@@ -116,7 +116,7 @@ pub(super) fn volumes_on(
     let mut march = choice::march(oscillator, &generator, time, &settings, case.until);
     let mut density = Density::start(&generator, &case.initial)?;
     march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
-    let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
+    let observables = Observables::new(oscillator, mesh, drift, generator.weights())?;
     Ok(Answer {
         moments: observables
             .raw(&density.ratio(&generator))

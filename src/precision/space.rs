@@ -57,7 +57,7 @@ pub fn space_orders(case: &Case, reference: &Reference) -> Result<Vec<SpaceOrder
             case,
             drift,
             crate::fokker_planck::TimeScheme::Explicit,
-            mesh,
+            &mesh,
             STEPS,
         )?;
         Ok((cells, width, reference.l1(&answer).unwrap_or(f64::NAN)))
