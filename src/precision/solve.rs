@@ -33,8 +33,8 @@ impl Answer {
 }
 
 /// Part of the error aimed at that the start and the stationary law may leave outside the truncated domain.
-/// The law in between may leave more: of the linear case this is most of the error at order 4 and above, see
-/// [`super::space`].
+/// It does not bound the error of the truncated domain: of the linear case, at order 8 and 1e-6, 5e-8 outside
+/// make an L1 error of 2.4e-6, 1e-10 one of 1.6e-7. See [`super::space`].
 const BOX: f64 = 0.05;
 
 /// Part of it that the steps may make.
