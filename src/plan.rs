@@ -822,6 +822,7 @@ fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
     keep(&mut it.moments, &kept);
     keep(&mut it.mass, &kept);
     keep(&mut it.lowest_density, &kept);
+    keep(&mut it.negative_mass, &kept);
     keep(&mut it.relative_entropy, &kept);
     keep(&mut it.distance, &kept);
 }

@@ -443,7 +443,12 @@ impl Results {
         if let Some(it) = &self.monte_carlo {
             let mut transient = moments_json(&it.times, &it.moments);
             // Names of the density on the mesh that paths have no number for.
-            for name in ["mass", "lowest_density", "relative_entropy"] {
+            for name in [
+                "mass",
+                "lowest_density",
+                "negative_mass",
+                "relative_entropy",
+            ] {
                 transient.push(name, curve(it.times.iter().map(|_| None)));
             }
             transient.push(
@@ -517,6 +522,7 @@ impl Results {
         json.push("flight_density", density);
         if let Some(it) = seen {
             json.push("losses_seen", it.losses);
+            json.push("bursts_seen", it.bursts);
             json.push("time_seen", it.time);
         }
         json
@@ -691,6 +697,10 @@ fn transient_json(it: &Transient) -> Json {
     json.push(
         "lowest_density",
         curve(it.lowest_density.iter().map(|x| Some(*x))),
+    );
+    json.push(
+        "negative_mass",
+        curve(it.negative_mass.iter().map(|x| Some(*x))),
     );
     json.push(
         "relative_entropy",

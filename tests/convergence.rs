@@ -172,11 +172,18 @@ fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_fli
     }
 }
 
-/// Integrates dg/dt = generator + source from the exact g and returns the error in L1 weighted by p_s.
-fn manufactured(it: &Oscillator, drift: Drift, n: [usize; 2]) -> f64 {
-    let domain = Domain::closed(it, &Initial::Stationary, 1e-6).unwrap();
-    let case = Case::new(it, &Initial::Stationary, &domain, drift, n);
-    let generator = &case.generator;
+/// Integrates dg/dt = generator + source from the exact g and returns the error in L1 weighted by p_s. The
+/// mesh has `inner` cells between its margins and is graded along q as that of a Hertzian contact is.
+fn manufactured(it: &Oscillator, drift: Drift, inner: [usize; 2], neglected: f64) -> f64 {
+    let domain = Domain::closed(it, &Initial::Stationary, neglected).unwrap();
+    let margin = drift.margin();
+    let n = inner.map(|n| n + 2 * margin);
+    let mesh = Mesh {
+        q: Axis::displacement(&ContactLaw::Hertz, it.temperature(), domain.q, n[0], margin)
+            .unwrap(),
+        v: Axis::velocity(domain.v[1], n[1], margin).unwrap(),
+    };
+    let generator = &Generator::new(it, &mesh, drift).unwrap();
     let Mesh { q, v } = generator.mesh();
     assert!(!q.is_uniform());
     let (zeta, noise, t) = (it.zeta(), it.noise(), it.temperature());
@@ -246,11 +253,75 @@ fn a_manufactured_solution_on_a_mapped_mesh_shows_the_orders_until_the_kink() {
     // T = 20: the flight is long, the mesh is graded, and the loss of contact lies in the middle of the
     // law. There the force goes as x^{3/2}, so no central difference keeps an order above 5/2 + 1/2.
     let it = oscillator(ContactLaw::Hertz, 0.05, 20.0);
-    for (drift, expected) in CENTRAL.into_iter().zip([2.0, 3.0, 3.0, 3.0]) {
-        let errors = [[96, 80], [144, 120]].map(|n| manufactured(&it, drift, n));
+    for (drift, expected, level) in [
+        (Drift::Order2, 2.0, 4e-3),
+        (Drift::Order4, 3.3, 4e-4),
+        (Drift::Order6, 3.0, 2.5e-4),
+        (Drift::Order8, 2.8, 2.5e-4),
+    ] {
+        let errors = [[80, 64], [120, 96]].map(|n| manufactured(&it, drift, n, 1e-6));
         let observed = order(errors[0], errors[1], 1.5);
         println!("{drift:?}: error {:.1e}, order {observed:.2}", errors[1]);
-        assert!(observed > expected - 0.3 && errors[1] < 3e-3, "{errors:?}");
+        assert!(
+            (observed - expected).abs() < 0.4 && errors[1] < level,
+            "{drift:?} {errors:?}"
+        );
+    }
+}
+
+#[test]
+fn without_a_kink_the_manufactured_solution_on_a_mapped_mesh_shows_orders_2_4_6_8() {
+    // The same mesh, graded as for the loss of contact, and the linear law.
+    let it = oscillator(ContactLaw::Linear, 0.05, 20.0);
+    for (drift, level) in CENTRAL.into_iter().zip([5e-3, 1.5e-4, 8e-6, 6e-7]) {
+        let errors = [[64, 52], [96, 78]].map(|n| manufactured(&it, drift, n, 1e-9));
+        let observed = order(errors[0], errors[1], 1.5);
+        println!("{drift:?}: error {:.1e}, order {observed:.2}", errors[1]);
+        let claimed = drift.order() as f64;
+        assert!(
+            (observed - claimed).abs() < 0.6 && errors[1] < level,
+            "{drift:?} {errors:?}"
+        );
+    }
+}
+
+#[test]
+fn hertz_that_stays_in_contact_converges_to_itself_at_orders_2_4_6_8() {
+    // T = 0.04: the box ends at q > -3/2, and there is no kink in it.
+    let it = oscillator(ContactLaw::Hertz, 0.05, 0.04);
+    let start = Initial::gaussian([0.1, 0.05], [0.16, 0.15]).unwrap();
+    let domain = Domain::closed(&it, &start, 1e-8).unwrap();
+    assert!(domain.q[0] > -1.5, "{:?}", domain.q);
+    for (drift, level) in CENTRAL.into_iter().zip([3e-2, 8e-4, 2.5e-5, 8e-7]) {
+        let inner = [44, 60, 82];
+        let numbers = inner.map(|n| {
+            let n = n + 2 * drift.margin();
+            let mut case = Case::new(&it, &start, &domain, drift, [n, n]);
+            case.run(3.0);
+            let m = case.moments();
+            let t = it.temperature();
+            [
+                m.mean_q.value / t.sqrt(),
+                m.mean_v.value / t.sqrt(),
+                m.var_q.value / t,
+                m.cov_qv.value / t,
+                m.var_v.value / t,
+            ]
+        });
+        let change = |a: usize, b: usize| -> f64 {
+            let pairs = numbers[a].iter().zip(numbers[b]);
+            pairs.map(|(a, b)| (a - b).abs()).sum()
+        };
+        let observed = order(change(0, 1), change(1, 2), 1.365);
+        println!(
+            "{drift:?}: mean and covariance change by {:.1e}, order {observed:.2}",
+            change(1, 2)
+        );
+        let claimed = drift.order() as f64;
+        assert!(
+            (observed - claimed).abs() < 0.4 && change(1, 2) < level,
+            "{drift:?} {numbers:?}"
+        );
     }
 }
 
@@ -259,11 +330,12 @@ fn hertz_with_loss_of_contact_converges_to_itself() {
     let it = oscillator(ContactLaw::Hertz, 0.005, 0.628_318_530_717_958_6);
     let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
     let domain = Domain::closed(&it, &start, 1e-7).unwrap();
-    // Smooth numbers show the order; at order 8 the kink leaves about third order below 1e-6.
+    // Smooth numbers show the order, until the kink at order 8, which the test without one shows.
     for (drift, expected, level) in [
-        (Drift::Order2, 2.0, 1e-2),
-        (Drift::Order4, 4.0, 1e-4),
-        (Drift::Order6, 5.5, 2e-6),
+        (Drift::Order2, 2.1, 1e-3),
+        (Drift::Order4, 4.3, 2.5e-5),
+        (Drift::Order6, 5.7, 7e-7),
+        (Drift::Order8, f64::NAN, 6e-8),
     ] {
         let energies = [[96, 60], [136, 85], [192, 120]].map(|n| {
             let mut case = Case::new(&it, &start, &domain, drift, n);
@@ -280,8 +352,8 @@ fn hertz_with_loss_of_contact_converges_to_itself() {
             change(1, 2)
         );
         assert!(
-            observed > expected - 0.3 && change(1, 2) < level,
-            "{energies:?}"
+            (expected.is_nan() || (observed - expected).abs() < 0.5) && change(1, 2) < level,
+            "{drift:?} {energies:?}"
         );
     }
 }

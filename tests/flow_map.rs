@@ -236,9 +236,9 @@ fn a_linear_oscillator_follows_its_gaussian() {
         .after(&oscillator, 20.0)
         .unwrap();
     for (order, cells, level) in [
-        (Order::Fourth, [50, 80], 1e-3),
-        (Order::Sixth, [40, 64], 3e-5),
-        (Order::Eighth, [34, 54], 1e-5),
+        (Order::Fourth, [50, 80], 9e-4),
+        (Order::Sixth, [40, 64], 1e-5),
+        (Order::Eighth, [34, 54], 2e-6),
     ] {
         let error = |n: usize| {
             let mesh = mesh(&oscillator, &start, 1e-11, [n, n]);
@@ -248,7 +248,11 @@ fn a_linear_oscillator_follows_its_gaussian() {
         let (coarse, fine) = (error(cells[0]), error(cells[1]));
         let measured = (coarse / fine).ln() / (cells[1] as f64 / cells[0] as f64).ln();
         println!("{order:?}: L1 {coarse:.2e}, {fine:.2e}, order {measured:.1}");
-        assert!(measured > order.points() as f64 - 0.8 && fine < level);
+        let claimed = order.points() as f64;
+        assert!(
+            (measured - claimed).abs() < 0.8 && fine < level,
+            "{order:?}: {measured}"
+        );
     }
 }
 
@@ -265,10 +269,10 @@ fn splittings_have_their_orders_in_the_step() {
         .unwrap();
     for (splitting, steps, order, level) in [
         (Splitting::TwoTwo, [1.0, 0.5], 2.0, 2e-5),
-        (Splitting::FourTwo, [1.5, 0.75], 4.0, 3e-6),
-        (Splitting::SixTwo, [2.0, 1.0], 6.0, 1e-6),
-        (Splitting::EvenThree, [0.8, 0.4], 3.0, 1e-5),
-        (Splitting::EvenFive, [1.2, 0.6], 5.0, 1e-6),
+        (Splitting::FourTwo, [1.5, 0.75], 4.0, 8e-7),
+        (Splitting::SixTwo, [2.0, 1.0], 6.0, 2.5e-8),
+        (Splitting::EvenThree, [0.8, 0.4], 3.0, 3e-6),
+        (Splitting::EvenFive, [1.2, 0.6], 5.0, 2.5e-7),
     ] {
         let errors = steps.map(|step| {
             let how = settings(Order::Eighth, splitting, step);
@@ -279,7 +283,16 @@ fn splittings_have_their_orders_in_the_step() {
             "{splitting:?}: L1 {:.2e}, {:.2e}, order {measured:.1}",
             errors[0], errors[1]
         );
-        assert!(measured > order - 0.6 && errors[1] < level, "{measured}");
+        // The error of the even rule with 5 corrections falls faster at first.
+        let early = if splitting == Splitting::EvenFive {
+            1.6
+        } else {
+            1.0
+        };
+        assert!(
+            measured > order - 0.6 && measured < order + early && errors[1] < level,
+            "{splitting:?}: {measured}"
+        );
     }
     // The second power of zeta: order 4, the motion having been given the rate that friction takes.
     let damped = Oscillator::new(ContactLaw::Linear, 0.1, 0.04).unwrap();

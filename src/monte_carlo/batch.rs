@@ -1,5 +1,6 @@
 //! Batch means: moments of long records, with errors that know how slowly the records forget.
 
+use super::events::unseen;
 use super::law::Law;
 use super::noise::{LANES, Lanes};
 use crate::contact::ContactLaw;
@@ -10,6 +11,9 @@ use crate::oscillator::DisplacementLaw;
 /// Numbers summed per sample: q, q^2, v, v^2, q v, N, N^2, N^3, N^4, H, H^2, \[q < q_loss\], q N; q, v, N
 /// and H each in its [`Units`].
 const TERMS: usize = 13;
+
+/// The place of \[q < q_loss\].
+const LOST: usize = 11;
 
 type Vector = [f64; TERMS];
 
@@ -109,6 +113,8 @@ pub(super) struct BatchMeans {
     samples: f64,
     sum: Vector,
     product: [Vector; TERMS],
+    /// Batches with a sample out of contact.
+    lost: f64,
 }
 
 impl BatchMeans {
@@ -118,6 +124,7 @@ impl BatchMeans {
             samples: 0.0,
             sum: [0.0; TERMS],
             product: [[0.0; TERMS]; TERMS],
+            lost: 0.0,
         }
     }
 
@@ -131,6 +138,7 @@ impl BatchMeans {
             let x = batch.mean(lane);
             self.count += 1.0;
             self.samples += batch.samples;
+            self.lost += f64::from(u8::from(x[LOST] > 0.0));
             for j in 0..TERMS {
                 self.sum[j] += x[j];
                 for k in 0..TERMS {
@@ -143,6 +151,7 @@ impl BatchMeans {
     pub(super) fn add(&mut self, more: &Self) {
         self.count += more.count;
         self.samples += more.samples;
+        self.lost += more.lost;
         for j in 0..TERMS {
             self.sum[j] += more.sum[j];
             for k in 0..TERMS {
@@ -163,18 +172,20 @@ impl BatchMeans {
         })
     }
 
-    /// The moments with one standard error each, by the delta method on the batch means.
-    pub(super) fn moments(&self, contact: &ContactLaw, units: &Units) -> Moments {
-        self.estimate(contact, units, |_| Vec::new())
+    /// The moments with one standard error each, by the delta method on the batch means; that of the loss
+    /// probability knows that no burst of losses is smaller than `burst`, a mean square share of a batch,
+    /// None for a law that cannot lose contact.
+    pub(super) fn moments(&self, units: &Units, burst: Option<f64>) -> Moments {
+        self.estimate(units, burst, |_| Vec::new())
     }
 
     /// The moments with the exact identities E\[N\] = 0, E\[q N\] = T, E\[v^2\] = T, E\[q v\] = 0 as control
     /// variates: what the sample is known to have too much of is regressed out. E\[N\], Var v and
     /// Cov(q, v), which the identities fix, are left as they are.
-    pub(super) fn controlled_moments(&self, contact: &ContactLaw, units: &Units) -> Moments {
+    pub(super) fn controlled_moments(&self, units: &Units, burst: Option<f64>) -> Moments {
         // q N is about the mean of q, and E[N] = 0, so E[(q - Eq) N] = T.
         let controls = vec![(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)];
-        self.estimate(contact, units, |name| match name {
+        self.estimate(units, burst, |name| match name {
             "mean_force" | "var_v" | "cov_qv" => Vec::new(),
             _ => controls.clone(),
         })
@@ -182,8 +193,8 @@ impl BatchMeans {
 
     fn estimate(
         &self,
-        contact: &ContactLaw,
         units: &Units,
+        burst: Option<f64>,
         controls: impl Fn(&str) -> Vec<(usize, f64)>,
     ) -> Moments {
         let (x, covariance) = (self.mean(), self.covariance());
@@ -232,10 +243,14 @@ impl BatchMeans {
             skewness_force: give("skewness_force", skewness, 0.0, 1.0),
             kurtosis_force: give("kurtosis_force", kurtosis, 0.0, 1.0),
             mean_energy: give("mean_energy", linear(9), units.energy[0], units.energy[1]),
-            contact_loss_probability: contact.loss_point().map(|_| {
-                let loss = give("contact_loss_probability", linear(11), 0.0, 1.0);
-                // None seen, or one: the error is that of one sample.
-                let error = loss.error.max(1.0 / self.samples);
+            contact_loss_probability: burst.map(|burst| {
+                let loss = give("contact_loss_probability", linear(LOST), 0.0, 1.0);
+                // What few bursts do not show.
+                let n = self.count;
+                let square = self.product[LOST][LOST] - n * x[LOST] * x[LOST];
+                let error = loss
+                    .error
+                    .hypot(unseen(square, self.lost, n, burst).sqrt() / n);
                 Estimate { error, ..loss }
             }),
         }

@@ -3,15 +3,21 @@
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::noise::LANES;
 use crate::estimate::{Estimate, Origin};
+use crate::oscillator::Oscillator;
 use crate::rig::Rig;
+use std::f64::consts::PI;
 
-/// Losses of contact in stationary motion, each located between steps. Errors from batch means.
+/// Losses of contact in stationary motion, each located between steps. Errors from the scatter of batches
+/// longer than the correlation time, and from the number of those that saw a loss.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crossings {
     /// Time observed, all records together.
     pub time: f64,
     /// Losses of contact seen.
     pub losses: u64,
+    /// Independent bursts of equal size that would scatter as these losses do: (sum of x)^2/(sum of x^2)
+    /// over the losses x of each batch; 0 without a loss.
+    pub bursts: f64,
     /// Losses per unit time.
     pub loss_rate: Estimate,
     /// Share of the time out of contact: P(q < q_loss).
@@ -39,6 +45,70 @@ impl Crossings {
             self.mean_flight.scaled(rig.seconds(1.0)),
         )
     }
+}
+
+/// Independent bursts below which the errors of what losses of contact show are said to be rough: with 20
+/// a standard error is itself known to some 20 %.
+pub(super) const FEW_BURSTS: f64 = 20.0;
+
+/// Losses of contact come in bursts: the energy stays near that of the loss, E, for about as long as friction
+/// needs to take T from it. Of the losses a share A is not a repetition (Mel'nikov and Meshkov, J. Chem. Phys.
+/// 85, 1018, 1986), ln A = (1/2 pi) times the integral of ln(1 - exp(-delta (x^2 + 1/4)))/(x^2 + 1/4), with
+/// delta = 4 pi zeta E/T the loss of energy in a period of the linear oscillator, in T. The number of losses in
+/// a burst is taken as geometric with the mean 1/A. Few bursts do not show how large they can be; this is the
+/// least that is believed of one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Burst {
+    /// Mean square of the losses in a burst.
+    losses: f64,
+    /// Mean square of the time out of contact in a burst.
+    time: f64,
+}
+
+/// The flights of a burst are alike, and long in a large burst: the mean square of their sum is about this
+/// many times that of as many independent ones.
+const ALIKE: f64 = 2.0;
+
+impl Burst {
+    /// The burst of an oscillator in batches of `length`; None for a law that cannot lose contact.
+    pub(super) fn of(oscillator: &Oscillator, length: f64) -> Option<Self> {
+        let contact = oscillator.contact();
+        let loss = contact.loss_point()?;
+        let temperature = oscillator.temperature();
+        let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
+        let delta = 4.0 * PI * oscillator.zeta() * rise.max(0.0) / temperature;
+        // x = tan(angle)/2 and the midpoint rule.
+        let points = 100;
+        let sum: f64 = (0..points)
+            .map(|k| 0.5 * PI * (f64::from(k) + 0.5) / f64::from(points))
+            .map(|angle| (-(-0.25 * delta / angle.cos().powi(2)).exp_m1()).ln())
+            .sum();
+        // One loss a period, and no burst longer than its batch.
+        let size = (-sum / f64::from(points)).exp();
+        let size = size.min(1.0 + length / (2.0 * PI));
+        let losses = size * (2.0 * size - 1.0);
+        // A body lost at the mean speed sqrt(pi T/2) falls back in 2 v/|G|.
+        let flight = (2.0 * PI * temperature).sqrt() / contact.force(loss).abs();
+        Some(Self {
+            losses,
+            time: ALIKE * losses * flight.min(length).powi(2),
+        })
+    }
+
+    /// Mean square of the share of a batch of `length` that a burst is out of contact.
+    pub(super) fn share(self, length: f64) -> f64 {
+        self.time / (length * length)
+    }
+}
+
+/// What is added to the variance of a sum over independent batches of which `seen` have anything to show,
+/// `square` being their squared deviations from the mean: four bursts more, none smaller than `burst`, a mean
+/// square, where most of the `batches` saw none. A sum over few bursts varies with their number as a Poisson
+/// variable does, and where it is too small its scatter is too.
+pub(super) fn unseen(square: f64, seen: f64, batches: f64, burst: f64) -> f64 {
+    let one = square / seen.max(1.0);
+    let rare = 2.0 * seen < batches;
+    4.0 * if rare { one.max(burst) } else { one }
 }
 
 /// Hears of every crossing of the loss point.
@@ -181,6 +251,9 @@ impl Watch for Logbook {
 /// Per batch: losses, time out of contact, flights ended, their time, their impact speeds.
 const SEEN: usize = 5;
 
+/// The place of the flights ended.
+const FLIGHTS: usize = 2;
+
 /// Sums over batches.
 #[derive(Debug, Clone)]
 pub(super) struct CrossingSums {
@@ -188,6 +261,8 @@ pub(super) struct CrossingSums {
     time: f64,
     sum: [f64; SEEN],
     product: [[f64; SEEN]; SEEN],
+    /// Batches in which each is not 0.
+    seen: [f64; SEEN],
     flight_bins: BatchCounts,
     speed_bins: BatchCounts,
 }
@@ -199,6 +274,7 @@ impl CrossingSums {
             time: 0.0,
             sum: [0.0; SEEN],
             product: [[0.0; SEEN]; SEEN],
+            seen: [0.0; SEEN],
             flight_bins: BatchCounts::new(bins.time),
             speed_bins: BatchCounts::new(bins.speed),
         }
@@ -209,6 +285,7 @@ impl CrossingSums {
         self.time += length;
         for j in 0..SEEN {
             self.sum[j] += seen[j];
+            self.seen[j] += f64::from(u8::from(seen[j] != 0.0));
             for k in 0..SEEN {
                 self.product[j][k] += seen[j] * seen[k];
             }
@@ -220,6 +297,7 @@ impl CrossingSums {
         self.time += more.time;
         for j in 0..SEEN {
             self.sum[j] += more.sum[j];
+            self.seen[j] += more.seen[j];
             for k in 0..SEEN {
                 self.product[j][k] += more.product[j][k];
             }
@@ -228,39 +306,42 @@ impl CrossingSums {
         self.speed_bins.add(&more.speed_bins);
     }
 
-    /// Sum j over sum k, its error from the scatter of the batches about the ratio. Without a single
-    /// event the error is that of one.
-    fn ratio(&self, j: usize, k: usize) -> Estimate {
-        let (n, a, b) = (self.batches, self.sum[j], self.sum[k]);
+    /// Sum j over the number of flights, its error from the scatter about the ratio of the batches that saw
+    /// a flight, each of which is a degree of freedom but one. The flights of a burst that was not seen
+    /// scatter as the speeds of a Rayleigh law, by sqrt(4/pi - 1) of their mean.
+    fn per_flight(&self, j: usize, burst: Burst) -> Estimate {
+        let (seen, a, b) = (self.seen[FLIGHTS], self.sum[j], self.sum[FLIGHTS]);
         let r = a / b;
-        let square = self.product[j][j] - 2.0 * r * self.product[j][k] + r * r * self.product[k][k];
-        let error = (square.max(0.0) * n / (n - 1.0)).sqrt() / b;
-        Estimate::new(r, error, Origin::Sampling)
+        let product = |j: usize, k: usize| self.product[j][k];
+        let square =
+            product(j, j) - 2.0 * r * product(j, FLIGHTS) + r * r * product(FLIGHTS, FLIGHTS);
+        let square = square.max(0.0);
+        let burst = ALIKE * burst.losses * r * r * (4.0 / PI - 1.0);
+        let variance =
+            square * seen / (seen - 1.0).max(1.0) + unseen(square, seen, self.batches, burst);
+        Estimate::new(r, variance.sqrt() / b, Origin::Sampling)
     }
 
-    /// Sum j per unit time.
-    fn rate(&self, j: usize, one: f64) -> Estimate {
-        let (n, mean) = (self.batches, self.sum[j] / self.batches);
-        let spread = (self.product[j][j] / n - mean * mean).max(0.0) * n / (n - 1.0);
-        let error = (spread * n).sqrt().max(one) / self.time;
-        Estimate::new(self.sum[j] / self.time, error, Origin::Sampling)
+    /// Sum j per unit time, no burst being smaller than `burst`, a mean square.
+    fn rate(&self, j: usize, burst: f64) -> Estimate {
+        let (n, sum) = (self.batches, self.sum[j]);
+        let square = (self.product[j][j] - sum * sum / n).max(0.0);
+        let variance = square * n / (n - 1.0) + unseen(square, self.seen[j], n, burst);
+        let error = variance.sqrt() / self.time;
+        Estimate::new(sum / self.time, error, Origin::Sampling)
     }
 
-    pub(super) fn crossings(&self, bins: FlightBins) -> Crossings {
-        let [losses, lost_time, flights, flight_time, speed] = [0, 1, 2, 3, 4];
-        let mean_flight = self.ratio(flight_time, flights);
-        let one_flight = if self.sum[flights] > 0.0 {
-            mean_flight.value
-        } else {
-            1.0
-        };
+    pub(super) fn crossings(&self, bins: FlightBins, burst: Burst) -> Crossings {
+        let [losses, lost_time, flight_time, speed] = [0, 1, 3, 4];
+        let seen = self.sum[losses];
         Crossings {
             time: self.time,
-            losses: self.sum[losses] as u64,
-            loss_rate: self.rate(losses, 1.0),
-            lost_share: self.rate(lost_time, one_flight),
-            mean_flight,
-            mean_impact_speed: self.ratio(speed, flights),
+            losses: seen as u64,
+            bursts: seen * seen / self.product[losses][losses].max(1.0),
+            loss_rate: self.rate(losses, burst.losses),
+            lost_share: self.rate(lost_time, burst.time),
+            mean_flight: self.per_flight(flight_time, burst),
+            mean_impact_speed: self.per_flight(speed, burst),
             flight_time: self.flight_bins.histogram(bins.time, false),
             impact_speed: self.speed_bins.histogram(bins.speed, false),
         }

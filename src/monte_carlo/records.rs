@@ -1,7 +1,7 @@
 //! Long records: stationary statistics by time averages.
 
 use super::batch::{Batch, BatchMeans, Units};
-use super::events::{CrossingSums, Crossings, Deaf, FlightBins, Logbook, Watch};
+use super::events::{Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, FlightBins, Logbook, Watch};
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
@@ -53,7 +53,8 @@ impl Default for RecordSettings {
     }
 }
 
-/// Stationary statistics of long records; every error is one standard error from batch means.
+/// Stationary statistics of long records; every error is one standard error from batch means, what losses
+/// of contact show by the number of their independent bursts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordResult {
     /// The moments.
@@ -135,7 +136,8 @@ pub fn records(
         text,
         unknown: unknown("records", &[None]),
     }));
-    let moments = sums.means.moments(contact, &plan.units);
+    let share = plan.burst.map(|burst| burst.share(size.batch_length));
+    let moments = sums.means.moments(&plan.units, share);
     if !moments.mean_energy.value.is_finite() {
         warnings.push(Warning {
             text: format!(
@@ -155,9 +157,23 @@ pub fn records(
         );
         warnings.push(text.into());
     }
+    let crossings = sums.crossings.as_ref().zip(plan.flights.zip(plan.burst));
+    let crossings = crossings.map(|(sums, (bins, burst))| sums.crossings(bins, burst));
+    if let Some(it) = &crossings
+        && it.losses > 0
+        && it.bursts < FEW_BURSTS
+    {
+        let text = format!(
+            "the {} losses of contact came in about {:.1} independent bursts, so that the errors of \
+             contact_loss_probability, loss_rate, mean_flight and mean_impact_speed are rough; lengthen \
+             monte_carlo.duration",
+            it.losses, it.bursts
+        );
+        warnings.push(text.into());
+    }
     Ok(RecordResult {
         moments,
-        controlled: sums.means.controlled_moments(contact, &plan.units),
+        controlled: sums.means.controlled_moments(&plan.units, share),
         effective_samples,
         batches,
         batch_length: size.batch_length,
@@ -166,11 +182,7 @@ pub fn records(
         displacement: sums.counts[0].histogram(plan.bins[0], false),
         velocity: sums.counts[1].histogram(plan.bins[1], false),
         force: sums.counts[2].histogram(plan.bins[2], lossy),
-        crossings: sums
-            .crossings
-            .as_ref()
-            .zip(plan.flights)
-            .map(|(sums, bins)| sums.crossings(bins)),
+        crossings,
         step: size.step,
         scheme: size.scheme,
         path_steps: size.path_steps(),
@@ -300,6 +312,8 @@ struct Plan {
     /// For q, v and N.
     bins: [Bins; 3],
     flights: Option<FlightBins>,
+    /// None for a law that cannot lose contact.
+    burst: Option<Burst>,
 }
 
 impl Plan {
@@ -340,6 +354,7 @@ impl Plan {
             flights: fall
                 .filter(|_| scheme.locates_crossings())
                 .map(|fall| FlightBins::new(deviation, fall, settings.bins)),
+            burst: Burst::of(oscillator, size.batch_length),
             size,
         })
     }

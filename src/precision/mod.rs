@@ -19,6 +19,7 @@ mod entry;
 mod method;
 mod reference;
 mod solve;
+mod space;
 mod table;
 pub mod truths;
 
@@ -27,4 +28,5 @@ pub use cost::{Cost, CostOf, costs};
 pub use entry::{Effort, Entry, Survey, survey};
 pub use method::{Level, Method};
 pub use reference::{Errors, Reference};
+pub use space::{SpaceOrder, space_orders};
 pub use table::{files, text};

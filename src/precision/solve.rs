@@ -32,7 +32,9 @@ impl Answer {
     }
 }
 
-/// Part of the error aimed at that the box may leave out.
+/// Part of the error aimed at that the start and the stationary law may leave outside the truncated domain.
+/// It does not bound the error of the truncated domain: of the linear case, at order 8 and 1e-6, 5e-8 outside
+/// make an L1 error of 2.4e-6, 1e-10 one of 1.6e-7. See [`super::space`].
 const BOX: f64 = 0.05;
 
 /// Part of it that the steps may make.
@@ -90,20 +92,24 @@ pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Re
 }
 
 fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result<Answer> {
-    let oscillator = &case.oscillator;
     let mesh = mesh(case, drift, level)?;
-    let generator = Generator::new(oscillator, &mesh, drift)?;
-    let mut march = transient::march(
-        oscillator,
-        &generator,
-        time,
-        STEPS * level.tolerance,
-        None,
-        case.until,
-    );
+    volumes_on(case, drift, time, &mesh, STEPS * level.tolerance)
+}
+
+/// Finite volumes on a mesh; the steps may err by `tolerance`.
+pub(super) fn volumes_on(
+    case: &Case,
+    drift: Drift,
+    time: TimeScheme,
+    mesh: &Mesh,
+    tolerance: f64,
+) -> Result<Answer> {
+    let oscillator = &case.oscillator;
+    let generator = Generator::new(oscillator, mesh, drift)?;
+    let mut march = transient::march(oscillator, &generator, time, tolerance, None, case.until);
     let mut density = Density::start(&generator, &case.initial)?;
     march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
-    let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
+    let observables = Observables::new(oscillator, mesh, drift, generator.weights())?;
     Ok(Answer {
         moments: observables
             .raw(&density.ratio(&generator))

@@ -148,6 +148,7 @@ pub fn transient(results: &Results) -> Result<Vec<File>> {
         let more = [
             ("mass", some(&it.mass)),
             ("lowest_density", some(&it.lowest_density)),
+            ("negative_mass", some(&it.negative_mass)),
             ("relative_entropy", it.relative_entropy.clone()),
             ("l1_distance", it.distance.clone()),
         ];

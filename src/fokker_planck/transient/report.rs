@@ -18,6 +18,9 @@ pub struct Transient {
     pub mass: Vec<Estimate>,
     /// Lowest value of the density: negative where the scheme undershoots.
     pub lowest_density: Vec<Estimate>,
+    /// Integral of the negative part of the density, >= 0: 0 for a scheme that keeps the sign. The error is
+    /// the difference of the two runs.
+    pub negative_mass: Vec<Estimate>,
     /// Relative entropy to the stationary law; None where there is none.
     pub relative_entropy: Vec<Option<Estimate>>,
     /// L1 distance to the stationary law; None where there is none.
@@ -96,6 +99,12 @@ impl Task<'_> {
                 .collect(),
             lowest_density: pairs()
                 .map(|(a, b)| Estimate::new(a.lowest, (a.lowest - b.lowest).abs(), Origin::Space))
+                .collect(),
+            negative_mass: pairs()
+                .map(|(a, b)| {
+                    let error = (a.negative - b.negative).abs();
+                    Estimate::new(a.negative, error, Origin::Space)
+                })
                 .collect(),
             relative_entropy: both(|o| o.entropy),
             distance: both(|o| o.distance),
