@@ -11,11 +11,11 @@
 //! splitting is of second order, and the density of the stationary start of first order in
 //! the step near grazing losses. Error bars take the difference from twice the step whole.
 
+use super::absorbed::{Absorbed, Fineness, Start};
+use super::pontryagin::{dot, long_run};
 use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
-use crate::fokker_planck::absorbed::{Absorbed, Fineness, Start};
 use crate::fokker_planck::budget::{Cost, Limits, timing};
-use crate::fokker_planck::pontryagin::{dot, long_run};
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;

@@ -6,8 +6,8 @@
 //! Schultz, SIAM J. Sci. Stat. Comput. 7, 1986, 856) solves it, and the Ritz values of its space hold the
 //! slowest mode (Arnoldi).
 
+use super::absorbed::Absorbed;
 use crate::error::Result;
-use crate::fokker_planck::absorbed::Absorbed;
 use crate::sparse;
 use ndarray::Array2;
 use num_complex::Complex;

@@ -22,9 +22,9 @@
 //!
 //! take it away.
 
+use super::frame::Frame;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
-use crate::fokker_planck::frame::Frame;
 use crate::fokker_planck::interpolation::{Filter, Order, PANEL, Spline, filter, reflected};
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::average;
