@@ -7,7 +7,7 @@ use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
-/// The scheme and the longest step that [`run`] would use.
+/// The scheme and the longest step that [`run`](super::run()) would use.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a step that is not positive, or a scheme that does not suit the noise.

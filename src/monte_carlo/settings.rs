@@ -53,7 +53,7 @@ pub enum Noise {
         /// Highest circular frequency w_max.
         band: f64,
     },
-    /// Gaussian noise of the same spectrum, synthesised by fast Fourier transform: for [`records`], in
+    /// Gaussian noise of the same spectrum, synthesised by fast Fourier transform: for [`records`](super::records()), in
     /// [`Scheme::CentralDifference`] alone, at a tenth of the cost of 400 cosines and without their
     /// finite number.
     Band {

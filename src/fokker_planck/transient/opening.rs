@@ -9,7 +9,7 @@ use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::{Axis, Mesh};
-use crate::fokker_planck::packet::{Fineness, Packet, STRONG};
+use crate::fokker_planck::moving_frame::packet::{Fineness, Packet, STRONG};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;

@@ -30,8 +30,14 @@ use crate::oscillator::Oscillator;
 /// tolerance: they say how good the density is, not what it says.
 ///
 /// # Errors
-/// [`Error::Invalid`] and [`Error::Mesh`] for a start or mesh that cannot work, [`Error::Limit`] when
+/// [`Error::Invalid`] and [`Error::Mesh`] for an initial condition or cells of the scene that cannot work,
+/// [`Error::Unresolved`] for one that no mesh of the program's choice resolves, [`Error::Limit`] when
 /// `max_seconds` is reached before there is any answer.
+///
+/// [`Error::Invalid`]: crate::Error::Invalid
+/// [`Error::Mesh`]: crate::Error::Mesh
+/// [`Error::Unresolved`]: crate::Error::Unresolved
+/// [`Error::Limit`]: crate::Error::Limit
 pub fn transient(
     oscillator: &Oscillator,
     initial: &Initial,

@@ -23,12 +23,12 @@
 //! take it away.
 
 use super::frame::Frame;
-use super::interpolation::{Filter, Order, PANEL, Spline, filter, reflected};
-use super::mesh::Axis;
-use super::ornstein_uhlenbeck::average;
-use super::trajectory::Motion;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
+use crate::fokker_planck::interpolation::{Filter, Order, PANEL, Spline, filter, reflected};
+use crate::fokker_planck::mesh::Axis;
+use crate::fokker_planck::ornstein_uhlenbeck::average;
+use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::moments::{Moments, RawMoments};
 use crate::oscillator::Oscillator;
@@ -37,23 +37,23 @@ use std::f64::consts::TAU;
 
 /// How finely a packet is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Fineness {
+pub(crate) struct Fineness {
     /// Width of a cell, in deviations of the packet.
-    pub(super) cell: f64,
+    pub(crate) cell: f64,
     /// Half the side of the square, in deviations.
-    pub(super) reach: f64,
+    pub(crate) reach: f64,
     /// Largest P on the border of the square before it is widened.
-    pub(super) border: f64,
+    pub(crate) border: f64,
     /// Longest step in time.
-    pub(super) step: f64,
+    pub(crate) step: f64,
     /// The steps of a coarser run beside this one over its own: an interval is divided into so many times
     /// as many, lest both take the same and their difference be blind to it. 1 where there is none.
-    pub(super) beside: f64,
+    pub(crate) beside: f64,
 }
 
 /// A narrow density in its own frame.
 #[derive(Debug, Clone)]
-pub(super) struct Packet {
+pub(crate) struct Packet {
     contact: ContactLaw,
     zeta: f64,
     temperature: f64,
@@ -87,7 +87,7 @@ const C1: f64 = 0.112_701_665_379_258_3;
 const C2: f64 = 0.5 - C1;
 /// The error of a variance under strong damping over zeta^3 tau^4, relative to it: three times the 1.1e-2
 /// measured from rest (linear law, zeta = 0.2 to 5), for other starts and times.
-pub(super) const STRONG: f64 = 3.3e-2;
+pub(crate) const STRONG: f64 = 3.3e-2;
 /// Deviations beyond which a square is widened no more: twice what a Gaussian needs at 1e-5, four times the
 /// cells.
 const FARTHEST: f64 = 18.0;
@@ -105,7 +105,7 @@ impl Packet {
     ///
     /// # Errors
     /// [`Error::NotAvailable`] for a stationary start.
-    pub(super) fn new(
+    pub(crate) fn new(
         oscillator: &Oscillator,
         initial: &Initial,
         early: f64,
@@ -172,55 +172,55 @@ impl Packet {
     }
 
     /// The time it has come to.
-    pub(super) fn time(&self) -> f64 {
+    pub(crate) fn time(&self) -> f64 {
         self.time
     }
 
     /// Steps taken.
-    pub(super) fn steps(&self) -> u64 {
+    pub(crate) fn steps(&self) -> u64 {
         self.steps
     }
 
     /// Longest step.
-    pub(super) fn step(&self) -> f64 {
+    pub(crate) fn step(&self) -> f64 {
         self.fineness.step
     }
 
     /// Half the side of the square, in deviations.
-    pub(super) fn reach(&self) -> f64 {
+    pub(crate) fn reach(&self) -> f64 {
         self.fineness.reach
     }
 
     /// Cells along either side.
-    pub(super) fn cells(&self) -> usize {
+    pub(crate) fn cells(&self) -> usize {
         self.axis.len()
     }
 
     /// The sum of the changes of the mass by interpolation, each made good at once: what left the square
     /// and what the cells did not resolve.
-    pub(super) fn defect(&self) -> f64 {
+    pub(crate) fn defect(&self) -> f64 {
         self.defect
     }
 
     /// The frame.
-    pub(super) fn frame(&self) -> &Frame {
+    pub(crate) fn frame(&self) -> &Frame {
         &self.frame
     }
 
     /// Whether it is still a point.
-    pub(super) fn is_point(&self) -> bool {
+    pub(crate) fn is_point(&self) -> bool {
         self.frame.area() == 0.0
     }
 
     /// The number of equal steps of an interval.
-    pub(super) fn divide(&self, duration: f64) -> u64 {
+    pub(crate) fn divide(&self, duration: f64) -> u64 {
         let Fineness { step, beside, .. } = self.fineness;
         let coarser = (duration / (beside * step) - 1e-9).ceil().max(1.0);
         (beside * coarser).ceil() as u64
     }
 
     /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most.
-    pub(super) fn open(&mut self, left: f64) {
+    pub(crate) fn open(&mut self, left: f64) {
         if let Some((linear, early)) = self.linear.take() {
             self.time = early.min(left);
             self.frame = linear.after(self.time);
@@ -232,7 +232,7 @@ impl Packet {
     /// it wrong on a weakly damped orbit: counted as noise grows, more in q while a start from rest spreads along v
     /// alone, and less once many steps have turned their errors against each other. Strong damping adds [`STRONG`]
     /// zeta^3 tau^4. Both measured with the linear law, from rest.
-    pub(super) fn step_error(&self) -> f64 {
+    pub(crate) fn step_error(&self) -> f64 {
         let (tau, t) = (self.longest, self.time);
         if tau == 0.0 {
             return 0.0;
@@ -245,12 +245,12 @@ impl Packet {
     }
 
     /// Sets the time to `t`, where the steps led but for rounding.
-    pub(super) fn arrive(&mut self, t: f64) {
+    pub(crate) fn arrive(&mut self, t: f64) {
         self.time = t;
     }
 
     /// Takes one step.
-    pub(super) fn advance(&mut self, tau: f64) {
+    pub(crate) fn advance(&mut self, tau: f64) {
         self.longest = self.longest.max(tau);
         let x = self.zeta * tau;
         let stretched = if x > 1e-4 {
@@ -433,7 +433,7 @@ impl Packet {
     }
 
     /// p at points (q, v); 0 outside the square.
-    pub(super) fn density(&self, points: &[[f64; 2]]) -> Vec<f64> {
+    pub(crate) fn density(&self, points: &[[f64; 2]]) -> Vec<f64> {
         let mut values = vec![0.0; points.len()];
         pulp::Arch::new().dispatch(Sample {
             it: Interpolant {
@@ -450,7 +450,7 @@ impl Packet {
     }
 
     /// p at the centres of its mesh with their (q, v) and the area of a cell.
-    pub(super) fn sum(&self, f: impl Fn([f64; 2], f64) -> f64) -> f64 {
+    pub(crate) fn sum(&self, f: impl Fn([f64; 2], f64) -> f64) -> f64 {
         let centres = self.axis.centres();
         let area = self.frame.area();
         let nodes = centres
@@ -466,7 +466,7 @@ impl Packet {
 
     /// Moments, taken about the mean so that a narrow packet keeps its digits. Functions of q are
     /// integrated against the spline of the marginal of xi_1, the loss of contact between two panels.
-    pub(super) fn moments(&self) -> Moments {
+    pub(crate) fn moments(&self) -> Moments {
         let n = self.axis.len();
         let (cell, [qq, vq, vv]) = (self.fineness.cell, self.frame.lower);
         let centres = self.axis.centres();
@@ -561,7 +561,7 @@ impl Packet {
     }
 
     /// Smallest value of p at the centres.
-    pub(super) fn lowest(&self) -> f64 {
+    pub(crate) fn lowest(&self) -> f64 {
         self.values.iter().copied().fold(f64::INFINITY, f64::min) / self.frame.area()
     }
 }

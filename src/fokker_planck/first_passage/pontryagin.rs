@@ -18,21 +18,21 @@ const VECTORS: usize = 16;
 const CYCLES: usize = 6;
 /// What the long run of an absorbed motion is.
 #[derive(Debug, Clone)]
-pub(super) struct LongRun {
+pub(crate) struct LongRun {
     /// X = sum over n of the survivals; None where losses are so rare that it is the slowest mode alone.
-    pub(super) sum: Option<Vec<f64>>,
+    pub(crate) sum: Option<Vec<f64>>,
     /// The slowest mode, and its factor over a step.
-    pub(super) mode: Vec<f64>,
-    pub(super) factor: f64,
+    pub(crate) mode: Vec<f64>,
+    pub(crate) factor: f64,
     /// Relative residuals of both.
-    pub(super) residuals: [f64; 2],
+    pub(crate) residuals: [f64; 2],
     /// Steps taken.
-    pub(super) steps: u64,
+    pub(crate) steps: u64,
 }
 
 /// `stride` steps a Krylov vector; ends at the relative residual `enough`; `rare` says of a mode whether the
 /// sum can be told from it at all; `late` stops it.
-pub(super) fn long_run(
+pub(crate) fn long_run(
     absorbed: &Absorbed,
     stride: usize,
     enough: f64,
@@ -117,7 +117,7 @@ fn norm(field: &[f64]) -> f64 {
     dot(field, field).sqrt()
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 

@@ -5,16 +5,16 @@ use std::f64::consts::SQRT_2;
 /// x = (q, v) = mean + L xi. L is lower triangular, so a line of constant xi_1 is a line of constant q:
 /// friction and noise act along xi_2 alone, and a function of q is one of xi_1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Frame {
+pub(crate) struct Frame {
     /// (q, v) at xi = 0.
-    pub(super) mean: [f64; 2],
+    pub(crate) mean: [f64; 2],
     /// L_qq, L_vq, L_vv; the covariance is L L^T where xi is standard normal.
-    pub(super) lower: [f64; 3],
+    pub(crate) lower: [f64; 3],
 }
 
 impl Frame {
     /// The frame of a mean and covariance.
-    pub(super) fn of(mean: [f64; 2], covariance: [[f64; 2]; 2]) -> Self {
+    pub(crate) fn of(mean: [f64; 2], covariance: [[f64; 2]; 2]) -> Self {
         let [[qq, qv], [_, vv]] = covariance;
         let first = qq.max(0.0).sqrt();
         let cross = if first > 0.0 { qv / first } else { 0.0 };
@@ -26,37 +26,37 @@ impl Frame {
 
     /// (q, v) of xi.
     #[inline(always)]
-    pub(super) fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [qq, vq, vv] = self.lower;
         [self.mean[0] + qq * x, self.mean[1] + vq * x + vv * y]
     }
 
     /// xi of (q, v).
     #[inline(always)]
-    pub(super) fn locate(&self, [q, v]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn locate(&self, [q, v]: [f64; 2]) -> [f64; 2] {
         let [qq, vq, vv] = self.lower;
         let x = (q - self.mean[0]) / qq;
         [x, (v - self.mean[1] - vq * x) / vv]
     }
 
     /// dq dv over d xi_1 d xi_2.
-    pub(super) fn area(&self) -> f64 {
+    pub(crate) fn area(&self) -> f64 {
         self.lower[0] * self.lower[2]
     }
 
     /// Standard deviations of q and v where xi is standard normal.
-    pub(super) fn deviation(&self) -> [f64; 2] {
+    pub(crate) fn deviation(&self) -> [f64; 2] {
         [self.lower[0], self.lower[1].hypot(self.lower[2])]
     }
 
     /// Deviation of q at given v, and of v at given q: what the cells of a tensor mesh must resolve,
     /// since exp(-k C k/2) reaches furthest along k_q to 1/(the former).
-    pub(super) fn conditional(&self) -> [f64; 2] {
+    pub(crate) fn conditional(&self) -> [f64; 2] {
         [self.area() / self.deviation()[1], self.lower[2]]
     }
 
     /// The smaller semi-axis of the ellipse of one deviation: the smaller singular value of L.
-    pub(super) fn narrowest(&self) -> f64 {
+    pub(crate) fn narrowest(&self) -> f64 {
         let [a, b, c] = self.lower;
         let (sum, difference) = ((a + c).hypot(b), (a - c).hypot(b));
         // Product over the larger one: no digits are lost.
@@ -67,7 +67,7 @@ impl Frame {
     /// polynomials of degree 2 of a Gaussian: nine points of the Gauss-Hermite rule, and the triangular
     /// factor from their differences, never squared (Arasaratnam and Haykin, IEEE Trans. Autom. Control
     /// 54, 1254, 2009).
-    pub(super) fn image(
+    pub(crate) fn image(
         &self,
         law: &Frame,
         map: impl FnOnce(&[[f64; 2]; 9]) -> [[f64; 2]; 9],

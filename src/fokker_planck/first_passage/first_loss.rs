@@ -12,12 +12,12 @@
 //! the step near grazing losses. Error bars take the difference from twice the step whole.
 
 use super::absorbed::{Absorbed, Fineness, Start};
-use super::budget::{Cost, Limits, timing};
 use super::pontryagin::{dot, long_run};
-use super::settings::{Method, Settings};
-use super::trajectory::Motion;
 use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::budget::{Cost, Limits, timing};
+use crate::fokker_planck::settings::{Method, Settings};
+use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 

@@ -8,9 +8,9 @@
 //! stencil crosses the jump. What remains is smooth in sqrt(q - q_loss), and the mesh is uniform in it near
 //! the loss point.
 
-use super::difference::lagrange;
-use super::trajectory::Motion;
 use crate::error::{Error, Result};
+use crate::fokker_planck::difference::lagrange;
+use crate::fokker_planck::trajectory::Motion;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 

@@ -1,0 +1,6 @@
+//! First passage to contact loss by the backward equation, and the law of the flights.
+
+pub(crate) mod absorbed;
+pub(crate) mod first_loss;
+pub mod flight;
+pub(crate) mod pontryagin;
