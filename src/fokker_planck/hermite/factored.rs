@@ -3,7 +3,7 @@
 //! Odd n are eliminated, which leaves a block tridiagonal system in the even n, and that from the highest
 //! n downwards. For Re s > 0 its blocks have a positive real part, so the order of elimination is stable.
 
-use super::Hierarchy;
+use super::operator::{Hierarchy, rows_of};
 use crate::error::Result;
 use crate::sparse::DenseLu;
 use ndarray::{Array2, Zip};
@@ -52,7 +52,7 @@ impl<'a> Factored<'a> {
                 next.solve(&mut carried)?;
                 let part = |of: fn(&C) -> f64| {
                     let values = carried.iter().map(of).collect();
-                    full.cd.dot(&super::rows_of(values, across).t())
+                    full.cd.dot(&rows_of(values, across).t())
                 };
                 let (re, im) = (part(|x| x.re), part(|x| x.im));
                 let factor = it.coupling(n) * it.coupling(n);
@@ -144,7 +144,47 @@ fn both(
     width: usize,
     map: impl Fn(&Array2<f64>) -> Array2<f64>,
 ) -> impl Iterator<Item = C> {
-    let part = |of: fn(&C) -> f64| map(&super::rows_of(x.iter().map(of).collect(), width));
+    let part = |of: fn(&C) -> f64| map(&rows_of(x.iter().map(of).collect(), width));
     let (re, im) = (part(|x| x.re), part(|x| x.im));
     re.into_iter().zip(im).map(|(re, im)| C::new(re, im))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::operator::Resolution;
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::oscillator::{Oscillator, Quantity};
+
+    #[test]
+    fn the_resolvent_inverts_the_operator_and_constants_stay() {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.02, 5e-3).unwrap();
+        let resolution = Resolution {
+            elements: 4,
+            pairs: 10,
+            level: 20.0,
+        };
+        let it = Hierarchy::new(&it, Quantity::Force, resolution).unwrap();
+        let mut one = vec![0.0; it.len()];
+        one[0] = 1.0;
+        assert!(it.apply(&one).iter().all(|x| x.abs() < 1e-11));
+        let shift = C::new(0.003, 0.9);
+        let start: Vec<C> = it.start().iter().map(|x| C::new(*x, 0.0)).collect();
+        let mut full: Vec<C> = (0..it.len())
+            .map(|k| C::new((k as f64).sin(), (2.0 * k as f64).cos()))
+            .collect();
+        full[0] = C::default();
+        for b in [start, full] {
+            let x = Factored::new(&it, shift).unwrap().solve(&b).unwrap();
+            let [re, im] = [
+                it.apply(&x.iter().map(|x| x.re).collect::<Vec<_>>()),
+                it.apply(&x.iter().map(|x| x.im).collect::<Vec<_>>()),
+            ];
+            let size = x.iter().map(|x| x.norm()).fold(0.0, f64::max);
+            for (k, b) in b.iter().enumerate() {
+                let left = shift * x[k] - C::new(re[k], im[k]) - b;
+                assert!(left.norm() < 1e-11 * size.max(1.0), "{k}: {left}");
+            }
+        }
+    }
 }
