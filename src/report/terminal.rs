@@ -505,7 +505,7 @@ fn deterministic(table: &mut Table, results: &Results) {
             }));
             match rate.im {
                 0.0 => re,
-                im => format!("{re} (a pair, +-{im:.4}i)"),
+                im => format!("{re} (a pair, ±{im:.4}i)"),
             }
         };
         let mut words: Vec<String> = it.rates.iter().map(rate).collect();
