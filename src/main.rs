@@ -10,6 +10,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use vibroimpact::plan::{self, Part, Plan, Watch};
 use vibroimpact::precision::calibration::{self, Calibration};
+use vibroimpact::precision::rates::Rates;
 use vibroimpact::precision::truths;
 use vibroimpact::report::folder::{Existing, Folder};
 use vibroimpact::report::{self, terminal};
@@ -270,7 +271,9 @@ fn calibrate(survey: &Survey) -> std::result::Result<(), Stop> {
         folder.write(&[calibration.csv()])?;
     }
     print(&calibration.to_string())?;
-    let missed = calibration.missed();
+    let rates = Rates::calibrate()?;
+    print(&rates.to_string())?;
+    let missed = [calibration.missed(), rates.missed()].concat();
     if missed.is_empty() {
         return Ok(());
     }

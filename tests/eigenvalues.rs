@@ -14,6 +14,7 @@ use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::{DecayRate, DecayRates, Settings, decay_rates};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
+use vibroimpact::precision::rates::{Rates, scenes};
 
 fn solve(contact: &ContactLaw, zeta: f64, h: f64, count: usize, tolerance: f64) -> DecayRates {
     let oscillator = Oscillator::new(contact.clone(), zeta, h).unwrap();
@@ -42,106 +43,38 @@ fn level(zeta: f64, temperature: f64) -> f64 {
     2.0 * zeta * temperature / std::f64::consts::PI
 }
 
-/// Thirty oscillators: three laws, damping from 1e-3 to 5, T from 1e-4 to 94.
-fn thirty() -> Vec<(ContactLaw, f64, f64)> {
-    let mut all = vec![
-        (ContactLaw::Hertz, 0.005, 2e-3),
-        (ContactLaw::Hertz, 0.005, 3.2e-3),
-        (ContactLaw::Hertz, 0.005, 3e-6),
-        (ContactLaw::Hertz, 0.005, 8e-5),
-        (ContactLaw::Hertz, 0.005, 5e-4),
-        (ContactLaw::Hertz, 0.005, 1.2e-3),
-        (ContactLaw::Hertz, 0.008, 1.14e-3),
-        (ContactLaw::Hertz, 0.005, 0.3),
-        (ContactLaw::Hertz, 0.9, 0.36),
-        (ContactLaw::Bilinear, 0.005, 2e-3),
-        (ContactLaw::Bilinear, 0.005, 8e-5),
-    ];
-    // Damping and temperature by the golden ratio and the plastic number, low discrepancy in the plane.
-    for k in 1..20 {
-        let part = |x: f64| (f64::from(k) * x).fract();
-        let zeta = 1e-3 * 5e3f64.powf(part(0.754_877_666_246_693));
-        let temperature = 1e-4 * 3e5f64.powf(part(0.569_840_290_998_053));
-        let law = match k % 5 {
-            0 => ContactLaw::Linear,
-            1 => ContactLaw::Bilinear,
-            _ => ContactLaw::Hertz,
-        };
-        all.push((law, zeta, level(zeta, temperature)));
-    }
-    all
-}
-
-/// The eight slowest rates of the thirty at a resolution far beyond what the tolerances ask; for G = q exact.
-const REFERENCES: &str = "tests/eigenvalues.csv";
-
 #[test]
 fn every_estimate_holds_over_thirty_scenes() {
-    let text = std::fs::read_to_string(REFERENCES).unwrap();
-    let row = |line: &str| -> [f64; 4] {
-        let mut fields = line.split(',').map(|x| x.parse().unwrap());
-        std::array::from_fn(|_| fields.next().unwrap())
-    };
-    let references: Vec<[f64; 4]> = text.lines().skip(1).map(row).collect();
-    let (mut outside, mut all, mut worst) = (0, 0, 0.0f64);
-    let mut ratios: Vec<f64> = Vec::new();
-    for (scene, (law, zeta, h)) in thirty().into_iter().enumerate() {
-        let known: Vec<&[f64; 4]> = references
-            .iter()
-            .filter(|it| it[0] == scene as f64)
-            .collect();
-        let loose = solve(&law, zeta, h, 4, 1e-2);
-        let tight = solve(&law, zeta, h, 4, 1e-5);
-        // Where the loosest run is as fine as the tightest, so are those between.
-        let mut runs = vec![(1e-2, loose)];
-        if runs[0].1.functions != tight.functions {
-            runs.extend([1e-3, 1e-4].map(|it| (it, solve(&law, zeta, h, 4, it))));
-        }
-        runs.push((1e-5, tight));
-        for (tolerance, it) in runs {
-            show(
-                &format!("{scene} {} {zeta:.4} {h:.2e} {tolerance:e}", law.name()),
-                &it,
-            );
-            for rate in &it.rates {
-                let away = |it: &&[f64; 4]| (distance(rate, it[1], it[2]) - it[3]).max(0.0);
-                let error = known.iter().map(away).fold(f64::INFINITY, f64::min);
-                all += 1;
-                outside += usize::from(error > rate.error);
-                worst = worst.max(error / rate.error);
-                ratios.push(rate.error / error.max(1e-14));
-                if error > rate.error {
-                    println!("    OUTSIDE {rate:?}: error {error:.2e}");
-                }
-                let size = rate.re.hypot(rate.im);
-                assert!(rate.error <= tolerance * size || it.shortfall.is_some());
-            }
-        }
+    let all = Rates::calibrate().unwrap();
+    for it in &all.judged {
+        println!(
+            "{} {:e}: {:?}, error {:.1e}",
+            it.scene, it.tolerance, it.rate, it.error
+        );
     }
-    ratios.sort_by(f64::total_cmp);
-    println!(
-        "{outside} of {all} rates beyond their estimate, worst {worst:.2}, median of estimate over error {:.1}",
-        ratios[ratios.len() / 2]
+    println!("{all}");
+    assert!(
+        all.judged.len() > 200 && all.missed().is_empty(),
+        "{:?}",
+        all.missed()
     );
-    assert!(all > 200 && outside * 50 <= all && worst <= 2.0);
 }
 
 #[test]
-#[ignore = "writes the references: a minute"]
+#[ignore = "writes the references: minutes"]
 fn write_references() {
     let mut text = String::from("scene,re,im,error\n");
-    for (scene, (law, zeta, h)) in thirty().into_iter().enumerate() {
-        for (re, im, error) in reference(&law, zeta, h) {
+    for (scene, it) in scenes().unwrap().iter().enumerate() {
+        for (re, im, error) in reference(it) {
             writeln!(text, "{scene},{re:.14e},{im:.14e},{error:.1e}").unwrap();
         }
-        println!("{scene}");
     }
-    std::fs::write(REFERENCES, text).unwrap();
+    std::fs::write("validation/precision/decay_rates.csv", text).unwrap();
 }
 
-fn reference(law: &ContactLaw, zeta: f64, h: f64) -> Vec<(f64, f64, f64)> {
-    if *law == ContactLaw::Linear {
-        let exact = linear(zeta, 12).into_iter().take(12);
+fn reference(oscillator: &Oscillator) -> Vec<(f64, f64, f64)> {
+    if *oscillator.contact() == ContactLaw::Linear {
+        let exact = linear(oscillator.zeta(), 12).into_iter().take(12);
         return exact.map(|(re, im)| (re, im, 0.0)).collect();
     }
     let settings = Settings {
@@ -149,8 +82,7 @@ fn reference(law: &ContactLaw, zeta: f64, h: f64) -> Vec<(f64, f64, f64)> {
         tolerance: 1e-7,
         ..Settings::default()
     };
-    let oscillator = Oscillator::new(law.clone(), zeta, h).unwrap();
-    let it = decay_rates(&oscillator, 6, &settings).unwrap();
+    let it = decay_rates(oscillator, 6, &settings).unwrap();
     it.rates.iter().map(|r| (r.re, r.im, r.error)).collect()
 }
 

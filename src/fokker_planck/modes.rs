@@ -75,7 +75,8 @@ const KRYLOV: usize = 50;
 /// powers of ten (measured at T = 26, where equal eigenvalues of three resolutions differ by it).
 const ROUNDING: f64 = 2e-13;
 
-/// Algebraic error, relative to the eigenvalue, beyond which a Ritz value is not converged.
+/// Residual of a Ritz value, relative to it, beyond which it is not converged. An eigenvalue that is close to others
+/// may have converged and be known badly all the same.
 const CONVERGED: f64 = 1e-3;
 
 /// Growth of elements and functions from one resolution to the next, and of the energy, in T, at which the
@@ -93,6 +94,12 @@ const HARMONICS: usize = 12;
 
 /// A shift beside a mode that no other is near, over the mode.
 const BESIDE: f64 = 0.97;
+
+/// A continuous spectrum this many times faster than the slowest mode leaves room for a real one.
+const FAR_BELOW: f64 = 4.0;
+
+/// Resolutions that may bring nothing before the search ends.
+const STALLS: usize = 2;
 
 /// Share of the tolerance left to the algebraic error.
 const SHARE: f64 = 0.02;
@@ -118,6 +125,7 @@ pub fn decay_rates(
     let (coarse, shifts) = search.sweep(&search.operator(resolution)?)?;
     let mut levels = vec![coarse];
     let mut best: Option<Answer> = None;
+    let mut stalls = 0;
     loop {
         let next = finer(resolution);
         let clock = Instant::now();
@@ -131,7 +139,10 @@ pub fn decay_rates(
         // Finer resolutions lose digits of close eigenvalues to rounding.
         let answer = search.judge(&levels[done - 3..], resolution);
         let answer = match best.take() {
-            Some(best) if best.shortage() <= answer.shortage() => best,
+            Some(best) if best.shortage() <= answer.shortage() => {
+                stalls += 1;
+                best
+            }
             _ => answer,
         };
         let left = (settings.max_seconds - began.elapsed().as_secs_f64()).max(0.0);
@@ -139,8 +150,8 @@ pub fn decay_rates(
             Some(("its cells are those of the scene".to_owned(), false))
         } else if answer.shortage() <= settings.tolerance {
             Some((String::new(), true))
-        } else if done == RESOLUTIONS {
-            Some((format!("{RESOLUTIONS} resolutions did not settle it"), true))
+        } else if done == RESOLUTIONS || stalls == STALLS {
+            Some((format!("{done} resolutions did not settle it"), true))
         } else if seconds > left {
             let text = format!(
                 "a finer resolution would take about {seconds:.1e} s, and {left:.1e} s are left of \
@@ -199,6 +210,8 @@ struct Answer {
     unknown: Vec<C>,
     /// How many of those asked for no resolution has found.
     missing: usize,
+    /// Whether a real one must be there, and none is known.
+    real_missing: bool,
     /// Functions of q and of v at the finest resolution.
     functions: [usize; 2],
 }
@@ -208,7 +221,7 @@ impl Answer {
     fn shortage(&self) -> f64 {
         let relative = |it: &DecayRate| it.error / it.re.hypot(it.im);
         let worst = self.rates.iter().map(relative).fold(0.0, f64::max);
-        worst + (self.unknown.len() + self.missing) as f64
+        worst + (self.unknown.len() + self.missing + usize::from(self.real_missing)) as f64
     }
 }
 
@@ -394,6 +407,7 @@ impl<'a> Search<'a> {
             rates: Vec::new(),
             unknown: Vec::new(),
             missing: 0,
+            real_missing: false,
             functions: [resolution.across(), 2 * resolution.pairs],
         };
         let mut real = false;
@@ -417,11 +431,14 @@ impl<'a> Search<'a> {
                 None => answer.unknown.push(mode.value),
             }
         }
-        // Above the edge of a continuous spectrum there may be no more.
+        // Above the edge of a continuous spectrum there may be no more; a real one there is if the edge lies far
+        // below others.
         if self.edge == f64::NEG_INFINITY {
             let found = answer.rates.len() + answer.unknown.len();
             answer.missing = self.count.saturating_sub(found);
         }
+        let slowest = answer.rates.first().map_or(f64::NEG_INFINITY, |it| it.re);
+        answer.real_missing = !real && self.edge < FAR_BELOW * slowest;
         answer
     }
 
@@ -437,6 +454,8 @@ impl<'a> Search<'a> {
                 1 => format!("the eigenvalue near {near}"),
                 n => format!("the eigenvalue near {near}, and of {} more,", n - 1),
             }
+        } else if answer.real_missing {
+            "the slowest real eigenvalue".to_owned()
         } else if answer.missing > 0 {
             format!("eigenvalue {} of {}", answer.rates.len() + 1, self.count)
         } else {
@@ -568,7 +587,7 @@ impl<'a> Arnoldi<'a> {
             if self.basis.len() == self.size() || self.size() + 2 > self.full.len() {
                 return Ok(false);
             }
-            let mut next = self.inverse.solve(&self.basis[self.size()])?;
+            let mut next = self.inverse.refined(&self.basis[self.size()])?;
             let mut column = vec![C::default(); self.basis.len() + 1];
             // Gram-Schmidt twice is enough (Parlett).
             for _ in 0..2 {
@@ -609,7 +628,7 @@ impl<'a> Arnoldi<'a> {
             }
             let error = algebraic(self.full, value, &vector);
             let nothing = error.max(1e-9 * value.norm());
-            if error > CONVERGED * value.norm() || value.im < -nothing {
+            if error > value.norm() || value.im < -nothing {
                 continue;
             }
             // A real eigenvalue of a real matrix has no imaginary part beyond its error.

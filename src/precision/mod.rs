@@ -17,6 +17,7 @@ mod clock;
 mod cost;
 mod entry;
 mod method;
+pub mod rates;
 mod reference;
 mod solve;
 mod space;

@@ -120,8 +120,10 @@ pub(super) fn lost(extreme: &Extreme, verdict: Verdict, message: String, seconds
 /// What is said of a limit or a refusal, where the entry of the scene gives a reason for it and where it does not.
 fn no_answer(extreme: &Extreme, error: Option<&Error>) -> Verdict {
     match error {
-        Some(Error::Limit { .. }) if extreme.may_stop.is_some() => Verdict::Stopped,
-        Some(Error::Limit { .. }) => Verdict::Unsolved,
+        Some(Error::Limit { .. } | Error::Unresolved { .. }) if extreme.may_stop.is_some() => {
+            Verdict::Stopped
+        }
+        Some(Error::Limit { .. } | Error::Unresolved { .. }) => Verdict::Unsolved,
         _ if extreme.may_refuse.is_some() || extreme.against == Against::Refusal => {
             Verdict::Refused
         }
