@@ -11,6 +11,9 @@ use num_complex::Complex;
 
 type C = Complex<f64>;
 
+/// Residual, relative to the right-hand side, that refinement is content with.
+const REFINED: f64 = 1e-11;
+
 /// s - L, factored.
 pub(in crate::fokker_planck) struct Factored<'a> {
     full: &'a Hierarchy,
@@ -98,7 +101,7 @@ impl<'a> Factored<'a> {
                 .collect();
             left[0] = C::default();
             let rest = size(&left);
-            if rest <= 1e-13 * size(b) || rest > 0.5 * before {
+            if rest <= REFINED * size(b) || rest > 0.5 * before {
                 break;
             }
             before = rest;
