@@ -1,12 +1,9 @@
 //! Error estimates are true: the laboratory's own calibration, of moments on some of its scenes, of decay rates on all.
 
-#[path = "../linear_modes/mod.rs"]
-mod linear_modes;
-
 use crate::precision::calibration::{Calibration, End, TOLERANCES};
 use crate::precision::rates::{Rates, scenes};
 use crate::precision::truths::{Case, cases};
-use linear_modes::linear;
+use crate::stability::yardstick::exact_rates;
 use std::fmt::Write;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{Settings, decay_rates};
@@ -70,8 +67,8 @@ fn write_references() {
 
 fn reference(oscillator: &Oscillator) -> Vec<(f64, f64, f64)> {
     if *oscillator.contact() == ContactLaw::Linear {
-        let exact = linear(oscillator.zeta(), 12).into_iter().take(12);
-        return exact.map(|(re, im)| (re, im, 0.0)).collect();
+        let exact = exact_rates(oscillator.zeta()).into_iter().take(12);
+        return exact.map(|[re, im]| (re, im, 0.0)).collect();
     }
     let settings = Settings {
         cells: Some([144, 150]),

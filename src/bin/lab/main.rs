@@ -2,10 +2,8 @@
 //! and extreme scenes. It takes everything from the library and the library nothing from it.
 
 mod precision;
+mod rows;
 mod stability;
-#[path = "../../../tests/lab/mod.rs"]
-#[cfg(test)]
-mod tests;
 mod validate;
 
 use clap::{Args, Parser, Subcommand};
@@ -249,3 +247,7 @@ fn common_root(list: &[PathBuf]) -> Result<PathBuf> {
     }
     Ok(parent(&list[0]))
 }
+
+#[path = "../../../tests/lab/mod.rs"]
+#[cfg(test)]
+mod tests;

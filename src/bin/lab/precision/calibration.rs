@@ -37,7 +37,7 @@ pub struct Goals {
     pub median: f64,
 }
 
-/// The goals: `vibroimpact precision --calibrate` ends with status 1 where one is missed.
+/// The goals: `lab precision --calibrate` ends with status 1 where one is missed.
 pub const GOALS: Goals = Goals {
     too_small: 0.02,
     unsaid: 0,

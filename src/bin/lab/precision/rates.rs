@@ -2,12 +2,13 @@
 //! 1e-3 to 5, temperatures from 1e-4 to 94.
 //!
 //! The references are exact for G = q, else rates at a resolution far beyond what the tolerances ask, with their own
-//! estimates (`cargo test --release --test eigenvalues write_references -- --ignored` writes them).
+//! estimates (`cargo test --release --bin lab write_references -- --ignored` writes them).
 
 use super::calibration::TOLERANCES;
+use crate::rows::{Row, rows};
 use std::fmt;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::error::{Error, Result};
+use vibroimpact::error::Result;
 use vibroimpact::fokker_planck::{DecayRate, Settings, decay_rates};
 use vibroimpact::oscillator::Oscillator;
 
@@ -170,20 +171,14 @@ impl fmt::Display for Rates {
 }
 
 fn references() -> Result<Vec<(usize, DecayRate)>> {
-    let read = |line: &str| -> Option<(usize, DecayRate)> {
-        let mut fields = line.split(',');
-        let scene = fields.next()?.parse().ok()?;
-        let mut number = || fields.next()?.parse().ok();
+    let read = |row: Row<'_>| {
         let rate = DecayRate {
-            re: number()?,
-            im: number()?,
-            error: number()?,
+            re: row.get(1)?,
+            im: row.get(2)?,
+            error: row.get(3)?,
         };
-        Some((scene, rate))
+        Ok((row.get(0)?, rate))
     };
-    let row = |line: &str| {
-        let wrong = || Error::invalid("decay_rates.csv", line, "scene,re,im,error");
-        read(line).ok_or_else(wrong)
-    };
-    REFERENCES.lines().skip(1).map(row).collect()
+    let table = rows("validation/precision/decay_rates.csv", REFERENCES, ',');
+    table.map(read).collect()
 }

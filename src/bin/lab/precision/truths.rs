@@ -1,13 +1,12 @@
 //! The scenes of the calibration and the truths their error bars are judged by, as stored in
 //! validation/precision and built into the program. tests/truths.rs makes them.
 
+use crate::rows::{Row, rows};
 use std::str::FromStr;
-use vibroimpact::contact::ContactLaw;
-use vibroimpact::error::{Error, Result};
-use vibroimpact::initial::Initial;
+use vibroimpact::error::Result;
 use vibroimpact::moments::Moments;
-use vibroimpact::oscillator::Oscillator;
-use vibroimpact::scene::{Outputs, Scene, Times};
+use vibroimpact::scene::Scene;
+use vibroimpact::scene::text::SceneText;
 
 const SCENES: &str = include_str!("../../../../validation/precision/scenes.csv");
 const TRUTHS: &str = include_str!("../../../../validation/precision/truths.csv");
@@ -37,24 +36,17 @@ pub struct Truth {
 }
 
 /// Every stored scene with its truths, by number.
-///
-/// # Errors
-/// [`Error::Invalid`] for a line that does not read.
 pub fn cases() -> Result<Vec<Case>> {
     read(SCENES, TRUTHS)
 }
 
-/// The scenes and truths of two files in the form of those stored.
-///
-/// # Errors
-/// [`Error::Invalid`] for a line that does not read.
-pub fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
-    let mut cases: Vec<Case> = rows("scenes.csv", scenes)
-        .map(|row| row.case())
-        .collect::<Result<_>>()?;
-    for row in rows("truths.csv", truths) {
+/// The scenes and truths of two tables in the form of those stored.
+fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
+    let scenes = rows("validation/precision/scenes.csv", scenes, ',');
+    let mut cases: Vec<Case> = scenes.map(|row| case(&row)).collect::<Result<_>>()?;
+    for row in rows("validation/precision/truths.csv", truths, ',') {
         let number: usize = row.get(0)?;
-        let truth = row.truth()?;
+        let truth = truth(&row)?;
         let case = cases.iter_mut().find(|case| case.number == number);
         let case = case.ok_or_else(|| row.wrong("a scene of scenes.csv"))?;
         case.truths.push(truth);
@@ -62,83 +54,42 @@ pub fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// A line of a file.
-struct Row<'a> {
-    place: String,
-    text: &'a str,
-    fields: Vec<&'a str>,
-}
-
-/// The lines below the comments and the header.
-fn rows<'a>(file: &'a str, text: &'a str) -> impl Iterator<Item = Row<'a>> {
-    let lines = (1..).zip(text.lines());
-    let lines = lines.filter(|(_, line)| !line.starts_with('#') && !line.starts_with("scene,"));
-    lines.map(move |(number, text)| Row {
-        place: format!("validation/precision/{file}, line {number}"),
-        text,
-        fields: text.split(',').collect(),
+fn case(row: &Row<'_>) -> Result<Case> {
+    let [_, contact, zeta, h, start, q, v, wide_q, wide_v, times] = row.fields[..] else {
+        return Err(row.wrong("ten fields"));
+    };
+    let number = row.get(0)?;
+    let gaussian = match start {
+        "gaussian" => format!("mean = [{q}, {v}]\ndeviation = [{wide_q}, {wide_v}]\n"),
+        _ => String::new(),
+    };
+    let times = times.replace(' ', ", ");
+    let toml = format!(
+        "title = \"calibration {number}\"\n[oscillator]\ncontact = \"{contact}\"\nzeta = {zeta}\nh = {h}\n\
+         [initial]\nkind = \"{start}\"\n{gaussian}[outputs]\nmoments_at = [{times}]\n"
+    );
+    let text = SceneText::parse("scenes.csv", &toml, &[]);
+    Ok(Case {
+        number,
+        scene: text
+            .map_err(|it| row.wrong(it.to_string()))?
+            .scene()
+            .clone(),
+        truths: Vec::new(),
     })
 }
 
-impl Row<'_> {
-    fn wrong(&self, accepted: &str) -> Error {
-        Error::invalid(self.place.as_str(), format!("{:?}", self.text), accepted)
-    }
-
-    fn get<T: FromStr>(&self, field: usize) -> Result<T> {
-        let text = self.fields.get(field);
-        text.and_then(|it| it.parse().ok())
-            .ok_or_else(|| self.wrong(&format!("a number in field {}", field + 1)))
-    }
-
-    fn text(&self, field: usize) -> &str {
-        self.fields.get(field).copied().unwrap_or("")
-    }
-
-    fn case(&self) -> Result<Case> {
-        let contact = match self.text(1) {
-            "hertz" => ContactLaw::Hertz,
-            "bilinear" => ContactLaw::Bilinear,
-            "linear" => ContactLaw::Linear,
-            "free" => ContactLaw::Free,
-            _ => return Err(self.wrong("hertz, bilinear, linear or free in field 2")),
-        };
-        let initial = match self.text(4) {
-            "gaussian" => {
-                Initial::gaussian([self.get(5)?, self.get(6)?], [self.get(7)?, self.get(8)?])?
-            }
-            "rest" => Initial::Rest,
-            "stationary" => Initial::Stationary,
-            _ => return Err(self.wrong("gaussian, rest or stationary in field 5")),
-        };
-        let times = self.text(9).split(' ').map(str::parse);
-        let times: Vec<f64> = times
-            .collect::<std::result::Result<_, _>>()
-            .map_err(|_| self.wrong("times in field 10"))?;
-        let mut scene = Scene::new(Oscillator::new(contact, self.get(2)?, self.get(3)?)?);
-        scene.title = format!("calibration {}", self.text(0));
-        scene.initial = initial;
-        scene.outputs = Outputs {
-            moments_at: Times::List(times),
-            ..Outputs::nothing()
-        };
-        Ok(Case {
-            number: self.get(0)?,
-            scene,
-            truths: Vec::new(),
-        })
-    }
-
-    fn truth(&self) -> Result<Truth> {
-        let names = Moments::default().named().map(|(name, _)| name);
-        let index = names.iter().position(|name| *name == self.text(2));
-        Ok(Truth {
-            t: self.get(1)?,
-            index: index.ok_or_else(|| self.wrong("the name of a moment in field 3"))?,
-            value: self.get(3)?,
-            uncertainty: self.get(4)?,
-        })
-    }
+fn truth(row: &Row<'_>) -> Result<Truth> {
+    let names = Moments::default().named().map(|(name, _)| name);
+    let index = names
+        .iter()
+        .position(|name| row.fields.get(2) == Some(name));
+    Ok(Truth {
+        t: row.get(1)?,
+        index: index.ok_or_else(|| row.wrong("the name of a moment in field 3"))?,
+        value: row.get(3)?,
+        uncertainty: row.get(4)?,
+    })
 }
 
 #[cfg(test)]
@@ -161,12 +112,15 @@ mod tests {
     #[test]
     fn a_line_that_does_not_read_is_named() {
         let scenes = "scene,...\n1,hertz,0.1,0.01,rest,,,,,1 2\n";
-        let message = |truths: &str| read(scenes, truths).unwrap_err().to_string();
-        assert!(message("1,1,mean_x,0,0,m").contains("line 1"));
+        let message = |truths: &str| {
+            let truths = format!("scene,...\n{truths}");
+            read(scenes, &truths).unwrap_err().to_string()
+        };
+        assert!(message("1,1,mean_x,0,0,m").contains("truths.csv line 2"));
         assert!(message("#\n2,1,mean_q,0,0,m").contains("a scene of scenes.csv"));
         assert!(message("1,1,mean_q,zero,0,m").contains("field 4"));
-        assert!(read("1,steel,0.1,0.01,rest,,,,,1\n", "").is_err());
-        let good = read(scenes, "1,2,var_q,0.5,1e-9,m\n").unwrap();
+        assert!(read(&scenes.replace("hertz", "steel"), "").is_err());
+        let good = read(scenes, "scene,...\n1,2,var_q,0.5,1e-9,m\n").unwrap();
         assert_eq!(good[0].truths[0].index, 1);
     }
 }

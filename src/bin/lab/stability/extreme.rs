@@ -4,9 +4,12 @@
 //! user would write them, and where they are needed: its limit of `seconds`, why it `may_stop` at a limit or
 //! `may_refuse` the scene, words that a warning `must_warn` with.
 
-use super::yardstick::Against;
+use super::against::Against;
+use miette::Diagnostic;
 use toml::{Table, Value};
 use vibroimpact::error::{Error, Result};
+use vibroimpact::scene::Scene;
+use vibroimpact::scene::text::SceneText;
 
 /// A scene at an edge.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,12 +86,10 @@ impl Extreme {
         let what = needed("extreme", text("extreme")?)?;
         let [may_stop, may_refuse, must_warn] =
             [text("may_stop")?, text("may_refuse")?, text("must_warn")?];
-        let against = match entry.remove("against") {
-            Some(it) => Against::read(&it),
-            None => None,
-        };
-        let against = against
-            .ok_or_else(|| Error::invalid(format!("{name}.against"), "?", Against::ACCEPTED))?;
+        let against = entry.remove("against");
+        let shown = || against.as_ref().map_or("absent".into(), Value::to_string);
+        let against = Against::read(against.as_ref())
+            .map_err(|accepted| Error::invalid(format!("{name}.against"), shown(), accepted))?;
         let max_seconds = match entry.remove("seconds") {
             None => SECONDS,
             Some(Value::Integer(seconds)) => seconds as f64,
@@ -108,5 +109,18 @@ impl Extreme {
             must_warn,
             max_seconds,
         })
+    }
+
+    /// The scene with overrides, or why its text is refused.
+    pub fn scene(&self, overrides: &[String]) -> std::result::Result<Scene, String> {
+        let limit = format!("accuracy.max_seconds={}", self.max_seconds);
+        let all = [&[limit][..], overrides].concat();
+        match SceneText::parse(&self.name, &self.toml, &all) {
+            Ok(text) => Ok(text.scene().clone()),
+            Err(error) => Err(match error.help() {
+                Some(help) => format!("{error}; {help}"),
+                None => error.to_string(),
+            }),
+        }
     }
 }

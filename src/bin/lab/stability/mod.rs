@@ -1,34 +1,22 @@
 //! Stiff and extreme scenes, each run as a user would run it and held against what is known of it: every number is
 //! within its error estimate. A warning excuses the numbers it names as not known and no other; a limit or a refusal
 //! is an answer only where the scene's entry says why.
-//!
-//! ```
-//! use vibroimpact::stability::{Verdict, run, scenes};
-//!
-//! let mut extreme = scenes()?;
-//! extreme.retain(|it| it.name == "time-zero");
-//! let rows = run(extreme, &|_row| ());
-//! assert_eq!(rows[0].verdict, Verdict::Within);
-//! # Ok::<(), vibroimpact::Error>(())
-//! ```
 
+mod against;
 mod extreme;
 mod table;
 mod verdict;
-mod yardstick;
+pub mod yardstick;
 
+pub use against::Against;
 pub use extreme::{Extreme, scenes};
 pub use table::{files, text};
 pub use verdict::{Row, Verdict};
-pub use yardstick::Against;
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
-use vibroimpact::error::{Error, Result};
+use verdict::Outcome;
 use vibroimpact::plan::Plan;
-use vibroimpact::results::Results;
-use vibroimpact::scene::Scene;
-use vibroimpact::scene::text::SceneText;
 
 /// Runs the scenes one after the other; `watch` is told each row. A scene that neither ends nor stops at
 /// three times its limit is left behind on its thread.
@@ -39,15 +27,6 @@ pub fn run(scenes: Vec<Extreme>, watch: &dyn Fn(&Row)) -> Vec<Row> {
         row
     };
     scenes.into_iter().map(one).collect()
-}
-
-/// What came of a scene.
-enum Outcome {
-    Done(Box<Results>, Vec<yardstick::Check>),
-    /// The scene itself, a stage or its yardstick ended in an error.
-    Failed(Error),
-    /// The text of the scene was refused.
-    Unread(String),
 }
 
 fn run_one(extreme: &Extreme) -> Row {
@@ -81,38 +60,11 @@ fn outcome(extreme: &Extreme) -> Outcome {
         Ok(scene) => scene,
         Err(message) => return Outcome::Unread(message),
     };
-    let results = match solve(&scene) {
-        Ok(results) => results,
-        Err(error) => return Outcome::Failed(error),
-    };
-    match yardstick::checks(extreme, &scene, &results) {
-        Ok(checks) => Outcome::Done(Box::new(results), checks),
-        Err(error) => Outcome::Failed(error),
-    }
-}
-
-fn solve(scene: &Scene) -> Result<Results> {
-    Plan::of(scene)?.run_quietly()
-}
-
-/// A message with its help.
-fn explained(error: &dyn miette::Diagnostic) -> String {
-    match error.help() {
-        Some(help) => format!("{error}; {help}"),
-        None => error.to_string(),
-    }
-}
-
-impl Extreme {
-    /// The scene with overrides, or why its text is refused.
-    fn scene(&self, overrides: &[String]) -> std::result::Result<Scene, String> {
-        let limit = format!("accuracy.max_seconds={}", self.max_seconds);
-        let all: Vec<String> = std::iter::once(limit)
-            .chain(overrides.iter().cloned())
-            .collect();
-        match SceneText::parse(&self.name, &self.toml, &all) {
-            Ok(text) => Ok(text.scene().clone()),
-            Err(error) => Err(explained(&error)),
-        }
-    }
+    let done = Plan::of(&scene)
+        .and_then(|plan| plan.run_quietly())
+        .and_then(|results| {
+            let checks = yardstick::checks(extreme, &scene, &results)?;
+            Ok(Outcome::Done(Box::new(results), checks))
+        });
+    done.unwrap_or_else(Outcome::Failed)
 }

@@ -1,8 +1,8 @@
 //! From what came of a scene to a verdict.
 
-use super::Outcome;
+use super::against::Against;
 use super::extreme::Extreme;
-use super::yardstick::{Against, Check};
+use super::yardstick::{Check, SIGMAS};
 use std::fmt;
 use vibroimpact::error::Error;
 use vibroimpact::estimate::Warning;
@@ -93,9 +93,14 @@ pub struct Row {
     pub message: String,
 }
 
-/// Standard errors within which a sampled number counts as within its error estimate: one in two million lies
-/// outside, and the seeds are fixed.
-pub(super) const SIGMAS: f64 = 5.0;
+/// What came of a scene.
+pub(super) enum Outcome {
+    Done(Box<Results>, Vec<Check>),
+    /// The scene itself, a stage or its yardstick ended in an error.
+    Failed(Error),
+    /// The text of the scene was refused.
+    Unread(String),
+}
 
 /// A run may overstep its limit by what it does between two looks at the clock.
 const GRACE: f64 = 1.5;

@@ -1,7 +1,7 @@
 //! What a scene's numbers are held against.
 
+use super::against::Against;
 use super::extreme::Extreme;
-use std::fmt;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::{Error, Result};
 use vibroimpact::estimate::{Estimate, Warning, name_at};
@@ -9,82 +9,15 @@ use vibroimpact::fokker_planck::DecayRate;
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::moments::Moments;
 use vibroimpact::oscillator::Oscillator;
-use vibroimpact::plan::Part;
+use vibroimpact::plan::{Part, Plan};
 use vibroimpact::results::Results;
 use vibroimpact::scales::Scales;
 use vibroimpact::scene::Scene;
 use vibroimpact::stationary::Stationary;
 
-/// What a scene's numbers are held against.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Against {
-    /// The closed-form transient of G = q or G = -1: a Gaussian stays one.
-    Gaussian,
-    /// The closed form of free flight, for a start that stays out of contact.
-    Flight,
-    /// The stationary law (21): for a stationary start, or after a long time.
-    Stationary,
-    /// The moments of the Gaussian start itself: for times that are nearly 0.
-    Start,
-    /// The scene's own ensemble of paths.
-    Paths,
-    /// The same scene with these overrides: finer, or by another method; what is sampled against what is sampled.
-    Other(Vec<String>),
-    /// d/dt E\[H\] = pi h - 2 zeta E\[v^2\], integrated over equal output intervals.
-    EnergyLaw,
-    /// log10 P(q < q_loss) of the Hertz law: T e^{-9/(10 T)} over the normaliser by the trapezoidal rule.
-    FlightTail,
-    /// The decay rates of G = q: -zeta (m + n) + i sqrt(1 - zeta^2) (m - n).
-    LinearRates,
-    /// The steady state on the mesh against (21).
-    Steady,
-    /// A refusal.
-    Refusal,
-}
-
-impl Against {
-    /// What an entry of the scenes may be held against.
-    pub(super) const ACCEPTED: &str = "\"gaussian\", \"flight\", \"stationary\", \"start\", \"paths\", \"energy law\", \
-        \"flight tail\", \"linear rates\", \"steady state\", \"refusal\" or { other = [overrides] }";
-
-    /// From an entry of the scenes.
-    pub(super) fn read(value: &toml::Value) -> Option<Self> {
-        if let Some(overrides) = value.get("other") {
-            let overrides = overrides.as_array()?.iter();
-            let texts: Option<Vec<&str>> = overrides.map(toml::Value::as_str).collect();
-            return Some(Self::Other(texts?.into_iter().map(str::to_owned).collect()));
-        }
-        Some(match value.as_str()? {
-            "gaussian" => Self::Gaussian,
-            "flight" => Self::Flight,
-            "stationary" => Self::Stationary,
-            "start" => Self::Start,
-            "paths" => Self::Paths,
-            "energy law" => Self::EnergyLaw,
-            "flight tail" => Self::FlightTail,
-            "linear rates" => Self::LinearRates,
-            "steady state" => Self::Steady,
-            "refusal" => Self::Refusal,
-            _ => return None,
-        })
-    }
-}
-
-impl fmt::Display for Against {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Gaussian | Self::LinearRates => "closed form",
-            Self::Flight => "closed form of flight",
-            Self::Stationary | Self::Steady => "stationary law",
-            Self::Start => "the start",
-            Self::Paths => "Monte Carlo",
-            Self::Other(overrides) => return f.write_str(&overrides.join(", ")),
-            Self::EnergyLaw => "energy law",
-            Self::FlightTail => "tail in closed form",
-            Self::Refusal => "to be refused",
-        })
-    }
-}
+/// Standard errors within which a sampled number counts as within its error estimate: one in two million lies
+/// outside, and the seeds are fixed.
+pub(super) const SIGMAS: f64 = 5.0;
 
 /// A number beside what it should be.
 #[derive(Debug, Clone, PartialEq)]
@@ -148,7 +81,7 @@ pub(super) fn checks(extreme: &Extreme, scene: &Scene, results: &Results) -> Res
         Against::Other(overrides) => {
             let other = extreme.scene(overrides);
             let other = other.map_err(|it| Error::invalid("the yardstick", it, "a scene"))?;
-            Ok(comparison.other(results, &super::solve(&other)?))
+            Ok(comparison.other(results, &Plan::of(&other)?.run_quietly()?))
         }
         Against::EnergyLaw => Ok(comparison.energy_law(oscillator, results)),
         Against::FlightTail => Ok(flight_tail(oscillator, results)),
@@ -227,17 +160,8 @@ impl Comparison {
         };
         for (k, t) in mesh.times.iter().enumerate() {
             if let Some(j) = paths.times.iter().position(|it| it == t) {
-                let mut reference = paths.moments[j];
-                for number in reference.each_mut().into_iter().flatten() {
-                    number.error *= super::verdict::SIGMAS;
-                }
-                self.moments(
-                    &mut all,
-                    Some(*t),
-                    &mesh.moments[k],
-                    &reference,
-                    Part::Transient,
-                );
+                let (moments, reference) = (&mesh.moments[k], bounded(paths.moments[j]));
+                self.moments(&mut all, Some(*t), moments, &reference, Part::Transient);
             }
         }
         all
@@ -247,11 +171,7 @@ impl Comparison {
         let mut all = Vec::new();
         if let (Some(a), Some(b)) = (&results.monte_carlo, &other.monte_carlo) {
             for ((t, a), b) in a.times.iter().zip(&a.moments).zip(&b.moments) {
-                let mut reference = *b;
-                for number in reference.each_mut().into_iter().flatten() {
-                    number.error *= super::verdict::SIGMAS;
-                }
-                self.moments(&mut all, Some(*t), a, &reference, Part::MonteCarlo);
+                self.moments(&mut all, Some(*t), a, &bounded(*b), Part::MonteCarlo);
             }
         }
         if let (Some(a), Some(b)) = (&results.transient, &other.transient) {
@@ -329,6 +249,14 @@ impl Comparison {
         });
         all
     }
+}
+
+/// Sampled moments with errors that bound them.
+fn bounded(mut moments: Moments) -> Moments {
+    for number in moments.each_mut().into_iter().flatten() {
+        number.error *= SIGMAS;
+    }
+    moments
 }
 
 fn estimate(value: f64) -> Estimate {
@@ -418,7 +346,7 @@ fn flight_tail(oscillator: &Oscillator, results: &Results) -> Vec<Check> {
 }
 
 /// Eigenvalues of G = q with 0 < m + n < 30, a complex pair once (im > 0), slowest first.
-fn exact_rates(zeta: f64) -> Vec<[f64; 2]> {
+pub fn exact_rates(zeta: f64) -> Vec<[f64; 2]> {
     let mut all = Vec::new();
     for m in 0..30 {
         for n in 0..30 - m {

@@ -6,6 +6,7 @@
 //! the levels says what their disagreement leaves open.
 
 use super::roots;
+use crate::rows::{Row, rows};
 use std::f64::consts::LN_10;
 use std::fs;
 use std::path::Path;
@@ -56,32 +57,26 @@ impl What {
 ///
 /// # Errors
 /// [`Error::Invalid`] for a list that is missing or a line that is not a measurement.
-pub fn measured(folder: &Path) -> Result<Vec<Measured>> {
+fn measured(folder: &Path) -> Result<Vec<Measured>> {
     let path = folder.join("measured.csv");
     let shown = path.display().to_string();
     let text = fs::read_to_string(&path)
         .map_err(|error| Error::invalid(&shown, error, "a list of measurements"))?;
-    let line = |line: &str| {
-        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-        let [h, what, value] = fields[..] else {
-            return None;
+    let measured = |row: Row<'_>| {
+        let above_zero = |field: usize| {
+            let number: f64 = row.get(field)?;
+            let good = number.is_finite() && number > 0.0;
+            good.then_some(number)
+                .ok_or_else(|| row.wrong("numbers above 0"))
         };
-        Some(Measured {
-            h: h.parse().ok().filter(|h: &f64| h.is_finite() && *h > 0.0)?,
-            what: What::parse(what)?,
-            value: value
-                .parse()
-                .ok()
-                .filter(|x: &f64| x.is_finite() && *x > 0.0)?,
+        let what = row.fields.get(1).and_then(|it| What::parse(it));
+        Ok(Measured {
+            h: above_zero(0)?,
+            what: what.ok_or_else(|| row.wrong("h,std|lost|losses|flight_ms,value"))?,
+            value: above_zero(2)?,
         })
     };
-    text.lines()
-        .skip(1)
-        .map(|text| {
-            let accepted = "h,std|lost|losses|flight_ms,value";
-            line(text).ok_or_else(|| Error::invalid(&shown, text, accepted))
-        })
-        .collect()
+    rows(&shown, &text, ',').map(measured).collect()
 }
 
 /// ln(model/measured), with the error of the model.

@@ -1,9 +1,10 @@
 //! From each equation of the paper to the item that implements it and the test that checks it.
 
+use crate::rows::{Row, rows};
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
-use vibroimpact::error::{Error, Result};
+use vibroimpact::error::Result;
 
 /// The heading of the table on the page.
 pub const HEADING: &str = "Equations";
@@ -31,10 +32,9 @@ pub fn read(root: &Path) -> Result<Option<Vec<Equation>>> {
     let Ok(text) = fs::read_to_string(root.join(NAME)) else {
         return Ok(None);
     };
-    let line = |line: &str| {
-        let fields: Vec<&str> = line.split(';').map(str::trim).collect();
-        let [number, what, item, test] = fields[..] else {
-            return Err(Error::invalid(NAME, line, "equation;what;item;test"));
+    let equation = |row: Row<'_>| {
+        let [number, what, item, test] = row.fields[..] else {
+            return Err(row.wrong("equation;what;item;test"));
         };
         Ok(Equation {
             number: number.to_owned(),
@@ -43,11 +43,8 @@ pub fn read(root: &Path) -> Result<Option<Vec<Equation>>> {
             test: test.to_owned(),
         })
     };
-    text.lines()
-        .skip(1)
-        .map(line)
-        .collect::<Result<_>>()
-        .map(Some)
+    let list: Result<_> = rows(NAME, &text, ';').map(equation).collect();
+    list.map(Some)
 }
 
 /// The table for the page.

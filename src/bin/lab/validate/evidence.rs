@@ -3,9 +3,9 @@
 
 use super::cosines::{Draws, Procedure};
 use super::damping;
-use super::folder::Run;
 use super::item::{Paper, Row};
 use super::roots;
+use super::run::Run;
 use super::spectra::Spectra;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -176,7 +176,7 @@ impl<'a> Evidence<'a> {
         let asked = Asked::parse(path, "computed")?;
         let (which, keys) = (asked.which, &asked.keys);
         let unknown = || {
-            let accepted = "a number that exists: see src/validation/evidence.rs";
+            let accepted = "a number that exists: see src/bin/lab/validate/evidence.rs";
             Error::invalid("computed", path, accepted)
         };
         match asked.kind.name {

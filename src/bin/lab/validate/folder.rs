@@ -3,17 +3,19 @@
 use super::evidence::{self, Evidence};
 use super::item::{Item, Row};
 use super::numbers::{self, COMPUTED, Name};
+use super::pictures;
+use super::run::Run;
 use super::spectra::Spectra;
-use super::{ITEMS, pictures};
 use std::fs;
 use std::path::{Path, PathBuf};
 use vibroimpact::error::{Error, Result};
 use vibroimpact::estimate::Estimate;
-use vibroimpact::json::Json;
 use vibroimpact::plan::Plan;
 use vibroimpact::report::File;
-use vibroimpact::results::Results;
 use vibroimpact::scene::text::SceneText;
+
+/// The name of the list of items in a folder.
+const ITEMS: &str = "paper.csv";
 
 /// A folder as it is read.
 #[derive(Debug, Clone)]
@@ -40,18 +42,44 @@ pub struct Outcome {
     pub pictures: Vec<File>,
 }
 
-/// A scene that was run, under its label.
-#[derive(Debug, Clone)]
-pub struct Run {
-    /// The label of its items.
-    pub label: String,
-    /// What came of it.
-    pub results: Results,
-    json: Json,
+/// All folders with a list of items right below `root`, tables before figures, numbers ascending.
+///
+/// # Errors
+/// [`Error::Invalid`] where there is no such folder.
+pub fn folders(root: &Path) -> Result<Vec<PathBuf>> {
+    let mut found: Vec<PathBuf> = fs::read_dir(root)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.join(ITEMS).is_file())
+        .collect();
+    if found.is_empty() {
+        let accepted = format!(
+            "a folder of folders with a {ITEMS} each, as validation/ of the source; go there, or name \
+             folders on the command line"
+        );
+        return Err(Error::invalid("validate", root.display(), accepted));
+    }
+    found.sort_by_key(|path| place(path));
+    Ok(found)
+}
+
+/// Where a folder stands: by kind, then by number, then by name.
+pub fn place(path: &Path) -> (usize, u32, String) {
+    let name = name_of(path);
+    let kinds = ["table-", "damping", "section-", "figure-"];
+    let kind = kinds.iter().position(|kind| name.starts_with(kind));
+    let digits: String = name.chars().filter(char::is_ascii_digit).collect();
+    (
+        kind.unwrap_or(kinds.len()),
+        digits.parse().unwrap_or(0),
+        name,
+    )
 }
 
 /// The last part of a path.
-pub fn name_of(path: &Path) -> String {
+fn name_of(path: &Path) -> String {
     let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     full.file_name()
         .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
@@ -157,11 +185,7 @@ impl Folder {
             progress(&label);
             let text = self.scene(&label)?;
             let results = Plan::of(text.scene())?.run_quietly()?;
-            runs.push(Run {
-                json: results.json(),
-                label,
-                results,
-            });
+            runs.push(Run::new(label, results));
         }
         progress("comparing");
         let evidence = Evidence::new(&self.path, &runs, spectra);
@@ -182,12 +206,10 @@ impl Folder {
                     return evidence.number(&name.path, &rows);
                 }
                 let found = runs.iter().find(|run| run.label == name.label);
-                found
-                    .and_then(|run| numbers::at(&run.json, &name.path))
-                    .ok_or_else(|| {
-                        let accepted = "the path of a number in results.json";
-                        Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
-                    })
+                found.and_then(|run| run.number(&name.path)).ok_or_else(|| {
+                    let accepted = "the path of a number in results.json";
+                    Error::invalid(format!("{}/{ITEMS}", self.name), name, accepted)
+                })
             };
             let row = item.answer(&number, &per_length)?;
             rows.push(row);
@@ -198,26 +220,5 @@ impl Folder {
             rows,
             pictures: pictures::of(&self.name, &runs, spectra)?,
         })
-    }
-}
-
-impl Run {
-    /// One standard error of a stationary number in a plain record of that dimensionless length, from
-    /// the long records of this scene.
-    fn error_in_record(&self, path: &str, length: f64) -> Option<f64> {
-        let records = self.results.records.as_ref()?;
-        let last = path.rsplit('.').next()?;
-        let error = match records.moments.get(last) {
-            Some(number) => number.error,
-            None => {
-                let (section, rest) = path.split_once('.')?;
-                let sampled = match section {
-                    "rig" => format!("rig.monte_carlo.{rest}"),
-                    other => format!("monte_carlo.{other}.{rest}"),
-                };
-                numbers::at(&self.json, &sampled)?.error
-            }
-        };
-        Some(error * (records.duration / length).sqrt())
     }
 }

@@ -61,7 +61,7 @@ pub enum Reason {
 }
 
 /// What is to be said of a number. "Our error" is a bound, or two standard errors for what is sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// The difference is at most half a unit of the paper's last digit, and so is our own error.
     Digits,

@@ -1,7 +1,7 @@
 //! The pictures beside the numbers, with the axes of the paper's figures.
 
 use super::cosines::Procedure;
-use super::folder::Run;
+use super::run::Run;
 use super::spectra::Spectra;
 use ndarray::Array2;
 use vibroimpact::contact::ContactLaw;

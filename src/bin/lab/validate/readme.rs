@@ -1,8 +1,10 @@
 //! validation/README.md: one section a folder, and how to read its numbers back.
 
-use super::folder::Outcome;
+use super::equations::HEADING;
+use super::folder::{Outcome, place};
 use super::item::{Paper, Row, Verdict};
 use super::numbers::{COMPUTED, Name};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use vibroimpact::estimate::{Estimate, Origin};
@@ -13,13 +15,13 @@ pub const NAME: &str = "README.md";
 const HEAD: &str = "# The paper, reproduced
 
 J. Perret-Liaudet and E. Rigaud, *Experiments and numerical results on non-linear vibrations of an
-impacting Hertzian contact. Part 2: random excitation*, number by number. Written by `vibroimpact
-validate`; `cargo test --release --test validation -- --include-ignored` computes the numbers again and compares them within their
-errors.
+impacting Hertzian contact. Part 2: random excitation*, number by number. Written by `cargo run --release --bin lab --
+validate`; `cargo test --release --bin lab -- --include-ignored validation::` computes the numbers again and compares them
+within their errors.
 
 Each line is a number: `label: path` names the scene of the folder, with the keys it changes, and the
 place of the number in its results.json; `computed` names a number that no scene gives
-(src/validation/evidence.rs). Ours is given as value ± error: a bound for what is computed without
+(src/bin/lab/validate/evidence.rs). Ours is given as value ± error: a bound for what is computed without
 sampling, 1e-7 of the value if it is smaller; one standard error (se) for what is sampled; the standard
 deviation between draws (sd) for `draws`. The paper's number is given with half a unit of its last digit, or as a
 bound. Our error, in the verdicts, is the bound, or two standard errors.
@@ -45,32 +47,12 @@ pub fn is_ours(page: &str) -> bool {
 }
 
 /// How many rows have each verdict.
-pub fn counts<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Vec<(Verdict, usize)> {
-    let all = [
-        Verdict::Digits,
-        Verdict::Bound,
-        Verdict::OurError,
-        Verdict::Sampling,
-        Verdict::Explained,
-        Verdict::Possible,
-        Verdict::Fitted,
-        Verdict::Unexplained,
-        Verdict::Agrees,
-        Verdict::Disagrees,
-        Verdict::WouldExplain,
-        Verdict::DoesNotExplain,
-        Verdict::Alone,
-    ];
-    let verdicts: Vec<Verdict> = rows.into_iter().map(|row| row.verdict).collect();
-    all.into_iter()
-        .map(|it| {
-            (
-                it,
-                verdicts.iter().filter(|verdict| **verdict == it).count(),
-            )
-        })
-        .filter(|(_, count)| *count > 0)
-        .collect()
+pub fn counts(rows: &[Row]) -> BTreeMap<Verdict, usize> {
+    let mut counts = BTreeMap::new();
+    for row in rows {
+        *counts.entry(row.verdict).or_default() += 1;
+    }
+    counts
 }
 
 /// The page of all outcomes; sections of `earlier` whose folder was not run again stay as they are,
@@ -92,7 +74,7 @@ pub fn page(
             None => sections.push((outcome.name.clone(), section)),
         }
     }
-    let order = |name: &str| super::place(std::path::Path::new(name));
+    let order = |name: &str| place(Path::new(name));
     sections.sort_by_key(|(name, _)| order(name));
     let body: String = sections.iter().map(|(_, text)| text.as_str()).collect();
     let mut page = HEAD.to_owned();
@@ -147,7 +129,7 @@ pub fn sections(page: &str) -> Vec<(String, String)> {
     for (_, text) in &mut found {
         *text = format!("\n{}\n", text.trim_end());
     }
-    found.retain(|(name, _)| name != super::equations::HEADING);
+    found.retain(|(name, _)| name != HEADING);
     found
 }
 
