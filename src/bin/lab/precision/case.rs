@@ -54,9 +54,6 @@ impl Case {
 }
 
 /// Every case.
-///
-/// # Errors
-/// None.
 pub fn cases() -> Result<Vec<Case>> {
     Ok(vec![
         Case::new(

@@ -100,9 +100,6 @@ fn wide(case: &Case) -> Result<Case> {
 
 /// Costs on a case from a wide start, on one thread and on all; meshes that cannot be held or take too long
 /// are left out.
-///
-/// # Errors
-/// None for a temperature above 0.
 pub fn costs(case: &Case, effort: Effort, watch: &dyn Fn(&Cost)) -> Result<Vec<Cost>> {
     let case = &wide(case)?;
     let sizes: &[usize] = match effort {

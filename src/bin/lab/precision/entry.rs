@@ -87,9 +87,6 @@ const REPEATED: f64 = 0.4;
 const RUNS: (u32, u32) = (3, 7);
 
 /// Runs the methods on a case; `watch` is told every entry. An entry that fails stops nothing.
-///
-/// # Errors
-/// Those of the reference.
 pub fn survey(
     case: &Case,
     methods: &[Method],

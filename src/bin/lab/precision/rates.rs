@@ -24,9 +24,6 @@ pub const MOST_OUTSIDE: f64 = 0.02;
 pub const FARTHEST: f64 = 2.0;
 
 /// The thirty oscillators.
-///
-/// # Errors
-/// None but a defect of the list.
 pub fn scenes() -> Result<Vec<Oscillator>> {
     let hertz = [
         (0.005, 2e-3),
@@ -87,9 +84,6 @@ pub struct Rates {
 impl Rates {
     /// Runs all scenes at all tolerances of the calibration. Where the loosest run is as fine as the tightest, those
     /// between are too and are left out.
-    ///
-    /// # Errors
-    /// Those of the runs.
     pub fn calibrate() -> Result<Self> {
         let references = references()?;
         let mut judged = Vec::new();

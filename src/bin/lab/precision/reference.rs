@@ -78,17 +78,11 @@ const FINE: Level = Level {
 
 impl Reference {
     /// The closed form of a case, or two fine runs.
-    ///
-    /// # Errors
-    /// Those of the runs.
     pub fn of(case: &Case) -> Result<Self> {
         Self::at(case, &FINE)
     }
 
     /// With runs of another fineness.
-    ///
-    /// # Errors
-    /// Those of the runs.
     pub fn at(case: &Case, fine: &Level) -> Result<Self> {
         let temperature = case.oscillator.temperature();
         if case.is_closed_form() {

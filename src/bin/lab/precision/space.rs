@@ -27,9 +27,6 @@ pub struct SpaceOrder {
 
 /// The orders of the central schemes on a case whose density is known in closed form and whose mesh is
 /// uniform; none for others.
-///
-/// # Errors
-/// Those of the runs.
 pub fn space_orders(case: &Case, reference: &Reference) -> Result<Vec<SpaceOrder>> {
     if !(case.is_closed_form() && case.oscillator.contact().is_confining()) {
         return Ok(Vec::new());

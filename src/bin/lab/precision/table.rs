@@ -211,12 +211,9 @@ fn time(it: &Entry) -> String {
 }
 
 /// precision.csv, cost.csv, precision.md and a picture a case.
-///
-/// # Errors
-/// [`vibroimpact::Error::Io`] for a picture that cannot be drawn.
 pub fn files(surveys: &[Survey], costs: &[Cost]) -> Result<Vec<File>> {
     let head = format!(
-        "# Error against run time\n\nMeasured by `lab precision` of vibroimpact {} on: {}.\nMedians of 3 to 7 runs, of 2 \
+        "# Error against run time\n\nMeasured by `cargo run --release --bin lab -- precision`, version {}, on: {}.\nMedians of 3 to 7 runs, of 2 \
          where one takes long; set-up included.\n\n",
         env!("CARGO_PKG_VERSION"),
         machine(),

@@ -50,9 +50,6 @@ const FILES: [&str; 10] = [
 ];
 
 /// Every scene, by what is extreme about it.
-///
-/// # Errors
-/// [`Error::Invalid`] for an entry that is not what this module describes.
 pub fn scenes() -> Result<Vec<Extreme>> {
     let mut all = Vec::new();
     for text in FILES {

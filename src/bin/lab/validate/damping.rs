@@ -54,9 +54,6 @@ impl What {
 }
 
 /// The list of measurements in a folder.
-///
-/// # Errors
-/// [`Error::Invalid`] for a list that is missing or a line that is not a measurement.
 fn measured(folder: &Path) -> Result<Vec<Measured>> {
     let path = folder.join("measured.csv");
     let shown = path.display().to_string();
@@ -136,9 +133,6 @@ fn scatter_of_levels(list: &[Measured], parts: &[f64]) -> f64 {
 /// The damping ratio that fits `list` best, with its standard error from the scatter between the levels. The
 /// losses of contact are not monotone in the damping ratio, so that the sum of squares may have several minima:
 /// the lowest is taken.
-///
-/// # Errors
-/// [`Error::Invalid`] for fewer than two measurements; those of the oscillator.
 pub fn fit(list: &[Measured], rig: &Rig) -> Result<Estimate> {
     if list.len() < 2 {
         return Err(Error::invalid(
@@ -161,9 +155,6 @@ pub fn fit(list: &[Measured], rig: &Rig) -> Result<Estimate> {
 }
 
 /// Every damping ratio between 1e-7 and 0.1 at which the model gives one measured number, ascending.
-///
-/// # Errors
-/// Those of the oscillator.
 pub fn ratios(it: &Measured, rig: &Rig) -> Result<Vec<Estimate>> {
     let value = |ln_zeta: f64| Ok(residual(it, rig, ln_zeta.exp())?.value);
     let found = roots::all(&value, LOWEST, HIGHEST, INTERVALS)?;
@@ -225,9 +216,6 @@ fn mean_of_each(list: &[Measured], rig: &Rig) -> Result<Estimate> {
 /// The quantile of [`fit`] over all resamples of the levels with replacement (the bootstrap; Efron, Ann.
 /// Statist. 7, 1979, 1), every measurement of a level taken or left together. Nothing is drawn: of n levels
 /// all n^n resamples are counted.
-///
-/// # Errors
-/// Those of the oscillator.
 pub fn bootstrap(list: &[Measured], rig: &Rig, quantile: f64) -> Result<Estimate> {
     /// Intervals of ln zeta in which the sums of squares are tabulated.
     const TABLE: u32 = 600;
@@ -340,9 +328,6 @@ const ACCEPTED: &str = "std, losses, all, each, all-but-6e-4, bootstrap-low, boo
 /// that gives a single number, `root-K-H-of-WHAT`, the K-th of several; `most-H-of-WHAT`, the largest that
 /// the model can make it, `at-most-H-of-WHAT`, the ratio where it does; `scatter-at-ZETA`, the root mean
 /// square of ln(model/measured).
-///
-/// # Errors
-/// [`Error::Invalid`] for any other name, and those of [`measured`].
 pub fn number(folder: &Path, which: &str) -> Result<Estimate> {
     let all = measured(folder)?;
     let rig = Rig::new(110.0, 232.0, 7e-6)?;

@@ -25,9 +25,6 @@ pub struct Equation {
 }
 
 /// The list beside the folders of `root`; None where there is none.
-///
-/// # Errors
-/// [`Error::Invalid`] for a line without its four fields.
 pub fn read(root: &Path) -> Result<Option<Vec<Equation>>> {
     let Ok(text) = fs::read_to_string(root.join(NAME)) else {
         return Ok(None);

@@ -132,10 +132,6 @@ impl<'a> Asked<'a> {
 }
 
 /// Whether a name of the label `computed` can be read; `at` says where it stands.
-///
-/// # Errors
-/// [`Error::Invalid`] that names the place, the kind, number, key or value that is not one, and what is
-/// accepted.
 pub fn check(path: &str, at: &str) -> Result<()> {
     Asked::parse(path, at).map(|_| ())
 }
@@ -169,9 +165,6 @@ impl<'a> Evidence<'a> {
     /// - `density.worst LABEL`: the largest distance between the sampled and the closed p_N over the bins,
     ///   in standard errors, and `density.chi_square LABEL`: the mean of its squares;
     /// - `chi-square.of KIND`: over those rows, the sum of squares of (ours - paper) over one standard error.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for any other name.
     pub fn number(&self, path: &str, above: &[Row]) -> Result<Estimate> {
         let asked = Asked::parse(path, "computed")?;
         let (which, keys) = (asked.which, &asked.keys);

@@ -43,9 +43,6 @@ pub struct Outcome {
 }
 
 /// All folders with a list of items right below `root`, tables before figures, numbers ascending.
-///
-/// # Errors
-/// [`Error::Invalid`] where there is no such folder.
 pub fn folders(root: &Path) -> Result<Vec<PathBuf>> {
     let mut found: Vec<PathBuf> = fs::read_dir(root)
         .into_iter()
@@ -87,9 +84,6 @@ fn name_of(path: &Path) -> String {
 
 impl Folder {
     /// The folder at `path`.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] where there is no list of items, or a line in it is not an item.
     pub fn read(path: &Path) -> Result<Self> {
         let list = path.join(ITEMS);
         let shown = list.display().to_string();
@@ -176,9 +170,6 @@ impl Folder {
 
     /// Run every scene and answer every item. `progress` is told each label before it is run;
     /// `spectra` keeps spectra from folder to folder.
-    ///
-    /// # Errors
-    /// Those of the scenes; [`Error::Invalid`] for a number that does not exist.
     pub fn run(&self, spectra: &Spectra, progress: &dyn Fn(&str)) -> Result<Outcome> {
         let mut runs = Vec::new();
         for label in self.labels() {

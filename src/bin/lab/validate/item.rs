@@ -146,9 +146,6 @@ fn reach(it: Estimate) -> f64 {
 
 impl Item {
     /// An item from its line; `at` names the line in messages.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for a line that is not one.
     pub fn parse(line: &str, at: &str) -> Result<Self> {
         let wrong = |what: &str, accepted: &str| Error::invalid(at, what, accepted);
         let mut fields = line.splitn(6, ',').map(str::trim);
@@ -203,9 +200,6 @@ impl Item {
 
     /// The item with its answer: `number` gives any number by name, `per_length` the standard error of
     /// `name` in a record of that length.
-    ///
-    /// # Errors
-    /// Those of `number` and `per_length`.
     pub fn answer(&self, number: Numbers<'_>, per_length: Lengths<'_>) -> Result<Row> {
         let ours = number(&self.name)?;
         let mut row = Row {

@@ -15,10 +15,6 @@ use vibroimpact::rig::Rig;
 use vibroimpact::stationary::Stationary;
 
 /// The pictures of a folder by its name; none for a name that stands for no figure.
-///
-/// # Errors
-/// [`vibroimpact::Error::Io`] for a picture that cannot be drawn, [`vibroimpact::Error::NoStationaryLaw`] for the
-/// density of a force that has none.
 pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
     let charts_of = |each: &dyn Fn(&Run) -> Result<Option<Chart>>| -> Result<Vec<Chart>> {
         let all = runs.iter().map(each);

@@ -7,9 +7,6 @@ pub type Function<'a> = &'a dyn Fn(f64) -> Result<f64>;
 
 /// Every root of `f` in [low, high], ascending: `points` equal intervals are searched for a change of sign.
 /// Two roots within one interval are not seen.
-///
-/// # Errors
-/// Those of `f`.
 pub fn all(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<Vec<f64>> {
     let grid = grid(f, low, high, points)?;
     let mut roots = Vec::new();
@@ -24,9 +21,6 @@ pub fn all(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<Vec<f64>
 
 /// The place of the least value of `f` in [low, high]: the lowest of `points` equal intervals' ends, then a
 /// golden section between its neighbours, to 1e-8.
-///
-/// # Errors
-/// [`Error::Invalid`] where the least value lies at an end; those of `f`.
 pub fn least(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<f64> {
     let grid = grid(f, low, high, points)?;
     let lowest = (0..grid.len()).min_by(|a, b| grid[*a].1.total_cmp(&grid[*b].1));

@@ -68,9 +68,6 @@ fn frequencies(zeta: f64) -> Vec<f64> {
 
 impl Spectra {
     /// The spectrum of the force up to 4.4.
-    ///
-    /// # Errors
-    /// Those of [`fokker_planck::spectrum()`].
     pub fn of(&self, oscillator: &Oscillator) -> Result<Rc<Spectrum>> {
         let address = format!("{oscillator:?}");
         if let Some(it) = self.done.borrow().get(&address) {
@@ -83,9 +80,6 @@ impl Spectra {
 
     /// The same by Welch's method as in the paper: 2048 samples a segment, 400 averages; sampled so closely
     /// that what aliases into the range lies beyond three times its end.
-    ///
-    /// # Errors
-    /// Those of [`monte_carlo::series()`].
     pub fn sampled(&self, oscillator: &Oscillator) -> Result<Rc<Sampled>> {
         const SEGMENTS: usize = 5;
         let address = format!("{oscillator:?}");
@@ -123,9 +117,6 @@ impl Spectra {
     /// that of the main peak; `half-power`: half the relative width of the main peak at half its
     /// power, which is the damping ratio of a linear oscillator; `zero`: the value at zero frequency over
     /// 2h, 1 in theory. None for another name.
-    ///
-    /// # Errors
-    /// Those of [`Spectra::of`].
     pub fn number(&self, oscillator: &Oscillator, which: &str) -> Result<Option<Estimate>> {
         let it = self.of(oscillator)?;
         let main = highest(&it, 0.3, 1.5);
