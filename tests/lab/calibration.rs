@@ -23,7 +23,7 @@ fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the
     assert_eq!(cases.len(), SCENES.len());
     let calibration = Calibration::of(&cases, &TOLERANCES[..3], &|_| ());
     println!("{calibration}");
-    for run in calibration.runs() {
+    for run in &calibration.runs {
         if let End::Refused(why) = &run.end {
             panic!("{}: {why}", run.scene);
         }

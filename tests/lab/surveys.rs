@@ -1,27 +1,33 @@
 //! The two surveys end to end on a reduced set: what a verdict means, and that errors fall as they should.
 
-use crate::precision::{self, Effort, Method};
-use crate::stability::{self, Against, Extreme, Row, Verdict};
+use crate::precision::case::cases;
+use crate::precision::entry::{Effort, Entry, survey};
+use crate::precision::method::Method;
+use crate::precision::table;
+use crate::stability::against::Against;
+use crate::stability::extreme::{Extreme, scenes};
+use crate::stability::run;
+use crate::stability::verdict::{Row, Verdict};
 use vibroimpact::scene::text::SceneText;
 
 fn rows(names: &[&str]) -> Vec<Row> {
-    let mut chosen = stability::scenes().unwrap();
+    let mut chosen = scenes().unwrap();
     chosen.retain(|it| names.contains(&it.name.as_str()));
     assert_eq!(chosen.len(), names.len());
-    stability::run(chosen, &|row| {
+    run(chosen, &|row| {
         println!("{} {} {:?}", row.name, row.verdict, row.worst);
     })
 }
 
 fn scene(name: &str) -> Extreme {
-    let mut all = stability::scenes().unwrap();
+    let mut all = scenes().unwrap();
     all.retain(|it| it.name == name);
     all.remove(0)
 }
 
 #[test]
 fn extreme_scenes_are_many_and_have_names_of_their_own() {
-    let all = stability::scenes().unwrap();
+    let all = scenes().unwrap();
     assert!(all.len() >= 132, "{}", all.len());
     for (k, scene) in all.iter().enumerate() {
         assert!(
@@ -74,7 +80,7 @@ fn a_number_outside_its_error_estimate_is_seen() {
     let mut wrong = scene("step-100-flow-map");
     let overrides = ["oscillator.contact=hertz", "method.step=1"];
     wrong.against = Against::Other(overrides.map(str::to_owned).to_vec());
-    let row = &stability::run(vec![wrong], &|_| ())[0];
+    let row = &run(vec![wrong], &|_| ())[0];
     println!("{row:?}");
     assert_eq!(row.verdict, Verdict::Outside);
     assert!(!row.verdict.honest() && row.worst.as_ref().unwrap().0 > 1.0);
@@ -88,7 +94,7 @@ fn a_warning_excuses_no_number_that_it_does_not_name() {
     wrong.toml = wrong.toml.replace("step = 6.283185307179586", "step = 0.5");
     let overrides = ["oscillator.contact=hertz", "monte_carlo.step=0.1"];
     wrong.against = Against::Other(overrides.map(str::to_owned).to_vec());
-    let row = &stability::run(vec![wrong], &|_| ())[0];
+    let row = &run(vec![wrong], &|_| ())[0];
     println!("{row:?}");
     assert!(row.message.contains("the step 5.000e-1 is long"));
     assert_eq!(row.verdict, Verdict::Outside);
@@ -97,9 +103,9 @@ fn a_warning_excuses_no_number_that_it_does_not_name() {
 #[test]
 fn a_limit_is_no_answer_where_one_is_expected() {
     let mut hopeless = scene("step-1e-6-flow-map");
-    let allowed = &stability::run(vec![hopeless.clone()], &|_| ())[0];
+    let allowed = &run(vec![hopeless.clone()], &|_| ())[0];
     hopeless.may_stop = None;
-    let expected = &stability::run(vec![hopeless], &|_| ())[0];
+    let expected = &run(vec![hopeless], &|_| ())[0];
     println!("{} {}", allowed.verdict, expected.verdict);
     assert_eq!(allowed.verdict, Verdict::Stopped);
     assert_eq!(expected.verdict, Verdict::Unsolved);
@@ -108,13 +114,13 @@ fn a_limit_is_no_answer_where_one_is_expected() {
 
 #[test]
 fn errors_fall_with_the_mesh_and_with_the_paths() {
-    let linear = precision::cases()
+    let linear = cases()
         .unwrap()
         .into_iter()
         .find(|it| it.name == "linear")
         .unwrap();
     let methods = Method::all(&linear);
-    let survey = precision::survey(&linear, &methods, Effort::Quick, &|_| ()).unwrap();
+    let survey = survey(&linear, &methods, Effort::Quick, &|_| ()).unwrap();
     for (method, why) in &survey.failures {
         println!("{method}: {why}");
     }
@@ -124,7 +130,7 @@ fn errors_fall_with_the_mesh_and_with_the_paths() {
             .entries
             .iter()
             .filter(|it| it.method == method)
-            .map(precision::Entry::main_error)
+            .map(Entry::main_error)
             .collect();
         let shown: Vec<String> = errors.iter().map(|e| format!("{e:.1e}")).collect();
         println!("{method}: {}", shown.join(" "));
@@ -149,7 +155,7 @@ fn errors_fall_with_the_mesh_and_with_the_paths() {
         }
     }
     assert!(checked >= 10, "{checked} methods");
-    let files = precision::files(&[survey], &[]).unwrap();
+    let files = table::files(&[survey], &[]).unwrap();
     let names: Vec<&str> = files.iter().map(|it| it.name.as_str()).collect();
     assert_eq!(
         names,

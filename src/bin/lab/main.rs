@@ -8,13 +8,18 @@ mod validate;
 
 use clap::{Args, Parser, Subcommand};
 use precision::calibration::{self, Calibration};
+use precision::entry::{Effort, survey};
+use precision::method::Method;
 use precision::rates::Rates;
-use precision::{Effort, Method, truths};
+use precision::{case, cost, table, truths};
+use stability::extreme;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use validate::folder::{self, Folder};
+use validate::spectra::Spectra;
+use validate::{equations, readme};
 use vibroimpact::cli::{self, Outcome, Output, Stop, print, progress};
-use vibroimpact::report::folder::Folder;
 use vibroimpact::report::{self, File};
 use vibroimpact::{Error, Result, plan};
 
@@ -114,40 +119,40 @@ fn calibrate(survey: &Survey) -> Outcome {
     Err(Stop::new(1, message, "see the table"))
 }
 
-fn precision(survey: &Survey) -> Outcome {
-    let mut cases = precision::cases()?;
-    cases.retain(|it| survey.wants(it.name));
-    let folder = survey.output.folder("precision")?;
+fn precision(options: &Survey) -> Outcome {
+    let mut cases = case::cases()?;
+    cases.retain(|it| options.wants(it.name));
+    let folder = options.output.folder("precision")?;
     let jobs: usize = cases.iter().map(|case| Method::all(case).len()).sum();
     let bar = progress(jobs, false);
     let mut surveys = Vec::new();
     for case in &cases {
         let methods = Method::all(case);
-        surveys.push(precision::survey(case, &methods, Effort::Full, &|entry| {
+        surveys.push(survey(case, &methods, Effort::Full, &|entry| {
             bar.set_message(format!("{}: {}", case.name, entry.method));
             bar.tick();
         })?);
         bar.inc(methods.len() as u64);
         // What is done is there, whatever comes.
-        folder.write(&precision::files(&surveys, &[])?)?;
+        folder.write(&table::files(&surveys, &[])?)?;
     }
     let mut costs = Vec::new();
-    if survey.only.is_none() || survey.wants("cost") {
-        let all = precision::cases()?;
-        costs = precision::costs(&all[0], Effort::Full, &|cost| {
+    if options.only.is_none() || options.wants("cost") {
+        let all = case::cases()?;
+        costs = cost::costs(&all[0], Effort::Full, &|cost| {
             bar.set_message(format!("cost of {}, {} cells", cost.of, cost.n));
             bar.tick();
         })?;
     }
     bar.finish_and_clear();
-    folder.write(&precision::files(&surveys, &costs)?)?;
-    let table = precision::text(&surveys, &costs);
-    print(&format!("{table}\nfiles: {}\n", folder.path().display()))?;
+    folder.write(&table::files(&surveys, &costs)?)?;
+    let text = table::text(&surveys, &costs);
+    print(&format!("{text}\nfiles: {}\n", folder.path().display()))?;
     Ok(0)
 }
 
 fn stability(survey: &Survey) -> Outcome {
-    let mut scenes = stability::scenes()?;
+    let mut scenes = extreme::scenes()?;
     scenes.retain(|it| survey.wants(&it.name));
     let folder = survey.output.folder("stability")?;
     let bar = progress(scenes.len(), false);
@@ -156,8 +161,8 @@ fn stability(survey: &Survey) -> Outcome {
         bar.inc(1);
     });
     bar.finish_and_clear();
-    folder.write(&stability::files(&scenes, &rows))?;
-    let table = stability::text(&rows);
+    folder.write(&stability::table::files(&scenes, &rows))?;
+    let table = stability::table::text(&rows);
     print(&format!("{table}files: {}\n", folder.path().display()))?;
     match rows.iter().filter(|row| !row.verdict.honest()).count() {
         0 => Ok(0),
@@ -171,28 +176,28 @@ fn stability(survey: &Survey) -> Outcome {
 /// Runs folders of the paper and writes their page and pictures.
 fn validate(named: &[PathBuf], output: &Output, quiet: bool) -> Outcome {
     let list = if named.is_empty() {
-        validate::folders(Path::new("validation"))?
+        folder::folders(Path::new("validation"))?
     } else {
         named.to_vec()
     };
     let folders: Vec<_> = list
         .iter()
-        .map(|path| validate::Folder::read(path))
+        .map(|path| Folder::read(path))
         .collect::<Result<_>>()?;
     let root = common_root(&list)?;
     let target = output.out.clone().unwrap_or_else(|| root.clone());
-    let path = target.join(validate::readme::NAME);
+    let path = target.join(readme::NAME);
     let earlier = std::fs::read_to_string(&path).unwrap_or_default();
-    if !output.force && !validate::readme::is_ours(&earlier) {
+    if !output.force && !readme::is_ours(&earlier) {
         let accepted = "a page that this command wrote; or --out, or --force to replace it";
         return Err(Error::invalid("FOLDER", path.display(), accepted).into());
     }
     // In their own folders nothing is cleared: the scenes are there.
-    let _held: Option<Folder> = match output.out {
+    let _held = match output.out {
         Some(_) => Some(output.folder("validate")?),
         None => None,
     };
-    let spectra = validate::Spectra::default();
+    let spectra = Spectra::default();
     let bar = progress(folders.len(), quiet);
     let mut outcomes = Vec::new();
     for folder in &folders {
@@ -208,7 +213,7 @@ fn validate(named: &[PathBuf], output: &Output, quiet: bool) -> Outcome {
         })?;
         report::folder::write(&place, &outcome.pictures)?;
         if !quiet {
-            let counts = validate::readme::counts(&outcome.rows);
+            let counts = readme::counts(&outcome.rows);
             let counts: Vec<String> = counts.iter().map(|(it, n)| format!("{n} {it}")).collect();
             let seconds = plan::seconds(start.elapsed().as_secs_f64());
             let line = format!("{:<12} {} ({seconds})\n", outcome.name, counts.join(", "));
@@ -217,11 +222,11 @@ fn validate(named: &[PathBuf], output: &Output, quiet: bool) -> Outcome {
         outcomes.push(outcome);
     }
     bar.finish_and_clear();
-    let equations = validate::equations::read(&root)?;
-    let equations = equations.map(|list| validate::equations::table(&list));
+    let equations = equations::read(&root)?;
+    let equations = equations.map(|list| equations::table(&list));
     let there = |name: &str| target.join(name).is_dir();
-    let text = validate::readme::page(&outcomes, equations.as_deref(), &earlier, &there);
-    report::folder::write(&target, &[File::text(validate::readme::NAME, text)])?;
+    let text = readme::page(&outcomes, equations.as_deref(), &earlier, &there);
+    report::folder::write(&target, &[File::text(readme::NAME, text)])?;
     if !quiet {
         print(&format!("files: {}\n", path.display()))?;
     }

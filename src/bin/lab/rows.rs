@@ -23,12 +23,10 @@ pub fn rows<'a>(name: &str, text: &'a str, separator: char) -> impl Iterator<Ite
 }
 
 impl Row<'_> {
-    /// What is wrong with it.
     pub fn wrong(&self, accepted: impl Into<String>) -> Error {
         Error::invalid(&self.place, format!("{:?}", self.text), accepted)
     }
 
-    /// A number.
     pub fn get<T: FromStr>(&self, field: usize) -> Result<T> {
         let text = self.fields.get(field);
         text.and_then(|it| it.parse().ok())

@@ -26,7 +26,6 @@ const DOUBT: f64 = 3.0;
 /// Seconds after which a run is stopped; it then counts as one that says it did not reach the tolerance.
 pub const MAX_SECONDS: f64 = 20.0;
 
-/// What is asked of every tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Goals {
     /// Largest share of numbers whose error is above its estimate.
@@ -47,7 +46,6 @@ pub const GOALS: Goals = Goals {
 /// Factor within which a plan should foresee the time of a run.
 pub const FORESEEN: f64 = 3.0;
 
-/// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum End {
     /// The tolerance is met, as far as the run knows: exit status 0.
@@ -56,24 +54,17 @@ pub enum End {
     Short,
     /// A limit was reached: exit status 3 without numbers.
     Stopped,
-    /// The scene is refused, and why.
     Refused(String),
 }
 
-/// One scene at one tolerance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// The scene's number.
     pub scene: usize,
-    /// The tolerance asked for.
     pub tolerance: f64,
-    /// How it ended.
     pub end: End,
-    /// Processor seconds.
     pub seconds: f64,
     /// Seconds by the clock on the wall, and those of its plan.
     pub elapsed: f64,
-    /// See `elapsed`.
     pub planned: f64,
     /// Every number that has a truth.
     pub numbers: Vec<Judged>,
@@ -82,18 +73,13 @@ pub struct Run {
 /// A number beside its truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Judged {
-    /// Its truth.
     pub truth: Truth,
-    /// What was computed.
     pub value: f64,
-    /// Its error bar.
     pub bar: f64,
-    /// Its natural scale.
     pub scale: f64,
 }
 
 impl Judged {
-    /// The true error.
     pub fn error(&self) -> f64 {
         (self.value - self.truth.value).abs()
     }
@@ -129,7 +115,6 @@ impl Judged {
         (self.error() > self.doubt()).then(|| self.bar / self.error())
     }
 
-    /// Its name in results.json.
     pub fn name(&self) -> &'static str {
         Moments::default().named()[self.truth.index].0
     }
@@ -138,17 +123,12 @@ impl Judged {
 /// The three judgements of a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
-    /// The tolerance.
     pub tolerance: f64,
     /// Scenes with numbers, and of them those that say they are short of the tolerance.
     pub answered: usize,
-    /// See `answered`.
     pub short: usize,
-    /// Scenes stopped by a limit.
     pub stopped: usize,
-    /// Scenes refused.
     pub refused: usize,
-    /// Numbers judged.
     pub numbers: usize,
     /// Numbers whose truth is not good enough for this tolerance.
     pub left_out: usize,
@@ -162,7 +142,6 @@ pub struct Verdict {
     pub median: f64,
     /// Answered scenes whose time is within a factor of [`FORESEEN`] of their plan's.
     pub foreseen: usize,
-    /// Processor seconds of all scenes.
     pub seconds: f64,
 }
 
@@ -172,7 +151,6 @@ impl Verdict {
         self.too_small as f64 / self.numbers.max(1) as f64
     }
 
-    /// The goals that are missed, in words.
     pub fn missed(&self) -> Vec<String> {
         let at = format!("at {:.0e}", self.tolerance);
         let mut missed = Vec::new();
@@ -198,11 +176,11 @@ impl Verdict {
     }
 }
 
-/// Every run of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     tolerances: Vec<f64>,
-    runs: Vec<Run>,
+    /// By scene, then tolerance.
+    pub runs: Vec<Run>,
 }
 
 impl Calibration {
@@ -220,11 +198,6 @@ impl Calibration {
             tolerances: tolerances.to_vec(),
             runs,
         }
-    }
-
-    /// Every run, by scene, then tolerance.
-    pub fn runs(&self) -> &[Run] {
-        &self.runs
     }
 
     /// The judgements, one a tolerance.
@@ -326,7 +299,6 @@ impl Calibration {
 }
 
 impl End {
-    /// One word.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Met => "met",

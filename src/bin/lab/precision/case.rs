@@ -14,9 +14,7 @@ pub struct Case {
     pub name: &'static str,
     /// What it is, for tables.
     pub title: &'static str,
-    /// The oscillator.
     pub oscillator: Oscillator,
-    /// The start.
     pub initial: Initial,
     /// The time at which errors are taken.
     pub until: f64,
@@ -53,7 +51,6 @@ impl Case {
     }
 }
 
-/// Every case.
 pub fn cases() -> Result<Vec<Case>> {
     Ok(vec![
         Case::new(

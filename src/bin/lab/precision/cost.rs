@@ -2,7 +2,6 @@
 
 use super::case::Case;
 use super::entry::Effort;
-use std::fmt;
 use std::time::Instant;
 use vibroimpact::error::{Error, Result};
 use vibroimpact::fokker_planck::budget::{self, Factors};
@@ -13,50 +12,29 @@ use vibroimpact::fokker_planck::mesh::Mesh;
 use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, transient};
 use vibroimpact::initial::Initial;
 
-/// What is timed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CostOf {
-    /// Upwind, backward Euler: one sparse LU, a solve a step of three cells.
-    Lu,
-    /// Order 8, Radau IIA by GMRES.
-    Implicit,
-    /// Order 8, IMEX.
-    Imex,
-    /// Order 8, Chebyshev.
-    Explicit,
-    /// The flow map of order 8.
-    FlowMap,
-}
+/// What is timed; finite volumes, or the flow map.
+pub const TIMED: [(&str, Option<(Drift, TimeScheme)>); 5] = [
+    // One sparse LU, a solve a step of three cells.
+    (
+        "upwind, LU",
+        Some((Drift::Upwind, TimeScheme::BackwardEuler)),
+    ),
+    (
+        "order 8, implicit",
+        Some((Drift::Order8, TimeScheme::Implicit)),
+    ),
+    ("order 8, imex", Some((Drift::Order8, TimeScheme::Imex))),
+    (
+        "order 8, explicit",
+        Some((Drift::Order8, TimeScheme::Explicit)),
+    ),
+    ("flow map 8", None),
+];
 
-impl CostOf {
-    /// Everything that is timed.
-    pub const ALL: [Self; 5] = [
-        Self::Lu,
-        Self::Implicit,
-        Self::Imex,
-        Self::Explicit,
-        Self::FlowMap,
-    ];
-}
-
-impl fmt::Display for CostOf {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Lu => "upwind, LU",
-            Self::Implicit => "order 8, implicit",
-            Self::Imex => "order 8, imex",
-            Self::Explicit => "order 8, explicit",
-            Self::FlowMap => "flow map 8",
-        })
-    }
-}
-
-/// Times on one mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cost {
-    /// What was timed.
-    pub of: CostOf,
-    /// Threads.
+    /// Its name in [`TIMED`].
+    pub of: &'static str,
     pub threads: usize,
     /// Cells in either direction.
     pub n: usize,
@@ -113,11 +91,11 @@ pub fn costs(case: &Case, effort: Effort, watch: &dyn Fn(&Cost)) -> Result<Vec<C
         let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() else {
             continue;
         };
-        for of in CostOf::ALL {
+        for (of, scheme) in TIMED {
             for n in sizes {
                 let clock = Instant::now();
                 // A mesh that cannot hold the start is too coarse, one beyond the memory too fine.
-                let Ok((setup, per_unit, memory)) = pool.install(|| cost(case, of, *n)) else {
+                let Ok((setup, per_unit, memory)) = pool.install(|| cost(case, scheme, *n)) else {
                     continue;
                 };
                 let cost = Cost {
@@ -146,13 +124,9 @@ fn seconds(work: impl FnOnce() -> Result<()>) -> Result<f64> {
 }
 
 /// Set-up, seconds per unit of time, bytes.
-fn cost(case: &Case, of: CostOf, n: usize) -> Result<(f64, f64, u64)> {
-    let (drift, time) = match of {
-        CostOf::FlowMap => return flow_map(case, n),
-        CostOf::Lu => (Drift::Upwind, TimeScheme::BackwardEuler),
-        CostOf::Implicit => (Drift::Order8, TimeScheme::Implicit),
-        CostOf::Imex => (Drift::Order8, TimeScheme::Imex),
-        CostOf::Explicit => (Drift::Order8, TimeScheme::Explicit),
+fn cost(case: &Case, scheme: Option<(Drift, TimeScheme)>, n: usize) -> Result<(f64, f64, u64)> {
+    let Some((drift, time)) = scheme else {
+        return flow_map(case, n);
     };
     let oscillator = &case.oscillator;
     let memory = budget::memory([n, n], drift, Factors::of(time));
@@ -166,9 +140,9 @@ fn cost(case: &Case, of: CostOf, n: usize) -> Result<(f64, f64, u64)> {
     let mut march = transient::march(oscillator, &generator, time, 1e-5, None, 20.0);
     let mut density = Density::start(&generator, &case.initial)?;
     // Some steps each, and not many where they are short: explicit steps shrink as 1/n.
-    let unit = match of {
-        CostOf::Lu => 50.0 / n as f64,
-        CostOf::Implicit => 1.0,
+    let unit = match time {
+        TimeScheme::BackwardEuler => 50.0 / n as f64,
+        TimeScheme::Implicit => 1.0,
         _ => (1e4 / (n * n) as f64).clamp(0.05, 1.0),
     };
     let all = &mut |_: f64, _: &Density| Ok(true);

@@ -9,27 +9,22 @@ use super::space::{SpaceOrder, space_orders};
 use std::time::Instant;
 use vibroimpact::error::Result;
 
-/// How much is run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effort {
     /// Two coarse levels, once, against coarse references: for tests.
     Quick,
-    /// Everything.
     Full,
 }
 
 /// One method at one level on one case.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// The method.
     pub method: Method,
-    /// How fine.
     pub level: Level,
     /// Cells in q and v; 0 for paths.
     pub cells: [usize; 2],
     /// Cells that hold unknowns.
     pub unknowns: usize,
-    /// Steps.
     pub steps: u64,
     /// Estimated bytes of all arrays.
     pub memory: u64,
@@ -42,7 +37,6 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// The median of the wall times.
     pub fn median(&self) -> f64 {
         let n = self.seconds.len();
         0.5 * (self.seconds[(n - 1) / 2] + self.seconds[n / 2])
@@ -62,7 +56,6 @@ impl Entry {
 /// All entries of a case.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    /// The case.
     pub case: Case,
     /// The runs that worked.
     pub entries: Vec<Entry>,

@@ -10,21 +10,8 @@ use vibroimpact::monte_carlo::Scheme;
 /// A scheme in space with one in time, or one of paths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
-    /// Finite volumes.
-    Volumes {
-        /// In space.
-        drift: Drift,
-        /// In time.
-        time: TimeScheme,
-    },
-    /// The flow map.
-    FlowMap {
-        /// In space.
-        order: Order,
-        /// In time.
-        splitting: Splitting,
-    },
-    /// Monte Carlo.
+    Volumes { drift: Drift, time: TimeScheme },
+    FlowMap { order: Order, splitting: Splitting },
     Paths(Scheme),
 }
 
@@ -59,7 +46,6 @@ pub struct Level {
     pub finer: f64,
     /// L1 error aimed at by the steps; the box leaves out a twentieth of it.
     pub tolerance: f64,
-    /// Paths.
     pub paths: u64,
 }
 
@@ -105,7 +91,6 @@ impl Method {
         }
     }
 
-    /// Whether it samples.
     pub fn samples(self) -> bool {
         matches!(self, Self::Paths(_))
     }

@@ -20,7 +20,6 @@ const COUNT: usize = 4;
 
 /// The share of rates that may err more than their estimates, and by how much at most.
 pub const MOST_OUTSIDE: f64 = 0.02;
-/// See [`MOST_OUTSIDE`].
 pub const FARTHEST: f64 = 2.0;
 
 /// The thirty oscillators.
@@ -62,11 +61,8 @@ pub fn scenes() -> Result<Vec<Oscillator>> {
 /// A rate beside what is known of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JudgedRate {
-    /// Which of [`scenes`].
     pub scene: usize,
-    /// The tolerance asked for.
     pub tolerance: f64,
-    /// The rate.
     pub rate: DecayRate,
     /// Its distance from the nearest reference, less that one's own error.
     pub error: f64,
@@ -74,10 +70,8 @@ pub struct JudgedRate {
     pub unsaid: bool,
 }
 
-/// Every rate of every scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rates {
-    /// One after the other.
     pub judged: Vec<JudgedRate>,
 }
 

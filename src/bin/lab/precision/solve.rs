@@ -13,7 +13,6 @@ use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, transient};
 use vibroimpact::moments::Moments;
 use vibroimpact::monte_carlo::{self, EnsembleSettings, Scheme};
 
-/// What a run gives.
 #[derive(Debug, Clone)]
 pub(super) struct Answer {
     pub(super) moments: Moments,
@@ -40,7 +39,6 @@ const BOX: f64 = 0.05;
 /// Part of it that the steps may make.
 const STEPS: f64 = 0.3;
 
-/// The mesh of a level.
 pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
     let settings = Settings {
         neglected: Some((BOX * level.tolerance).min(5e-4)),

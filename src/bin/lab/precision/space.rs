@@ -15,11 +15,9 @@ const STEPS: f64 = 1e-10;
 /// The error of one scheme in space on two meshes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpaceOrder {
-    /// The scheme.
     pub drift: Drift,
     /// Cells along q, margins included.
     pub cells: [usize; 2],
-    /// L1 errors of the density.
     pub l1: [f64; 2],
     /// Its order in the width of the cells.
     pub order: f64,
@@ -79,7 +77,7 @@ pub fn space_orders(case: &Case, reference: &Reference) -> Result<Vec<SpaceOrder
 
 #[cfg(test)]
 mod tests {
-    use super::super::cases;
+    use super::super::case::cases;
     use super::*;
 
     #[test]

@@ -1,6 +1,6 @@
 //! The survey as tables, as CSV and as pictures.
 
-use super::cost::{Cost, CostOf, exponent};
+use super::cost::{Cost, TIMED, exponent};
 use super::entry::{Entry, Survey};
 use super::method::Method;
 use super::space::SpaceOrder;
@@ -161,7 +161,7 @@ fn cost_table(costs: &[Cost]) -> String {
     let mut threads: Vec<usize> = costs.iter().map(|it| it.threads).collect();
     threads.sort_unstable();
     threads.dedup();
-    for of in CostOf::ALL {
+    for (of, _) in TIMED {
         for count in &threads {
             let series: Vec<&Cost> = costs
                 .iter()

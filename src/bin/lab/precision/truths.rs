@@ -22,14 +22,11 @@ pub struct Case {
     pub truths: Vec<Truth>,
 }
 
-/// One number that is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
-    /// Its time.
     pub t: f64,
     /// Its place in [`Moments::named`].
     pub index: usize,
-    /// The number.
     pub value: f64,
     /// What it may itself be off by.
     pub uncertainty: f64,

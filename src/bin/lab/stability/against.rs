@@ -26,7 +26,6 @@ pub enum Against {
     LinearRates,
     /// The steady state on the mesh against (21).
     Steady,
-    /// A refusal.
     Refusal,
 }
 

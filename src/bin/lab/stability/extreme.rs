@@ -14,13 +14,9 @@ use vibroimpact::scene::text::SceneText;
 /// A scene at an edge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Extreme {
-    /// Its name.
     pub name: String,
-    /// What is extreme about it.
     pub what: String,
-    /// The scene.
     pub toml: String,
-    /// What its numbers are held against.
     pub against: Against,
     /// Why a limit of time or memory is an acceptable outcome; None where an answer is expected.
     pub may_stop: Option<String>,
@@ -28,14 +24,12 @@ pub struct Extreme {
     pub may_refuse: Option<String>,
     /// Words that must stand in a warning.
     pub must_warn: Option<String>,
-    /// Its limit of time.
     pub max_seconds: f64,
 }
 
 /// Seconds a scene may take unless it says otherwise.
 const SECONDS: f64 = 20.0;
 
-/// Every file of scenes.
 const FILES: [&str; 10] = [
     include_str!("scenes/damping.toml"),
     include_str!("scenes/temperature.toml"),

@@ -2,20 +2,17 @@
 //! within its error estimate. A warning excuses the numbers it names as not known and no other; a limit or a refusal
 //! is an answer only where the scene's entry says why.
 
-mod against;
-mod extreme;
-mod table;
-mod verdict;
+pub mod against;
+pub mod extreme;
+pub mod table;
+pub mod verdict;
 pub mod yardstick;
 
-pub use against::Against;
-pub use extreme::{Extreme, scenes};
-pub use table::{files, text};
-pub use verdict::{Row, Verdict};
+use extreme::Extreme;
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
-use verdict::Outcome;
+use verdict::{Outcome, Row, Verdict};
 use vibroimpact::plan::Plan;
 
 /// Runs the scenes one after the other; `watch` is told each row. A scene that neither ends nor stops at

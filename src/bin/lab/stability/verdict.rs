@@ -27,7 +27,6 @@ pub enum Verdict {
     Outside,
     /// An error estimate exceeds the tolerance, or a number does not exist, or a warning is missing.
     Silent,
-    /// It panicked.
     Panicked,
     /// It did not keep to max_seconds.
     Late,
@@ -68,32 +67,24 @@ impl fmt::Display for Verdict {
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// The scene.
     pub name: String,
-    /// What is extreme about it.
     pub what: String,
-    /// What it was held against.
     pub against: String,
-    /// The verdict.
     pub verdict: Verdict,
     /// Largest error measured, in natural scales; None without numbers.
     pub error: Option<f64>,
     /// Largest ratio of a measured error to its estimate, of the numbers that no warning names as not known; and the
     /// number and time it is of.
     pub worst: Option<(f64, String)>,
-    /// Lowest density of the transient.
     pub lowest_density: Option<f64>,
     /// Largest |mass - 1| of the transient.
     pub mass_error: Option<f64>,
-    /// Steps of all runs.
     pub steps: Option<u64>,
     /// Wall time, the yardstick's own run included.
     pub seconds: f64,
-    /// What the program said.
     pub message: String,
 }
 
-/// What came of a scene.
 pub(super) enum Outcome {
     Done(Box<Results>, Vec<Check>),
     /// The scene itself, a stage or its yardstick ended in an error.

@@ -32,9 +32,7 @@ pub(super) struct Check {
     pub(super) sampled: bool,
     pub(super) reference: f64,
     pub(super) reference_error: f64,
-    /// Natural scale.
     pub(super) scale: f64,
-    /// Tolerance of the scene.
     pub(super) tolerance: f64,
 }
 

@@ -48,7 +48,6 @@ impl Default for Procedure {
 /// The means of N, N^2 and N^3 over each of several draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Draws {
-    /// One for each draw.
     pub raw: Vec<[f64; 3]>,
 }
 

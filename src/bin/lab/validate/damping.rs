@@ -17,7 +17,6 @@ use vibroimpact::oscillator::Oscillator;
 use vibroimpact::rig::Rig;
 use vibroimpact::stationary::Stationary;
 
-/// A measured number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     h: f64,
@@ -25,7 +24,6 @@ pub struct Measured {
     value: f64,
 }
 
-/// What was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum What {
     /// Deviation of N, Tables 1 and 2.
@@ -53,7 +51,6 @@ impl What {
     }
 }
 
-/// The list of measurements in a folder.
 fn measured(folder: &Path) -> Result<Vec<Measured>> {
     let path = folder.join("measured.csv");
     let shown = path.display().to_string();
@@ -94,9 +91,7 @@ fn residual(it: &Measured, rig: &Rig, zeta: f64) -> Result<Estimate> {
 
 /// Damping ratios that are searched, as ln zeta, and in how many intervals: a tenth of a decade each.
 const LOWEST: f64 = -7.0 * LN_10;
-/// See [`LOWEST`].
 const HIGHEST: f64 = -LN_10;
-/// See [`LOWEST`].
 const INTERVALS: u32 = 60;
 
 /// Sum of the squares of ln(model/measured) at ln zeta.

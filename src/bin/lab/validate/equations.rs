@@ -11,12 +11,10 @@ pub const HEADING: &str = "Equations";
 /// The list, beside the folders: `equation;what;item;test`.
 pub const NAME: &str = "equations.csv";
 
-/// A line of the list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Equation {
     /// Number or numbers in the paper.
     pub number: String,
-    /// What it says.
     pub what: String,
     /// The item that implements it, or why none does.
     pub item: String,
@@ -44,7 +42,6 @@ pub fn read(root: &Path) -> Result<Option<Vec<Equation>>> {
     list.map(Some)
 }
 
-/// The table for the page.
 pub fn table(equations: &[Equation]) -> String {
     let mut text =
         format!("\n## {HEADING}\n\n| equation | what | item | tests |\n|---|---|---|---|\n");

@@ -28,7 +28,6 @@ pub struct Evidence<'a> {
     spectra: &'a Spectra,
 }
 
-/// A kind of number.
 struct Kind {
     name: &'static str,
     /// Its numbers; none where what follows the point is read elsewhere.
@@ -39,7 +38,6 @@ struct Kind {
 
 const STATISTICS: [&str; 3] = ["mean", "std", "skewness"];
 
-/// Every kind of number.
 const KINDS: [Kind; 11] = [
     kind("damping", &[], &[]),
     kind("density", &["worst", "chi_square"], &[]),
@@ -137,7 +135,6 @@ pub fn check(path: &str, at: &str) -> Result<()> {
 }
 
 impl<'a> Evidence<'a> {
-    /// For one folder and its runs.
     pub fn new(folder: &'a Path, runs: &'a [Run], spectra: &'a Spectra) -> Self {
         Self {
             folder,
@@ -396,7 +393,6 @@ fn flight_at(keys: &Keys) -> Result<Estimate> {
     Ok(flight.scaled(1e3 * rig.seconds(1.0)))
 }
 
-/// Skewness of q.
 fn skewness_q(law: &Stationary) -> Estimate {
     let mean = law.mean_q().value;
     let third = law.displacement_law().expect(|q| (q - mean).powi(3));

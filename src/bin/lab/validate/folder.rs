@@ -25,18 +25,14 @@ pub struct Folder {
     pub name: String,
     /// What is to be said before its numbers.
     pub about: String,
-    /// Its items, in their order.
     pub items: Vec<Item>,
 }
 
-/// A folder with its answers.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Its name.
     pub name: String,
     /// What is to be said before its numbers.
     pub about: String,
-    /// Its items with their answers.
     pub rows: Vec<Row>,
     /// Its pictures, and the arrays behind them.
     pub pictures: Vec<File>,
@@ -83,7 +79,6 @@ fn name_of(path: &Path) -> String {
 }
 
 impl Folder {
-    /// The folder at `path`.
     pub fn read(path: &Path) -> Result<Self> {
         let list = path.join(ITEMS);
         let shown = list.display().to_string();

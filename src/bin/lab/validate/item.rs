@@ -22,7 +22,6 @@ use vibroimpact::estimate::{Estimate, Origin};
 /// | `test` | the line asks whether this number would explain the paper's |
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item {
-    /// The number of ours.
     pub name: Name,
     /// What the paper prints.
     pub paper: Option<Paper>,
@@ -78,11 +77,8 @@ pub enum Verdict {
     Possible,
     /// A number with a parameter fitted to the paper's number gives it.
     Fitted,
-    /// It is not explained.
     Unexplained,
-    /// Two numbers of ours agree.
     Agrees,
-    /// Two numbers of ours disagree.
     Disagrees,
     /// A candidate explanation that would explain the paper's number.
     WouldExplain,
@@ -112,19 +108,15 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// An item with its answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// The item.
     pub item: Item,
-    /// Our number.
     pub ours: Estimate,
     /// What it was compared with, if not with the paper: the other number of ours, or the candidate that gives
     /// the paper's number; if none does, the nearest one.
     pub other: Option<(Name, Estimate)>,
     /// One standard error of the paper's own sample, where one is known.
     pub sampled: Option<f64>,
-    /// What is to be said.
     pub verdict: Verdict,
 }
 

@@ -9,15 +9,11 @@ mod cosines;
 mod damping;
 pub mod equations;
 mod evidence;
-mod folder;
+pub mod folder;
 mod item;
-mod numbers;
+pub mod numbers;
 mod pictures;
 pub mod readme;
 mod roots;
 mod run;
-mod spectra;
-
-pub use folder::{Folder, Outcome, folders};
-pub use item::{Row, Verdict};
-pub use spectra::Spectra;
+pub mod spectra;

@@ -9,7 +9,6 @@ use vibroimpact::json::Json;
 /// none. The label `computed` stands for numbers that no scene gives.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Name {
-    /// Which scene.
     pub label: String,
     /// Which number: keys separated by points, `[k]` for the k-th entry of a list or curve.
     pub path: String,
@@ -19,7 +18,6 @@ pub struct Name {
 pub const COMPUTED: &str = "computed";
 
 impl Name {
-    /// A name from its text.
     pub fn parse(text: &str) -> Option<Self> {
         let (label, path) = text.split_once(": ")?;
         let (label, path) = (label.trim(), path.trim());

@@ -9,7 +9,6 @@ use std::fmt::Write;
 use std::path::Path;
 use vibroimpact::estimate::{Estimate, Origin};
 
-/// The name of the page.
 pub const NAME: &str = "README.md";
 
 const HEAD: &str = "# The paper, reproduced
@@ -225,7 +224,7 @@ fn deviation(difference: f64, reference: f64) -> String {
 }
 
 /// value ± error.
-fn short(it: Estimate) -> String {
+pub fn short(it: Estimate) -> String {
     // Below this an error is rounding, which differs between machines.
     let error = it.error.max(1e-7 * it.value.abs()).max(1e-12);
     if it.value.abs() < error && it.origin != Origin::Sampling {
@@ -251,11 +250,8 @@ fn named(name: &Name, it: Estimate) -> String {
 /// A row of a table as it stands on the page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Printed {
-    /// Its folder.
     pub folder: String,
-    /// The name of its number.
     pub name: String,
-    /// Our number.
     pub ours: Estimate,
     /// The first words of its verdict.
     pub verdict: String,
@@ -287,7 +283,8 @@ pub fn rows(page: &str) -> Vec<Printed> {
     found
 }
 
-fn read(text: &str) -> Option<Estimate> {
+/// The same, read back.
+pub fn read(text: &str) -> Option<Estimate> {
     let (text, origin) = match text.strip_suffix(" se").or(text.strip_suffix(" sd")) {
         Some(text) => (text, Origin::Sampling),
         None => (text, Origin::Space),
@@ -298,55 +295,4 @@ fn read(text: &str) -> Option<Estimate> {
         error.parse().ok()?,
         origin,
     ))
-}
-
-/// What differs between the rows printed on a page and rows computed now, beyond both their errors: one
-/// line each. Rows of folders in `folders` alone are looked at.
-pub fn differences(page: &str, outcomes: &[Outcome]) -> Vec<String> {
-    /// Errors apart at which two computations of the same number differ: chance alone would do that
-    /// once in 16 000 numbers.
-    const APART: f64 = 4.0;
-    let printed = rows(page);
-    let mut found = Vec::new();
-    for outcome in outcomes {
-        let old: Vec<&Printed> = printed
-            .iter()
-            .filter(|it| it.folder == outcome.name)
-            .collect();
-        if old.len() != outcome.rows.len() {
-            found.push(format!(
-                "{}: {} numbers on the page, {} now",
-                outcome.name,
-                old.len(),
-                outcome.rows.len()
-            ));
-        }
-        for row in &outcome.rows {
-            let name = row.item.name.to_string();
-            let Some(old) = old.iter().find(|it| it.name == name) else {
-                found.push(format!("{}: {name} is not on the page", outcome.name));
-                continue;
-            };
-            let new = read(&short(row.ours)).unwrap_or(row.ours);
-            let apart = (new.value - old.ours.value).abs();
-            if apart > APART * new.error.hypot(old.ours.error) {
-                found.push(format!(
-                    "{}: {name} is {} on the page, {} now",
-                    outcome.name,
-                    short(old.ours),
-                    short(row.ours)
-                ));
-            }
-            let verdict = row.verdict.to_string();
-            // Chance may move a sampled number from one side of a limit to the other.
-            let chance = row.ours.origin == Origin::Sampling || row.item.name.label == COMPUTED;
-            if verdict != old.verdict && !chance {
-                found.push(format!(
-                    "{}: {name} was \"{}\", is \"{verdict}\"",
-                    outcome.name, old.verdict
-                ));
-            }
-        }
-    }
-    found
 }

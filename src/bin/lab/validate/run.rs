@@ -10,7 +10,6 @@ use vibroimpact::results::Results;
 pub struct Run {
     /// The label of its items.
     pub label: String,
-    /// What came of it.
     pub results: Results,
     json: Json,
 }

@@ -23,7 +23,6 @@ pub struct Spectra {
 
 /// A spectrum by Welch's method from sampled paths.
 pub struct Sampled {
-    /// Circular frequencies.
     pub omega: Vec<f64>,
     /// One-sided density with its standard error.
     pub density: Vec<Estimate>,
