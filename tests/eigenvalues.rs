@@ -5,7 +5,6 @@ mod mesh_modes;
 
 use mesh_modes::slowest;
 use num_complex::Complex;
-use std::fmt::Write;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flux::Drift;

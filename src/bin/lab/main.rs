@@ -1,6 +1,9 @@
 //! The laboratory, a program of its own beside the user's: the paper number by number, error against run time, the stiff
 //! and extreme scenes. It takes everything from the library and the library nothing from it.
 
+// A program exports nothing: `pub` says that another of its files uses it.
+#![allow(unreachable_pub)]
+
 mod precision;
 mod rows;
 mod stability;

@@ -5,7 +5,7 @@ use super::clock::Clock;
 use super::truths::{Case, Truth};
 use std::cmp::Ordering::{Equal, Less};
 use std::fmt::{self, Write};
-use vibroimpact::error::{Error, Result};
+use vibroimpact::error::Error;
 use vibroimpact::moments::Moments;
 use vibroimpact::plan::Plan;
 use vibroimpact::report::File;

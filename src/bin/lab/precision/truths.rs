@@ -2,7 +2,6 @@
 //! validation/precision and built into the program. tests/truths.rs makes them.
 
 use crate::rows::{Row, rows};
-use std::str::FromStr;
 use vibroimpact::error::Result;
 use vibroimpact::moments::Moments;
 use vibroimpact::scene::Scene;

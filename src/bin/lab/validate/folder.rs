@@ -121,26 +121,6 @@ impl Folder {
         Ok(())
     }
 
-    /// Whether it takes a second or less: closed forms and long records, no transient, spectrum or draw.
-    pub fn is_quick(&self) -> bool {
-        let slow = [
-            "transient",
-            "decay_rates",
-            "spectrum",
-            "draws",
-            "records",
-            "restarts",
-            "rest-records",
-        ];
-        let quick = |name: &Name| {
-            !name
-                .path
-                .split(['.', ' '])
-                .any(|key| slow.iter().any(|it| key.split('[').next() == Some(it)))
-        };
-        self.items.iter().flat_map(Item::names).all(quick)
-    }
-
     /// The labels of the scenes its items need, in their order.
     pub fn labels(&self) -> Vec<String> {
         let mut labels: Vec<String> = Vec::new();

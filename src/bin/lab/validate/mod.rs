@@ -10,7 +10,7 @@ mod damping;
 pub mod equations;
 mod evidence;
 pub mod folder;
-mod item;
+pub mod item;
 pub mod numbers;
 mod pictures;
 pub mod readme;

@@ -3,7 +3,7 @@
 use super::equations::HEADING;
 use super::folder::{Outcome, place};
 use super::item::{Paper, Row, Verdict};
-use super::numbers::{COMPUTED, Name};
+use super::numbers::Name;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
