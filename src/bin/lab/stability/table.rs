@@ -5,32 +5,22 @@ use super::verdict::Row;
 use std::fmt::Write;
 use vibroimpact::report::File;
 
-/// A number in two digits, or a dash.
-fn short(it: Option<f64>) -> String {
-    it.map_or("-".into(), |it| format!("{it:.1e}"))
-}
-
-fn steps(it: Option<u64>) -> String {
-    it.map_or("-".into(), |it| it.to_string())
-}
-
-/// One line of the terminal's table.
-fn line(row: &Row) -> String {
-    let (ratio, of) = row
-        .worst
-        .as_ref()
-        .map_or(("-".into(), ""), |(ratio, of)| (format!("{ratio:.1e}"), of));
-    format!(
-        "{:<24} {:<8} {:>8} {:>8} {:>9} {:>8} {:>9} {:>6.1}  {of}",
-        row.name,
-        row.verdict,
+/// Error, error over its estimate, lowest density, mass, steps and seconds as they are shown; a dash for none.
+fn cells(row: &Row) -> [String; 6] {
+    let short = |it: Option<f64>| it.map_or("-".into(), |it| format!("{it:.1e}"));
+    [
         short(row.error),
-        ratio,
+        short(row.worst.as_ref().map(|it| it.0)),
         short(row.lowest_density),
         short(row.mass_error),
-        steps(row.steps),
-        row.seconds,
-    )
+        row.steps.map_or("-".into(), |it| it.to_string()),
+        format!("{:.1}", row.seconds),
+    ]
+}
+
+/// The number whose error is the largest over its estimate.
+fn worst(row: &Row) -> &str {
+    row.worst.as_ref().map_or("", |it| &it.1)
 }
 
 /// The table: a line a scene, its message below it where there is one.
@@ -40,8 +30,14 @@ pub fn text(rows: &[Row]) -> String {
         "scene", "verdict", "error", "/ est.", "lowest p", "mass", "steps", "s", "worst number"
     );
     for row in rows {
-        all += &line(row);
-        all.push('\n');
+        let [error, ratio, lowest, mass, steps, seconds] = cells(row);
+        let _ = writeln!(
+            all,
+            "{:<24} {:<8} {error:>8} {ratio:>8} {lowest:>9} {mass:>8} {steps:>9} {seconds:>6}  {}",
+            row.name,
+            row.verdict,
+            worst(row)
+        );
         if !row.message.is_empty() {
             let _ = writeln!(all, "    {}", row.message.replace('\n', " "));
         }
@@ -84,20 +80,14 @@ fn csv(rows: &[Row]) -> String {
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " "));
     for row in rows {
         let number = |it: Option<f64>| it.map_or(String::new(), |it| format!("{it:e}"));
-        let (ratio, of) = row
-            .worst
-            .as_ref()
-            .map_or((String::new(), ""), |(ratio, of)| {
-                (format!("{ratio:e}"), of)
-            });
         let fields = [
             row.name.clone(),
             quoted(&row.what),
             quoted(&row.against),
             row.verdict.name().to_string(),
             number(row.error),
-            ratio,
-            quoted(of),
+            number(row.worst.as_ref().map(|it| it.0)),
+            quoted(worst(row)),
             number(row.lowest_density),
             number(row.mass_error),
             row.steps.map_or(String::new(), |it| it.to_string()),
@@ -116,23 +106,15 @@ fn markdown(rows: &[Row]) -> String {
          |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in rows {
-        let ratio = row
-            .worst
-            .as_ref()
-            .map_or("-".into(), |(ratio, of)| format!("{ratio:.1e} ({of})"));
+        let [error, mut ratio, lowest, mass, steps, seconds] = cells(row);
+        if row.worst.is_some() {
+            ratio = format!("{ratio} ({})", worst(row));
+        }
         let message = row.message.replace('|', "/").replace('\n', " ");
         let _ = writeln!(
             all,
-            "| {} | {} | {} | {} | {} | {ratio} | {} | {} | {} | {:.1} | {message} |",
-            row.name,
-            row.what,
-            row.against,
-            row.verdict,
-            short(row.error),
-            short(row.lowest_density),
-            short(row.mass_error),
-            steps(row.steps),
-            row.seconds,
+            "| {} | {} | {} | {} | {error} | {ratio} | {lowest} | {mass} | {steps} | {seconds} | {message} |",
+            row.name, row.what, row.against, row.verdict,
         );
     }
     all

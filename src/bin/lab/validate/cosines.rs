@@ -52,7 +52,7 @@ pub struct Draws {
 }
 
 /// Mean, deviation and skewness from the means of N, N^2 and N^3.
-fn statistics([m1, m2, m3]: [f64; 3]) -> [f64; 3] {
+pub fn statistics([m1, m2, m3]: [f64; 3]) -> [f64; 3] {
     let variance = m2 - m1 * m1;
     let third = m3 - 3.0 * m1 * m2 + 2.0 * m1.powi(3);
     [m1, variance.sqrt(), third / variance.powf(1.5)]
