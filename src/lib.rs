@@ -39,10 +39,12 @@
 //! | Signs, units, one- and two-sided | [`conventions`] |
 //! | What an error is, and relative to what | [`estimate`], [`scales`] |
 //! | Tables, files, pictures | [`report`] |
-//! | The paper, number by number | [`validation`] |
-//! | Error against run time, whether error bars are true | [`precision`] |
-//! | Stiff and extreme scenes | [`stability`] |
+//! | The program, from code | [`cli`] |
+//!
+//! The paper number by number, error against run time and the stiff and extreme scenes are a program of their own:
+//! `cargo run --release --bin lab -- --help`.
 
+pub mod cli;
 pub mod contact;
 pub mod conventions;
 pub mod error;
@@ -55,7 +57,6 @@ pub mod moments;
 pub mod monte_carlo;
 pub mod oscillator;
 pub mod plan;
-pub mod precision;
 pub mod quadrature;
 pub mod report;
 pub mod results;
@@ -64,9 +65,7 @@ pub mod scales;
 pub mod scene;
 pub mod sparse;
 pub mod spectrum;
-pub mod stability;
 pub mod stationary;
-pub mod validation;
 
 pub use error::{Error, Result};
 

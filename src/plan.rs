@@ -904,17 +904,18 @@ mod tests {
     #[test]
     fn every_built_in_transient_has_its_recipe() {
         use crate::fokker_planck::transient::FirstGrid::{self, Mesh, Moving, MovingForGood};
+        const MAP: &str = "flow map, order 8";
         let recipes: [(&str, &str, FirstGrid, [usize; 2], u64); 12] = [
-            ("default", "flow map, order 8", Moving, [151, 94], 965),
-            ("h-3e-6", "flow map, order 8", Moving, [91, 92], 45),
-            ("h-8e-5", "flow map, order 8", Moving, [92, 92], 45),
-            ("h-5e-4", "flow map, order 8", Moving, [110, 94], 45),
-            ("h-1.2e-3", "flow map, order 8", Mesh, [425, 296], 80),
-            ("h-2e-3", "flow map, order 8", Moving, [158, 96], 45),
-            ("h-3.2e-3", "flow map, order 8", Moving, [195, 98], 45),
-            ("bilinear", "flow map, order 8", Moving, [155, 92], 45),
-            ("displaced", "flow map, order 8", Mesh, [405, 246], 160),
-            ("dropped", "flow map, order 8", Moving, [151, 94], 52),
+            ("default", MAP, Moving, [151, 94], 965),
+            ("paper-level 3e-6 0.01", MAP, Moving, [91, 92], 45),
+            ("paper-level 8e-5 0.05", MAP, Moving, [92, 92], 45),
+            ("paper-level 5e-4 0.15", MAP, Moving, [110, 94], 45),
+            ("paper-level 1.2e-3 0.25", MAP, Mesh, [425, 296], 80),
+            ("paper-level 2e-3 0.3", MAP, Moving, [158, 96], 45),
+            ("paper-level 3.2e-3 0.4", MAP, Moving, [195, 98], 45),
+            ("bilinear", MAP, Moving, [155, 92], 45),
+            ("displaced", MAP, Mesh, [405, 246], 160),
+            ("dropped", MAP, Moving, [151, 94], 52),
             (
                 "overdamped",
                 "finite volumes, order 8, imex",
@@ -922,10 +923,18 @@ mod tests {
                 [161, 102],
                 128,
             ),
-            ("free-fall", "flow map, order 8", MovingForGood, [40, 40], 5),
+            ("free-fall", MAP, MovingForGood, [40, 40], 5),
         ];
         for (name, method, grid, cells, steps) in recipes {
-            let text = SceneText::parse(name, built_in(name).unwrap(), &[]).unwrap();
+            let words: Vec<&str> = name.split(' ').collect();
+            let set = match words[1..] {
+                [h, s] => vec![
+                    format!("oscillator.h={h}"),
+                    format!("initial.deviation=[{s}, {s}]"),
+                ],
+                _ => vec![],
+            };
+            let text = SceneText::parse(name, built_in(words[0]).unwrap(), &set).unwrap();
             let recipe = Plan::of(text.scene()).unwrap().recipes.transient.unwrap();
             let found = (
                 recipe.name(),

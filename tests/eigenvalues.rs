@@ -5,7 +5,6 @@ mod mesh_modes;
 
 use mesh_modes::slowest;
 use num_complex::Complex;
-use std::fmt::Write;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flux::Drift;
@@ -14,7 +13,6 @@ use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::{DecayRate, DecayRates, Settings, decay_rates};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
-use vibroimpact::precision::rates::{Rates, scenes};
 
 fn solve(contact: &ContactLaw, zeta: f64, h: f64, count: usize, tolerance: f64) -> DecayRates {
     let oscillator = Oscillator::new(contact.clone(), zeta, h).unwrap();
@@ -41,49 +39,6 @@ fn show(name: &str, it: &DecayRates) {
 /// h of a temperature.
 fn level(zeta: f64, temperature: f64) -> f64 {
     2.0 * zeta * temperature / std::f64::consts::PI
-}
-
-#[test]
-fn every_estimate_holds_over_thirty_scenes() {
-    let all = Rates::calibrate().unwrap();
-    for it in &all.judged {
-        println!(
-            "{} {:e}: {:?}, error {:.1e}",
-            it.scene, it.tolerance, it.rate, it.error
-        );
-    }
-    println!("{all}");
-    assert!(
-        all.judged.len() > 200 && all.missed().is_empty(),
-        "{:?}",
-        all.missed()
-    );
-}
-
-#[test]
-#[ignore = "writes the references: minutes"]
-fn write_references() {
-    let mut text = String::from("scene,re,im,error\n");
-    for (scene, it) in scenes().unwrap().iter().enumerate() {
-        for (re, im, error) in reference(it) {
-            writeln!(text, "{scene},{re:.14e},{im:.14e},{error:.1e}").unwrap();
-        }
-    }
-    std::fs::write("validation/precision/decay_rates.csv", text).unwrap();
-}
-
-fn reference(oscillator: &Oscillator) -> Vec<(f64, f64, f64)> {
-    if *oscillator.contact() == ContactLaw::Linear {
-        let exact = linear(oscillator.zeta(), 12).into_iter().take(12);
-        return exact.map(|(re, im)| (re, im, 0.0)).collect();
-    }
-    let settings = Settings {
-        cells: Some([144, 150]),
-        tolerance: 1e-7,
-        ..Settings::default()
-    };
-    let it = decay_rates(oscillator, 6, &settings).unwrap();
-    it.rates.iter().map(|r| (r.re, r.im, r.error)).collect()
 }
 
 /// -zeta (m + n) + i sqrt(1 - zeta^2) (m - n), the slowest first, each pair once.

@@ -151,7 +151,7 @@ fn finite_volumes_take_over_from_the_same_packet() {
         for (a, b) in map.moments.iter().zip(&volumes.moments) {
             let (ratio, number) = worst(a, b);
             println!("{start:?}: {ratio:.2} of the bars, in {number}");
-            // Bars hold for all but one number in a hundred (tests/calibration.rs): E[N] at t = 10 from q = -3
+            // Bars hold for all but one number in a hundred (tests/lab/calibration.rs): E[N] at t = 10 from q = -3
             // differs by as much as they say, a little more or less.
             assert!(ratio < 1.1, "{number}: {a:?} {b:?}");
         }

@@ -24,7 +24,11 @@ fn room(name: &str) -> PathBuf {
 }
 
 fn program(room: &Path) -> Command {
-    let mut it = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+    command(room, env!("CARGO_BIN_EXE_vibroimpact"))
+}
+
+fn command(room: &Path, program: &str) -> Command {
+    let mut it = Command::new(program);
     it.current_dir(room)
         .env("LC_ALL", "C.UTF-8")
         .env("NO_COLOR", "1");
@@ -45,8 +49,17 @@ fn err(it: &Output) -> String {
 
 /// Checks the exit status, that nobody panicked, and returns both outputs.
 fn expect(status: i32, room: &Path, arguments: &[&str]) -> (String, String) {
-    let it = call(room, arguments);
-    let (out, err) = (out(&it), err(&it));
+    check(status, &call(room, arguments), arguments)
+}
+
+/// The same of the laboratory.
+fn expect_lab(status: i32, room: &Path, arguments: &[&str]) -> (String, String) {
+    let mut it = command(room, env!("CARGO_BIN_EXE_lab"));
+    check(status, &it.args(arguments).output().unwrap(), arguments)
+}
+
+fn check(status: i32, it: &Output, arguments: &[&str]) -> (String, String) {
+    let (out, err) = (out(it), err(it));
     assert_eq!(
         it.status.code(),
         Some(status),
@@ -486,14 +499,7 @@ fn every_built_in_scene_runs_when_its_size_is_cut() {
 fn commands_and_arguments_that_do_not_exist_are_refused_with_status_2() {
     let room = room("commands");
     for (arguments, word) in [
-        (&["validate"][..], "a folder of folders with a paper.csv"),
-        (
-            &["validate", "table-4", "--out", "x"],
-            "a folder with a paper.csv",
-        ),
-        (&["precision", "--speed"], "--speed"),
-        (&["stability", "a.toml"], "a.toml"),
-        (&["rnu"], "rnu"),
+        (&["rnu"][..], "rnu"),
         (&["run", "--threads", "0"], "0"),
         (&["run", "--threads", "x"], "x"),
         (&["run", "--speed"], "--speed"),
@@ -510,7 +516,50 @@ fn commands_and_arguments_that_do_not_exist_are_refused_with_status_2() {
     fs::write(room.join("latin.toml"), b"title = \"\xe9\"").unwrap();
     let (_, err) = expect(2, &room, &["run", "latin.toml"]);
     assert!(err.contains("not UTF-8: byte 9"), "{err}");
+    for (arguments, word) in [
+        (&["validate"][..], "a folder of folders with a paper.csv"),
+        (
+            &["validate", "table-4", "--out", "x"],
+            "a folder with a paper.csv",
+        ),
+        (&["precision", "--speed"], "--speed"),
+        (&["stability", "a.toml"], "a.toml"),
+        (&["run"], "run"),
+    ] {
+        let (_, err) = expect_lab(2, &room, arguments);
+        assert!(err.contains(word), "{arguments:?}: {err}");
+    }
     assert!(!room.join("results").exists());
+}
+
+#[test]
+fn the_commands_of_the_laboratory_are_named_where_they_were_in_one_line() {
+    let room = room("moved");
+    for name in ["validate", "precision", "stability"] {
+        let (out, err) = expect(2, &room, &[name, "--out", "here"]);
+        assert!(
+            out.is_empty() && err.lines().count() == 1 && err.contains(&format!("lab -- {name}")),
+            "{err}"
+        );
+    }
+}
+
+#[test]
+fn the_laboratory_writes_its_tables_and_replaces_them_if_forced() {
+    let room = room("surveys");
+    let only = "time-zero,loss-1e-300-records";
+    let arguments = ["stability", "--only", only, "--out", "here", "--force"];
+    let (table, _) = expect_lab(0, &room, &arguments[..5]);
+    assert!(
+        table.contains("time-zero") && table.contains("within"),
+        "{table}"
+    );
+    // A folder that exists is refused.
+    expect_lab(2, &room, &arguments[..5]);
+    expect_lab(0, &room, &arguments);
+    let csv = fs::read_to_string(room.join("here/stability.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 4, "{csv}");
+    assert!(room.join("here/time-zero.toml").is_file());
 }
 
 #[test]
@@ -1123,22 +1172,22 @@ fn validate_writes_over_no_page_but_its_own_and_takes_folders_that_lie_together(
     folder("b/table");
     folder("b/other");
     fs::write(room.join("a/README.md"), "# Mine\n").unwrap();
-    let (_, message) = expect(2, &room, &["validate", "a/table"]);
+    let (_, message) = expect_lab(2, &room, &["validate", "a/table"]);
     assert!(
         message.contains("README.md") && message.contains("--force"),
         "{message}"
     );
     let mine = fs::read_to_string(room.join("a/README.md")).unwrap();
     assert_eq!(mine, "# Mine\n");
-    let (_, message) = expect(2, &room, &["validate", "b/table", "a/table"]);
+    let (_, message) = expect_lab(2, &room, &["validate", "b/table", "a/table"]);
     assert!(message.contains("side by side"), "{message}");
-    let (_, message) = expect(2, &room, &["validate", "b/table", "b/table"]);
+    let (_, message) = expect_lab(2, &room, &["validate", "b/table", "b/table"]);
     assert!(message.contains("each folder once"), "{message}");
-    expect(0, &room, &["validate", "b/table", "b/other", "-q"]);
+    expect_lab(0, &room, &["validate", "b/table", "b/other", "-q"]);
     let page = fs::read_to_string(room.join("b/README.md")).unwrap();
     assert!(page.contains("## table") && page.contains("## other"));
     // Its own page is written again, with what the other folders left in it.
-    expect(0, &room, &["validate", "b/table", "-q"]);
+    expect_lab(0, &room, &["validate", "b/table", "-q"]);
     let again = fs::read_to_string(room.join("b/README.md")).unwrap();
     assert!(again.contains("## table") && again.contains("## other"));
 }

@@ -415,7 +415,7 @@ fn moments_of(law: &Gaussian, contact: &ContactLaw) -> Moments {
 const KNOWN: f64 = 1e-3;
 
 const ABOUT: &str = "\
-# Truths of the calibration: vibroimpact precision --calibrate judges error bars by them.
+# Truths of the calibration: cargo run --release --bin lab -- precision --calibrate judges error bars by them.
 # Made by: cargo test --release --test truths write_truths -- --ignored --nocapture
 # scene: a line of scenes.csv. method: \"gaussian\" and \"stationary\" are closed forms; \"hermite ExP N\" is
 # E spectral elements of degree P in q times N Hermite functions in v (tests/hermite), \"moving N\" N by N

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use std::time::Instant;
 
 /// Every timing of a machine that a decision or a forecast hangs on, in seconds of one core (measured:
-/// benches/time.rs, `vibroimpact precision`). Forecasts are within a factor of about three.
+/// benches/time.rs, `lab precision`). Forecasts are within a factor of about three.
 pub(super) mod timing {
     /// A stage of the explicit scheme, a cell, order 8.
     pub(crate) const STAGE: f64 = 8e-9;

@@ -342,7 +342,10 @@ fn density(name: String, snapshot: &Snapshot) -> Result<File> {
 }
 
 /// Axes and tables by name, as numpy.load reads them.
-pub(crate) fn tables(
+///
+/// # Errors
+/// [`Error::Io`] for an archive that cannot be made.
+pub fn tables(
     name: &str,
     axes: &[(&str, Vec<f64>)],
     tables: &[(String, Array2<f64>)],

@@ -10,7 +10,8 @@ pub struct File {
 }
 
 impl File {
-    pub(crate) fn text(name: impl Into<String>, text: impl Into<Vec<u8>>) -> Self {
+    /// A file of text.
+    pub fn text(name: impl Into<String>, text: impl Into<Vec<u8>>) -> Self {
         Self {
             name: name.into(),
             bytes: text.into(),

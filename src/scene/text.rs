@@ -20,12 +20,7 @@ use toml::de::{DeTable, DeValue};
 /// `vibroimpact` alone runs.
 pub const BUILT_IN: &[(&str, &str)] = &[
     ("default", include_str!("../scenes/default.toml")),
-    ("h-3e-6", include_str!("../scenes/h-3e-6.toml")),
-    ("h-8e-5", include_str!("../scenes/h-8e-5.toml")),
-    ("h-5e-4", include_str!("../scenes/h-5e-4.toml")),
-    ("h-1.2e-3", include_str!("../scenes/h-1.2e-3.toml")),
-    ("h-2e-3", include_str!("../scenes/h-2e-3.toml")),
-    ("h-3.2e-3", include_str!("../scenes/h-3.2e-3.toml")),
+    ("paper-level", include_str!("../scenes/paper-level.toml")),
     ("bilinear", include_str!("../scenes/bilinear.toml")),
     ("displaced", include_str!("../scenes/displaced.toml")),
     ("dropped", include_str!("../scenes/dropped.toml")),

@@ -1,0 +1,550 @@
+//! Are the error bars true? Scenes of every kind at several tolerances, every number held against what it
+//! is known to be.
+
+use super::clock::Clock;
+use super::truths::{Case, Truth};
+use std::cmp::Ordering::{Equal, Less};
+use std::fmt::{self, Write};
+use vibroimpact::error::Error;
+use vibroimpact::moments::Moments;
+use vibroimpact::plan::Plan;
+use vibroimpact::report::File;
+use vibroimpact::results::Results;
+use vibroimpact::scales::Scales;
+
+/// Tolerances of the table.
+pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+
+/// A truth judges bars of a tolerance if it is ten times as good.
+const TEN: f64 = 10.0;
+
+/// What a truth may be off by, over its stated uncertainty: that is the difference of two resolutions, and
+/// of starts that both hold badly it is too small (probabilities of -2.1e-4 ± 0.9e-4 and -4.1e-4 ± 3e-4
+/// that are 0).
+const DOUBT: f64 = 3.0;
+
+/// Seconds after which a run is stopped; it then counts as one that says it did not reach the tolerance.
+pub const MAX_SECONDS: f64 = 20.0;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Goals {
+    /// Largest share of numbers whose error is above its estimate.
+    pub too_small: f64,
+    /// Most numbers with an error estimate above the tolerance in runs that say it is met.
+    pub unsaid: usize,
+    /// Largest median of error estimate over error.
+    pub median: f64,
+}
+
+/// The goals: `lab precision --calibrate` ends with status 1 where one is missed.
+pub const GOALS: Goals = Goals {
+    too_small: 0.02,
+    unsaid: 0,
+    median: 20.0,
+};
+
+/// Factor within which a plan should foresee the time of a run.
+pub const FORESEEN: f64 = 3.0;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum End {
+    /// The tolerance is met, as far as the run knows: exit status 0.
+    Met,
+    /// There are numbers, and it is said that they are short of the tolerance: exit status 3.
+    Short,
+    /// A limit was reached: exit status 3 without numbers.
+    Stopped,
+    Refused(String),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    pub scene: usize,
+    pub tolerance: f64,
+    pub end: End,
+    pub seconds: f64,
+    /// Seconds by the clock on the wall, and those of its plan.
+    pub elapsed: f64,
+    pub planned: f64,
+    /// Every number that has a truth.
+    pub numbers: Vec<Judged>,
+}
+
+/// A number beside its truth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    pub truth: Truth,
+    pub value: f64,
+    pub bar: f64,
+    pub scale: f64,
+}
+
+impl Judged {
+    pub fn error(&self) -> f64 {
+        (self.value - self.truth.value).abs()
+    }
+
+    /// What its truth may be off by.
+    pub fn doubt(&self) -> f64 {
+        DOUBT * self.truth.uncertainty
+    }
+
+    /// Whether its truth is good enough to judge bars of this tolerance.
+    pub fn counts(&self, tolerance: f64) -> bool {
+        TEN * self.doubt() <= tolerance * self.scale
+    }
+
+    /// Whether the error is above the bar, whatever the truth may be off by.
+    pub fn too_small(&self) -> bool {
+        !within(self.error(), self.bar + self.doubt())
+    }
+
+    /// Whether the bar is above the tolerance.
+    pub fn beyond(&self, tolerance: f64) -> bool {
+        // A bar of the tolerance itself is within it, last digit or not.
+        !within(self.bar, (1.0 + 1e-9) * tolerance * self.scale)
+    }
+
+    /// Whether the error is above the bar, the reference solution taken for exact.
+    pub fn too_small_bare(&self) -> bool {
+        !within(self.error(), self.bar)
+    }
+
+    /// Bar over true error, where the truth can tell the error.
+    pub fn ratio(&self) -> Option<f64> {
+        (self.error() > self.doubt()).then(|| self.bar / self.error())
+    }
+
+    pub fn name(&self) -> &'static str {
+        Moments::default().named()[self.truth.index].0
+    }
+}
+
+/// The three judgements of a tolerance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verdict {
+    pub tolerance: f64,
+    /// Scenes with numbers, and of them those that say they are short of the tolerance.
+    pub answered: usize,
+    pub short: usize,
+    pub stopped: usize,
+    pub refused: usize,
+    pub numbers: usize,
+    /// Numbers whose truth is not good enough for this tolerance.
+    pub left_out: usize,
+    /// Numbers whose true error is above the bar.
+    pub too_small: usize,
+    /// The same, the reference solutions taken for exact.
+    pub too_small_bare: usize,
+    /// Numbers whose bar is above the tolerance while the run says that it is met.
+    pub unsaid: usize,
+    /// Median of bar over true error; 0 without any.
+    pub median: f64,
+    /// Answered scenes whose time is within a factor of [`FORESEEN`] of their plan's.
+    pub foreseen: usize,
+    pub seconds: f64,
+}
+
+impl Verdict {
+    /// Share of numbers whose true error is above the bar.
+    pub fn share(&self) -> f64 {
+        self.too_small as f64 / self.numbers.max(1) as f64
+    }
+
+    pub fn missed(&self) -> Vec<String> {
+        let at = format!("at {:.0e}", self.tolerance);
+        let mut missed = Vec::new();
+        if self.share() > GOALS.too_small {
+            missed.push(format!(
+                "error above its estimate in {:.2} % {at}",
+                100.0 * self.share()
+            ));
+        }
+        if self.unsaid > GOALS.unsaid {
+            missed.push(format!(
+                "{} estimates above the tolerance unsaid {at}",
+                self.unsaid
+            ));
+        }
+        if self.median > GOALS.median {
+            missed.push(format!(
+                "median of estimate over error {:.1} {at}",
+                self.median
+            ));
+        }
+        missed
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    tolerances: Vec<f64>,
+    /// By scene, then tolerance.
+    pub runs: Vec<Run>,
+}
+
+impl Calibration {
+    /// Runs every case at every tolerance, one after the other, however each ends; `watch` is told each run.
+    pub fn of(cases: &[Case], tolerances: &[f64], watch: &dyn Fn(&Run)) -> Self {
+        let mut runs = Vec::new();
+        for case in cases {
+            for &tolerance in tolerances {
+                let run = Run::of(case, tolerance);
+                watch(&run);
+                runs.push(run);
+            }
+        }
+        Self {
+            tolerances: tolerances.to_vec(),
+            runs,
+        }
+    }
+
+    /// The judgements, one a tolerance.
+    pub fn verdicts(&self) -> Vec<Verdict> {
+        let of = |tolerance: &f64| self.verdict(*tolerance);
+        self.tolerances.iter().map(of).collect()
+    }
+
+    /// The goals that are missed at any tolerance, in words.
+    pub fn missed(&self) -> Vec<String> {
+        self.verdicts().iter().flat_map(Verdict::missed).collect()
+    }
+
+    fn verdict(&self, tolerance: f64) -> Verdict {
+        let runs = || self.runs.iter().filter(|run| run.tolerance == tolerance);
+        let count = |end: fn(&End) -> bool| runs().filter(|run| end(&run.end)).count();
+        let all = || runs().flat_map(|run| run.numbers.iter().map(move |it| (run, it)));
+        let judged = || all().filter(|(_, it)| it.counts(tolerance));
+        let ratios = judged().filter_map(|(_, it)| it.ratio()).collect();
+        Verdict {
+            tolerance,
+            answered: count(|end| matches!(end, End::Met | End::Short)),
+            short: count(|end| *end == End::Short),
+            stopped: count(|end| *end == End::Stopped),
+            refused: count(|end| matches!(end, End::Refused(_))),
+            numbers: judged().count(),
+            left_out: all().count() - judged().count(),
+            too_small: judged().filter(|(_, it)| it.too_small()).count(),
+            too_small_bare: judged().filter(|(_, it)| it.too_small_bare()).count(),
+            unsaid: all()
+                .filter(|(run, it)| run.end == End::Met && it.beyond(tolerance))
+                .count(),
+            median: median(ratios),
+            foreseen: runs().filter(|run| run.is_foreseen()).count(),
+            seconds: runs().map(|run| run.seconds).sum(),
+        }
+    }
+
+    /// Numbers whose bar is too small, worst first: by how much, as error over bar.
+    pub fn wrong(&self) -> Vec<(&Run, &Judged)> {
+        let numbers = self
+            .runs
+            .iter()
+            .flat_map(|run| run.numbers.iter().map(move |it| (run, it)));
+        let mut it: Vec<_> = numbers
+            .filter(|(run, it)| it.counts(run.tolerance) && it.too_small())
+            .collect();
+        let by = |it: &Judged| it.error() / it.bar.max(f64::MIN_POSITIVE);
+        it.sort_by(|a, b| by(b.1).total_cmp(&by(a.1)));
+        it
+    }
+
+    /// Every number with its truth, as a file.
+    pub fn csv(&self) -> File {
+        let mut text = String::from(
+            "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run;\n\
+             # elapsed and planned are by the clock on the wall.\n\
+             scene,tolerance,end,seconds,elapsed,planned,t,name,value,bar,truth,uncertainty,scale\n",
+        );
+        for run in &self.runs {
+            let Run {
+                scene,
+                tolerance,
+                end,
+                seconds,
+                elapsed,
+                planned,
+                ..
+            } = run;
+            let head = format!(
+                "{scene},{tolerance:e},{},{seconds:.4},{elapsed:.4},{planned:.4}",
+                end.name()
+            );
+            if run.numbers.is_empty() {
+                let _ = writeln!(text, "{head},,,,,,,");
+            }
+            for it in &run.numbers {
+                let Truth {
+                    t,
+                    value,
+                    uncertainty,
+                    ..
+                } = it.truth;
+                let _ = writeln!(
+                    text,
+                    "{head},{t},{},{:e},{:e},{value:e},{uncertainty:e},{:e}",
+                    it.name(),
+                    it.value,
+                    it.bar,
+                    it.scale
+                );
+            }
+        }
+        File {
+            name: "calibration.csv".into(),
+            bytes: text.into_bytes(),
+        }
+    }
+}
+
+impl End {
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Met => "met",
+            Self::Short => "short",
+            Self::Stopped => "stopped",
+            Self::Refused(_) => "refused",
+        }
+    }
+}
+
+impl Run {
+    /// Runs a case at a tolerance, everything else left to the program.
+    fn of(case: &Case, tolerance: f64) -> Self {
+        let mut scene = case.scene.clone();
+        scene.accuracy.tolerance = tolerance;
+        scene.accuracy.max_seconds = MAX_SECONDS;
+        let clock = Clock::new();
+        let plan = Plan::of(&scene);
+        let foreseen = |plan: &Plan| plan.stages().iter().map(|it| it.cost.seconds).sum();
+        let planned = plan.as_ref().map_or(0.0, foreseen);
+        let results = plan.and_then(|plan| plan.run_quietly());
+        let (seconds, elapsed) = (clock.seconds(), clock.elapsed());
+        let (end, numbers) = match results {
+            Ok(results) => {
+                let end = if results.falls_short() {
+                    End::Short
+                } else {
+                    End::Met
+                };
+                (end, judge(case, &results))
+            }
+            Err(Error::Limit { .. }) => (End::Stopped, Vec::new()),
+            Err(other) => (End::Refused(other.to_string()), Vec::new()),
+        };
+        Self {
+            scene: case.number,
+            tolerance,
+            end,
+            seconds,
+            elapsed,
+            planned,
+            numbers,
+        }
+    }
+
+    /// Whether it answered in about the time that its plan foresaw.
+    pub fn is_foreseen(&self) -> bool {
+        matches!(self.end, End::Met | End::Short)
+            && self.elapsed <= FORESEEN * self.planned
+            && self.planned <= FORESEEN * self.elapsed
+    }
+}
+
+fn judge(case: &Case, results: &Results) -> Vec<Judged> {
+    let Some(transient) = &results.transient else {
+        return Vec::new();
+    };
+    let scales = Scales::of(&case.scene.oscillator);
+    let mut judged = Vec::new();
+    for truth in &case.truths {
+        let Some(k) = transient.times.iter().position(|t| *t == truth.t) else {
+            continue;
+        };
+        let moments = &transient.moments[k];
+        if let Some(number) = moments.named()[truth.index].1 {
+            judged.push(Judged {
+                truth: *truth,
+                value: number.value,
+                bar: number.error,
+                scale: scales.each(moments)[truth.index],
+            });
+        }
+    }
+    judged
+}
+
+/// a <= b; what is no number is within nothing.
+fn within(a: f64, b: f64) -> bool {
+    matches!(a.partial_cmp(&b), Some(Less | Equal))
+}
+
+fn median(mut of: Vec<f64>) -> f64 {
+    of.sort_by(f64::total_cmp);
+    of.get(of.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The table, and below it the bars that are too small.
+impl fmt::Display for Calibration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "tolerance  scenes  short  stopped  refused  numbers  left out  error > bar      bare  bar > tolerance  \
+             median bar/error  processor s  foreseen"
+        )?;
+        for it in self.verdicts() {
+            writeln!(
+                f,
+                "{:<9.0e}  {:>6}  {:>5}  {:>7}  {:>7}  {:>7}  {:>8}  {:>4} = {:>5.2} %  {:>4}  {:>8} unsaid  {:>16.1}  \
+                 {:>11.1}  {:>8}",
+                it.tolerance,
+                it.answered,
+                it.short,
+                it.stopped,
+                it.refused,
+                it.numbers,
+                it.left_out,
+                it.too_small,
+                100.0 * it.share(),
+                it.too_small_bare,
+                it.unsaid,
+                it.median,
+                it.seconds,
+                it.foreseen
+            )?;
+        }
+        writeln!(
+            f,
+            "error > bar: by more than {DOUBT} times what the reference solution may be off by; bare: by anything\n\
+             goals: error > bar in at most {} %, at most {} bars above the tolerance unsaid (exit status 3 says \
+             it), median at most {}; foreseen: within a factor {FORESEEN} of the time planned",
+            100.0 * GOALS.too_small,
+            GOALS.unsaid,
+            GOALS.median
+        )?;
+        let missed = self.missed();
+        let verdict = if missed.is_empty() {
+            "all goals are met".to_owned()
+        } else {
+            format!("missed: {}", missed.join("; "))
+        };
+        writeln!(f, "{verdict}")?;
+        let wrong = self.wrong();
+        for (run, it) in wrong.iter().take(WORST) {
+            writeln!(
+                f,
+                "  scene {}, tolerance {:.0e}, {} at t = {}: {:.7e} ± {:.1e}, true {:.7e} ± {:.0e}, error/bar \
+                 {:.1}",
+                run.scene,
+                run.tolerance,
+                it.name(),
+                it.truth.t,
+                it.value,
+                it.bar,
+                it.truth.value,
+                it.truth.uncertainty,
+                it.error() / it.bar
+            )?;
+        }
+        if wrong.len() > WORST {
+            writeln!(f, "  and {} more", wrong.len() - WORST)?;
+        }
+        for run in &self.runs {
+            if let End::Refused(why) = &run.end {
+                let tolerance = run.tolerance;
+                writeln!(f, "  scene {}, tolerance {tolerance:.0e}: {why}", run.scene)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Bars too small that are printed.
+const WORST: usize = 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(value: f64, bar: f64, uncertainty: f64) -> Judged {
+        let truth = Truth {
+            t: 1.0,
+            index: 0,
+            value: 0.0,
+            uncertainty,
+        };
+        Judged {
+            truth,
+            value,
+            bar,
+            scale: 2.0,
+        }
+    }
+
+    fn run(end: End, numbers: Vec<Judged>) -> Run {
+        Run {
+            scene: 1,
+            tolerance: 1e-3,
+            end,
+            seconds: 0.5,
+            elapsed: 0.5,
+            planned: 0.2,
+            numbers,
+        }
+    }
+
+    #[test]
+    fn bars_are_judged_by_truths_that_are_ten_times_as_good() {
+        let it = Calibration {
+            tolerances: vec![1e-3],
+            runs: vec![
+                run(
+                    End::Met,
+                    vec![
+                        number(1e-4, 1e-3, 1e-6),
+                        number(2e-4, 1e-4, 1e-6),
+                        // Wrong by less than the truth may be.
+                        number(1.5e-4, 1e-4, 3e-5),
+                        // Not judged, whatever its error.
+                        number(1.0, 1e-4, 1e-3),
+                        // Above the tolerance, and nothing said.
+                        number(1e-3, 3e-3, 1e-6),
+                    ],
+                ),
+                run(End::Short, vec![number(1e-3, 3e-3, 1e-6)]),
+                run(End::Stopped, vec![]),
+            ],
+        };
+        let verdict = it.verdicts()[0];
+        assert_eq!((verdict.numbers, verdict.left_out), (5, 1));
+        assert_eq!((verdict.too_small, verdict.unsaid), (1, 1));
+        assert_eq!(
+            (verdict.answered, verdict.short, verdict.stopped),
+            (2, 1, 1)
+        );
+        assert_eq!((verdict.median, verdict.foreseen), (3.0, 2));
+        // Without the allowance for the reference solution, one more.
+        assert_eq!(verdict.too_small_bare, 2);
+        assert_eq!(it.wrong().len(), 1);
+        let missed = it.missed();
+        println!("{missed:?}");
+        assert_eq!(
+            missed.len(),
+            2,
+            "the share and what is unsaid, not the median"
+        );
+        let met = Calibration {
+            tolerances: vec![1e-3],
+            runs: vec![run(End::Met, vec![number(1e-4, 1e-3, 1e-6)])],
+        };
+        assert!(met.missed().is_empty() && met.to_string().contains("all goals are met"));
+        let wide = Calibration {
+            tolerances: vec![1e-3],
+            runs: vec![run(End::Met, vec![number(1e-5, 1e-3, 1e-8)])],
+        };
+        assert!(wide.missed()[0].contains("median") && wide.to_string().contains("missed: "));
+        let nothing = number(f64::NAN, 1.0, 1e-9);
+        assert!(nothing.too_small() && number(0.0, f64::NAN, 1e-9).beyond(1e-3));
+    }
+}

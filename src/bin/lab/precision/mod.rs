@@ -1,0 +1,16 @@
+//! Error against run time: every scheme on every case, against closed forms or against a finer run of
+//! another method, with set-up included in every time. And error bars against stored truths:
+//! [`calibration`].
+
+pub mod calibration;
+pub mod case;
+mod clock;
+pub mod cost;
+pub mod entry;
+pub mod method;
+pub mod rates;
+mod reference;
+mod solve;
+mod space;
+pub mod table;
+pub mod truths;

@@ -1,0 +1,122 @@
+//! The scenes of the calibration and the truths their error bars are judged by, as stored in
+//! validation/precision and built into the program. tests/truths.rs makes them.
+
+use crate::rows::{Row, rows};
+use vibroimpact::error::Result;
+use vibroimpact::moments::Moments;
+use vibroimpact::scene::Scene;
+use vibroimpact::scene::text::SceneText;
+
+const SCENES: &str = include_str!("../../../../validation/precision/scenes.csv");
+const TRUTHS: &str = include_str!("../../../../validation/precision/truths.csv");
+
+/// A scene that asks for transient moments alone, and what they are.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// Its number in scenes.csv.
+    pub number: usize,
+    /// The scene, with the program's default accuracy.
+    pub scene: Scene,
+    /// What is known, ordered by time, then as [`Moments::named`].
+    pub truths: Vec<Truth>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    pub t: f64,
+    /// Its place in [`Moments::named`].
+    pub index: usize,
+    pub value: f64,
+    /// What it may itself be off by.
+    pub uncertainty: f64,
+}
+
+/// Every stored scene with its truths, by number.
+pub fn cases() -> Result<Vec<Case>> {
+    read(SCENES, TRUTHS)
+}
+
+/// The scenes and truths of two tables in the form of those stored.
+fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
+    let scenes = rows("validation/precision/scenes.csv", scenes, ',');
+    let mut cases: Vec<Case> = scenes.map(|row| case(&row)).collect::<Result<_>>()?;
+    for row in rows("validation/precision/truths.csv", truths, ',') {
+        let number: usize = row.get(0)?;
+        let truth = truth(&row)?;
+        let case = cases.iter_mut().find(|case| case.number == number);
+        let case = case.ok_or_else(|| row.wrong("a scene of scenes.csv"))?;
+        case.truths.push(truth);
+    }
+    Ok(cases)
+}
+
+fn case(row: &Row<'_>) -> Result<Case> {
+    let [_, contact, zeta, h, start, q, v, wide_q, wide_v, times] = row.fields[..] else {
+        return Err(row.wrong("ten fields"));
+    };
+    let number = row.get(0)?;
+    let gaussian = match start {
+        "gaussian" => format!("mean = [{q}, {v}]\ndeviation = [{wide_q}, {wide_v}]\n"),
+        _ => String::new(),
+    };
+    let times = times.replace(' ', ", ");
+    let toml = format!(
+        "title = \"calibration {number}\"\n[oscillator]\ncontact = \"{contact}\"\nzeta = {zeta}\nh = {h}\n\
+         [initial]\nkind = \"{start}\"\n{gaussian}[outputs]\nmoments_at = [{times}]\n"
+    );
+    let text = SceneText::parse("scenes.csv", &toml, &[]);
+    Ok(Case {
+        number,
+        scene: text
+            .map_err(|it| row.wrong(it.to_string()))?
+            .scene()
+            .clone(),
+        truths: Vec::new(),
+    })
+}
+
+fn truth(row: &Row<'_>) -> Result<Truth> {
+    let names = Moments::default().named().map(|(name, _)| name);
+    let index = names
+        .iter()
+        .position(|name| row.fields.get(2) == Some(name));
+    Ok(Truth {
+        t: row.get(1)?,
+        index: index.ok_or_else(|| row.wrong("the name of a moment in field 3"))?,
+        value: row.get(3)?,
+        uncertainty: row.get(4)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_stored_scene_reads_and_every_one_of_its_times_has_truths() {
+        let cases = cases().unwrap();
+        assert!(cases.len() >= 40);
+        for case in &cases {
+            case.scene.check().unwrap();
+            for t in case.scene.outputs.moments_at.list() {
+                let here = case.truths.iter().filter(|it| it.t == t).count();
+                assert!(here >= 6, "scene {}, t = {t}: {here} truths", case.number);
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_that_does_not_read_is_named() {
+        let scenes = "scene,...\n1,hertz,0.1,0.01,rest,,,,,1 2\n";
+        let message = |truths: &str| {
+            let truths = format!("scene,...\n{truths}");
+            read(scenes, &truths).unwrap_err().to_string()
+        };
+        assert!(message("1,1,mean_x,0,0,m").contains("truths.csv line 2"));
+        assert!(message("#\n2,1,mean_q,0,0,m").contains("a scene of scenes.csv"));
+        assert!(message("1,1,mean_q,zero,0,m").contains("field 4"));
+        assert!(read(&scenes.replace("hertz", "steel"), "").is_err());
+        let good = read(scenes, "scene,...\n1,2,var_q,0.5,1e-9,m\n").unwrap();
+        assert_eq!(good[0].truths[0].index, 1);
+    }
+}

@@ -1,0 +1,328 @@
+//! The pictures beside the numbers, with the axes of the paper's figures.
+
+use super::cosines::Procedure;
+use super::run::Run;
+use super::spectra::Spectra;
+use ndarray::Array2;
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::error::Result;
+use vibroimpact::estimate::Estimate;
+use vibroimpact::oscillator::Oscillator;
+use vibroimpact::report::plot::{Chart, Curve, Ink, Stroke, charts};
+use vibroimpact::report::{File, data};
+use vibroimpact::results::centres;
+use vibroimpact::rig::Rig;
+use vibroimpact::stationary::Stationary;
+
+/// The pictures of a folder by its name; none for a name that stands for no figure.
+pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
+    let charts_of = |each: &dyn Fn(&Run) -> Result<Option<Chart>>| -> Result<Vec<Chart>> {
+        let all = runs.iter().map(each);
+        all.filter_map(Result::transpose).collect()
+    };
+    let panels = match folder {
+        "figure-3" | "figure-6" | "figure-8" | "figure-9" => charts_of(&density)?,
+        "figure-4" | "figure-7" => charts_of(&trace)?,
+        "figure-2" | "figure-5" => charts_of(&|run| spectrum(run, known, true))?,
+        "figure-10" | "figure-11" | "figure-12" => charts_of(&|run| spectrum(run, known, false))?,
+        "figure-13" => charts_of(&|run| both_laws(run, known))?,
+        "approach" => charts_of(&|run| Ok(approach(run)))?,
+        _ => Vec::new(),
+    };
+    if panels.is_empty() {
+        return Ok(Vec::new());
+    }
+    let columns = match folder {
+        "figure-4" | "figure-7" => 1,
+        _ => 3,
+    };
+    let mut files = vec![charts(&format!("{folder}.svg"), columns, &panels)?];
+    match folder {
+        "figure-10" | "figure-11" | "figure-12" => files.push(arrays(folder, runs, known, false)?),
+        "figure-13" => files.push(arrays(folder, runs, known, true)?),
+        _ => {}
+    }
+    Ok(files)
+}
+
+/// The spectra of a figure: level by frequency, one-sided, their integral over omega the variance of N.
+fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<File> {
+    let levels: Vec<&Oscillator> = runs
+        .iter()
+        .map(|run| &run.results.scene.oscillator)
+        .collect();
+    let mut axes = vec![("h", levels.iter().map(|it| it.h()).collect())];
+    if let Some(first) = levels.first() {
+        axes.push(("omega", known.of(first)?.omega.clone()));
+        let sampled = known.sampled(first)?;
+        axes.push(("omega_monte_carlo", sampled.omega.clone()));
+    }
+    let laws = [
+        ("hertz", ContactLaw::Hertz),
+        ("bilinear", ContactLaw::Bilinear),
+    ];
+    let mut tables = Vec::new();
+    for (name, law) in laws.into_iter().take(if both { 2 } else { 1 }) {
+        let mut rows: [Vec<Vec<f64>>; 4] = Default::default();
+        for level in &levels {
+            let it = Oscillator::new(law.clone(), level.zeta(), level.h())?;
+            let (solved, sampled) = (known.of(&it)?, known.sampled(&it)?);
+            let pairs = [&solved.density, &sampled.density];
+            for (pair, all) in rows.chunks_exact_mut(2).zip(pairs) {
+                pair[0].push(all.iter().map(|p| p.value).collect());
+                pair[1].push(all.iter().map(|p| p.error).collect());
+            }
+        }
+        let words = ["fokker_planck", "error", "monte_carlo", "standard_error"];
+        for (word, rows) in words.into_iter().zip(rows) {
+            let width = rows.first().map_or(0, Vec::len);
+            let shape = (rows.len(), width);
+            // Every level has the frequencies of the first: they follow from zeta alone.
+            let table = Array2::from_shape_fn(shape, |(k, l)| rows[k][l]);
+            tables.push((format!("{name}_{word}"), table));
+        }
+    }
+    data::tables(&format!("{folder}.npz"), &axes, &tables)
+}
+
+/// p_N over N: closed form, long records as circles, the Dirac mass as a bar of its probability.
+fn density(run: &Run) -> Result<Option<Chart>> {
+    let oscillator = &run.results.scene.oscillator;
+    let law = Stationary::of(oscillator)?;
+    let std = law.std_force().value;
+    // Below flight there is nothing.
+    let low = (-5.0 * std).max(-1.25);
+    let high = 5.0 * std;
+    let points = 600;
+    let even = (0..=points).map(|k| low + (high - low) * f64::from(k) / f64::from(points));
+    // Towards the infinite value at flight (29) an even grid is too coarse.
+    let near = (0..=60).map(|k| -1.0 + 1e-6 * 1e4f64.powf(f64::from(k) / 60.0));
+    let mut abscissae: Vec<f64> = even.chain(near).collect();
+    abscissae.sort_by(f64::total_cmp);
+    let exact = abscissae
+        .into_iter()
+        .map(|n| (n, law.density_force(n)))
+        .collect();
+    let mut curves = vec![Curve::new(
+        "closed form (28)",
+        Ink::Black,
+        Stroke::Line,
+        exact,
+    )];
+    if let Some(records) = &run.results.records {
+        let dots = centres(&records.force).zip(&records.force.density);
+        let dots = dots.map(|(n, p)| (n, p.value)).collect();
+        let words = "Monte Carlo";
+        curves.push(Curve::new(words, Ink::Vermilion, Stroke::Circles, dots));
+    }
+    let top = 1.25 * law.density_force(0.0);
+    let mut title = run.label.clone();
+    if let Some(lost) = law.contact_loss_probability().filter(|it| it.value > 1e-6) {
+        title = format!("{title}, P(N = \u{2212}1) = {:.4}", lost.value);
+        // The bar of the Dirac mass: its probability in units of the axis.
+        let bar = vec![(-1.0, 0.0), (-1.0, lost.value * top)];
+        let words = "Dirac mass (share of the height)";
+        curves.push(Curve::new(words, Ink::Blue, Stroke::Thick, bar));
+    }
+    Ok(Some(Chart {
+        title,
+        x_label: "elastic restoring force, N".into(),
+        y_label: "p(N)".into(),
+        x: (low, high),
+        y: (0.0, top),
+        log: false,
+        curves,
+    }))
+}
+
+/// N over time in seconds, by the paper's procedure.
+fn trace(run: &Run) -> Result<Option<Chart>> {
+    /// 48 periods of 4.3 ms: two tenths of a second.
+    const PERIODS: u32 = 48;
+    let oscillator = &run.results.scene.oscillator;
+    let rig = Rig::new(110.0, 232.0, 7e-6)?;
+    let procedure = Procedure {
+        steps: 50,
+        ..Procedure::default()
+    };
+    let points: Vec<(f64, f64)> = procedure
+        .trace(oscillator, 1, PERIODS)
+        .into_iter()
+        .map(|(t, n)| (rig.seconds(t), n))
+        .collect();
+    let end = points.last().map_or(1.0, |it| it.0);
+    let most = points.iter().map(|it| it.1).fold(1.1f64, f64::max);
+    let least = points.iter().map(|it| it.1).fold(0.0f64, f64::min);
+    let small = most.max(-least) < 1.2 && points.iter().all(|it| it.1.abs() < 0.9);
+    let reach = points.iter().map(|it| it.1.abs()).fold(0.0f64, f64::max);
+    Ok(Some(Chart {
+        title: run.label.clone(),
+        x_label: "time, s".into(),
+        y_label: "N".into(),
+        x: (0.0, end),
+        y: if small {
+            (-1.15 * reach, 1.15 * reach)
+        } else {
+            (-1.25, 1.1 * most)
+        },
+        log: false,
+        curves: vec![Curve::new("", Ink::Blue, Stroke::Line, points)],
+    }))
+}
+
+/// The RMS magnitude spectrum of N: over the circular frequency, or over the frequency on the rig.
+fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart>> {
+    let oscillator = &run.results.scene.oscillator;
+    let magnitude = |part: Part| magnitude(oscillator, known, on_the_rig, part);
+    let curve = magnitude(Part::Value)?;
+    let mut curves = vec![Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve)];
+    if !on_the_rig {
+        // Where the resolution did not fit the time: as far as the error goes.
+        for (part, words) in [(Part::Highest, "its error"), (Part::Lowest, "")] {
+            let edge = magnitude(part)?;
+            curves.push(Curve::new(words, Ink::Grey, Stroke::Dashes, edge));
+        }
+        let dots = welch(oscillator, known)?;
+        let words = "Monte Carlo, Welch";
+        curves.push(Curve::new(words, Ink::Vermilion, Stroke::Circles, dots));
+    }
+    Ok(Some(spectra(run, on_the_rig, curves)))
+}
+
+/// log10 of sqrt(G) by Welch's method, every sixth frequency: circles that can be told apart. Its resolution
+/// is 1.5 times 0.009, wider than a peak of width 2 zeta.
+fn welch(oscillator: &Oscillator, known: &Spectra) -> Result<Vec<(f64, f64)>> {
+    let it = known.sampled(oscillator)?;
+    let points = it.omega.iter().zip(&it.density).skip(1).step_by(6);
+    Ok(points.map(|(w, p)| (*w, 0.5 * p.value.log10())).collect())
+}
+
+/// Hertz as a thin line and the bilinear law (34) as a thick one, as in Figure 13.
+fn both_laws(run: &Run, known: &Spectra) -> Result<Option<Chart>> {
+    let hertz = &run.results.scene.oscillator;
+    let linear = Oscillator::new(ContactLaw::Bilinear, hertz.zeta(), hertz.h())?;
+    let thick = magnitude(&linear, known, false, Part::Value)?;
+    let thin = magnitude(hertz, known, false, Part::Value)?;
+    let curves = vec![
+        Curve::new("linear in contact (34)", Ink::Grey, Stroke::Thick, thick),
+        Curve::new("Hertz", Ink::Blue, Stroke::Line, thin),
+        Curve::new(
+            "Monte Carlo, Welch, Hertz",
+            Ink::Vermilion,
+            Stroke::Circles,
+            welch(hertz, known)?,
+        ),
+        Curve::new(
+            "Monte Carlo, Welch, linear",
+            Ink::Black,
+            Stroke::Circles,
+            welch(&linear, known)?,
+        ),
+    ];
+    Ok(Some(spectra(run, false, curves)))
+}
+
+/// A density, or an end of its error bar.
+#[derive(Clone, Copy)]
+enum Part {
+    Value,
+    Highest,
+    Lowest,
+}
+
+/// log10 of sqrt(G): of N over the circular frequency, or in newtons per root hertz over hertz.
+fn magnitude(
+    oscillator: &Oscillator,
+    known: &Spectra,
+    on_the_rig: bool,
+    part: Part,
+) -> Result<Vec<(f64, f64)>> {
+    let it = known.of(oscillator)?;
+    let rig = Rig::new(110.0, 232.0, 7e-6)?;
+    let (x, y) = if on_the_rig {
+        // The integral over frequency stays the variance.
+        (rig.hertz(1.0), rig.newtons(1.0) / rig.hertz(1.0).sqrt())
+    } else {
+        (1.0, 1.0)
+    };
+    let points = it.omega.iter().zip(&it.density);
+    let log = |p: f64| (y * p.max(0.0).sqrt()).log10();
+    let density = |p: &Estimate| match part {
+        Part::Value => p.value,
+        Part::Highest => p.value + p.error,
+        // A tenth of the value, where the error is as large: off the picture, not at minus infinity.
+        Part::Lowest => (p.value - p.error).max(0.1 * p.value),
+    };
+    Ok(points.map(|(w, p)| (x * w, log(density(p)))).collect())
+}
+
+fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {
+    let top = curves.iter().flat_map(|it| &it.points).map(|it| it.1);
+    let top = top.fold(f64::NEG_INFINITY, f64::max);
+    let (x_label, y_label, end) = if on_the_rig {
+        ("frequency, Hz", "RMS magnitude, N/\u{221a}Hz", 1000.0)
+    } else {
+        (
+            "dimensionless circular frequency, \u{3d6}",
+            "RMS magnitude of N",
+            4.4,
+        )
+    };
+    Chart {
+        title: run.label.clone(),
+        x_label: x_label.into(),
+        y_label: y_label.into(),
+        x: (0.0, end),
+        y: (top - 4.0, top + 0.3),
+        log: true,
+        curves,
+    }
+}
+
+/// Relative entropy, L1 distance and loss probability against time.
+fn approach(run: &Run) -> Option<Chart> {
+    let it = run.results.transient.as_ref()?;
+    let log = |numbers: Vec<Option<f64>>| -> Vec<(f64, f64)> {
+        let pairs = it.times.iter().zip(numbers);
+        let pairs = pairs.filter_map(|(t, y)| Some((*t, y.filter(|y| *y > 0.0)?.log10())));
+        pairs.collect()
+    };
+    let entropy = log(it
+        .relative_entropy
+        .iter()
+        .map(|y| y.map(|y| y.value))
+        .collect());
+    let distance = log(it.distance.iter().map(|y| y.map(|y| y.value)).collect());
+    let lost = it
+        .moments
+        .iter()
+        .map(|m| m.contact_loss_probability.map(|p| p.value));
+    let lost = log(lost.collect());
+    let end = it.times.last().copied().unwrap_or(1.0);
+    let mut curves = vec![
+        Curve::new("relative entropy", Ink::Vermilion, Stroke::Line, entropy),
+        Curve::new("L\u{b9} distance", Ink::Blue, Stroke::Line, distance),
+        Curve::new("P(contact lost)", Ink::Green, Stroke::Line, lost),
+    ];
+    let stationary = run.results.stationary.as_ref();
+    let level = stationary.and_then(|it| it.get("contact_loss_probability"));
+    if let Some(level) = level.filter(|it| it.value > 0.0) {
+        let y = level.value.log10();
+        let words = "P, stationary";
+        curves.push(Curve::new(
+            words,
+            Ink::Black,
+            Stroke::Dashes,
+            vec![(0.0, y), (end, y)],
+        ));
+    }
+    Some(Chart {
+        title: run.label.clone(),
+        x_label: "\u{3c4}".into(),
+        y_label: "distance to (21), probability".into(),
+        x: (0.0, end),
+        y: (-7.0, 1.5),
+        log: true,
+        curves,
+    })
+}

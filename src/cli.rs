@@ -1,0 +1,428 @@
+//! The program `vibroimpact`: reads the command line and the scene, plans, runs, reports. The only file of the library
+//! that prints. The laboratory (src/bin/lab) is a program of its own made of the same parts.
+
+use crate::error::{Error, Result};
+use crate::plan::{Part, Plan, Watch};
+use crate::report::folder::{Existing, Folder};
+use crate::report::{self, terminal};
+use crate::results::Results;
+use crate::scene::text::{BUILT_IN, SceneError, SceneText, built_in, nearest};
+use clap::{Args, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::ffi::OsString;
+use std::io::{self, IsTerminal, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Random vibration of a preloaded Hertzian contact that now and then loses contact.
+///
+/// Without a command: runs the default scene.
+#[derive(Parser)]
+#[command(version, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    options: RunOptions,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a scene: table on the terminal, numbers and pictures in a folder
+    Run {
+        #[command(flatten)]
+        scene: SceneChoice,
+        #[command(flatten)]
+        options: RunOptions,
+    },
+    /// Print what a run would compute, its size and its time; computes nothing
+    Plan {
+        #[command(flatten)]
+        scene: SceneChoice,
+        /// Override a key of the scene, as oscillator.h=0.01
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+    /// List the built-in scenes, or print one as TOML to start from
+    Scenes {
+        /// A built-in scene
+        name: Option<String>,
+    },
+}
+
+#[derive(Args)]
+struct SceneChoice {
+    /// A scene file in TOML, or the name of a built-in scene [default: the built-in "default"]
+    #[arg(value_name = "SCENE.toml")]
+    scene: Option<PathBuf>,
+}
+
+#[derive(Args, Default)]
+struct RunOptions {
+    #[command(flatten)]
+    output: Output,
+    /// Override a key of the scene, as oscillator.h=0.01
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Number of threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Where results are written.
+#[derive(Args, Default)]
+pub struct Output {
+    /// Folder for the results [default: results/<scene title>]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl Output {
+    /// The folder of `--out`, or results/`title`.
+    ///
+    /// # Errors
+    /// Those of [`Folder::open`].
+    pub fn folder(&self, title: &str) -> Result<Folder> {
+        let existing = match &self.out {
+            _ if self.force => Existing::Force,
+            Some(_) => Existing::Refuse,
+            None => Existing::ReplaceOurs,
+        };
+        let default = || Path::new("results").join(title);
+        Folder::open(&self.out.clone().unwrap_or_else(default), existing)
+    }
+}
+
+/// Why the program ends early: what to print, and the exit status.
+pub struct Stop {
+    report: miette::Report,
+    status: u8,
+}
+
+impl Stop {
+    /// A message, its help if there is any, and the exit status.
+    pub fn new(status: u8, message: impl Into<String>, help: &str) -> Self {
+        let it = miette::MietteDiagnostic::new(message);
+        let it = if help.is_empty() {
+            it
+        } else {
+            it.with_help(help)
+        };
+        Self {
+            report: it.into(),
+            status,
+        }
+    }
+
+    /// A scene that is wrong.
+    fn scene(error: SceneError) -> Self {
+        Self {
+            report: miette::Report::new(error),
+            status: 2,
+        }
+    }
+}
+
+impl From<Error> for Stop {
+    fn from(error: Error) -> Self {
+        let status = status(&error);
+        match error {
+            Error::Invalid {
+                key,
+                value,
+                accepted,
+            } => {
+                let message = format!("{key} = {value} is not accepted");
+                Self::new(status, message, &format!("accepted: {accepted}"))
+            }
+            other => Self::new(status, other.to_string(), ""),
+        }
+    }
+}
+
+/// 2 for what the user can mend in scene or command line, 3 for a limit, 1 for the rest.
+fn status(error: &Error) -> u8 {
+    match error {
+        Error::Invalid { .. }
+        | Error::NotAvailable { .. }
+        | Error::NoStationaryLaw { .. }
+        | Error::Mesh { .. } => 2,
+        Error::Limit { .. } | Error::Unresolved { .. } => 3,
+        _ => 1,
+    }
+}
+
+/// How a command ends: its exit status, 0, or 3 for a tolerance not reached; or why it ends early.
+pub type Outcome = std::result::Result<u8, Stop>;
+
+/// The program `vibroimpact` on a command line, its own name first; returns the exit status, which a process or an
+/// interpreter can end with.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let laboratory = ["validate", "precision", "stability"];
+    let moved = |it: &&str| laboratory.contains(it);
+    if let Some(name) = arguments.get(1).and_then(|it| it.to_str()).filter(moved) {
+        let line = format!(
+            "{name} is a command of the laboratory: cargo run --release --bin lab -- {name}"
+        );
+        let _ = writeln!(io::stderr(), "{line}");
+        return 2;
+    }
+    with(arguments, command)
+}
+
+/// Reads a command line, obeys it, and prints why it ended early, if it did; the exit status.
+pub fn with<C: Parser>(
+    arguments: impl IntoIterator<Item = OsString>,
+    obey: impl FnOnce(C) -> Outcome,
+) -> u8 {
+    let cli = match C::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(message) => {
+            // A reader that has left is no error.
+            let _ = message.print();
+            return message.exit_code() as u8;
+        }
+    };
+    let colour = colour(&io::stderr());
+    // Fails only if a hook is there already, and then that one prints.
+    let _ = miette::set_hook(Box::new(move |_| {
+        Box::new(
+            miette::MietteHandlerOpts::new()
+                .color(colour)
+                .width(80)
+                .build(),
+        )
+    }));
+    obey(cli).unwrap_or_else(|stop| {
+        let _ = writeln!(io::stderr(), "{:?}", stop.report);
+        stop.status
+    })
+}
+
+fn command(cli: Cli) -> Outcome {
+    match cli.command {
+        None => run(None, &cli.options),
+        Some(Command::Run { scene, options }) => run(scene.scene.as_deref(), &options),
+        Some(Command::Plan { scene, set }) => {
+            let text = read(scene.scene.as_deref(), &set)?;
+            let plan = Plan::of(text.scene()).map_err(|error| Stop::scene(text.explain(&error)))?;
+            print(&terminal::plan(&plan)).map(|()| 0)
+        }
+        Some(Command::Scenes { name: None }) => {
+            let lines: Vec<String> = BUILT_IN
+                .iter()
+                .map(|(name, text)| {
+                    let comment = text.lines().map_while(|line| line.strip_prefix("# "));
+                    let about = terminal::wrap(&comment.collect::<Vec<_>>().join(" "), 67);
+                    format!("{name:<12} {}\n", about.join(&format!("\n{:13}", "")))
+                })
+                .collect();
+            print(&lines.concat()).map(|()| 0)
+        }
+        Some(Command::Scenes { name: Some(name) }) => match built_in(&name) {
+            Some(text) => print(text).map(|()| 0),
+            None => Err(no_such_scene(&name)),
+        },
+    }
+}
+
+fn no_such_scene(name: &str) -> Stop {
+    let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+    let guess = nearest(name, &names).map_or(String::new(), |it| format!("did you mean {it}? "));
+    let message = format!("there is no built-in scene {name:?}");
+    Stop::new(
+        2,
+        message,
+        &format!("{guess}accepted: {}", names.join(", ")),
+    )
+}
+
+/// The scene of the command line with its overrides.
+fn read(scene: Option<&Path>, set: &[String]) -> std::result::Result<SceneText, Stop> {
+    let Some(path) = scene else {
+        let (name, text) = BUILT_IN[0];
+        return SceneText::parse(name, text, set).map_err(Stop::scene);
+    };
+    let name = path.display().to_string();
+    if !path.exists()
+        && let Some(text) = built_in(&name)
+    {
+        return SceneText::parse(&name, text, set).map_err(Stop::scene);
+    }
+    let text = read_text(path)?;
+    SceneText::parse(&name, &text, set).map_err(Stop::scene)
+}
+
+/// A scene file as text.
+fn read_text(path: &Path) -> std::result::Result<String, Stop> {
+    /// Far above any scene, far below what hurts.
+    const MOST: u64 = 10_000_000;
+    let name = path.display();
+    let accepted = "accepted: a scene file in TOML, or a built-in scene (vibroimpact scenes)";
+    if path.is_dir() {
+        return Err(Stop::new(2, format!("{name} is a folder"), accepted));
+    }
+    let mut bytes = Vec::new();
+    let read = std::fs::File::open(path).and_then(|it| it.take(MOST + 1).read_to_end(&mut bytes));
+    if let Err(error) = read {
+        let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+        let guess = path.to_str().and_then(|it| nearest(it, &names));
+        let guess = guess.map_or(String::new(), |it| format!("; did you mean {it}?"));
+        return Err(Stop::new(
+            2,
+            format!("{name} cannot be read: {error}"),
+            &format!("{accepted}{guess}"),
+        ));
+    }
+    if bytes.len() as u64 > MOST {
+        let message = format!("{name} is too large for a scene");
+        return Err(Stop::new(2, message, "accepted: at most 10 MB of TOML"));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let message = format!("{name} is not UTF-8: byte {at} does not belong");
+        Stop::new(2, message, "accepted: TOML, which is UTF-8 text")
+    })
+}
+
+fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
+    if let Some(threads) = options.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        if let Err(error) = pool.build_global() {
+            return Err(Stop::new(1, format!("{threads} threads: {error}"), ""));
+        }
+    }
+    let text = read(scene, &options.set)?;
+    let explain = |error: Error| {
+        let status = status(&error);
+        Stop {
+            report: miette::Report::new(text.explain(&error)),
+            status,
+        }
+    };
+    let plan = Plan::of(text.scene()).map_err(explain)?;
+    let folder = options.output.folder(&text.scene().folder())?;
+    folder.write(&report::at_the_start(&Results::empty(text.scene())))?;
+    let observer = Observer {
+        folder: &folder,
+        ended: AtomicBool::new(false),
+        bar: Mutex::new(ProgressBar::hidden()),
+        quiet: options.quiet,
+    };
+    let results = plan.run(&observer);
+    observer.clear();
+    let results = match results {
+        Ok(results) => results,
+        Err(error @ Error::Io { .. }) => return Err(error.into()),
+        Err(error) => {
+            let stop = explain(error);
+            // A scene that is refused before its first result leaves nothing behind.
+            if stop.status == 2 && !observer.ended.into_inner() {
+                folder.discard();
+            }
+            return Err(stop);
+        }
+    };
+    folder.write(&report::at_the_end(&results)?)?;
+    let status = if results.falls_short() { 3 } else { 0 };
+    if options.quiet {
+        // Only errors are printed, and this is one.
+        if let Some((stage, it)) = results.shortfalls.iter().find(|(_, it)| it.free) {
+            let _ = writeln!(io::stderr(), "{stage}: {it}");
+        }
+        return Ok(status);
+    }
+    let table = terminal::table(&results, colour(&io::stdout()));
+    print(&format!("{table}files: {}\n", folder.path().display()))?;
+    Ok(status)
+}
+
+/// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is
+/// not a terminal.
+pub fn progress(jobs: usize, quiet: bool) -> ProgressBar {
+    bar(
+        jobs as u64,
+        quiet,
+        "{bar:30} {pos}/{len}  {eta} left  {msg}",
+    )
+}
+
+fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
+    let target = if quiet {
+        ProgressDrawTarget::hidden()
+    } else {
+        ProgressDrawTarget::stderr()
+    };
+    let style = ProgressStyle::with_template(template);
+    ProgressBar::with_draw_target(Some(length), target)
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+/// Watches a run: a progress bar, and each stage's files as soon as it has ended.
+struct Observer<'a> {
+    folder: &'a Folder,
+    /// Whether any stage has ended.
+    ended: AtomicBool,
+    bar: Mutex<ProgressBar>,
+    quiet: bool,
+}
+
+impl Observer<'_> {
+    fn clear(&self) {
+        if let Ok(bar) = self.bar.lock() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Watch for Observer<'_> {
+    fn begins(&self, part: Part) {
+        let template = "{msg:<12} {bar:40} {percent:>3} %  {eta} left";
+        let bar = bar(1000, self.quiet, template).with_message(part.name());
+        bar.tick();
+        if let Ok(mut old) = self.bar.lock() {
+            old.finish_and_clear();
+            *old = bar;
+        }
+    }
+
+    fn progress(&self, _: Part, fraction: f64) {
+        if let Ok(bar) = self.bar.lock() {
+            let done = (fraction.clamp(0.0, 1.0) * 1000.0) as u64;
+            bar.set_position(done.max(bar.position()));
+        }
+    }
+
+    fn ends(&self, part: Part, results: &Results) -> Result<()> {
+        self.clear();
+        self.ended.store(true, Ordering::Relaxed);
+        self.folder.write(&report::after(part, results)?)
+    }
+}
+
+/// Whether to use colour on a stream: a terminal, and nobody objects (no-color.org).
+fn colour(stream: &impl IsTerminal) -> bool {
+    stream.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty())
+}
+
+/// Prints to standard output; a reader that has left is no error.
+///
+/// # Errors
+/// [`Stop`] for anything else.
+pub fn print(text: &str) -> std::result::Result<(), Stop> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Stop::new(1, format!("standard output: {error}"), ""))
+        }
+        _ => Ok(()),
+    }
+}

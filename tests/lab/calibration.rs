@@ -1,0 +1,80 @@
+//! Error estimates are true: the laboratory's own calibration, of moments on some of its scenes, of decay rates on all.
+
+use crate::precision::calibration::{Calibration, End, TOLERANCES};
+use crate::precision::rates::{Rates, scenes};
+use crate::precision::truths::{Case, cases};
+use crate::stability::yardstick::exact_rates;
+use std::fmt::Write;
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::fokker_planck::{Settings, decay_rates};
+use vibroimpact::oscillator::Oscillator;
+
+/// Every contact law, zeta from 4e-4 to 5, T from 1.7e-4 to 7; from rest, from Gaussians narrow, wide and
+/// far away, from the stationary law; to 20/zeta.
+const SCENES: [usize; 8] = [1, 2, 3, 5, 7, 8, 13, 29];
+
+#[test]
+fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the_run_says_so() {
+    let cases: Vec<Case> = cases().unwrap();
+    let cases: Vec<Case> = cases
+        .into_iter()
+        .filter(|case| SCENES.contains(&case.number))
+        .collect();
+    assert_eq!(cases.len(), SCENES.len());
+    let calibration = Calibration::of(&cases, &TOLERANCES[..3], &|_| ());
+    println!("{calibration}");
+    for run in &calibration.runs {
+        if let End::Refused(why) = &run.end {
+            panic!("{}: {why}", run.scene);
+        }
+    }
+    for it in calibration.verdicts() {
+        let tolerance = it.tolerance;
+        assert!(it.numbers > 100, "{tolerance}: {} numbers", it.numbers);
+    }
+    let missed = calibration.missed();
+    assert!(missed.is_empty(), "{missed:?}");
+}
+
+#[test]
+fn every_estimate_holds_over_thirty_scenes() {
+    let all = Rates::calibrate().unwrap();
+    for it in &all.judged {
+        println!(
+            "{} {:e}: {:?}, error {:.1e}",
+            it.scene, it.tolerance, it.rate, it.error
+        );
+    }
+    println!("{all}");
+    assert!(
+        all.judged.len() > 200 && all.missed().is_empty(),
+        "{:?}",
+        all.missed()
+    );
+}
+
+#[test]
+#[ignore = "writes the references: minutes"]
+fn write_references() {
+    let mut text = String::from("scene,re,im,error\n");
+    for (scene, it) in scenes().unwrap().iter().enumerate() {
+        for (re, im, error) in reference(it) {
+            writeln!(text, "{scene},{re:.14e},{im:.14e},{error:.1e}").unwrap();
+        }
+    }
+    std::fs::write("validation/precision/decay_rates.csv", text).unwrap();
+}
+
+fn reference(oscillator: &Oscillator) -> Vec<(f64, f64, f64)> {
+    if *oscillator.contact() == ContactLaw::Linear {
+        let exact = exact_rates(oscillator.zeta()).into_iter().take(12);
+        return exact.map(|[re, im]| (re, im, 0.0)).collect();
+    }
+    let settings = Settings {
+        cells: Some([144, 150]),
+        tolerance: 1e-7,
+        ..Settings::default()
+    };
+    let it = decay_rates(oscillator, 6, &settings).unwrap();
+    it.rates.iter().map(|r| (r.re, r.im, r.error)).collect()
+}
