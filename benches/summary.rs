@@ -1,4 +1,4 @@
-//! What the hot loops cost beside bounds measured in the same run, on one core, as the README's table:
+//! What the hot loops cost beside bounds measured in the same run, on one core, as the table of docs/benchmarks.md:
 //! `cargo bench --bench summary`. Times are the least of several rounds.
 
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};

@@ -25,7 +25,7 @@
 //! # Ok::<(), vibroimpact::Error>(())
 //! ```
 //!
-//! | question | door |
+//! | question | where |
 //! |---|---|
 //! | Everything a scene asks for, as the program does it | [`scene`], [`plan`], [`results`] |
 //! | The stationary law in closed form | [`stationary`] |
@@ -73,3 +73,8 @@ pub use error::{Error, Result};
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// The code of the manual compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/methods.md")]
+struct Methods;

@@ -1,0 +1,216 @@
+//! README.md and docs/ are true where a machine can tell: links, scenes, commands, length, and the field's own words.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use vibroimpact::plan::Plan;
+use vibroimpact::scene::text::SceneText;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every page for readers, by its path from the root.
+fn pages() -> Vec<(PathBuf, String)> {
+    let mut names: Vec<PathBuf> = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"]
+        .map(PathBuf::from)
+        .to_vec();
+    for entry in fs::read_dir(root().join("docs")).unwrap() {
+        names.push(Path::new("docs").join(entry.unwrap().file_name()));
+    }
+    names.sort();
+    let read = |name: PathBuf| {
+        let text = fs::read_to_string(root().join(&name)).unwrap();
+        (name, text)
+    };
+    names.into_iter().map(read).collect()
+}
+
+/// The fenced blocks of a page in a language, and what is left of the page without any fenced block.
+fn blocks(page: &str, language: &str) -> (Vec<String>, String) {
+    let (mut found, mut prose) = (Vec::new(), String::new());
+    for (k, part) in page.split("```").enumerate() {
+        match part.split_once('\n') {
+            Some((first, block)) if k % 2 == 1 => {
+                if first == language {
+                    found.push(block.to_owned());
+                }
+            }
+            _ => prose += part,
+        }
+    }
+    (found, prose)
+}
+
+/// What stands in backticks in prose, and the prose without it.
+fn spans(prose: &str) -> (Vec<String>, String) {
+    let (mut code, mut words) = (Vec::new(), String::new());
+    for (k, part) in prose.split('`').enumerate() {
+        if k % 2 == 1 {
+            code.push(part.to_owned());
+        } else {
+            words += part;
+        }
+    }
+    (code, words)
+}
+
+#[test]
+fn the_readme_is_a_screen_and_a_half() {
+    let lines = fs::read_to_string(root().join("README.md")).unwrap();
+    let lines = lines.lines().count();
+    println!("README.md: {lines} lines");
+    assert!(lines <= 180, "{lines}");
+}
+
+#[test]
+fn every_link_to_a_file_leads_there() {
+    let mut checked = 0;
+    for (name, page) in pages() {
+        let (_, prose) = blocks(&page, "");
+        for part in prose.split("](").skip(1) {
+            let target = part.split(')').next().unwrap();
+            if target.contains("://") {
+                continue;
+            }
+            let file = target.split('#').next().unwrap();
+            let folder = root().join(&name);
+            let folder = folder.parent().unwrap();
+            let there = folder.join(file).exists();
+            assert!(there, "{}: {target}", name.display());
+            checked += 1;
+        }
+    }
+    println!("{checked} links");
+    assert!(checked > 10);
+}
+
+#[test]
+fn every_scene_printed_has_a_plan() {
+    let mut planned = 0;
+    for (name, page) in pages() {
+        for scene in blocks(&page, "toml").0 {
+            let name = name.display().to_string();
+            let text =
+                SceneText::parse(&name, &scene, &[]).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert!(!Plan::of(text.scene()).unwrap().stages().is_empty());
+            planned += 1;
+        }
+    }
+    assert!(planned > 1);
+}
+
+/// Words of a command up to a redirection or a comment, out of their quotes.
+fn words(line: &str) -> Vec<&str> {
+    let line = line.split([';', '#', '>']).next().unwrap();
+    let words = line.split_whitespace();
+    words.map(|it| it.trim_matches('\'')).collect()
+}
+
+#[test]
+fn every_command_printed_is_accepted() {
+    let room = Path::new(env!("CARGO_TARGET_TMPDIR")).join("docs");
+    let _ = fs::remove_dir_all(&room);
+    fs::create_dir_all(&room).unwrap();
+    let program = |arguments: &[&str]| {
+        let mut it = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+        it.args(arguments).current_dir(&room).output().unwrap()
+    };
+    let mut tried = 0;
+    for (name, page) in pages() {
+        let (shell, prose) = blocks(&page, "sh");
+        let lines = shell.iter().flat_map(|it| it.lines().map(str::to_owned));
+        for line in lines.chain(spans(&prose).0) {
+            let Some(command) = line.strip_prefix("vibroimpact ") else {
+                continue;
+            };
+            let mut arguments = words(command);
+            // `SCENE.toml` and `DIR` make the form of a command, not a command.
+            if arguments.concat().contains(char::is_uppercase) {
+                continue;
+            }
+            // A plan reads the same scene and overrides, and computes nothing.
+            if arguments[0] == "run" {
+                arguments[0] = "plan";
+                if let Some(at) = arguments.iter().position(|it| *it == "--out") {
+                    arguments.drain(at..at + 2);
+                }
+            }
+            let output = program(&arguments);
+            let said = String::from_utf8_lossy(&output.stderr);
+            let name = name.display();
+            assert!(output.status.success(), "{name}: {line}\n{said}");
+            if let Some((_, file)) = command.split_once("> ") {
+                let file = words(file)[0];
+                fs::write(room.join(file), &output.stdout).unwrap();
+            }
+            tried += 1;
+        }
+    }
+    println!("{tried} commands");
+    assert!(tried > 5);
+}
+
+/// Words that only this project would use, where the field has its own: `docs/conventions.md` has those.
+const PRIVATE: &[&str] = &[
+    "bar",
+    "bars",
+    "truth",
+    "truths",
+    "way",
+    "ways",
+    "box",
+    "boxes",
+    "start",
+    "starts",
+    "packet",
+    "packets",
+    "torn",
+    "bent",
+    "opening",
+    "first loss",
+    "losses per time",
+    "decay rate",
+    "decay rates",
+    "march",
+    "marches",
+    "strained",
+    "rim",
+    "shape",
+    "shapes",
+    "natural scale",
+    "natural scales",
+    "record",
+    "records",
+    "desk",
+    "kin",
+    "door",
+    "doors",
+    "floor",
+    "floors",
+];
+
+#[test]
+fn pages_speak_the_language_of_the_field() {
+    for (name, page) in pages() {
+        // Of the changes only those not yet released: history keeps its words.
+        let latest = page.split("\n## ").take(2).collect::<Vec<_>>().join("\n");
+        let page = if name.ends_with("CHANGELOG.md") {
+            latest
+        } else {
+            page
+        };
+        let (_, prose) = spans(&blocks(&page, "").1);
+        let prose = prose.to_lowercase();
+        let plain: String = prose
+            .chars()
+            .map(|c| if c.is_alphabetic() { c } else { ' ' })
+            .collect();
+        let plain = plain.split_whitespace().collect::<Vec<_>>().join(" ");
+        let plain = plain.replace("box muller", "");
+        for word in PRIVATE {
+            let found = format!(" {plain} ").contains(&format!(" {word} "));
+            assert!(!found, "{}: {word}", name.display());
+        }
+    }
+}
