@@ -1,5 +1,6 @@
 //! A number that never travels alone: value, error and where the error comes from.
 
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::fmt;
 
 /// What limits the accuracy of an [`Estimate`].
@@ -69,6 +70,19 @@ impl Estimate {
             error: self.error * slope.abs() + rounding,
             origin: self.origin,
         }
+    }
+}
+
+/// `{"value": x, "error": e}`; null for a number that does not exist.
+impl Serialize for Estimate {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if !self.value.is_finite() {
+            return serializer.serialize_none();
+        }
+        let mut pair = serializer.serialize_struct("Estimate", 2)?;
+        pair.serialize_field("value", &self.value)?;
+        pair.serialize_field("error", &self.error)?;
+        pair.end()
     }
 }
 

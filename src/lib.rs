@@ -50,7 +50,6 @@ pub mod estimate;
 pub mod fokker_planck;
 pub mod gaussian;
 pub mod initial;
-pub mod json;
 pub mod moments;
 pub mod monte_carlo;
 pub mod oscillator;

@@ -1,15 +1,13 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
-mod curve;
 mod spectrum;
+mod tree;
 
-use curve::curve;
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Method, Steady, Transient};
-use crate::json::Json;
+use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Steady, Transient};
 use crate::moments::Moments;
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
@@ -18,6 +16,7 @@ use crate::quadrature;
 use crate::rig::Rig;
 use crate::scene::{Noise, Scene};
 use crate::stationary::Stationary;
+use serde::Serialize;
 use std::f64::consts::{LN_10, SQRT_2};
 
 /// The answers of a run. What was not asked for is None.
@@ -161,7 +160,7 @@ impl CrossingNumbers {
 }
 
 /// The distance between two independent answers, in units of their errors.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Agreement {
     /// Largest |a - b| / sqrt(error_a^2 + error_b^2) over all names and times both have.
     pub worst: f64,
@@ -291,85 +290,6 @@ impl Results {
         self.shortfalls.iter().any(|(_, it)| it.free)
     }
 
-    /// The whole of results.json.
-    pub fn json(&self) -> Json {
-        let oscillator = &self.scene.oscillator;
-        let mut all = Json::object([
-            ("scene", self.scene.resolved()),
-            (
-                "oscillator",
-                Json::object([
-                    ("temperature", Json::from(oscillator.temperature())),
-                    ("noise", Json::from(oscillator.noise())),
-                    ("contact", Json::from(oscillator.contact().name())),
-                    ("zeta", Json::from(oscillator.zeta())),
-                    ("h", Json::from(oscillator.h())),
-                    ("loss_point", Json::from(oscillator.contact().loss_point())),
-                ]),
-            ),
-        ]);
-        if let Some(it) = &self.stationary {
-            all.push(
-                "stationary",
-                Json::object(it.iter().map(|(name, number)| (name, Json::from(number)))),
-            );
-        }
-        if let Some(it) = &self.crossings {
-            all.push("crossings", self.crossings_json(it, None));
-        }
-        if let Some(it) = &self.first_loss {
-            all.push("first_loss", first_loss_json(it));
-        }
-        if let Some(it) = &self.transient {
-            all.push("transient", transient_json(it));
-        }
-        if let Some(it) = &self.steady {
-            let pairs = [
-                ("l1_error", Json::from(it.l1_error)),
-                ("residual", Json::from(it.residual)),
-                ("method", method_json(&it.method)),
-            ];
-            all.push("steady", Json::object(pairs));
-        }
-        if let Some(it) = &self.decay_rates {
-            let rates = it.rates.iter().map(|rate| {
-                Json::object([
-                    ("re", Json::from(rate.re)),
-                    ("im", Json::from(rate.im)),
-                    ("error", Json::from(rate.error)),
-                ])
-            });
-            all.push("decay_rates", Json::List(rates.collect()));
-            all.push(
-                "continuous_from",
-                it.continuous_from.map_or(Json::Null, Json::from),
-            );
-        }
-        if let Some(it) = &self.spectrum {
-            all.push("spectrum", it.json());
-        }
-        if self.monte_carlo.is_some() || self.records.is_some() || self.first_loss_paths.is_some() {
-            all.push("monte_carlo", self.monte_carlo_json());
-        }
-        if let Some(it) = &self.agreement {
-            all.push(
-                "agreement",
-                Json::object([
-                    ("worst", Json::from(it.worst)),
-                    ("worst_of", Json::from(it.worst_of)),
-                    ("t", Json::from(it.t)),
-                    ("expected_worst", Json::from(it.expected_worst)),
-                    ("compared", Json::from(it.compared)),
-                ]),
-            );
-        }
-        if let Some(rig) = &self.scene.rig {
-            all.push("rig", self.rig_json(rig));
-        }
-        all.push("run", self.run.json());
-        all
-    }
-
     /// Whether the records obey the exact identities that control variates rest on: white noise, and a
     /// scheme whose stationary law is exact.
     pub fn controlled(&self) -> bool {
@@ -435,97 +355,6 @@ impl Results {
             pairs.extend(it.pairs().map(|(a, b)| ("spectrum", None, a, b)));
         }
         Agreement::over(pairs)
-    }
-
-    fn monte_carlo_json(&self) -> Json {
-        let settings = self.scene.monte_carlo.as_ref();
-        let mut all = Json::Object(Vec::new());
-        if let Some(it) = &self.monte_carlo {
-            let mut transient = moments_json(&it.times, &it.moments);
-            // Names of the density on the mesh that paths have no number for.
-            for name in [
-                "mass",
-                "lowest_density",
-                "negative_mass",
-                "relative_entropy",
-            ] {
-                transient.push(name, curve(it.times.iter().map(|_| None)));
-            }
-            transient.push(
-                "method",
-                Json::object([
-                    ("name", Json::from(it.scheme.name())),
-                    ("paths", Json::from(settings.map(|it| it.paths))),
-                    ("seed", Json::from(settings.map(|it| it.seed))),
-                    ("step", Json::from(it.step)),
-                    ("steps", Json::from(it.steps)),
-                    ("path_steps", Json::from(it.path_steps)),
-                ]),
-            );
-            all.push("transient", transient);
-        }
-        if let (Some(it), Some(numbers)) = (&self.records, self.sampled_stationary()) {
-            let numbers = numbers.iter();
-            let mut stationary =
-                Json::object(numbers.map(|(name, number)| (name, Json::from(number))));
-            let [q, force, energy] = it.effective_samples;
-            stationary.push(
-                "method",
-                Json::object([
-                    ("name", Json::from(it.scheme.name())),
-                    ("records", Json::from(it.records)),
-                    ("seed", Json::from(settings.map(|it| it.seed))),
-                    ("duration", Json::from(it.duration)),
-                    ("step", Json::from(it.step)),
-                    ("steps", Json::from(it.path_steps / it.records.max(1))),
-                    ("path_steps", Json::from(it.path_steps)),
-                    ("batches", Json::from(it.batches)),
-                    ("batch_length", Json::from(it.batch_length)),
-                    (
-                        "effective_samples",
-                        Json::object([
-                            ("mean_q", Json::from(q)),
-                            ("mean_force", Json::from(force)),
-                            ("mean_energy", Json::from(energy)),
-                        ]),
-                    ),
-                    ("control_variates", Json::from(self.controlled())),
-                ]),
-            );
-            all.push("stationary", stationary);
-        }
-        if let Some(it) = &self.first_loss_paths {
-            all.push(
-                "first_loss",
-                sampled_first_loss_json(it, settings.map(|it| it.paths)),
-            );
-        }
-        if let Some((seen, numbers)) = self.sampled_crossings() {
-            all.push("crossings", self.crossings_json(&numbers, Some(seen)));
-        }
-        all
-    }
-
-    fn crossings_json(&self, numbers: &CrossingNumbers, seen: Option<&Crossings>) -> Json {
-        let mut json = Json::object([("window", Json::from(self.scene.outputs.crossings))]);
-        for (name, number) in numbers.iter() {
-            json.push(name, number);
-        }
-        let (times, density) = match (seen, self.sampled_flights(), &self.flights) {
-            (Some(_), Some(it), _) => (centres(it).collect(), it.density.as_slice()),
-            (None, _, Some(it)) => (it.times.clone(), it.density.as_slice()),
-            _ => (Vec::new(), &[][..]),
-        };
-        let known = !times.is_empty();
-        json.push("flight_time", known.then(|| Json::numbers(times)));
-        let density = known.then(|| curve(density.iter().map(|x| Some(*x))));
-        json.push("flight_density", density);
-        if let Some(it) = seen {
-            json.push("losses_seen", it.losses);
-            json.push("bursts_seen", it.bursts);
-            json.push("time_seen", it.time);
-        }
-        json
     }
 
     /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14).
@@ -616,42 +445,9 @@ impl Results {
         all.into_iter().filter_map(there).collect()
     }
 
-    fn rig_json(&self, rig: &Rig) -> Json {
-        let object = |numbers: Vec<(&'static str, Estimate)>| {
-            let numbers = numbers.into_iter();
-            Json::object(numbers.map(|(name, number)| (name, Json::from(number))))
-        };
-        let mut json = object(self.physical(rig));
-        if self.records.is_some() {
-            json.push("monte_carlo", object(self.physical_sampled(rig)));
-        }
-        json
-    }
-
     /// The contact law of the scene.
     pub fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
-    }
-}
-
-impl RunRecord {
-    /// The run section of results.json.
-    pub fn json(&self) -> Json {
-        let stages = self.stages.iter().map(|(name, seconds)| {
-            Json::object([
-                ("name", Json::from(*name)),
-                ("wall_seconds", Json::from(*seconds)),
-            ])
-        });
-        let warnings = self.warnings.iter().map(|it| it.text.clone());
-        Json::object([
-            ("wall_seconds", Json::from(self.wall_seconds)),
-            ("stages", Json::List(stages.collect())),
-            ("peak_memory_bytes", Json::from(self.peak_memory_bytes)),
-            ("threads", Json::from(self.threads)),
-            ("version", Json::from(env!("CARGO_PKG_VERSION"))),
-            ("warnings", Json::from(warnings.collect::<Vec<_>>())),
-        ])
     }
 }
 
@@ -681,80 +477,6 @@ pub fn widths(centres: &[f64]) -> Vec<f64> {
 /// Middles of the bins of a histogram.
 pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {
     it.edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]))
-}
-
-fn moments_json(times: &[f64], moments: &[Moments]) -> Json {
-    let mut json = Json::object([("t", Json::numbers(times.iter().copied()))]);
-    for (k, (name, _)) in Moments::default().named().into_iter().enumerate() {
-        json.push(name, curve(moments.iter().map(|it| it.named()[k].1)));
-    }
-    json
-}
-
-fn transient_json(it: &Transient) -> Json {
-    let mut json = moments_json(&it.times, &it.moments);
-    json.push("mass", curve(it.mass.iter().map(|x| Some(*x))));
-    json.push(
-        "lowest_density",
-        curve(it.lowest_density.iter().map(|x| Some(*x))),
-    );
-    json.push(
-        "negative_mass",
-        curve(it.negative_mass.iter().map(|x| Some(*x))),
-    );
-    json.push(
-        "relative_entropy",
-        curve(it.relative_entropy.iter().copied()),
-    );
-    json.push("l1_distance", curve(it.distance.iter().copied()));
-    json.push("method", method_json(&it.method));
-    json
-}
-
-fn first_loss_json(it: &FirstLoss) -> Json {
-    Json::object([
-        ("t", Json::numbers(it.times.iter().copied())),
-        ("survival", curve(it.survival.iter().map(|x| Some(*x)))),
-        ("density", curve(it.density.iter().map(|x| Some(*x)))),
-        ("mean_time", Json::from(Some(it.mean_time))),
-        ("rate", Json::from(Some(it.rate))),
-        ("rate_over_rice", Json::from(Some(it.rate_over_rice))),
-        ("method", method_json(&it.method)),
-    ])
-}
-
-fn sampled_first_loss_json(it: &FirstLossResult, paths: Option<u64>) -> Json {
-    // The mean time is known once every path has been lost; up to the last time it is another number.
-    let all_lost = it.survival.last().is_some_and(|s| s.value == 0.0);
-    Json::object([
-        ("t", Json::numbers(it.times.iter().copied())),
-        ("survival", curve(it.survival.iter().map(|x| Some(*x)))),
-        ("density", curve(it.density.iter().map(|x| Some(*x)))),
-        ("mean_time", Json::from(all_lost.then_some(it.mean_time))),
-        ("rate", Json::from(None::<Estimate>)),
-        ("mean_time_up_to_last", Json::from(Some(it.mean_time))),
-        (
-            "method",
-            Json::object([
-                ("name", Json::from(it.scheme.name())),
-                ("paths", Json::from(paths)),
-                ("step", Json::from(it.step)),
-                ("path_steps", Json::from(it.path_steps)),
-            ]),
-        ),
-    ])
-}
-
-fn method_json(it: &Method) -> Json {
-    Json::object([
-        ("name", Json::from(it.name.as_str())),
-        ("reason", Json::from(it.reason.as_str())),
-        ("cells", Json::from(it.cells.to_vec())),
-        ("unknowns", Json::from(it.unknowns)),
-        ("domain", Json::numbers(it.domain)),
-        ("step", Json::from(it.step)),
-        ("steps", Json::from(it.steps)),
-    ])
 }
 
 #[cfg(test)]

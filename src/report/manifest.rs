@@ -15,10 +15,7 @@ pub fn at_the_start(results: &Results) -> Vec<File> {
         .warnings
         .push("unfinished: no stage had ended yet".to_string().into());
     let scene = File::text("scene.toml", results.scene.to_toml());
-    vec![
-        File::text(data::RESULTS, format!("{}\n", results.json())),
-        scene,
-    ]
+    vec![File::text(data::RESULTS, results.json()), scene]
 }
 
 /// The files that a stage brings or completes, results.json among them.
@@ -73,7 +70,7 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
             files.extend(plot::flights(results)?);
         }
     }
-    files.push(File::text(data::RESULTS, format!("{}\n", results.json())));
+    files.push(File::text(data::RESULTS, results.json()));
     Ok(files)
 }
 
@@ -84,6 +81,6 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
 pub fn at_the_end(results: &Results) -> Result<Vec<File>> {
     Ok(vec![
         File::text(page::NAME, page::page(results)?),
-        File::text(data::RESULTS, format!("{}\n", results.json())),
+        File::text(data::RESULTS, results.json()),
     ])
 }

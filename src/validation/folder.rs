@@ -7,7 +7,6 @@ use super::spectra::Spectra;
 use super::{ITEMS, pictures};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
-use crate::json::Json;
 use crate::plan::Plan;
 use crate::report::File;
 use crate::results::Results;
@@ -47,7 +46,7 @@ pub struct Run {
     pub label: String,
     /// What came of it.
     pub results: Results,
-    json: Json,
+    json: serde_json::Value,
 }
 
 /// The last part of a path.
@@ -158,7 +157,7 @@ impl Folder {
             let text = self.scene(&label)?;
             let results = Plan::of(text.scene())?.run_quietly()?;
             runs.push(Run {
-                json: results.json(),
+                json: results.tree(),
                 label,
                 results,
             });
