@@ -155,24 +155,3 @@ pub fn name_at(name: &str, t: f64) -> String {
         format!("{name} at t = {t}")
     }
 }
-
-/// Prints the error with two significant digits and the value to the digit where the error starts.
-impl fmt::Display for Estimate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { value, error, .. } = *self;
-        if !value.is_finite() {
-            return write!(f, "{value}");
-        }
-        let small = value != 0.0 && value.abs() < 1e-4;
-        if small || value.abs() >= 1e7 {
-            return write!(f, "{value:.6e} ± {error:.1e}");
-        }
-        let digits = if error > 0.0 {
-            (-error.log10().floor()) as i32 + 1
-        } else {
-            9
-        };
-        let digits = digits.clamp(0, 9) as usize;
-        write!(f, "{value:.digits$} ± {error:.1e}")
-    }
-}

@@ -48,6 +48,7 @@ pub mod conventions;
 pub mod error;
 pub mod estimate;
 pub mod fokker_planck;
+pub mod format;
 pub mod gaussian;
 pub mod initial;
 pub mod moments;

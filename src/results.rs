@@ -8,7 +8,7 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
 use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Steady, Transient};
-use crate::moments::Moments;
+use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
 };
@@ -25,9 +25,9 @@ pub struct Results {
     /// The scene that was run.
     pub scene: Scene,
     /// The closed form (21)-(30).
-    pub stationary: Option<StationaryNumbers>,
+    pub stationary: Option<Numbers>,
     /// Losses of contact by Rice's formula.
-    pub crossings: Option<CrossingNumbers>,
+    pub crossings: Option<Numbers>,
     /// The law of the time of flight.
     pub flights: Option<FlightLaw>,
     /// The first loss of contact, by the backward equation.
@@ -54,75 +54,78 @@ pub struct Results {
     pub run: RunRecord,
 }
 
-/// Every number of the stationary law, by its name in results.json.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StationaryNumbers {
-    named: Vec<(&'static str, Option<Estimate>)>,
+/// What stands in results.json beside the moments.
+const BESIDE: [Entry; 5] = [
+    Entry::new(
+        "log10_contact_loss_probability",
+        "log10 P",
+        "its logarithm",
+        "1",
+    ),
+    Entry::new("loss_rate", "nu", "losses per time", "W"),
+    Entry::new("mean_flight", "P/nu", "mean flight", "1/W"),
+    Entry::new("losses_in_window", "nu t", "in the window", "1"),
+    Entry::new("mean_impact_speed", "E|v|", "speed at return", "u W"),
+];
+
+/// How every number of stationary motion is written, the moments first.
+pub fn entries() -> impl Iterator<Item = &'static Entry> {
+    Moment::ALL.into_iter().map(Moment::entry).chain(&BESIDE)
 }
 
-impl StationaryNumbers {
-    /// All numbers of a stationary law.
-    pub fn of(law: &Stationary) -> Self {
-        let named = vec![
-            ("mean_q", Some(law.mean_q())),
-            ("var_q", Some(law.var_q())),
-            ("mean_v", Some(law.moment_v(1))),
-            ("var_v", Some(law.moment_v(2))),
-            ("mean_force", Some(law.mean_force())),
-            ("std_force", Some(law.std_force())),
-            ("skewness_force", Some(law.skewness_force())),
-            ("kurtosis_force", Some(law.kurtosis_force())),
-            ("mean_energy", Some(law.mean_energy())),
-            ("contact_loss_probability", law.contact_loss_probability()),
-            (
-                "log10_contact_loss_probability",
-                law.log10_contact_loss_probability(),
-            ),
-            ("loss_rate", law.loss_rate()),
-            ("mean_flight", law.mean_flight()),
-        ];
-        Self { named }
-    }
-
-    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
-    fn sampled(it: &RecordResult, moments: &Moments) -> Self {
-        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
-        let crossings = it.crossings.as_ref();
-        // What never happened has no logarithm and no length.
-        let finite = |number: Option<Estimate>| number.filter(|it| it.value.is_finite());
-        let mut named: Vec<_> = moments.named().to_vec();
-        named.retain(|(name, _)| *name != "cov_qv");
-        let lost = moments.contact_loss_probability;
-        named.extend([
-            ("log10_contact_loss_probability", finite(lost.map(log10))),
-            ("loss_rate", crossings.map(|it| it.loss_rate)),
-            ("mean_flight", finite(crossings.map(|it| it.mean_flight))),
-        ]);
-        Self { named }
-    }
-
-    /// Name and number, in the order of results.json; None for a number that does not exist.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
-        self.named.iter().copied()
-    }
-
-    /// The number of that name.
-    pub fn get(&self, name: &str) -> Option<Estimate> {
-        self.named.iter().find(|(it, _)| *it == name)?.1
-    }
-}
-
-/// Losses of contact in stationary motion, by their names in results.json.
+/// Numbers of the stationary motion by their names in results.json, in its order.
 #[derive(Debug, Clone, PartialEq)]
-pub struct CrossingNumbers {
+pub struct Numbers {
     named: Vec<(&'static str, Option<Estimate>)>,
     /// Share of the time out of contact.
     pub lost_share: Option<Estimate>,
 }
 
-impl CrossingNumbers {
-    /// By Rice's formula from the closed form, in a window of this dimensionless time.
-    pub fn of(law: &Stationary, time: f64) -> Self {
+impl Numbers {
+    /// All numbers of a stationary law.
+    pub fn stationary(law: &Stationary) -> Self {
+        let logarithm = law.log10_contact_loss_probability();
+        Self::law(
+            &law.moments(),
+            logarithm,
+            law.loss_rate(),
+            law.mean_flight(),
+        )
+    }
+
+    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
+    fn recorded(it: &RecordResult, moments: &Moments) -> Self {
+        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
+        let logarithm = moments.contact_loss_probability.map(log10);
+        let crossings = it.crossings.as_ref();
+        let flight = crossings.map(|it| it.mean_flight);
+        Self::law(
+            moments,
+            logarithm.and_then(happened),
+            crossings.map(|it| it.loss_rate),
+            flight.and_then(happened),
+        )
+    }
+
+    fn law(
+        moments: &Moments,
+        logarithm: Option<Estimate>,
+        rate: Option<Estimate>,
+        flight: Option<Estimate>,
+    ) -> Self {
+        let mut named = moments.named().to_vec();
+        // q and v are independent.
+        named.retain(|(name, _)| *name != Moment::CovQv.name());
+        let more = BESIDE.iter().map(|it| it.name);
+        named.extend(more.zip([logarithm, rate, flight]));
+        Self {
+            named,
+            lost_share: moments.contact_loss_probability,
+        }
+    }
+
+    /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
+    pub fn crossings(law: &Stationary, time: f64) -> Self {
         Self {
             named: vec![
                 ("loss_rate", law.loss_rate()),
@@ -134,15 +137,14 @@ impl CrossingNumbers {
         }
     }
 
-    /// As seen in long records.
-    pub fn sampled(it: &Crossings, time: f64) -> Self {
-        let finite = |number: Estimate| Some(number).filter(|it| it.value.is_finite());
+    /// Losses of contact as seen in long records.
+    pub fn seen(it: &Crossings, time: f64) -> Self {
         Self {
             named: vec![
                 ("loss_rate", Some(it.loss_rate)),
                 ("losses_in_window", Some(it.losses_in(time))),
-                ("mean_flight", finite(it.mean_flight)),
-                ("mean_impact_speed", finite(it.mean_impact_speed)),
+                ("mean_flight", happened(it.mean_flight)),
+                ("mean_impact_speed", happened(it.mean_impact_speed)),
             ],
             lost_share: Some(it.lost_share),
         }
@@ -157,6 +159,11 @@ impl CrossingNumbers {
     pub fn get(&self, name: &str) -> Option<Estimate> {
         self.named.iter().find(|(it, _)| *it == name)?.1
     }
+}
+
+/// What never happened has no logarithm and no length.
+fn happened(it: Estimate) -> Option<Estimate> {
+    Some(it).filter(|it| it.value.is_finite())
 }
 
 /// The distance between two independent answers, in units of their errors.
@@ -301,21 +308,21 @@ impl Results {
     }
 
     /// The stationary numbers of the long records.
-    pub fn sampled_stationary(&self) -> Option<StationaryNumbers> {
+    pub fn sampled_stationary(&self) -> Option<Numbers> {
         let it = self.records.as_ref()?;
         let moments = if self.controlled() {
             &it.controlled
         } else {
             &it.moments
         };
-        Some(StationaryNumbers::sampled(it, moments))
+        Some(Numbers::recorded(it, moments))
     }
 
     /// The crossings of the long records, if they are asked for and the scheme sees them.
-    pub fn sampled_crossings(&self) -> Option<(&Crossings, CrossingNumbers)> {
+    pub fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
         let time = self.scene.crossings_window()?;
         let it = self.records.as_ref()?.crossings.as_ref()?;
-        Some((it, CrossingNumbers::sampled(it, time)))
+        Some((it, Numbers::seen(it, time)))
     }
 
     /// The time of flight in the long records, once a flight has been seen from loss to return.

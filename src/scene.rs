@@ -21,6 +21,7 @@ pub mod text;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
+use crate::format::{num, rounded};
 use crate::initial::Initial;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
@@ -140,7 +141,7 @@ impl Times {
             Self::Every { every, until } => {
                 let count = (until / every * (1.0 + 1e-12)).floor().max(0.0);
                 (1..=count.min(Self::MOST as f64) as u32)
-                    .map(|k| round(f64::from(k) * every))
+                    .map(|k| rounded(f64::from(k) * every, 13))
                     .collect()
             }
         }
@@ -676,16 +677,6 @@ impl Scene {
             short
         }
     }
-}
-
-/// A number as a person would type it: no 300 digits for 1e300.
-pub(crate) fn num(x: f64) -> String {
-    format!("{x:?}")
-}
-
-/// To 13 significant digits: 3 times 0.1 is 0.3.
-fn round(x: f64) -> f64 {
-    format!("{x:.12e}").parse().unwrap_or(x)
 }
 
 fn toml_value(value: &Value) -> String {

@@ -4,7 +4,7 @@
 use super::clock::Clock;
 use super::truths::{Case, Truth};
 use crate::error::{Error, Result};
-use crate::moments::Moments;
+use crate::moments::Moment;
 use crate::plan::Plan;
 use crate::report::File;
 use crate::results::Results;
@@ -131,7 +131,7 @@ impl Judged {
 
     /// Its name in results.json.
     pub fn name(&self) -> &'static str {
-        Moments::default().named()[self.truth.index].0
+        Moment::ALL[self.truth.index].name()
     }
 }
 

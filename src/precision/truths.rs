@@ -4,7 +4,7 @@
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::initial::Initial;
-use crate::moments::Moments;
+use crate::moments::Moment;
 use crate::oscillator::Oscillator;
 use crate::scene::{Outputs, Scene, Times};
 use std::str::FromStr;
@@ -19,7 +19,7 @@ pub struct Case {
     pub number: usize,
     /// The scene, with the program's default accuracy.
     pub scene: Scene,
-    /// What is known, ordered by time, then as [`Moments::named`].
+    /// What is known, ordered by time, then as [`Moment::ALL`].
     pub truths: Vec<Truth>,
 }
 
@@ -28,7 +28,7 @@ pub struct Case {
 pub struct Truth {
     /// Its time.
     pub t: f64,
-    /// Its place in [`Moments::named`].
+    /// Its place in [`Moment::ALL`].
     pub index: usize,
     /// The number.
     pub value: f64,
@@ -130,7 +130,7 @@ impl Row<'_> {
     }
 
     fn truth(&self) -> Result<Truth> {
-        let names = Moments::default().named().map(|(name, _)| name);
+        let names = Moment::ALL.map(Moment::name);
         let index = names.iter().position(|name| *name == self.text(2));
         Ok(Truth {
             t: self.get(1)?,

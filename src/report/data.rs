@@ -4,10 +4,11 @@ use super::File;
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
-use crate::moments::Moments;
+use crate::format::{bare, num};
+use crate::moments::{Moment, Moments};
 use crate::monte_carlo::Histogram;
 use crate::oscillator::Quantity;
-use crate::results::Results;
+use crate::results::{Results, entries};
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
 use ndarray::{Array1, Array2, arr0};
@@ -19,30 +20,15 @@ use std::path::PathBuf;
 /// The file that holds every number of a run.
 pub const RESULTS: &str = "results.json";
 
-/// Unit of a number, by its name in results.json: every quantity is dimensionless, (6)-(8), and its
-/// unit here is what one of it is on the rig. u = 2 z_s/3, W = Omega, F = static load.
 fn unit(name: &str) -> &'static str {
-    match name {
-        "mean_q" => "u",
-        "var_q" => "u^2",
-        "mean_v" | "mean_impact_speed" => "u W",
-        "var_v" => "(u W)^2",
-        "cov_qv" => "u^2 W",
-        "mean_force" | "std_force" => "F",
-        "mean_energy" => "(u W)^2 m",
-        "loss_rate" => "W",
-        "mean_flight" => "1/W",
-        _ => "1",
-    }
+    entries()
+        .find(|it| it.name == name)
+        .map_or("1", |it| it.unit)
 }
 
 /// A number as it reads back exactly; empty where it does not exist.
 pub(super) fn field(x: f64) -> String {
-    if x.is_finite() {
-        format!("{x:?}")
-    } else {
-        String::new()
-    }
+    if x.is_finite() { num(x) } else { String::new() }
 }
 
 /// Value and error, or two empty fields.
@@ -51,12 +37,6 @@ pub(super) fn fields(it: Option<Estimate>) -> String {
     it.map_or(",".into(), |it| {
         format!("{},{}", field(it.value), field(it.error))
     })
-}
-
-/// A time as part of a file name: 5, 0.5, 1e-7.
-pub fn time_name(t: f64) -> String {
-    let text = format!("{t:?}");
-    text.strip_suffix(".0").unwrap_or(&text).to_owned()
 }
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
@@ -115,7 +95,7 @@ fn moments_csv(
     more: &[(&str, Vec<Option<Estimate>>)],
 ) -> String {
     let mut table = String::from("t [1/W]");
-    let names = Moments::default().named().map(|(name, _)| name);
+    let names = Moment::ALL.map(Moment::name);
     for name in names.into_iter().chain(more.iter().map(|(name, _)| *name)) {
         let unit = unit(name);
         let _ = write!(table, ",{name} [{unit}],{name} error [{unit}]");
@@ -158,7 +138,7 @@ pub fn transient(results: &Results) -> Result<Vec<File>> {
         ));
     }
     for snapshot in &it.densities {
-        let name = format!("density_{}.npz", time_name(snapshot.t));
+        let name = format!("density_{}.npz", bare(snapshot.t));
         files.push(density(name, snapshot)?);
     }
     Ok(files)

@@ -1,17 +1,17 @@
 //! The results as one tree of plain values: results.json is its text.
 
-use super::{CrossingNumbers, Results, SpectrumNumbers, centres};
+use super::{Numbers, Results, SpectrumNumbers, centres};
 use crate::estimate::Estimate;
 use crate::fokker_planck::{FirstLoss, Transient};
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{Crossings, FirstLossResult};
 use crate::rig::Rig;
 use serde_json::{Map, Value, json};
 
 /// Named numbers, in their order.
-type Numbers<'a> = &'a mut dyn Iterator<Item = (&'static str, Option<Estimate>)>;
+type Named<'a> = &'a mut dyn Iterator<Item = (&'static str, Option<Estimate>)>;
 
-fn numbers(all: Numbers<'_>) -> Map<String, Value> {
+fn numbers(all: Named<'_>) -> Map<String, Value> {
     all.map(|(name, number)| (name.to_owned(), json!(number)))
         .collect()
 }
@@ -152,7 +152,7 @@ impl Results {
         all
     }
 
-    fn crossing_tree(&self, it: &CrossingNumbers, seen: Option<&Crossings>) -> Value {
+    fn crossing_tree(&self, it: &Numbers, seen: Option<&Crossings>) -> Value {
         let mut all = Map::new();
         all.insert("window".into(), json!(self.scene.outputs.crossings));
         all.append(&mut numbers(&mut it.iter()));
@@ -191,8 +191,8 @@ impl Results {
 fn moments(times: &[f64], all: &[Moments]) -> Map<String, Value> {
     let mut tree = Map::new();
     tree.insert("t".into(), json!(times));
-    for (k, (name, _)) in Moments::default().named().into_iter().enumerate() {
-        tree.insert(name.into(), curve(all.iter().map(|it| it.named()[k].1)));
+    for it in Moment::ALL {
+        tree.insert(it.name().into(), curve(all.iter().map(|at| at.get(it))));
     }
     tree
 }

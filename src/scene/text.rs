@@ -2,10 +2,11 @@
 
 use super::{
     Accuracy, CONTACTS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, SCHEMES, Scene,
-    SpectrumRequest, TIME, TRANSIENT, Times, num,
+    SpectrumRequest, TIME, TRANSIENT, Times,
 };
 use crate::error::{Error, positive};
 use crate::fokker_planck::Drift;
+use crate::format::num;
 use crate::initial::Initial;
 use crate::monte_carlo::MOST_COSINES;
 use crate::oscillator::Oscillator;

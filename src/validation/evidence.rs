@@ -10,7 +10,7 @@ use super::spectra::Spectra;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{self, Noise, RecordSettings, Scheme};
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
@@ -200,8 +200,9 @@ impl<'a> Evidence<'a> {
                 Ok(of_the_paper(it.pooled(asked.statistic()), records, keys))
             }
             "records" => {
-                let found = keys.records()?.get(&format!("{which}_force"));
-                found.ok_or_else(unknown)
+                let moment = Moment::named(&format!("{which}_force"));
+                let moment = moment.ok_or_else(unknown)?;
+                keys.records()?.get(moment).ok_or_else(unknown)
             }
             "spectrum" => {
                 let oscillator = keys.oscillator()?;

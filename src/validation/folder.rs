@@ -7,6 +7,7 @@ use super::spectra::Spectra;
 use super::{ITEMS, pictures};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
+use crate::moments::Moment;
 use crate::plan::Plan;
 use crate::report::File;
 use crate::results::Results;
@@ -206,7 +207,7 @@ impl Run {
     fn error_in_record(&self, path: &str, length: f64) -> Option<f64> {
         let records = self.results.records.as_ref()?;
         let last = path.rsplit('.').next()?;
-        let error = match records.moments.get(last) {
+        let error = match Moment::named(last).and_then(|it| records.moments.get(it)) {
             Some(number) => number.error,
             None => {
                 let (section, rest) = path.split_once('.')?;

@@ -6,8 +6,8 @@ use super::canvas::{
 };
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
+use crate::format::bare;
 use crate::report::File;
-use crate::report::data::time_name;
 use crate::results::Results;
 use crate::results::widths;
 use crate::stationary::Stationary;
@@ -296,8 +296,8 @@ pub fn densities(results: &Results) -> Result<Vec<File>> {
     };
     let mut files = Vec::new();
     for snapshot in &it.densities {
-        let name = format!("density_{}.svg", time_name(snapshot.t));
-        let title = format!("p(q, q\u{307}) at \u{3c4} = {}", time_name(snapshot.t));
+        let name = format!("density_{}.svg", bare(snapshot.t));
+        let title = format!("p(q, q\u{307}) at \u{3c4} = {}", bare(snapshot.t));
         files.extend(density_picture(name, &title, snapshot, results)?);
     }
     files.extend(snapshots(results, &it.densities)?);
@@ -358,7 +358,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
             sheet.fill(area, &panel)?;
             loss_line(area, &panel, results, false)?;
             panel.frame(area)?;
-            let title = format!("\u{3c4} = {}", time_name(sheet.snapshot.t));
+            let title = format!("\u{3c4} = {}", bare(sheet.snapshot.t));
             let middle = panel.left + 0.5 * width;
             write(
                 area,

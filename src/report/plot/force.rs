@@ -7,9 +7,9 @@ use super::canvas::{
 use super::density::Sheet;
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::format::bare;
 use crate::monte_carlo::Histogram;
 use crate::report::File;
-use crate::report::data::time_name;
 use crate::results::Results;
 use crate::stationary::Stationary;
 
@@ -46,7 +46,7 @@ impl ForceCurves {
             (Some(it), _) => (Some(&it.density), "steady state on the mesh".to_owned()),
             (None, Some(it)) => {
                 let last = it.densities.last();
-                let t = last.map_or(String::new(), |it| time_name(it.t));
+                let t = last.map_or(String::new(), |it| bare(it.t));
                 (last, format!("on the mesh, \u{3c4} = {t}"))
             }
             _ => (None, String::new()),

@@ -6,7 +6,7 @@ use super::canvas::{
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRates;
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::report::File;
 use crate::results::Results;
 
@@ -23,24 +23,24 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
         .iter()
         .any(|it| it.contact_loss_probability.is_some());
     let names = [
-        ("mean_q", "E[q]"),
-        ("var_v", "Var q\u{307}"),
-        ("std_force", "\u{3c3}(N)"),
+        (Moment::MeanQ, "E[q]"),
+        (Moment::VarV, "Var q\u{307}"),
+        (Moment::StdForce, "\u{3c3}(N)"),
         if loses {
-            ("contact_loss_probability", "P(contact lost)")
+            (Moment::ContactLossProbability, "P(contact lost)")
         } else {
-            ("var_q", "Var q")
+            (Moment::VarQ, "Var q")
         },
     ];
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
         return Ok(None);
     };
     picture("moments.svg", (958, 640), |area| {
-        for (k, (name, label)) in names.into_iter().enumerate() {
+        for (k, (moment, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
                 points
-                    .filter_map(|(t, it)| Some((*t, it.get(name)?)))
+                    .filter_map(|(t, it)| Some((*t, it.get(moment)?)))
                     .collect()
             };
             let mesh = series(&it.times, &it.moments);
@@ -49,7 +49,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
             let level = results
                 .stationary
                 .as_ref()
-                .and_then(|it| it.get(name))
+                .and_then(|it| it.get(moment.name()))
                 .map(|it| it.value);
             let Some(y) = heights(&[&mesh, &paths], level) else {
                 continue;
