@@ -6,7 +6,7 @@ use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
 use crate::format::{bare, num};
 use crate::moments::{Moment, Moments};
-use crate::monte_carlo::Histogram;
+use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
 use crate::results::{Results, entries};
 use crate::spectrum::{displacement_per_hertz, per_hertz};
@@ -16,9 +16,6 @@ use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
 use std::io::Cursor;
 use std::path::PathBuf;
-
-/// The file that holds every number of a run.
-pub const RESULTS: &str = "results.json";
 
 fn unit(name: &str) -> &'static str {
     entries()
@@ -43,7 +40,7 @@ pub(super) fn fields(it: Option<Estimate>) -> String {
 ///
 /// # Errors
 /// Where there is no stationary law.
-pub fn stationary(results: &Results) -> Result<Vec<File>> {
+pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     let Some(numbers) = &results.stationary else {
         return Ok(Vec::new());
     };
@@ -118,7 +115,7 @@ fn moments_csv(
 ///
 /// # Errors
 /// [`Error::Io`] for an array that cannot be packed.
-pub fn transient(results: &Results) -> Result<Vec<File>> {
+pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.transient else {
         return Ok(Vec::new());
     };
@@ -148,7 +145,7 @@ pub fn transient(results: &Results) -> Result<Vec<File>> {
 ///
 /// # Errors
 /// [`Error::Io`] for an array that cannot be packed.
-pub fn steady(results: &Results) -> Result<Vec<File>> {
+pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
     };
@@ -164,7 +161,7 @@ pub fn steady(results: &Results) -> Result<Vec<File>> {
 }
 
 /// The decay rates.
-pub fn decay_rates(results: &Results) -> Vec<File> {
+pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     let Some(it) = &results.decay_rates else {
         return Vec::new();
     };
@@ -182,17 +179,16 @@ pub fn decay_rates(results: &Results) -> Vec<File> {
 }
 
 /// The moments of the ensemble.
-pub fn monte_carlo(results: &Results) -> Vec<File> {
-    let moments = results.monte_carlo.as_ref();
-    let table = moments.map(|it| moments_csv(&it.times, &it.moments, &[]));
-    table
-        .map(|table| File::text("monte_carlo.csv", table))
-        .into_iter()
-        .collect()
+pub(super) fn monte_carlo(results: &Results) -> Vec<File> {
+    let table = |it: &EnsembleResult| {
+        let table = moments_csv(&it.times, &it.moments, &[]);
+        File::text("monte_carlo.csv", table)
+    };
+    results.monte_carlo.iter().map(table).collect()
 }
 
 /// Files of the long records: their stationary numbers, and p_q, p_v, p_N as histograms.
-pub fn records(results: &Results) -> Vec<File> {
+pub(super) fn records(results: &Results) -> Vec<File> {
     let (Some(it), Some(numbers)) = (&results.records, results.sampled_stationary()) else {
         return Vec::new();
     };
@@ -224,7 +220,7 @@ fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> 
 }
 
 /// Losses of contact, by Rice's formula and as the records saw them.
-pub fn crossings(results: &Results) -> Vec<File> {
+pub(super) fn crossings(results: &Results) -> Vec<File> {
     let Some(numbers) = &results.crossings else {
         return Vec::new();
     };
@@ -242,7 +238,7 @@ pub fn crossings(results: &Results) -> Vec<File> {
 ///
 /// # Errors
 /// [`Error::Io`] for an array that cannot be packed.
-pub fn spectrum(results: &Results) -> Result<Vec<File>> {
+pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.spectrum else {
         return Ok(Vec::new());
     };

@@ -378,13 +378,14 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn steady(results: &Results) -> Result<Option<File>> {
+pub fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let title = format!(
         "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the closed form {:.0e}",
         it.method.cells[0], it.method.cells[1], it.l1_error.value
     );
-    density_picture("steady.svg".into(), &title, &it.density, results)
+    let picture = density_picture("steady.svg".into(), &title, &it.density, results)?;
+    Ok(picture.into_iter().collect())
 }

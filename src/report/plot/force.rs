@@ -126,16 +126,16 @@ impl ForceCurves {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn force(results: &Results) -> Result<Option<File>> {
+pub fn force(results: &Results) -> Result<Vec<File>> {
     let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let seen = curves.exact.iter().filter(|(_, p)| *p > 1e-5 * curves.most);
     let ends = seen
         .map(|(n, _)| *n)
         .chain(curves.dirac.map(|(_, flight)| flight));
     let Some(x) = range(ends, 0.05) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let linear = Panel {
         left: 92.0,
@@ -190,7 +190,7 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 fn probability(mass: Estimate) -> String {

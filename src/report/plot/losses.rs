@@ -14,9 +14,9 @@ use crate::results::centres;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn survival(results: &Results) -> Result<Option<File>> {
+pub fn survival(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let paths = results.first_loss_paths.as_ref();
     let until = it.times[it.times.len() - 1];
@@ -37,7 +37,7 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
         .map(|(_, y)| *y)
         .fold(f64::INFINITY, f64::min);
     let (Some(y), true) = (range(linear.iter().map(|(_, s)| *s), 0.08), top > -299.0) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let left = Panel {
         left: 92.0,
@@ -86,7 +86,7 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 /// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
@@ -94,15 +94,15 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn flights(results: &Results) -> Result<Option<File>> {
+pub fn flights(results: &Results) -> Result<Vec<File>> {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();
     if seen.is_none() && law.is_none() {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let contact = results.contact();
     let Some(fall) = contact.loss_point().map(|loss| -contact.force(loss)) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     // The speed of a loss has the Rayleigh law of scale sqrt(T), and a free flight lasts 2 v/fall.
     let scale = 2.0 * results.scene.oscillator.temperature().sqrt() / fall;
@@ -122,7 +122,7 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
     let shown = noisy.iter().filter(|(t, _)| *t <= end).map(|it| it.1);
     let most = tops.chain(shown).chain([free(scale)]).fold(0.0, f64::max);
     if !(most.is_finite() && end.is_finite()) {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let panel = Panel {
         left: 92.0,
@@ -166,5 +166,5 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }

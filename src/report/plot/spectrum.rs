@@ -15,13 +15,13 @@ use crate::spectrum::per_hertz;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn spectrum(results: &Results) -> Result<Option<File>> {
+pub fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results
         .spectrum
         .as_ref()
         .filter(|it| it.solved.omega.len() > 1)
     else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let force = it.solved.quantity == Quantity::Force;
     let (scale, hertz, x_label, y_label) = match &results.scene.rig {
@@ -49,7 +49,7 @@ pub fn spectrum(results: &Results) -> Result<Option<File>> {
     let linear = curve(&mut it.linear.iter().copied());
     let heights = solved.iter().chain(&linear).map(|(_, y)| *y);
     let Some((low, high)) = range(heights, 0.06) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let panel = Panel {
         left: 92.0,
@@ -97,5 +97,5 @@ pub fn spectrum(results: &Results) -> Result<Option<File>> {
         }
         entry(GREY, Mark::Line, "linear oscillator")
     })
-    .map(Some)
+    .map(|it| vec![it])
 }

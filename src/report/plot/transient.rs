@@ -14,9 +14,9 @@ use crate::results::Results;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn moments(results: &Results) -> Result<Option<File>> {
+pub fn moments(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let loses = it
         .moments
@@ -33,7 +33,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
         },
     ];
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     picture("moments.svg", (958, 640), |area| {
         for (k, (moment, label)) in names.into_iter().enumerate() {
@@ -101,7 +101,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 /// The range of values, widened by their errors, but by no more than as much again: a band that is
@@ -132,7 +132,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn approach(results: &Results) -> Result<Option<File>> {
+pub fn approach(results: &Results) -> Result<Vec<File>> {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
             .filter(|(_, y)| *y > 0.0 && y.is_finite())
@@ -173,7 +173,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
     let left = if first.is_some() { 570.0 } else { 92.0 };
     let second = panel(left, [&marched, &Points::new()]);
     let Some(last) = second.as_ref().or(first.as_ref()) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let size = ((last.right() + 28.0) as u32, 420);
     let decay = results.decay_rates.as_ref().and_then(Decay::of);
@@ -223,7 +223,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 /// How distances to the stationary law fall in the end: as t^power e^{rate t}.
