@@ -5,12 +5,12 @@
 //! measurements but the scatter of the residuals: a fit has one standard error from it, and a bootstrap over
 //! the levels says what their disagreement leaves open.
 
-use super::roots;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
+use crate::roots;
 use crate::stationary::Stationary;
 use std::f64::consts::LN_10;
 use std::fs;

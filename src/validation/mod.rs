@@ -14,7 +14,6 @@ pub mod item;
 pub mod numbers;
 pub mod pictures;
 pub mod readme;
-pub mod roots;
 pub mod spectra;
 
 pub use folder::{Folder, Outcome};

@@ -47,8 +47,9 @@ mod tests {
     use crate::fokker_planck::flux::Drift;
     use crate::fokker_planck::generator::Generator;
     use crate::fokker_planck::mesh::{Axis, Mesh};
+    use crate::matrix;
     use crate::oscillator::Oscillator;
-    use ndarray::{Array1, Array2};
+    use ndarray::Array1;
 
     fn generator(zeta: f64, temperature: f64, cells: [usize; 2], drift: Drift) -> Generator {
         let h = 2.0 * zeta * temperature / std::f64::consts::PI;
@@ -71,31 +72,13 @@ mod tests {
         })
     }
 
-    /// e^{t L} P by scaling and squaring of a dense matrix.
+    /// e^{t L} P by a dense matrix.
     fn exponential(generator: &Generator, density: &Density, t: f64) -> Vec<f64> {
-        let matrix = generator.matrix();
-        let n = matrix.rows();
-        let mut a = Array2::zeros((n, n));
-        for (column, entries) in matrix.outer_iterator().enumerate() {
-            for (row, value) in entries.iter() {
-                a[[row, column]] = t * value;
-            }
-        }
-        let norm = a.columns().into_iter().map(|c| c.mapv(f64::abs).sum());
-        let squarings = (norm.fold(0.0, f64::max) / 0.1).log2().ceil().max(0.0) as i32;
-        a /= 2f64.powi(squarings);
-        let (mut sum, mut term) = (Array2::eye(n), Array2::eye(n));
-        for k in 1..=9 {
-            term = term.dot(&a) / f64::from(k);
-            sum += &term;
-        }
-        for _ in 0..squarings {
-            sum = sum.dot(&sum);
-        }
+        let dense = generator.matrix().to_dense();
         let system = system::System::new(generator, Solver::Direct);
-        let mut start = Array1::zeros(n);
+        let mut start = Array1::zeros(dense.nrows());
         system.gather(density.cells(), start.as_slice_mut().unwrap());
-        let end = sum.dot(&start);
+        let end = matrix::exponential(&dense, t).dot(&start);
         let mut cells = vec![0.0; density.cells().len()];
         system.scatter(end.as_slice().unwrap(), &mut cells);
         cells
