@@ -9,7 +9,6 @@ use crate::error::Result;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::difference::lagrange;
 use crate::fokker_planck::flow_map::Splitting;
-use crate::fokker_planck::interpolation::Order;
 use crate::fokker_planck::{Drift, TimeScheme};
 use crate::gaussian::Gaussian;
 use crate::moments::Moments;
@@ -105,7 +104,6 @@ impl Reference {
             });
         }
         let flow_map = Method::FlowMap {
-            order: Order::Eighth,
             splitting: Splitting::EvenFive,
         };
         let volumes = |drift, time| Method::Volumes { drift, time };

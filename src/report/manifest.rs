@@ -227,11 +227,12 @@ mod tests {
 
     #[test]
     fn the_readme_lists_every_file_with_the_words_of_the_manifest() {
-        let mut rows = String::from("| file | what |\n|---|---|\n");
-        for (name, what) in files() {
+        let row = |(name, what): (&str, &str)| {
             let what = what[..1].to_lowercase() + &what[1..];
-            rows += &format!("| `{name}` | {what} |\n");
-        }
+            format!("| `{name}` | {what} |\n")
+        };
+        let rows: String = files().map(row).collect();
+        let rows = format!("| file | what |\n|---|---|\n{rows}\n");
         let readme = include_str!("../../README.md");
         assert!(readme.contains(&rows), "README.md lacks\n{rows}");
         assert!(holds("density_0.5.npz") && holds("moments.svg") && !holds("mine.svg"));

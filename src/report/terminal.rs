@@ -700,7 +700,6 @@ pub fn plan(plan: &Plan) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::Origin;
     use crate::scene::text::{BUILT_IN, SceneText};
 
     #[test]
