@@ -1,7 +1,7 @@
 //! Moments against time, and the approach to the stationary law.
 
 use super::canvas::{
-    BLUE, GREEN, Hang, INK, Mark, Panel, Points, VERMILION, legend, picture, range, write,
+    BLUE, GREEN, INK, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
 };
 use crate::error::Result;
 use crate::estimate::Estimate;
@@ -54,15 +54,16 @@ pub fn moments(results: &Results) -> Result<Vec<File>> {
             let Some(y) = heights(&[&mesh, &paths], level) else {
                 continue;
             };
-            let panel = Panel {
-                left: 92.0 + 478.0 * (k % 2) as f64,
-                top: 44.0 + 298.0 * (k / 2) as f64,
-                width: 374.0,
-                height: 236.0,
+            let panel = Panel::new(
+                [
+                    92.0 + 478.0 * (k % 2) as f64,
+                    44.0 + 298.0 * (k / 2) as f64,
+                    374.0,
+                    236.0,
+                ],
                 x,
                 y,
-                log: false,
-            };
+            );
             panel.axes(area, "\u{3c4}", label)?;
             if let Some(level) = level {
                 panel.level(area, level, INK)?;
@@ -159,15 +160,7 @@ pub fn approach(results: &Results) -> Result<Vec<File>> {
         // Sixteen decades down there is only rounding.
         let y = (low.floor().max(high.ceil() - 17.0), high.ceil());
         let enough = curves.iter().any(|curve| curve.len() > 1) && y.1 > y.0;
-        enough.then_some(Panel {
-            left,
-            top: 44.0,
-            width: 374.0,
-            height: 320.0,
-            x,
-            y,
-            log: true,
-        })
+        enough.then_some(Panel::new([left, 44.0, 374.0, 320.0], x, y).logarithmic(true))
     };
     let first = panel(92.0, [&distance, &entropy]);
     let left = if first.is_some() { 570.0 } else { 92.0 };
@@ -183,9 +176,7 @@ pub fn approach(results: &Results) -> Result<Vec<File>> {
                 area,
                 "Approach to the stationary law",
                 (panel.left, 22.0),
-                15.0,
-                Hang::Left,
-                INK,
+                TITLE,
             )?;
             panel.axes(area, "\u{3c4}", "distance to (21)")?;
             panel.curve(area, &distance, BLUE, 2.0)?;
@@ -213,9 +204,7 @@ pub fn approach(results: &Results) -> Result<Vec<File>> {
                 area,
                 "Marching to the steady state",
                 (panel.left, 22.0),
-                15.0,
-                Hang::Left,
-                INK,
+                TITLE,
             )?;
             panel.axes(area, "\u{3c4}", "L\u{b9} distance to (21)")?;
             panel.curve(area, &marched, BLUE, 2.0)?;
