@@ -168,7 +168,7 @@ pub struct Progress {
     /// Change of the mass by interpolation, before its correction: the sum of the absolute values over
     /// the intervals. For a contact without a stationary law, the mass that left the box.
     pub defect: f64,
-    /// Largest negative mass at the end of an interval, before any clipping.
+    /// Largest negative mass at the end of an interval.
     pub negative: f64,
 }
 

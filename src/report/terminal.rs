@@ -4,7 +4,7 @@ use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRate;
 use crate::format::{brief, bytes, cell, many, seconds};
 use crate::initial::Initial;
-use crate::moments::{Moment, Moments};
+use crate::moments::{Entry, Moment, Moments};
 use crate::plan::{Part, Plan, Stage};
 use crate::results::{Results, distance, entries};
 use std::fmt::Write;
@@ -84,6 +84,25 @@ impl Table {
             self.line(lead + &line);
         }
     }
+}
+
+/// A row: 26 columns of words, 18 a number, and in 7 how far the first two are apart where both are known.
+fn row(words: &str, numbers: &[Option<Estimate>], compared: bool) -> String {
+    let mut line = format!("{words:<26}");
+    for it in numbers {
+        let _ = write!(line, " {:>17}", cell(*it));
+    }
+    if let [Some(a), Some(b)] = numbers
+        && let Some(z) = distance(*a, *b).filter(|_| compared)
+    {
+        let _ = write!(line, "{z:>7.1}");
+    }
+    line
+}
+
+/// Symbol and words of a number.
+fn words(it: &Entry) -> String {
+    format!("{:<8} {}", it.symbol, it.words)
 }
 
 /// The results as a table of at most 80 columns; `colour` adds bold headings.
@@ -188,23 +207,17 @@ fn stationary(table: &mut Table, results: &Results) {
     }
     table.line(&heads[1]);
     for (k, entry) in entries().enumerate() {
-        let (symbol, words) = (entry.symbol, entry.words);
         let moment = Moment::ALL.get(k);
-        let cells: Vec<Option<Estimate>> = columns
+        let numbers: Vec<Option<Estimate>> = columns
             .iter()
             .map(|(_, _, moments)| match moments {
                 None => closed.and_then(|it| it.get(entry.name)),
                 Some(moments) => moments.get(*moment?),
             })
             .collect();
-        if cells.iter().all(Option::is_none) {
-            continue;
+        if numbers.iter().any(Option::is_some) {
+            table.line(row(&words(entry), &numbers, false));
         }
-        let mut line = format!("{symbol:<8} {words:<17}");
-        for it in cells {
-            let _ = write!(line, " {:>17}", cell(it));
-        }
-        table.line(line);
     }
 }
 
@@ -225,24 +238,15 @@ fn sides(table: &mut Table, title: &str, rows: &[Sides]) {
     }
     table.heading(head);
     for (name, a, b) in rows {
-        let Some(entry) = entries().find(|it| it.name == *name) else {
-            continue;
-        };
-        if a.is_none() && b.is_none() {
-            continue;
+        let entry = entries().find(|it| it.name == *name);
+        let known = entry.filter(|_| a.is_some() || b.is_some());
+        let numbers: Vec<_> = [(*a, exact), (*b, sampled)]
+            .into_iter()
+            .filter_map(|(it, there)| there.then_some(it))
+            .collect();
+        if let Some(entry) = known {
+            table.line(row(&words(entry), &numbers, true));
         }
-        let (symbol, words) = (entry.symbol, entry.words);
-        let mut line = format!("{symbol:<8} {words:<17}");
-        for (it, _) in [(a, exact), (b, sampled)]
-            .iter()
-            .filter(|(_, there)| *there)
-        {
-            let _ = write!(line, " {:>17}", cell(**it));
-        }
-        if let Some(z) = a.zip(*b).and_then(|(a, b)| distance(a, b)) {
-            let _ = write!(line, "{z:>7.1}");
-        }
-        table.line(line);
     }
 }
 
@@ -299,12 +303,8 @@ fn spectrum(table: &mut Table, results: &Results) {
     table.heading(format!("{title:<26}{head}"));
     for (k, peak) in it.peaks.iter().take(4).enumerate() {
         let name = if k == 0 { "highest peak" } else { "next peak" };
-        table.line(format!(
-            "{name:<26} {:>17} {:>17} {:>17}",
-            cell(Some(peak.omega)),
-            cell(Some(peak.density)),
-            cell(peak.width)
-        ));
+        let numbers = [Some(peak.omega), Some(peak.density), peak.width];
+        table.line(row(name, &numbers, false));
     }
     if let (Some(first), Some(w)) = (solved.density.first(), solved.omega.first()) {
         let (name, w) = ("lowest frequency", brief(*w));
@@ -347,31 +347,30 @@ fn first_loss(table: &mut Table, results: &Results) {
         let _ = write!(head, "{:>18}{:>7}", "paths", "z");
     }
     table.heading(head);
-    let mut row = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
-        let mut line = format!("{symbol:<8} {words:<17} {:>17}", cell(Some(a)));
-        if sampled.is_some() {
-            let _ = write!(line, " {:>17}", cell(b));
-        }
-        if let Some(z) = b.and_then(|b| distance(a, b)) {
-            let _ = write!(line, "{z:>7.1}");
-        }
-        table.line(line);
+    let mut put = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
+        let words = format!("{symbol:<8} {words}");
+        let both = [Some(a), b];
+        table.line(row(
+            &words,
+            &both[..1 + usize::from(sampled.is_some())],
+            true,
+        ));
     };
     let last = it.times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
         let words = format!("survives {}", brief(it.times[k]));
-        row("S", &words, it.survival[k], seen);
+        put("S", &words, it.survival[k], seen);
     }
     let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
-    row(
+    put(
         "mean",
         "time to the loss",
         it.mean_time,
         lost.map(|it| it.mean_time),
     );
-    row("rate", "S ~ exp(-rate t)", it.rate, None);
-    row("", "over Rice's rate", it.rate_over_rice, None);
+    put("rate", "S ~ exp(-rate t)", it.rate, None);
+    put("", "over Rice's rate", it.rate_over_rice, None);
     let text = format!(
         "{} x {} nodes, step {:.3}; in the end the survival falls as exp(-rate t); from {}",
         it.method.cells[0],
@@ -457,7 +456,6 @@ fn course(table: &mut Table, results: &Results) {
             let here = moments.get(k).and_then(|it| it.get(moment));
             let there = paths.0.iter().position(|it| *it == t);
             let there = there.and_then(|k| paths.1.get(k)?.get(moment));
-            let z = here.zip(there).and_then(|(a, b)| distance(a, b));
             let entry = moment.entry();
             let (symbol, words) = if n == 0 {
                 (entry.symbol, entry.words)
@@ -465,12 +463,13 @@ fn course(table: &mut Table, results: &Results) {
                 ("", "")
             };
             let time = format!("t = {}", brief(t));
-            let mut line = format!("{symbol:<8} {words:<15}{time:>12}{:>17}", cell(here));
-            if sampled.is_some() {
-                let z = z.map_or(String::new(), |z| format!("{z:.1}"));
-                let _ = write!(line, " {:>17}{z:>7}", cell(there));
-            }
-            table.line(line);
+            let words = format!("{symbol:<8} {words:<15}{time:>11}");
+            let both = [here, there];
+            table.line(row(
+                &words,
+                &both[..1 + usize::from(sampled.is_some())],
+                true,
+            ));
         }
     }
     if let Some(it) = deterministic {
@@ -558,7 +557,7 @@ fn physical(table: &mut Table, results: &Results) {
             "half_power_width_hz" => ("its half-power width", "Hz"),
             other => (other, ""),
         };
-        let mut line = format!("{name:<26} {:>17}", cell(number));
+        let mut line = row(name, &[number], false);
         if !sampled.is_empty() {
             let seen = seen.map_or(String::new(), |it| cell(Some(it)));
             let _ = write!(line, " {seen:>17}");
