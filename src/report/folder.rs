@@ -1,7 +1,7 @@
 //! The output folder: files appear in it whole or not at all.
 
-use super::File;
-use super::manifest::{self, RESULTS};
+use super::file::{File, RESULTS};
+use super::manifest;
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
 use std::fs;

@@ -1,17 +1,14 @@
 //! The files of a run: what each holds, which stages bring it, and who makes it. Folder, page and README
 //! take their lists from here.
 
-use super::file::File;
+use super::file::{File, RESULTS};
 use super::{data, losses, page, plot};
 use crate::error::Result;
 use crate::plan::Part;
 use crate::results::Results;
 
-/// Every number of a run.
-pub(super) const RESULTS: &str = "results.json";
-
 /// The page that holds it all.
-pub(super) const PAGE: &str = "report.html";
+const PAGE: &str = "report.html";
 
 const SCENE: &str = "scene.toml";
 

@@ -1,7 +1,7 @@
 //! report.html: table, pictures, settings and warnings in one file that needs nothing else.
 
-use super::manifest::RESULTS;
-use super::{File, terminal};
+use super::file::{File, RESULTS};
+use super::terminal;
 use crate::results::Results;
 use std::fmt::Write;
 
