@@ -435,67 +435,48 @@ impl Scene {
             self.check_first_loss(until)?;
         }
         if let Some(window) = outputs.crossings {
-            self.check_crossings(window)?;
+            self.check_lost("crossings", "window", window)?;
         }
         Ok(())
     }
 
     fn check_first_loss(&self, until: f64) -> Result<()> {
-        let key = "outputs.first_loss.until";
-        positive(key, until)?;
-        if until > Times::LATEST {
-            let accepted = format!("a time up to {:e}", Times::LATEST);
-            return Err(Error::invalid(key, num(until), accepted));
-        }
-        let contact = self.oscillator.contact();
-        let value = format!("{{ until = {} }}", num(until));
-        if !contact.is_confining() {
-            return Err(self.no_law("outputs.first_loss", &value));
-        }
-        if contact.loss_point().is_none() {
-            let accepted = format!(
-                "a contact law that can lose contact; \"{}\" never does",
-                contact.name()
-            );
-            return Err(Error::invalid("outputs.first_loss", value, accepted));
-        }
-        if self
-            .monte_carlo
-            .as_ref()
-            .is_some_and(|it| it.noise != Noise::White)
-        {
+        self.check_lost("first_loss", "until", until)?;
+        let sampled = self.monte_carlo.as_ref();
+        if sampled.is_some_and(|it| it.noise != Noise::White) {
             let accepted = "\"white\", with outputs.first_loss";
-            return Err(Error::invalid(
-                "monte_carlo.noise",
-                "a sum of cosines",
-                accepted,
-            ));
+            let key = "monte_carlo.noise";
+            return Err(Error::invalid(key, "a sum of cosines", accepted));
         }
         Ok(())
     }
 
-    fn check_crossings(&self, window: f64) -> Result<()> {
-        let key = "outputs.crossings.window";
-        positive(key, window)?;
-        if window > Times::LATEST {
-            let accepted = format!("a window up to {:e}", Times::LATEST);
-            return Err(Error::invalid(key, num(window), accepted));
+    /// An output about losses of contact, with a time under `key`.
+    fn check_lost(&self, output: &str, key: &str, time: f64) -> Result<()> {
+        let output = format!("outputs.{output}");
+        let full = format!("{output}.{key}");
+        positive(&full, time)?;
+        if time > Times::LATEST {
+            let noun = if key == "until" { "time" } else { key };
+            let accepted = format!("a {noun} up to {:e}", Times::LATEST);
+            return Err(Error::invalid(full, num(time), accepted));
         }
         let contact = self.oscillator.contact();
-        let (key, value) = (
-            "outputs.crossings",
-            format!("{{ window = {} }}", num(window)),
-        );
+        let value = format!("{{ {key} = {} }}", num(time));
         if !contact.is_confining() {
-            return Err(self.no_law(key, &value));
+            return Err(self.no_law(&output, &value));
         }
         if contact.loss_point().is_none() {
-            let accepted = format!(
-                "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{}\" holds on \
-                 for ever",
-                contact.name()
-            );
-            return Err(Error::invalid(key, value, accepted));
+            let law = contact.name();
+            let accepted = if key == "until" {
+                format!("a contact law that can lose contact; \"{law}\" never does")
+            } else {
+                format!(
+                    "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{law}\" holds \
+                     on for ever"
+                )
+            };
+            return Err(Error::invalid(output, value, accepted));
         }
         Ok(())
     }
