@@ -28,6 +28,12 @@ pub(super) fn field(x: f64) -> String {
     if x.is_finite() { num(x) } else { String::new() }
 }
 
+/// A line of a table.
+fn line(numbers: &[f64]) -> String {
+    let fields: Vec<String> = numbers.iter().copied().map(field).collect();
+    fields.join(",") + "\n"
+}
+
 /// Value and error, or two empty fields.
 pub(super) fn fields(it: Option<Estimate>) -> String {
     let it = it.filter(|it| it.value.is_finite());
@@ -57,22 +63,16 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     let mut by_q = String::from("q [u],p_q [1/u]\n");
     let mut by_force = String::from("N [F],p_N without its Dirac mass [1/F],P(N <= this) [1]\n");
     for q in grid(low, high) {
-        let _ = writeln!(by_q, "{},{}", field(q), field(law.density_q(q)));
+        by_q += &line(&[q, law.density_q(q)]);
     }
     let bottom = results.contact().force(low);
     for force in grid(bottom, results.contact().force(high)) {
         let (density, below) = (law.density_force(force), law.distribution_force(force));
-        let _ = writeln!(
-            by_force,
-            "{},{},{}",
-            field(force),
-            field(density),
-            field(below)
-        );
+        by_force += &line(&[force, density, below]);
     }
     let mut by_v = String::from("v [u W],p_v [1/(u W)]\n");
     for v in grid(-6.0 * t.sqrt(), 6.0 * t.sqrt()) {
-        let _ = writeln!(by_v, "{},{}", field(v), field(law.density_v(v)));
+        by_v += &line(&[v, law.density_v(v)]);
     }
     Ok(vec![
         File::text("stationary.csv", table),
@@ -153,7 +153,7 @@ pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     if !it.approach.is_empty() {
         let mut table = String::from("t [1/W],L1 distance to the closed form [1]\n");
         for (t, distance) in &it.approach {
-            let _ = writeln!(table, "{},{}", field(*t), field(*distance));
+            table += &line(&[*t, *distance]);
         }
         files.push(File::text("approach.csv", table));
     }
@@ -167,13 +167,7 @@ pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     };
     let mut table = String::from("re [W],im [W],error [W]\n");
     for rate in &it.rates {
-        let _ = writeln!(
-            table,
-            "{},{},{}",
-            field(rate.re),
-            field(rate.im),
-            field(rate.error)
-        );
+        table += &line(&[rate.re, rate.im, rate.error]);
     }
     vec![File::text("decay_rates.csv", table)]
 }
