@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::quadrature;
+use crate::roots::bisect;
 use std::fmt;
 use std::sync::Arc;
 
@@ -248,10 +249,7 @@ impl ContactLaw {
         let reach = (2.0 * rise).sqrt().max(f64::MIN_POSITIVE);
         let left = expand(q0, -reach, outside);
         let right = expand(q0, reach, outside);
-        Some((
-            bisect(left, q0, |q| !outside(q)),
-            bisect(q0, right, outside),
-        ))
+        Some((bisect(q0, left, outside), bisect(q0, right, outside)))
     }
 }
 
@@ -296,22 +294,6 @@ fn expand(q0: f64, step: f64, done: impl Fn(f64) -> bool) -> f64 {
         reach *= 2.0;
     }
     q0 + reach
-}
-
-/// The point of [low, high] where `beyond` turns true, to the last bit that helps.
-fn bisect(mut low: f64, mut high: f64, beyond: impl Fn(f64) -> bool) -> f64 {
-    for _ in 0..200 {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            break;
-        }
-        if beyond(middle) {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    0.5 * (low + high)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! A number that never travels alone: value, error and where the error comes from.
 
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::fmt;
 
 /// What limits the accuracy of an [`Estimate`].
@@ -72,6 +73,19 @@ impl Estimate {
     }
 }
 
+/// `{"value": x, "error": e}`; null for a number that does not exist.
+impl Serialize for Estimate {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if !self.value.is_finite() {
+            return serializer.serialize_none();
+        }
+        let mut pair = serializer.serialize_struct("Estimate", 2)?;
+        pair.serialize_field("value", &self.value)?;
+        pair.serialize_field("error", &self.error)?;
+        pair.end()
+    }
+}
+
 /// What an answer did not reach of the tolerance that was asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shortfall {
@@ -139,26 +153,5 @@ pub fn name_at(name: &str, t: f64) -> String {
         format!("{name} at t = {t:e}")
     } else {
         format!("{name} at t = {t}")
-    }
-}
-
-/// Prints the error with two significant digits and the value to the digit where the error starts.
-impl fmt::Display for Estimate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { value, error, .. } = *self;
-        if !value.is_finite() {
-            return write!(f, "{value}");
-        }
-        let small = value != 0.0 && value.abs() < 1e-4;
-        if small || value.abs() >= 1e7 {
-            return write!(f, "{value:.6e} ± {error:.1e}");
-        }
-        let digits = if error > 0.0 {
-            (-error.log10().floor()) as i32 + 1
-        } else {
-            9
-        };
-        let digits = digits.clamp(0, 9) as usize;
-        write!(f, "{value:.digits$} ± {error:.1e}")
     }
 }

@@ -4,7 +4,9 @@
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::initial::Initial;
+use crate::matrix::exponential;
 use crate::oscillator::Oscillator;
+use ndarray::{Array1, Array2};
 use std::f64::consts::TAU;
 
 /// A Gaussian law of (q, v).
@@ -15,8 +17,6 @@ pub struct Gaussian {
     /// Covariance of (q, v).
     pub covariance: [[f64; 2]; 2],
 }
-
-type Matrix = [[f64; 6]; 6];
 
 impl Gaussian {
     /// The law of a start: a point for [`Initial::Rest`].
@@ -67,22 +67,22 @@ impl Gaussian {
         };
         let friction = 2.0 * oscillator.zeta();
         // Unknowns: mean q, mean v, C_qq, C_qv, C_vv, 1.
-        let mut a: Matrix = [[0.0; 6]; 6];
-        a[0][1] = 1.0;
-        a[1][0] = -stiffness;
-        a[1][1] = -friction;
-        a[1][5] = drive;
-        a[2][3] = 2.0;
-        a[3][4] = 1.0;
-        a[3][3] = -friction;
-        a[3][2] = -stiffness;
-        a[4][3] = -2.0 * stiffness;
-        a[4][4] = -2.0 * friction;
-        a[4][5] = 2.0 * oscillator.noise();
+        let mut a = Array2::zeros((6, 6));
+        a[[0, 1]] = 1.0;
+        a[[1, 0]] = -stiffness;
+        a[[1, 1]] = -friction;
+        a[[1, 5]] = drive;
+        a[[2, 3]] = 2.0;
+        a[[3, 4]] = 1.0;
+        a[[3, 3]] = -friction;
+        a[[3, 2]] = -stiffness;
+        a[[4, 3]] = -2.0 * stiffness;
+        a[[4, 4]] = -2.0 * friction;
+        a[[4, 5]] = 2.0 * oscillator.noise();
         let e = exponential(&a, t);
         let [[cqq, cqv], [_, cvv]] = self.covariance;
-        let x = [self.mean[0], self.mean[1], cqq, cqv, cvv, 1.0];
-        let y: [f64; 6] = std::array::from_fn(|i| (0..6).map(|k| e[i][k] * x[k]).sum());
+        let x = vec![self.mean[0], self.mean[1], cqq, cqv, cvv, 1.0];
+        let y = e.dot(&Array1::from_vec(x));
         Ok(Self {
             mean: [y[0], y[1]],
             covariance: [[y[2], y[3]], [y[3], y[4]]],
@@ -97,36 +97,6 @@ impl Gaussian {
         let form = (c * x * x - 2.0 * b * x * y + a * y * y) / determinant;
         (-0.5 * form).exp() / (TAU * determinant.sqrt())
     }
-}
-
-/// e^{a t} by scaling and squaring of a Taylor series.
-fn exponential(a: &Matrix, t: f64) -> Matrix {
-    let norm: f64 = a
-        .iter()
-        .map(|row| row.iter().map(|x| x.abs()).sum::<f64>())
-        .fold(0.0, f64::max);
-    let halvings = (norm * t.abs() / 0.125).log2().ceil().max(0.0);
-    let step = t / halvings.exp2();
-    let identity: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
-    let (mut sum, mut term) = (identity, identity);
-    // 0.125^14/14! = 3e-24.
-    for k in 1..=14 {
-        term = product(&term, a);
-        for (row, sums) in term.iter_mut().zip(&mut sum) {
-            for (x, s) in row.iter_mut().zip(sums) {
-                *x *= step / f64::from(k);
-                *s += *x;
-            }
-        }
-    }
-    for _ in 0..halvings as u32 {
-        sum = product(&sum, &sum);
-    }
-    sum
-}
-
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..6).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::contact::ContactLaw;
 use crate::estimate::Estimate;
 
-/// Moments of displacement, velocity and force at one time. The same names stand in results.json.
+/// Moments of displacement, velocity and force at one time, each described in the table of [`Moment`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moments {
     /// E\[q\].
@@ -30,33 +30,121 @@ pub struct Moments {
     pub contact_loss_probability: Option<Estimate>,
 }
 
-impl Moments {
-    /// Every moment with its name in results.json, in the order of the fields.
-    pub fn named(&self) -> [(&'static str, Option<Estimate>); 11] {
-        [
-            ("mean_q", Some(self.mean_q)),
-            ("var_q", Some(self.var_q)),
-            ("mean_v", Some(self.mean_v)),
-            ("var_v", Some(self.var_v)),
-            ("cov_qv", Some(self.cov_qv)),
-            ("mean_force", Some(self.mean_force)),
-            ("std_force", Some(self.std_force)),
-            ("skewness_force", Some(self.skewness_force)),
-            ("kurtosis_force", Some(self.kurtosis_force)),
-            ("mean_energy", Some(self.mean_energy)),
-            ("contact_loss_probability", self.contact_loss_probability),
-        ]
+/// How a number is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    /// Its name in results.json.
+    pub name: &'static str,
+    /// Its symbol.
+    pub symbol: &'static str,
+    /// What it is, in two or three words beside the symbol.
+    pub words: &'static str,
+    /// What one of it is on the rig: every quantity is dimensionless, (6)-(8). u = 2 z_s/3, W = Omega,
+    /// F = static load.
+    pub unit: &'static str,
+}
+
+impl Entry {
+    pub(crate) const fn new(
+        name: &'static str,
+        symbol: &'static str,
+        words: &'static str,
+        unit: &'static str,
+    ) -> Self {
+        Self {
+            name,
+            symbol,
+            words,
+            unit,
+        }
+    }
+}
+
+/// The moments, in the order in which they stand in every table and array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)] // The table says what they are.
+pub enum Moment {
+    MeanQ,
+    VarQ,
+    MeanV,
+    VarV,
+    CovQv,
+    MeanForce,
+    StdForce,
+    SkewnessForce,
+    KurtosisForce,
+    MeanEnergy,
+    ContactLossProbability,
+}
+
+/// One number a moment, in the order of [`Moment::ALL`].
+pub type PerMoment<T> = [T; Moment::ALL.len()];
+
+const TABLE: PerMoment<Entry> = [
+    Entry::new("mean_q", "E[q]", "displacement", "u"),
+    Entry::new("var_q", "Var q", "its variance", "u^2"),
+    Entry::new("mean_v", "E[v]", "velocity", "u W"),
+    Entry::new("var_v", "Var v", "its variance", "(u W)^2"),
+    Entry::new("cov_qv", "Cov qv", "their covariance", "u^2 W"),
+    Entry::new("mean_force", "E[N]", "force", "F"),
+    Entry::new("std_force", "std N", "its deviation", "F"),
+    Entry::new("skewness_force", "skew N", "its skewness", "1"),
+    Entry::new("kurtosis_force", "kurt N", "3 if Gaussian", "1"),
+    Entry::new("mean_energy", "E[H]", "energy", "(u W)^2 m"),
+    Entry::new("contact_loss_probability", "P(loss)", "out of contact", "1"),
+];
+
+impl Moment {
+    /// All of them, in their order.
+    pub const ALL: [Self; 11] = [
+        Self::MeanQ,
+        Self::VarQ,
+        Self::MeanV,
+        Self::VarV,
+        Self::CovQv,
+        Self::MeanForce,
+        Self::StdForce,
+        Self::SkewnessForce,
+        Self::KurtosisForce,
+        Self::MeanEnergy,
+        Self::ContactLossProbability,
+    ];
+
+    /// How it is written.
+    pub fn entry(self) -> &'static Entry {
+        &TABLE[self as usize]
+    }
+
+    /// Its name in results.json.
+    pub fn name(self) -> &'static str {
+        self.entry().name
+    }
+
+    /// The moment of that name in results.json.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|it| it.name() == name)
+    }
+
+    /// Whether it is a ratio of moments that says nothing of sizes: without a deviation there is none.
+    pub fn is_shape(self) -> bool {
+        matches!(self, Self::SkewnessForce | Self::KurtosisForce)
     }
 }
 
 impl Moments {
-    /// The moment of that name in results.json; None for another name, or one that does not exist.
-    pub fn get(&self, name: &str) -> Option<Estimate> {
-        self.named().into_iter().find(|(it, _)| *it == name)?.1
+    /// Every moment with its name in results.json, in the order of [`Moment::ALL`].
+    pub fn named(&self) -> PerMoment<(&'static str, Option<Estimate>)> {
+        Moment::ALL.map(|it| (it.name(), self.get(it)))
     }
 
-    /// Every moment that exists, to be changed in place, in the order of [`Moments::named`].
-    pub fn each_mut(&mut self) -> [Option<&mut Estimate>; 11] {
+    /// A moment; None for one that does not exist.
+    pub fn get(&self, moment: Moment) -> Option<Estimate> {
+        let mut it = *self;
+        it.each_mut()[moment as usize].as_deref().copied()
+    }
+
+    /// Every moment that exists, to be changed in place, in the order of [`Moment::ALL`].
+    pub fn each_mut(&mut self) -> PerMoment<Option<&mut Estimate>> {
         [
             Some(&mut self.mean_q),
             Some(&mut self.var_q),
@@ -139,6 +227,23 @@ impl RawMoments {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_moment_is_found_under_its_own_name() {
+        let close = |value: f64| Estimate::closed_form(value);
+        let moments = Moments {
+            mean_q: close(1.0),
+            std_force: close(2.0),
+            ..Moments::default()
+        };
+        assert_eq!(moments.get(Moment::MeanQ), Some(close(1.0)));
+        assert_eq!(moments.get(Moment::StdForce), Some(close(2.0)));
+        assert_eq!(moments.get(Moment::ContactLossProbability), None);
+        for (k, it) in Moment::ALL.into_iter().enumerate() {
+            let name: String = it.name().chars().filter(|c| *c != '_').collect();
+            assert_eq!((k, name), (it as usize, format!("{it:?}").to_lowercase()));
+        }
+    }
 
     #[test]
     fn raw_expectations_of_a_two_point_law_give_its_moments() {

@@ -4,11 +4,13 @@
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{self, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState};
+pub use crate::format::{bytes, seconds};
+use crate::format::{num, short};
 use crate::initial::Initial;
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
 use crate::oscillator::Oscillator;
-use crate::results::{CrossingNumbers, Results, SpectrumNumbers, StationaryNumbers, peak_memory};
-use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest, num};
+use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
+use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest};
 use crate::spectrum::Welch;
 use crate::stationary::Stationary;
 use std::f64::consts::PI;
@@ -508,12 +510,12 @@ impl Plan {
         match part {
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
-                results.stationary = Some(StationaryNumbers::of(&law));
+                results.stationary = Some(Numbers::stationary(&law));
             }
             Part::Crossings => {
                 if let Some(time) = self.scene.crossings_window() {
                     let law = Stationary::of(oscillator)?;
-                    results.crossings = Some(CrossingNumbers::of(&law, time));
+                    results.crossings = Some(Numbers::crossings(&law, time));
                     let flights = fokker_planck::flight_law(oscillator)?;
                     let shortfall = flights.shortfall(settings.tolerance);
                     results.fall_short(part.name(), shortfall.as_ref(), true);
@@ -791,11 +793,6 @@ fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
     }
 }
 
-/// A number to four digits.
-fn short(x: f64) -> String {
-    num(format!("{x:.3e}").parse().unwrap_or(x))
-}
-
 /// One step of one path on one core, roughly, in seconds.
 fn step_seconds(scheme: Scheme, noise: monte_carlo::Noise) -> f64 {
     let cosines = match noise {
@@ -825,36 +822,6 @@ fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
     keep(&mut it.negative_mass, &kept);
     keep(&mut it.relative_entropy, &kept);
     keep(&mut it.distance, &kept);
-}
-
-/// A size in the unit a person would use.
-pub fn bytes(bytes: u64) -> String {
-    let mut size = bytes as f64;
-    for unit in ["B", "kB", "MB", "GB", "TB", "PB"] {
-        if size < 999.5 {
-            let digits = usize::from(size < 9.95 && unit != "B");
-            return format!("{size:.digits$} {unit}");
-        }
-        size /= 1e3;
-    }
-    format!("{size:.1e} EB")
-}
-
-/// A time in the unit a person would use.
-pub fn seconds(seconds: f64) -> String {
-    if seconds < 1e-3 {
-        format!("{:.0} us", seconds * 1e6)
-    } else if seconds < 1.0 {
-        format!("{:.0} ms", seconds * 1e3)
-    } else if seconds < 100.0 {
-        format!("{seconds:.1} s")
-    } else if seconds < 1e4 {
-        format!("{:.0} min", seconds / 60.0)
-    } else if seconds < 1e9 {
-        format!("{:.0} h", seconds / 3600.0)
-    } else {
-        format!("{:.0e} a", seconds / 3.156e7)
-    }
 }
 
 #[cfg(test)]
@@ -964,13 +931,5 @@ mod tests {
             message.contains("accuracy.max_memory = 1.0 kB"),
             "{message}"
         );
-    }
-
-    #[test]
-    fn sizes_and_times_read_like_a_person_s() {
-        assert_eq!(bytes(8_000_000_000), "8.0 GB");
-        assert_eq!(bytes(65_536), "66 kB");
-        assert_eq!(seconds(0.0042), "4 ms");
-        assert_eq!(seconds(600.0), "10 min");
     }
 }

@@ -1,6 +1,7 @@
 //! Adaptive Gauss-Kronrod quadrature with an error estimate.
 
 use crate::estimate::{Estimate, Origin};
+use std::f64::consts::PI;
 
 /// Nodes of the 15-point Kronrod rule on [0, 1], mirrored to [-1, 1] (QUADPACK, Piessens et al. 1983).
 const NODES: [f64; 8] = [
@@ -51,6 +52,29 @@ fn rule(f: &impl Fn(f64) -> f64, a: f64, b: f64) -> (f64, f64, f64) {
         ((kronrod - gauss) * half).abs(),
         absolute * half.abs(),
     )
+}
+
+/// Nodes and weights of Gauss and Legendre on [-1, 1], degree 2 N - 1, by Newton's method.
+pub fn gauss<const N: usize>() -> [(f64, f64); N] {
+    let n = N as f64;
+    std::array::from_fn(|k| {
+        let mut x = -((k as f64 + 0.75) / (n + 0.5) * PI).cos();
+        let mut slope = 1.0;
+        for _ in 0..60 {
+            let (mut below, mut here) = (1.0, x);
+            for m in 2..=N {
+                let m = m as f64;
+                (below, here) = (here, ((2.0 * m - 1.0) * x * here - (m - 1.0) * below) / m);
+            }
+            slope = n * (x * here - below) / (x * x - 1.0);
+            let change = here / slope;
+            x -= change;
+            if change.abs() < 1e-15 {
+                break;
+            }
+        }
+        (x, 2.0 / ((1.0 - x * x) * slope * slope))
+    })
 }
 
 /// Integral over one short interval on which `f` is smooth, by the 15-point Kronrod rule (degree
@@ -129,6 +153,19 @@ mod tests {
         }
         let exact = (2f64.powi(25) + 1.0) / 25.0;
         assert!((panel(|x| x.powi(24), -1.0, 2.0) - exact).abs() > 1e-15 * exact);
+    }
+
+    #[test]
+    fn gauss_points_integrate_polynomials_exactly() {
+        let rule = gauss::<9>();
+        for n in 0..18 {
+            let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(n)).sum();
+            let even = if n % 2 == 0 { 2.0 } else { 0.0 };
+            let exact = even / f64::from(n + 1);
+            assert!((sum - exact).abs() < 1e-13, "{n}: {sum} {exact}");
+        }
+        let degree_18: f64 = rule.iter().map(|(x, w)| w * x.powi(18)).sum();
+        assert!((degree_18 - 2.0 / 19.0).abs() > 1e-8);
     }
 
     #[test]

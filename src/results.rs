@@ -1,16 +1,14 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
-mod curve;
 mod spectrum;
+mod tree;
 
-use curve::curve;
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Method, Steady, Transient};
-use crate::json::Json;
-use crate::moments::Moments;
+use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Steady, Transient};
+use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
 };
@@ -18,6 +16,7 @@ use crate::quadrature;
 use crate::rig::Rig;
 use crate::scene::{Noise, Scene};
 use crate::stationary::Stationary;
+use serde::Serialize;
 use std::f64::consts::{LN_10, SQRT_2};
 
 /// The answers of a run. What was not asked for is None.
@@ -26,9 +25,9 @@ pub struct Results {
     /// The scene that was run.
     pub scene: Scene,
     /// The closed form (21)-(30).
-    pub stationary: Option<StationaryNumbers>,
+    pub stationary: Option<Numbers>,
     /// Losses of contact by Rice's formula.
-    pub crossings: Option<CrossingNumbers>,
+    pub crossings: Option<Numbers>,
     /// The law of the time of flight.
     pub flights: Option<FlightLaw>,
     /// The first loss of contact, by the backward equation.
@@ -55,75 +54,78 @@ pub struct Results {
     pub run: RunRecord,
 }
 
-/// Every number of the stationary law, by its name in results.json.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StationaryNumbers {
-    named: Vec<(&'static str, Option<Estimate>)>,
+/// What stands in results.json beside the moments.
+const BESIDE: [Entry; 5] = [
+    Entry::new(
+        "log10_contact_loss_probability",
+        "log10 P",
+        "its logarithm",
+        "1",
+    ),
+    Entry::new("loss_rate", "nu", "losses per time", "W"),
+    Entry::new("mean_flight", "P/nu", "mean flight", "1/W"),
+    Entry::new("losses_in_window", "nu t", "in the window", "1"),
+    Entry::new("mean_impact_speed", "E|v|", "speed at return", "u W"),
+];
+
+/// How every number of stationary motion is written, the moments first.
+pub fn entries() -> impl Iterator<Item = &'static Entry> {
+    Moment::ALL.into_iter().map(Moment::entry).chain(&BESIDE)
 }
 
-impl StationaryNumbers {
-    /// All numbers of a stationary law.
-    pub fn of(law: &Stationary) -> Self {
-        let named = vec![
-            ("mean_q", Some(law.mean_q())),
-            ("var_q", Some(law.var_q())),
-            ("mean_v", Some(law.moment_v(1))),
-            ("var_v", Some(law.moment_v(2))),
-            ("mean_force", Some(law.mean_force())),
-            ("std_force", Some(law.std_force())),
-            ("skewness_force", Some(law.skewness_force())),
-            ("kurtosis_force", Some(law.kurtosis_force())),
-            ("mean_energy", Some(law.mean_energy())),
-            ("contact_loss_probability", law.contact_loss_probability()),
-            (
-                "log10_contact_loss_probability",
-                law.log10_contact_loss_probability(),
-            ),
-            ("loss_rate", law.loss_rate()),
-            ("mean_flight", law.mean_flight()),
-        ];
-        Self { named }
-    }
-
-    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
-    fn sampled(it: &RecordResult, moments: &Moments) -> Self {
-        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
-        let crossings = it.crossings.as_ref();
-        // What never happened has no logarithm and no length.
-        let finite = |number: Option<Estimate>| number.filter(|it| it.value.is_finite());
-        let mut named: Vec<_> = moments.named().to_vec();
-        named.retain(|(name, _)| *name != "cov_qv");
-        let lost = moments.contact_loss_probability;
-        named.extend([
-            ("log10_contact_loss_probability", finite(lost.map(log10))),
-            ("loss_rate", crossings.map(|it| it.loss_rate)),
-            ("mean_flight", finite(crossings.map(|it| it.mean_flight))),
-        ]);
-        Self { named }
-    }
-
-    /// Name and number, in the order of results.json; None for a number that does not exist.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
-        self.named.iter().copied()
-    }
-
-    /// The number of that name.
-    pub fn get(&self, name: &str) -> Option<Estimate> {
-        self.named.iter().find(|(it, _)| *it == name)?.1
-    }
-}
-
-/// Losses of contact in stationary motion, by their names in results.json.
+/// Numbers of the stationary motion by their names in results.json, in its order.
 #[derive(Debug, Clone, PartialEq)]
-pub struct CrossingNumbers {
+pub struct Numbers {
     named: Vec<(&'static str, Option<Estimate>)>,
     /// Share of the time out of contact.
     pub lost_share: Option<Estimate>,
 }
 
-impl CrossingNumbers {
-    /// By Rice's formula from the closed form, in a window of this dimensionless time.
-    pub fn of(law: &Stationary, time: f64) -> Self {
+impl Numbers {
+    /// All numbers of a stationary law.
+    pub fn stationary(law: &Stationary) -> Self {
+        let logarithm = law.log10_contact_loss_probability();
+        Self::law(
+            &law.moments(),
+            logarithm,
+            law.loss_rate(),
+            law.mean_flight(),
+        )
+    }
+
+    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
+    fn recorded(it: &RecordResult, moments: &Moments) -> Self {
+        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
+        let logarithm = moments.contact_loss_probability.map(log10);
+        let crossings = it.crossings.as_ref();
+        let flight = crossings.map(|it| it.mean_flight);
+        Self::law(
+            moments,
+            logarithm.and_then(happened),
+            crossings.map(|it| it.loss_rate),
+            flight.and_then(happened),
+        )
+    }
+
+    fn law(
+        moments: &Moments,
+        logarithm: Option<Estimate>,
+        rate: Option<Estimate>,
+        flight: Option<Estimate>,
+    ) -> Self {
+        let mut named = moments.named().to_vec();
+        // q and v are independent.
+        named.retain(|(name, _)| *name != Moment::CovQv.name());
+        let more = BESIDE.iter().map(|it| it.name);
+        named.extend(more.zip([logarithm, rate, flight]));
+        Self {
+            named,
+            lost_share: moments.contact_loss_probability,
+        }
+    }
+
+    /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
+    pub fn crossings(law: &Stationary, time: f64) -> Self {
         Self {
             named: vec![
                 ("loss_rate", law.loss_rate()),
@@ -135,15 +137,14 @@ impl CrossingNumbers {
         }
     }
 
-    /// As seen in long records.
-    pub fn sampled(it: &Crossings, time: f64) -> Self {
-        let finite = |number: Estimate| Some(number).filter(|it| it.value.is_finite());
+    /// Losses of contact as seen in long records.
+    pub fn seen(it: &Crossings, time: f64) -> Self {
         Self {
             named: vec![
                 ("loss_rate", Some(it.loss_rate)),
                 ("losses_in_window", Some(it.losses_in(time))),
-                ("mean_flight", finite(it.mean_flight)),
-                ("mean_impact_speed", finite(it.mean_impact_speed)),
+                ("mean_flight", happened(it.mean_flight)),
+                ("mean_impact_speed", happened(it.mean_impact_speed)),
             ],
             lost_share: Some(it.lost_share),
         }
@@ -160,8 +161,13 @@ impl CrossingNumbers {
     }
 }
 
+/// What never happened has no logarithm and no length.
+fn happened(it: Estimate) -> Option<Estimate> {
+    Some(it).filter(|it| it.value.is_finite())
+}
+
 /// The distance between two independent answers, in units of their errors.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Agreement {
     /// Largest |a - b| / sqrt(error_a^2 + error_b^2) over all names and times both have.
     pub worst: f64,
@@ -291,85 +297,6 @@ impl Results {
         self.shortfalls.iter().any(|(_, it)| it.free)
     }
 
-    /// The whole of results.json.
-    pub fn json(&self) -> Json {
-        let oscillator = &self.scene.oscillator;
-        let mut all = Json::object([
-            ("scene", self.scene.resolved()),
-            (
-                "oscillator",
-                Json::object([
-                    ("temperature", Json::from(oscillator.temperature())),
-                    ("noise", Json::from(oscillator.noise())),
-                    ("contact", Json::from(oscillator.contact().name())),
-                    ("zeta", Json::from(oscillator.zeta())),
-                    ("h", Json::from(oscillator.h())),
-                    ("loss_point", Json::from(oscillator.contact().loss_point())),
-                ]),
-            ),
-        ]);
-        if let Some(it) = &self.stationary {
-            all.push(
-                "stationary",
-                Json::object(it.iter().map(|(name, number)| (name, Json::from(number)))),
-            );
-        }
-        if let Some(it) = &self.crossings {
-            all.push("crossings", self.crossings_json(it, None));
-        }
-        if let Some(it) = &self.first_loss {
-            all.push("first_loss", first_loss_json(it));
-        }
-        if let Some(it) = &self.transient {
-            all.push("transient", transient_json(it));
-        }
-        if let Some(it) = &self.steady {
-            let pairs = [
-                ("l1_error", Json::from(it.l1_error)),
-                ("residual", Json::from(it.residual)),
-                ("method", method_json(&it.method)),
-            ];
-            all.push("steady", Json::object(pairs));
-        }
-        if let Some(it) = &self.decay_rates {
-            let rates = it.rates.iter().map(|rate| {
-                Json::object([
-                    ("re", Json::from(rate.re)),
-                    ("im", Json::from(rate.im)),
-                    ("error", Json::from(rate.error)),
-                ])
-            });
-            all.push("decay_rates", Json::List(rates.collect()));
-            all.push(
-                "continuous_from",
-                it.continuous_from.map_or(Json::Null, Json::from),
-            );
-        }
-        if let Some(it) = &self.spectrum {
-            all.push("spectrum", it.json());
-        }
-        if self.monte_carlo.is_some() || self.records.is_some() || self.first_loss_paths.is_some() {
-            all.push("monte_carlo", self.monte_carlo_json());
-        }
-        if let Some(it) = &self.agreement {
-            all.push(
-                "agreement",
-                Json::object([
-                    ("worst", Json::from(it.worst)),
-                    ("worst_of", Json::from(it.worst_of)),
-                    ("t", Json::from(it.t)),
-                    ("expected_worst", Json::from(it.expected_worst)),
-                    ("compared", Json::from(it.compared)),
-                ]),
-            );
-        }
-        if let Some(rig) = &self.scene.rig {
-            all.push("rig", self.rig_json(rig));
-        }
-        all.push("run", self.run.json());
-        all
-    }
-
     /// Whether the records obey the exact identities that control variates rest on: white noise, and a
     /// scheme whose stationary law is exact.
     pub fn controlled(&self) -> bool {
@@ -381,21 +308,21 @@ impl Results {
     }
 
     /// The stationary numbers of the long records.
-    pub fn sampled_stationary(&self) -> Option<StationaryNumbers> {
+    pub fn sampled_stationary(&self) -> Option<Numbers> {
         let it = self.records.as_ref()?;
         let moments = if self.controlled() {
             &it.controlled
         } else {
             &it.moments
         };
-        Some(StationaryNumbers::sampled(it, moments))
+        Some(Numbers::recorded(it, moments))
     }
 
     /// The crossings of the long records, if they are asked for and the scheme sees them.
-    pub fn sampled_crossings(&self) -> Option<(&Crossings, CrossingNumbers)> {
+    pub fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
         let time = self.scene.crossings_window()?;
         let it = self.records.as_ref()?.crossings.as_ref()?;
-        Some((it, CrossingNumbers::sampled(it, time)))
+        Some((it, Numbers::seen(it, time)))
     }
 
     /// The time of flight in the long records, once a flight has been seen from loss to return.
@@ -435,97 +362,6 @@ impl Results {
             pairs.extend(it.pairs().map(|(a, b)| ("spectrum", None, a, b)));
         }
         Agreement::over(pairs)
-    }
-
-    fn monte_carlo_json(&self) -> Json {
-        let settings = self.scene.monte_carlo.as_ref();
-        let mut all = Json::Object(Vec::new());
-        if let Some(it) = &self.monte_carlo {
-            let mut transient = moments_json(&it.times, &it.moments);
-            // Names of the density on the mesh that paths have no number for.
-            for name in [
-                "mass",
-                "lowest_density",
-                "negative_mass",
-                "relative_entropy",
-            ] {
-                transient.push(name, curve(it.times.iter().map(|_| None)));
-            }
-            transient.push(
-                "method",
-                Json::object([
-                    ("name", Json::from(it.scheme.name())),
-                    ("paths", Json::from(settings.map(|it| it.paths))),
-                    ("seed", Json::from(settings.map(|it| it.seed))),
-                    ("step", Json::from(it.step)),
-                    ("steps", Json::from(it.steps)),
-                    ("path_steps", Json::from(it.path_steps)),
-                ]),
-            );
-            all.push("transient", transient);
-        }
-        if let (Some(it), Some(numbers)) = (&self.records, self.sampled_stationary()) {
-            let numbers = numbers.iter();
-            let mut stationary =
-                Json::object(numbers.map(|(name, number)| (name, Json::from(number))));
-            let [q, force, energy] = it.effective_samples;
-            stationary.push(
-                "method",
-                Json::object([
-                    ("name", Json::from(it.scheme.name())),
-                    ("records", Json::from(it.records)),
-                    ("seed", Json::from(settings.map(|it| it.seed))),
-                    ("duration", Json::from(it.duration)),
-                    ("step", Json::from(it.step)),
-                    ("steps", Json::from(it.path_steps / it.records.max(1))),
-                    ("path_steps", Json::from(it.path_steps)),
-                    ("batches", Json::from(it.batches)),
-                    ("batch_length", Json::from(it.batch_length)),
-                    (
-                        "effective_samples",
-                        Json::object([
-                            ("mean_q", Json::from(q)),
-                            ("mean_force", Json::from(force)),
-                            ("mean_energy", Json::from(energy)),
-                        ]),
-                    ),
-                    ("control_variates", Json::from(self.controlled())),
-                ]),
-            );
-            all.push("stationary", stationary);
-        }
-        if let Some(it) = &self.first_loss_paths {
-            all.push(
-                "first_loss",
-                sampled_first_loss_json(it, settings.map(|it| it.paths)),
-            );
-        }
-        if let Some((seen, numbers)) = self.sampled_crossings() {
-            all.push("crossings", self.crossings_json(&numbers, Some(seen)));
-        }
-        all
-    }
-
-    fn crossings_json(&self, numbers: &CrossingNumbers, seen: Option<&Crossings>) -> Json {
-        let mut json = Json::object([("window", Json::from(self.scene.outputs.crossings))]);
-        for (name, number) in numbers.iter() {
-            json.push(name, number);
-        }
-        let (times, density) = match (seen, self.sampled_flights(), &self.flights) {
-            (Some(_), Some(it), _) => (centres(it).collect(), it.density.as_slice()),
-            (None, _, Some(it)) => (it.times.clone(), it.density.as_slice()),
-            _ => (Vec::new(), &[][..]),
-        };
-        let known = !times.is_empty();
-        json.push("flight_time", known.then(|| Json::numbers(times)));
-        let density = known.then(|| curve(density.iter().map(|x| Some(*x))));
-        json.push("flight_density", density);
-        if let Some(it) = seen {
-            json.push("losses_seen", it.losses);
-            json.push("bursts_seen", it.bursts);
-            json.push("time_seen", it.time);
-        }
-        json
     }
 
     /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14).
@@ -616,42 +452,9 @@ impl Results {
         all.into_iter().filter_map(there).collect()
     }
 
-    fn rig_json(&self, rig: &Rig) -> Json {
-        let object = |numbers: Vec<(&'static str, Estimate)>| {
-            let numbers = numbers.into_iter();
-            Json::object(numbers.map(|(name, number)| (name, Json::from(number))))
-        };
-        let mut json = object(self.physical(rig));
-        if self.records.is_some() {
-            json.push("monte_carlo", object(self.physical_sampled(rig)));
-        }
-        json
-    }
-
     /// The contact law of the scene.
     pub fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
-    }
-}
-
-impl RunRecord {
-    /// The run section of results.json.
-    pub fn json(&self) -> Json {
-        let stages = self.stages.iter().map(|(name, seconds)| {
-            Json::object([
-                ("name", Json::from(*name)),
-                ("wall_seconds", Json::from(*seconds)),
-            ])
-        });
-        let warnings = self.warnings.iter().map(|it| it.text.clone());
-        Json::object([
-            ("wall_seconds", Json::from(self.wall_seconds)),
-            ("stages", Json::List(stages.collect())),
-            ("peak_memory_bytes", Json::from(self.peak_memory_bytes)),
-            ("threads", Json::from(self.threads)),
-            ("version", Json::from(env!("CARGO_PKG_VERSION"))),
-            ("warnings", Json::from(warnings.collect::<Vec<_>>())),
-        ])
     }
 }
 
@@ -681,80 +484,6 @@ pub fn widths(centres: &[f64]) -> Vec<f64> {
 /// Middles of the bins of a histogram.
 pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {
     it.edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]))
-}
-
-fn moments_json(times: &[f64], moments: &[Moments]) -> Json {
-    let mut json = Json::object([("t", Json::numbers(times.iter().copied()))]);
-    for (k, (name, _)) in Moments::default().named().into_iter().enumerate() {
-        json.push(name, curve(moments.iter().map(|it| it.named()[k].1)));
-    }
-    json
-}
-
-fn transient_json(it: &Transient) -> Json {
-    let mut json = moments_json(&it.times, &it.moments);
-    json.push("mass", curve(it.mass.iter().map(|x| Some(*x))));
-    json.push(
-        "lowest_density",
-        curve(it.lowest_density.iter().map(|x| Some(*x))),
-    );
-    json.push(
-        "negative_mass",
-        curve(it.negative_mass.iter().map(|x| Some(*x))),
-    );
-    json.push(
-        "relative_entropy",
-        curve(it.relative_entropy.iter().copied()),
-    );
-    json.push("l1_distance", curve(it.distance.iter().copied()));
-    json.push("method", method_json(&it.method));
-    json
-}
-
-fn first_loss_json(it: &FirstLoss) -> Json {
-    Json::object([
-        ("t", Json::numbers(it.times.iter().copied())),
-        ("survival", curve(it.survival.iter().map(|x| Some(*x)))),
-        ("density", curve(it.density.iter().map(|x| Some(*x)))),
-        ("mean_time", Json::from(Some(it.mean_time))),
-        ("rate", Json::from(Some(it.rate))),
-        ("rate_over_rice", Json::from(Some(it.rate_over_rice))),
-        ("method", method_json(&it.method)),
-    ])
-}
-
-fn sampled_first_loss_json(it: &FirstLossResult, paths: Option<u64>) -> Json {
-    // The mean time is known once every path has been lost; up to the last time it is another number.
-    let all_lost = it.survival.last().is_some_and(|s| s.value == 0.0);
-    Json::object([
-        ("t", Json::numbers(it.times.iter().copied())),
-        ("survival", curve(it.survival.iter().map(|x| Some(*x)))),
-        ("density", curve(it.density.iter().map(|x| Some(*x)))),
-        ("mean_time", Json::from(all_lost.then_some(it.mean_time))),
-        ("rate", Json::from(None::<Estimate>)),
-        ("mean_time_up_to_last", Json::from(Some(it.mean_time))),
-        (
-            "method",
-            Json::object([
-                ("name", Json::from(it.scheme.name())),
-                ("paths", Json::from(paths)),
-                ("step", Json::from(it.step)),
-                ("path_steps", Json::from(it.path_steps)),
-            ]),
-        ),
-    ])
-}
-
-fn method_json(it: &Method) -> Json {
-    Json::object([
-        ("name", Json::from(it.name.as_str())),
-        ("reason", Json::from(it.reason.as_str())),
-        ("cells", Json::from(it.cells.to_vec())),
-        ("unknowns", Json::from(it.unknowns)),
-        ("domain", Json::numbers(it.domain)),
-        ("step", Json::from(it.step)),
-        ("steps", Json::from(it.steps)),
-    ])
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! The natural scale of every number: what a relative tolerance is relative to.
 
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::Oscillator;
 
 /// Natural scales: the stationary deviation for q and N, sqrt(T) for v, variances for variances, T for
 /// the energy, 1 for shapes and probabilities. Without a stationary law, the value itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
-    known: Option<[f64; 11]>,
+    known: Option<PerMoment<f64>>,
 }
 
 impl Scales {
@@ -22,17 +22,28 @@ impl Scales {
                 .value
                 .sqrt();
             let (q, v) = (var_q.sqrt(), t.sqrt());
-            [q, var_q, v, t, q * v, force, force, 1.0, 1.0, t, 1.0]
+            Moment::ALL.map(|it| match it {
+                Moment::MeanQ => q,
+                Moment::VarQ => var_q,
+                Moment::MeanV => v,
+                Moment::VarV | Moment::MeanEnergy => t,
+                Moment::CovQv => q * v,
+                Moment::MeanForce | Moment::StdForce => force,
+                Moment::SkewnessForce | Moment::KurtosisForce | Moment::ContactLossProbability => {
+                    1.0
+                }
+            })
         });
         Self { known }
     }
 
-    /// The scale of each number of [`Moments::named`], in its order.
-    pub fn each(&self, moments: &Moments) -> [f64; 11] {
+    /// The scale of each moment.
+    pub fn each(&self, moments: &Moments) -> PerMoment<f64> {
         self.known.unwrap_or_else(|| {
-            moments.named().map(|(name, number)| match name {
-                "skewness_force" | "kurtosis_force" | "contact_loss_probability" => 1.0,
-                _ => number.map_or(1.0, |n| n.value.abs()),
+            Moment::ALL.map(|it| {
+                let relative = it.is_shape() || it == Moment::ContactLossProbability;
+                let number = moments.get(it).filter(|_| !relative);
+                number.map_or(1.0, |number| number.value.abs())
             })
         })
     }

@@ -21,12 +21,13 @@ pub mod text;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
+use crate::format::{num, rounded};
 use crate::initial::Initial;
-use crate::json::Json;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
 pub use crate::oscillator::Quantity;
 use crate::rig::Rig;
+use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
@@ -140,7 +141,7 @@ impl Times {
             Self::Every { every, until } => {
                 let count = (until / every * (1.0 + 1e-12)).floor().max(0.0);
                 (1..=count.min(Self::MOST as f64) as u32)
-                    .map(|k| round(f64::from(k) * every))
+                    .map(|k| rounded(f64::from(k) * every, 13))
                     .collect()
             }
         }
@@ -194,12 +195,10 @@ impl Times {
         Ok(())
     }
 
-    fn json(&self) -> Json {
+    fn tree(&self) -> Value {
         match self {
-            Self::List(times) => Json::numbers(times.iter().copied()),
-            Self::Every { every, until } => {
-                Json::object([("every", Json::from(*every)), ("until", Json::from(*until))])
-            }
+            Self::List(times) => json!(times),
+            Self::Every { every, until } => json!({ "every": every, "until": until }),
         }
     }
 }
@@ -436,67 +435,48 @@ impl Scene {
             self.check_first_loss(until)?;
         }
         if let Some(window) = outputs.crossings {
-            self.check_crossings(window)?;
+            self.check_lost("crossings", "window", window)?;
         }
         Ok(())
     }
 
     fn check_first_loss(&self, until: f64) -> Result<()> {
-        let key = "outputs.first_loss.until";
-        positive(key, until)?;
-        if until > Times::LATEST {
-            let accepted = format!("a time up to {:e}", Times::LATEST);
-            return Err(Error::invalid(key, num(until), accepted));
-        }
-        let contact = self.oscillator.contact();
-        let value = format!("{{ until = {} }}", num(until));
-        if !contact.is_confining() {
-            return Err(self.no_law("outputs.first_loss", &value));
-        }
-        if contact.loss_point().is_none() {
-            let accepted = format!(
-                "a contact law that can lose contact; \"{}\" never does",
-                contact.name()
-            );
-            return Err(Error::invalid("outputs.first_loss", value, accepted));
-        }
-        if self
-            .monte_carlo
-            .as_ref()
-            .is_some_and(|it| it.noise != Noise::White)
-        {
+        self.check_lost("first_loss", "until", until)?;
+        let sampled = self.monte_carlo.as_ref();
+        if sampled.is_some_and(|it| it.noise != Noise::White) {
             let accepted = "\"white\", with outputs.first_loss";
-            return Err(Error::invalid(
-                "monte_carlo.noise",
-                "a sum of cosines",
-                accepted,
-            ));
+            let key = "monte_carlo.noise";
+            return Err(Error::invalid(key, "a sum of cosines", accepted));
         }
         Ok(())
     }
 
-    fn check_crossings(&self, window: f64) -> Result<()> {
-        let key = "outputs.crossings.window";
-        positive(key, window)?;
-        if window > Times::LATEST {
-            let accepted = format!("a window up to {:e}", Times::LATEST);
-            return Err(Error::invalid(key, num(window), accepted));
+    /// An output about losses of contact, with a time under `key`.
+    fn check_lost(&self, output: &str, key: &str, time: f64) -> Result<()> {
+        let output = format!("outputs.{output}");
+        let full = format!("{output}.{key}");
+        positive(&full, time)?;
+        if time > Times::LATEST {
+            let noun = if key == "until" { "time" } else { key };
+            let accepted = format!("a {noun} up to {:e}", Times::LATEST);
+            return Err(Error::invalid(full, num(time), accepted));
         }
         let contact = self.oscillator.contact();
-        let (key, value) = (
-            "outputs.crossings",
-            format!("{{ window = {} }}", num(window)),
-        );
+        let value = format!("{{ {key} = {} }}", num(time));
         if !contact.is_confining() {
-            return Err(self.no_law(key, &value));
+            return Err(self.no_law(&output, &value));
         }
         if contact.loss_point().is_none() {
-            let accepted = format!(
-                "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{}\" holds on \
-                 for ever",
-                contact.name()
-            );
-            return Err(Error::invalid(key, value, accepted));
+            let law = contact.name();
+            let accepted = if key == "until" {
+                format!("a contact law that can lose contact; \"{law}\" never does")
+            } else {
+                format!(
+                    "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{law}\" holds \
+                     on for ever"
+                )
+            };
+            return Err(Error::invalid(output, value, accepted));
         }
         Ok(())
     }
@@ -573,105 +553,86 @@ impl Scene {
         Ok(())
     }
 
-    /// The scene with every default filled in, section by section: as JSON for results.json, as TOML by
+    /// The scene with every default filled in, section by section: in results.json, and as TOML by
     /// [`Scene::to_toml`].
-    pub fn resolved(&self) -> Json {
-        let mut all = Json::object([("title", Json::from(self.title.as_str()))]);
-        all.push(
-            "oscillator",
-            Json::object([
-                ("contact", Json::from(self.oscillator.contact().name())),
-                ("zeta", Json::from(self.oscillator.zeta())),
-                ("h", Json::from(self.oscillator.h())),
-            ]),
-        );
-        if let Some(rig) = &self.rig {
-            all.push(
-                "rig",
-                Json::object([
-                    ("static_load", Json::from(rig.static_load())),
-                    ("frequency", Json::from(rig.frequency())),
-                    ("static_compression", Json::from(rig.static_compression())),
-                ]),
-            );
-        }
-        let mut initial = Json::object([("kind", Json::from(self.initial.name()))]);
+    pub fn resolved(&self) -> Value {
+        let mut initial = json!({ "kind": self.initial.name() });
         if let Initial::Gaussian { mean, deviation } = self.initial {
-            initial.push("mean", Json::numbers(mean));
-            initial.push("deviation", Json::numbers(deviation));
+            initial["mean"] = json!(mean);
+            initial["deviation"] = json!(deviation);
         }
-        all.push("initial", initial);
-        all.push("outputs", self.resolved_outputs());
-        if let Some(it) = &self.monte_carlo {
-            let duration = self.wants_records().then_some(MonteCarlo::DURATION);
-            all.push(
-                "monte_carlo",
-                resolved_monte_carlo(it, it.duration.or(duration)),
-            );
-        }
-        all.push(
-            "accuracy",
-            Json::object([
-                ("tolerance", Json::from(self.accuracy.tolerance)),
-                ("max_seconds", Json::from(self.accuracy.max_seconds)),
-                ("max_memory", Json::from(self.accuracy.max_memory)),
-            ]),
-        );
-        let choice = &self.method;
-        let mut method = Json::object([
-            ("transient", name_of(TRANSIENT, choice.transient)),
-            ("drift", drift_json(choice.drift)),
-            ("time", name_of(TIME, choice.time)),
-        ]);
-        if let Some(cells) = choice.cells {
-            method.push("cells", cells.to_vec());
-        }
-        if let Some(step) = choice.step {
-            method.push("step", step);
-        }
-        all.push("method", method);
-        all
-    }
-
-    fn resolved_outputs(&self) -> Json {
+        let monte_carlo = self.monte_carlo.as_ref().map(|it| {
+            let records = self.wants_records().then_some(MonteCarlo::DURATION);
+            let noise = match it.noise {
+                Noise::White => json!("white"),
+                Noise::Cosines { cosines, band } => json!({ "cosines": cosines, "band": band }),
+            };
+            given(json!({
+                "paths": it.paths,
+                "seed": it.seed,
+                "scheme": name_of(SCHEMES, Some(it.scheme)),
+                "noise": noise,
+                "step": it.step,
+                "duration": it.duration.or(records),
+            }))
+        });
+        let rig = self.rig.map(|rig| {
+            json!({
+                "static_load": rig.static_load(),
+                "frequency": rig.frequency(),
+                "static_compression": rig.static_compression(),
+            })
+        });
         let outputs = &self.outputs;
-        let mut json = Json::object([
-            ("stationary", Json::from(outputs.stationary)),
-            ("moments_at", outputs.moments_at.json()),
-            ("density_at", outputs.density_at.json()),
-            ("steady", Json::from(outputs.steady)),
-            ("decay_rates", Json::from(outputs.decay_rates)),
-        ]);
-        if let Some(it) = outputs.spectrum {
-            let pairs = [
-                ("until", Json::from(it.until)),
-                ("quantity", it.quantity.name().into()),
-            ];
-            json.push("spectrum", Json::object(pairs));
-        }
-        if let Some(until) = outputs.first_loss {
-            json.push("first_loss", Json::object([("until", Json::from(until))]));
-        }
-        if let Some(window) = outputs.crossings {
-            json.push("crossings", Json::object([("window", Json::from(window))]));
-        }
-        json
+        let spectrum = outputs.spectrum;
+        let spectrum =
+            spectrum.map(|it| json!({ "until": it.until, "quantity": it.quantity.name() }));
+        given(json!({
+            "title": self.title,
+            "oscillator": {
+                "contact": self.oscillator.contact().name(),
+                "zeta": self.oscillator.zeta(),
+                "h": self.oscillator.h(),
+            },
+            "rig": rig,
+            "initial": initial,
+            "outputs": given(json!({
+                "stationary": outputs.stationary,
+                "moments_at": outputs.moments_at.tree(),
+                "density_at": outputs.density_at.tree(),
+                "steady": outputs.steady,
+                "decay_rates": outputs.decay_rates,
+                "spectrum": spectrum,
+                "first_loss": outputs.first_loss.map(|until| json!({ "until": until })),
+                "crossings": outputs.crossings.map(|window| json!({ "window": window })),
+            })),
+            "monte_carlo": monte_carlo,
+            "accuracy": {
+                "tolerance": self.accuracy.tolerance,
+                "max_seconds": self.accuracy.max_seconds,
+                "max_memory": self.accuracy.max_memory,
+            },
+            "method": given(json!({
+                "transient": name_of(TRANSIENT, self.method.transient),
+                "drift": name_of(DRIFT, self.method.drift),
+                "time": name_of(TIME, self.method.time),
+                "cells": self.method.cells,
+                "step": self.method.step,
+            })),
+        }))
     }
 
     /// The resolved scene as a scene file: the same run again.
     pub fn to_toml(&self) -> String {
-        let Json::Object(sections) = self.resolved() else {
-            return String::new();
-        };
         let mut text = String::new();
-        for (key, value) in sections {
-            if let Json::Object(pairs) = value {
+        for (key, value) in self.resolved().as_object().into_iter().flatten() {
+            if let Value::Object(pairs) = value {
                 let _ = writeln!(text, "\n[{key}]");
                 for (key, value) in pairs {
-                    let _ = writeln!(text, "{key} = {}", toml_value(&value));
+                    let _ = writeln!(text, "{key} = {}", toml_value(value));
                 }
             } else {
-                let _ = writeln!(text, "{key} = {}", toml_value(&value));
+                let _ = writeln!(text, "{key} = {}", toml_value(value));
             }
         }
         text
@@ -699,50 +660,30 @@ impl Scene {
     }
 }
 
-/// A number as a person would type it: no 300 digits for 1e300.
-pub(crate) fn num(x: f64) -> String {
-    format!("{x:?}")
-}
-
-/// To 13 significant digits: 3 times 0.1 is 0.3.
-fn round(x: f64) -> f64 {
-    format!("{x:.12e}").parse().unwrap_or(x)
-}
-
-fn toml_value(value: &Json) -> String {
+fn toml_value(value: &Value) -> String {
     match value {
-        Json::Object(pairs) => {
+        Value::Object(pairs) => {
+            let pairs = pairs.iter();
             let pairs: Vec<String> = pairs
-                .iter()
                 .map(|(key, value)| format!("{key} = {}", toml_value(value)))
                 .collect();
             format!("{{ {} }}", pairs.join(", "))
         }
-        // Strings, numbers and flat lists read the same in both.
+        Value::Array(items) => {
+            let items: Vec<String> = items.iter().map(toml_value).collect();
+            format!("[{}]", items.join(", "))
+        }
+        // Text and numbers read the same in both.
         other => other.to_string(),
     }
 }
 
-fn resolved_monte_carlo(it: &MonteCarlo, duration: Option<f64>) -> Json {
-    let noise = match it.noise {
-        Noise::White => Json::from("white"),
-        Noise::Cosines { cosines, band } => {
-            Json::object([("cosines", Json::from(cosines)), ("band", Json::from(band))])
-        }
-    };
-    let mut json = Json::object([
-        ("paths", Json::from(it.paths)),
-        ("seed", Json::from(it.seed)),
-        ("scheme", name_of(SCHEMES, Some(it.scheme))),
-        ("noise", noise),
-    ]);
-    if let Some(step) = it.step {
-        json.push("step", step);
+/// Without the keys that have no value.
+fn given(mut it: Value) -> Value {
+    if let Some(pairs) = it.as_object_mut() {
+        pairs.retain(|_, value| !value.is_null());
     }
-    if let Some(duration) = duration {
-        json.push("duration", duration);
-    }
-    json
+    it
 }
 
 /// Names of [`Scheme`] in scenes.
@@ -770,27 +711,20 @@ const TIME: &[(&str, TimeScheme)] = &[
     ("explicit", TimeScheme::Explicit),
 ];
 
-/// Orders of [`Drift`] in scenes; "upwind" stands beside them.
-const ORDERS: &[(u64, Drift)] = &[
-    (2, Drift::Order2),
-    (4, Drift::Order4),
-    (6, Drift::Order6),
-    (8, Drift::Order8),
+/// Names of [`Drift`] in scenes: a word, or the order as a number.
+const DRIFT: &[(&str, Drift)] = &[
+    ("upwind", Drift::Upwind),
+    ("2", Drift::Order2),
+    ("4", Drift::Order4),
+    ("6", Drift::Order6),
+    ("8", Drift::Order8),
 ];
 
-fn name_of<T: PartialEq>(names: &[(&str, T)], value: Option<T>) -> Json {
+fn name_of<T: PartialEq>(names: &[(&'static str, T)], value: Option<T>) -> Value {
     let name = value.and_then(|value| names.iter().find(|(_, it)| *it == value));
-    Json::from(name.map_or("auto", |(name, _)| name))
-}
-
-fn drift_json(drift: Option<Drift>) -> Json {
-    match drift {
-        None => Json::from("auto"),
-        Some(drift) => ORDERS
-            .iter()
-            .find(|(_, it)| *it == drift)
-            .map_or(Json::from("upwind"), |(order, _)| Json::from(*order)),
-    }
+    let name = name.map_or("auto", |(name, _)| *name);
+    name.parse::<u64>()
+        .map_or(json!(name), |order| json!(order))
 }
 
 /// The contact laws a scene file can name.
@@ -813,8 +747,12 @@ mod tests {
         for (name, it) in TIME {
             assert_eq!(*name, it.name());
         }
-        for it in Drift::ALL.into_iter().filter(|it| *it != Drift::Upwind) {
-            assert!(ORDERS.contains(&(it.order() as u64, it)), "{it:?}");
+        for it in Drift::ALL {
+            let name = match it {
+                Drift::Upwind => "upwind".to_string(),
+                _ => it.order().to_string(),
+            };
+            assert!(DRIFT.contains(&(name.as_str(), it)), "{it:?}");
         }
     }
 }

@@ -90,8 +90,7 @@ impl<T: Scalar> Lu<T> {
         let memory = MemBuffer::new(
             symbolic
                 .factorize_numeric_lu_scratch::<T>(Par::Seq, Spec::default())
-                .or(symbolic.solve_in_place_scratch::<T>(1, Par::Seq))
-                .or(symbolic.solve_transpose_in_place_scratch::<T>(1, Par::Seq)),
+                .or(symbolic.solve_in_place_scratch::<T>(1, Par::Seq)),
         );
         let residual = vec![T::default(); matrix.rows()];
         let numeric = NumericLu::new();
@@ -159,18 +158,6 @@ impl<T: Scalar> Lu<T> {
     /// # Errors
     /// [`Error::Linear`] if the solution is not finite or its backward error above 1e-9.
     pub fn solve(&mut self, x: &mut [T]) -> Result<f64> {
-        self.checked(x, false)
-    }
-
-    /// As [`Lu::solve`] for the transpose, A^T x = b.
-    ///
-    /// # Errors
-    /// As [`Lu::solve`].
-    pub fn solve_transpose(&mut self, x: &mut [T]) -> Result<f64> {
-        self.checked(x, true)
-    }
-
-    fn checked(&mut self, x: &mut [T], transpose: bool) -> Result<f64> {
         let n = self.len();
         if x.len() != n {
             let what = format!("a right-hand side of length {}, expected {n}", x.len());
@@ -184,15 +171,10 @@ impl<T: Scalar> Lu<T> {
         let lu = LuRef::new_unchecked(&self.symbolic, &self.numeric);
         let memory = MemStack::new(&mut self.memory);
         let columns = MatMut::from_column_major_slice_mut(x, n, 1);
-        if transpose {
-            lu.solve_transpose_in_place_with_conj(Conj::No, columns, Par::Seq, memory);
-        } else {
-            lu.solve_in_place_with_conj(Conj::No, columns, Par::Seq, memory);
-        }
-        subtract_product(&self.matrix, x, &mut self.residual, transpose);
+        lu.solve_in_place_with_conj(Conj::No, columns, Par::Seq, memory);
+        subtract_product(&self.matrix, x, &mut self.residual);
         let left: f64 = self.residual.iter().map(|r| r.size()).sum();
         let solution: f64 = x.iter().map(|s| s.size()).sum();
-        // The 1-norm of A^T may exceed that of A; n |A| never does, but the 1-norm is the right size.
         let scale = self.norm * solution + given;
         let error = if scale > 0.0 { left / scale } else { 0.0 };
         if error.is_finite() && error <= Self::ACCEPTED && solution.is_finite() {
@@ -336,19 +318,11 @@ fn pattern<'a, T>(
     SymbolicSparseColMatRef::new_checked(m, n, columns, None, matrix.indices())
 }
 
-/// `y -= A x`, or `A^T x`.
-fn subtract_product<T: Scalar>(matrix: &CsMat<T>, x: &[T], y: &mut [T], transpose: bool) {
+/// `y -= A x`.
+fn subtract_product<T: Scalar>(matrix: &CsMat<T>, x: &[T], y: &mut [T]) {
     for (column, entries) in matrix.outer_iterator().enumerate() {
-        if transpose {
-            let mut sum = T::default();
-            for (row, &a) in entries.iter() {
-                sum += a * x[row];
-            }
-            y[column] -= sum;
-        } else {
-            for (row, &a) in entries.iter() {
-                y[row] -= a * x[column];
-            }
+        for (row, &a) in entries.iter() {
+            y[row] -= a * x[column];
         }
     }
 }
@@ -367,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn a_solution_and_its_transpose_solve_the_system() {
+    fn a_solution_solves_the_system() {
         let a = matrix(
             3,
             &[
@@ -382,12 +356,6 @@ mod tests {
         let mut x = [7.0, 4.0, 8.0]; // of x = (1, 2, 3)
         assert!(lu.solve(&mut x).unwrap() < 1e-15);
         assert!((x[0] - 1.0).abs() + (x[1] - 2.0).abs() + (x[2] - 3.0).abs() < 1e-14);
-        let mut y = [1.0, 4.0, 10.0];
-        lu.solve_transpose(&mut y).unwrap();
-        assert!(
-            (y[0] - 1.0).abs() + (y[1] - 2.0).abs() + (y[2] - 3.0).abs() < 1e-14,
-            "{y:?}"
-        );
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! Every scheme in space shows its order, against closed forms wherever there is one.
 
+mod runge_kutta;
+
+use runge_kutta::RungeKutta4;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flux::Drift;
 use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::march::RungeKutta4;
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::observables::Observables;
 use vibroimpact::fokker_planck::{Settings, transient};

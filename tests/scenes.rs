@@ -1649,7 +1649,7 @@ proptest! {
                 prop_assert!(!file.bytes.is_empty());
             }
         }
-        let _: Value = serde_json::from_str(&results.json().to_string()).unwrap();
+        let _: Value = serde_json::from_str(&results.json()).unwrap();
         let table = report::terminal::table(&results, false);
         prop_assert!(table.lines().all(|line| line.chars().count() <= 80), "{}", table);
         report::at_the_end(&results).unwrap();

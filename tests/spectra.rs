@@ -315,7 +315,7 @@ fn a_scene_gets_both_spectra_with_their_agreement() {
         agreement.worst, agreement.compared
     );
     assert!(agreement.compared > 500 && agreement.worst < 5.0);
-    let json = results.json().to_string();
+    let json = results.json();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     let curve = &json["spectrum"];
     for name in ["fokker_planck", "monte_carlo"] {

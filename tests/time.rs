@@ -5,7 +5,7 @@ use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::generator::Generator;
 use vibroimpact::fokker_planck::march::{
-    Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, RungeKutta4, Solver,
+    Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver,
 };
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::observables::Observables;
@@ -193,8 +193,8 @@ fn stiff_friction_and_diffusion_bound_no_implicit_step() {
     for (zeta, until) in [(0.5, 5.0), (5.0, 5.0), (50.0, 2.0)] {
         let case = Case::hertz(zeta, 0.63, 11.0, [80, 60], (1.0, 0.3), until);
         let exact = case.exact();
-        let explicit = (until / RungeKutta4::new(&case.generator).longest_step()).ceil();
         let (transport, diffusion) = case.generator.radii();
+        let explicit = (until * transport.hypot(diffusion) / 2.6).ceil();
         println!("zeta = {zeta}: transport {transport:.0}, diffusion {diffusion:.0}");
         println!("    Runge-Kutta 4: {explicit} steps at the limit of stability");
         for time in [TimeScheme::Imex, TimeScheme::Implicit] {
@@ -529,7 +529,7 @@ fn every_scheme_follows_the_closed_form_transients_at_its_order() {
         println!("{}: error of the mesh {space:.1e}", case.name);
         assert!(space < 2e-5);
         // Steps, and the most that twice as many of them leave.
-        let schemes: [(&str, Box<dyn Integrator>, f64, f64); 4] = [
+        let schemes: [(&str, Box<dyn Integrator>, f64, f64); 3] = [
             (
                 "backward Euler",
                 Box::new(BackwardEuler::new(&case.generator)),
@@ -547,12 +547,6 @@ fn every_scheme_follows_the_closed_form_transients_at_its_order() {
                 Box::new(Additive::new(&case.generator)),
                 60.0,
                 1.5e-8,
-            ),
-            (
-                "Runge-Kutta 4",
-                Box::new(RungeKutta4::new(&case.generator)),
-                200.0,
-                1e-9,
             ),
         ];
         for (name, mut scheme, steps, level) in schemes {

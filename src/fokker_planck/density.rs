@@ -217,21 +217,6 @@ impl Density {
         };
         columns.iter().enumerate().map(column).sum()
     }
-
-    /// The bound-preserving option: negative cells are set to 0 and the others scaled to the same mass.
-    /// Keeps the mass and the stationary law, which has no negative cell; the change in L1, which is
-    /// returned, is twice the negative mass.
-    pub fn clip(&mut self) -> f64 {
-        let mass = self.mass();
-        let negative = self.negative_mass();
-        if negative > 0.0 {
-            let scale = mass.max(0.0) / (mass + negative);
-            for p in &mut self.cells {
-                *p = p.max(0.0) * scale;
-            }
-        }
-        2.0 * negative
-    }
 }
 
 fn no_mesh_holds_rest() -> Error {

@@ -13,7 +13,7 @@
 //! composite rule for that integral. The even one is the trapezoidal rule, one pass of the motion a
 //! step, whose only error of note comes from the ends of the interval and is corrected there.
 //!
-//! In space g is a spline through its values at the cell centres ([`Order`]). One pass over the mesh
+//! In space g is a spline of degree 7 through its values at the cell centres. One pass over the mesh
 //! carries g along the motion; the matrix that then averages it along v also turns the result into the
 //! spline coefficients of the next pass.
 //!
@@ -29,8 +29,7 @@
 //!   there, which adds up over the passes: fewer, longer steps are not only cheaper but more accurate.
 //! - Short steps: where a pass moves most points by less than a fifth of a cell the shortest waves along
 //!   q are not damped, and hundreds of such passes let them grow ([`FlowMap::shortest_step`]).
-//! - Sign: no linear scheme of this order is positive. The negative mass is reported;
-//!   [`Settings::positive`] clips it and rescales.
+//! - Sign: no linear scheme of this order is positive. The negative mass is reported.
 
 mod pass;
 mod splitting;
@@ -39,7 +38,7 @@ pub use splitting::Splitting;
 
 use super::density::Density;
 use super::flux::{Drift, Measure, Weights};
-use super::interpolation::{Filter, Order, PANEL, Spline};
+use super::interpolation::{Filter, MARGIN, PANEL, POINTS, Spline};
 use super::mesh::{Axis, Mesh};
 use super::ornstein_uhlenbeck;
 use super::trajectory::Motion;
@@ -47,31 +46,25 @@ use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
-use pass::{Buffers, Map, Matrix};
+use pass::{Buffers, Map, Matrix, STENCIL};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// How to propagate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Interpolation in space.
-    pub order: Order,
     /// Splitting in time.
     pub splitting: Splitting,
     /// Longest step tau; each interval between outputs is divided into equal steps not above it.
     pub step: f64,
-    /// Clip negative values at the end of every interval and rescale the rest to the same mass.
-    pub positive: bool,
 }
 
 impl Default for Settings {
     /// Order 8, even steps of 1.
     fn default() -> Self {
         Self {
-            order: Order::Eighth,
             splitting: Splitting::EvenFive,
             step: 1.0,
-            positive: false,
         }
     }
 }
@@ -156,14 +149,9 @@ impl Settings {
     }
 
     /// Bytes of a map and of everything else, per cell.
-    pub(super) fn bytes(&self) -> [f64; 2] {
-        let stencil = match self.order {
-            Order::Fourth => 8.0,
-            Order::Sixth => 14.0,
-            Order::Eighth => 16.0,
-        };
+    pub(super) fn bytes() -> [f64; 2] {
         // Values, panels, coefficients, the density and what observables and outputs copy.
-        [8.0 * stencil + 4.0, 10.0 * 8.0]
+        [8.0 * STENCIL as f64 + 4.0, 10.0 * 8.0]
     }
 }
 
@@ -180,7 +168,7 @@ pub struct Progress {
     /// Change of the mass by interpolation, before its correction: the sum of the absolute values over
     /// the intervals. For a contact without a stationary law, the mass that left the box.
     pub defect: f64,
-    /// Largest negative mass at the end of an interval, before any clipping.
+    /// Largest negative mass at the end of an interval.
     pub negative: f64,
 }
 
@@ -263,10 +251,8 @@ impl FlowMap {
         for range in &active {
             offsets.push(offsets[offsets.len() - 1] + range.len());
         }
-        let margin = settings.order.margin();
-        // Order 6 reads two columns more than its stencil, with weight 0.
-        let stride = (nv + 2 * margin + 2).next_multiple_of(PANEL);
-        let open = Matrix::new(settings.order, nv, stride, None);
+        let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
+        let open = Matrix::new(nv, stride, None);
         Ok(Self {
             contact,
             zeta: oscillator.zeta(),
@@ -275,7 +261,7 @@ impl FlowMap {
             mesh: mesh.clone(),
             weights,
             settings,
-            spline: Spline::new(settings.order),
+            spline: Spline::new(),
             active,
             offsets,
             open,
@@ -289,10 +275,10 @@ impl FlowMap {
             },
             progress: Progress::default(),
             buffers: Buffers {
-                filter: Filter::new(settings.order, nq),
+                filter: Filter::new(nq),
                 values: vec![0.0; nq * nv],
                 panels: vec![0.0; nq * stride],
-                coefficients: vec![0.0; (nq + 2 * margin) * stride],
+                coefficients: vec![0.0; (nq + 2 * MARGIN) * stride],
                 stride,
             },
         })
@@ -389,9 +375,6 @@ impl FlowMap {
         self.write(density);
         let negative = density.negative_mass();
         self.progress.negative = self.progress.negative.max(negative);
-        if self.settings.positive {
-            density.clip();
-        }
         Ok(())
     }
 
@@ -441,17 +424,16 @@ impl FlowMap {
             parts,
             last,
         };
-        let (order, n, stride) = (self.settings.order, self.mesh.v.len(), self.buffers.stride);
+        let (n, stride) = (self.mesh.v.len(), self.buffers.stride);
         for time in &noises[self.matrices.len()..] {
             let average = ornstein_uhlenbeck::average(
                 &self.mesh.v,
-                order,
                 2.0 * self.zeta * time,
                 self.temperature,
                 self.stationary,
             );
             self.matrices
-                .push((*time, Matrix::new(order, n, stride, Some(&average))));
+                .push((*time, Matrix::new(n, stride, Some(&average))));
         }
         let times = &motions[self.maps.len()..];
         if !times.is_empty() {
@@ -466,7 +448,7 @@ impl FlowMap {
         const ROWS: usize = 8;
         let [nq, _] = self.mesh.cells();
         let total = self.offsets[nq];
-        let stencil = self.stencil();
+        let stencil = STENCIL;
         let mut sorted: Vec<usize> = (0..times.len()).collect();
         sorted.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
         let ascending: Vec<f64> = sorted.iter().map(|k| times[*k]).collect();
@@ -523,26 +505,17 @@ impl FlowMap {
         maps
     }
 
-    /// Weights per cell: along q and along v.
-    fn stencil(&self) -> usize {
-        match self.settings.order {
-            Order::Fourth => 8,
-            Order::Sixth => 14,
-            Order::Eighth => 16,
-        }
-    }
-
     /// The scheduled interval; from values to values.
     fn run(&mut self, share: bool) {
-        let (order, nv) = (self.settings.order, self.mesh.v.len());
+        let nv = self.mesh.v.len();
         let (buffers, schedule) = (&mut self.buffers, &self.schedule);
         let rows = (&self.active[..], &self.offsets[..]);
-        buffers.average(order, nv, &self.open, share);
+        buffers.average(nv, &self.open, share);
         for &(map, matrix) in &schedule.parts {
-            buffers.carry(order, nv, &self.maps[map].1, rows, share);
-            buffers.average(order, nv, &self.matrices[matrix].1, share);
+            buffers.carry(nv, &self.maps[map].1, rows, share);
+            buffers.average(nv, &self.matrices[matrix].1, share);
         }
-        buffers.carry(order, nv, &self.maps[schedule.last].1, rows, share);
+        buffers.carry(nv, &self.maps[schedule.last].1, rows, share);
         self.progress.steps += schedule.steps;
         self.progress.passes += schedule.parts.len() + 1;
     }
@@ -610,18 +583,18 @@ impl pulp::WithSimd for Locate<'_> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let it = self.it;
         let [nq, nv] = it.mesh.cells();
-        let (rows, size, stride) = (it.settings.order.points(), it.stencil(), it.buffers.stride);
+        let stride = it.buffers.stride;
         let (q_axis, v_axis) = (Coordinate::of(&it.mesh.q), Coordinate::of(&it.mesh.v));
         let cells = self.ends.iter().zip(self.places);
-        for ((end, place), weights) in cells.zip(self.weights.chunks_exact_mut(size)) {
+        for ((end, place), weights) in cells.zip(self.weights.chunks_exact_mut(STENCIL)) {
             let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
             let (iq, fq) = Spline::place(xi, nq);
             let (iv, fv) = Spline::place(eta, nv);
             *place = (iq * stride + iv) as u32;
             let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
             if it.stationary || (inside(xi, nq) && inside(eta, nv)) {
-                weights[..rows].copy_from_slice(&it.spline.weights(fq)[..rows]);
-                weights[rows..].copy_from_slice(&it.spline.weights(fv)[..size - rows]);
+                weights[..POINTS].copy_from_slice(&it.spline.weights(fq));
+                weights[POINTS..].copy_from_slice(&it.spline.weights(fv));
             }
         }
     }
@@ -706,20 +679,17 @@ mod tests {
         ] {
             let oscillator = Oscillator::new(contact, 0.005, h).unwrap();
             let mesh = mesh(&oscillator, &Initial::Stationary, [33, 26]);
-            for order in Order::ALL {
-                for splitting in Splitting::ALL {
-                    let settings = Settings {
-                        order,
-                        splitting,
-                        ..Settings::default()
-                    };
-                    let mut flow = FlowMap::new(&oscillator, &mesh, settings).unwrap();
-                    let mut density = flow.start(&Initial::Stationary).unwrap();
-                    flow.advance(&mut density, 200.0).unwrap();
-                    let g = flow.ratio(&density);
-                    let worst = g.iter().map(|g| (g - 1.0).abs()).fold(0.0, f64::max);
-                    assert!(worst < 1e-12, "{order:?} {splitting:?}: {worst:e}");
-                }
+            for splitting in Splitting::ALL {
+                let settings = Settings {
+                    splitting,
+                    ..Settings::default()
+                };
+                let mut flow = FlowMap::new(&oscillator, &mesh, settings).unwrap();
+                let mut density = flow.start(&Initial::Stationary).unwrap();
+                flow.advance(&mut density, 200.0).unwrap();
+                let g = flow.ratio(&density);
+                let worst = g.iter().map(|g| (g - 1.0).abs()).fold(0.0, f64::max);
+                assert!(worst < 1e-12, "{splitting:?}: {worst:e}");
             }
         }
     }

@@ -33,7 +33,7 @@ use std::time::Instant;
 type C = Complex<f64>;
 
 /// An eigenvalue of the generator: a mode decays as e^{re t} and turns at the circular frequency im.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct DecayRate {
     /// Real part, negative.
     pub re: f64,

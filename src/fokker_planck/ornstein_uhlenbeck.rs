@@ -10,7 +10,7 @@
 //! so beta = 1/T gives m = a v', d = s, C = 1 (Mehler), and beta = 0 the density itself. The average is
 //! taken of the spline through g, exactly: panel by panel between knots.
 
-use super::interpolation::{Order, Spline};
+use super::interpolation::{MARGIN, POINTS, Spline};
 use super::mesh::Axis;
 
 /// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
@@ -29,16 +29,10 @@ const GAUSS: [(f64, f64); 5] = [
 /// The average of a spline along `axis` over each node's Gaussian: from n + 2 margin coefficients to n
 /// values, row-major. `friction` is 2 zeta tau. With `stationary` g continues beyond the nodes as a constant and
 /// the rows are scaled to sum to 1; without, it is 0 there.
-pub(crate) fn average(
-    axis: &Axis,
-    order: Order,
-    friction: f64,
-    temperature: f64,
-    stationary: bool,
-) -> Vec<f64> {
+pub(crate) fn average(axis: &Axis, friction: f64, temperature: f64, stationary: bool) -> Vec<f64> {
     let n = axis.len();
-    let width = n + 2 * order.margin();
-    let spline = Spline::new(order);
+    let width = n + 2 * MARGIN;
+    let spline = Spline::new();
     let a = (-friction).exp();
     let variance = -temperature * (-2.0 * friction).exp_m1();
     let beta = if stationary { 1.0 / temperature } else { 0.0 };
@@ -62,7 +56,6 @@ pub(crate) fn average(
         pulp::Arch::new().dispatch(Gauss {
             axis,
             spline: &spline,
-            order,
             mean,
             deviation,
             clamped: stationary,
@@ -89,7 +82,6 @@ pub(crate) fn average(
 struct Gauss<'a> {
     axis: &'a Axis,
     spline: &'a Spline,
-    order: Order,
     mean: f64,
     deviation: f64,
     clamped: bool,
@@ -104,7 +96,6 @@ impl pulp::WithSimd for Gauss<'_> {
         let Self {
             axis,
             spline,
-            order,
             mean,
             deviation,
             clamped,
@@ -116,7 +107,7 @@ impl pulp::WithSimd for Gauss<'_> {
         let mut add = |xi: f64, weight: f64| {
             let (first, place) = Spline::place(xi, n);
             let weights = spline.weights(place);
-            for (x, w) in row[first..].iter_mut().zip(&weights[..order.points()]) {
+            for (x, w) in row[first..].iter_mut().zip(&weights[..POINTS]) {
                 *x = weight.mul_add(*w, *x);
             }
         };
@@ -174,11 +165,10 @@ mod tests {
         exact: impl Fn(f64) -> f64,
     ) -> f64 {
         let axis = Axis::uniform(-6.0, 6.0, n).unwrap();
-        let order = Order::Eighth;
-        let width = n + 2 * order.margin();
-        let matrix = average(&axis, order, friction, temperature, stationary);
+        let width = n + 2 * MARGIN;
+        let matrix = average(&axis, friction, temperature, stationary);
         let values: Vec<f64> = axis.centres().iter().map(|v| f(*v)).collect();
-        let filter = super::super::interpolation::coefficients(order, n, None);
+        let filter = super::super::interpolation::coefficients(n, None);
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let coefficients: Vec<f64> = filter
             .chunks_exact(n)

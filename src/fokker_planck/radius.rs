@@ -1,6 +1,8 @@
 //! The largest eigenvalue of a symmetric or antisymmetric operator, by Lanczos' method: what an explicit
 //! step must be shorter than, without a matrix.
 
+use crate::roots::bisect;
+
 /// Lanczos vectors. For n unknowns and k vectors the expected relative error of the largest eigenvalue from a
 /// random start is below 0.103 (ln(n (k - 1)^4)/(k - 1))^2, 4 % at n = 1e4 (Kuczynski and Wozniakowski, SIAM J.
 /// Matrix Anal. Appl. 13, 1094, 1992); on operators as here it is below [`SAFETY`] (tests below).
@@ -77,19 +79,16 @@ fn tridiagonal(diagonal: &[f64], beside: &[f64]) -> f64 {
             let left = if k > 0 { beside[k - 1] } else { 0.0 };
             diagonal[k].abs() + left + beside.get(k).copied().unwrap_or(0.0)
         };
-        let (mut low, mut high) = (0.0, (0..diagonal.len()).map(bound).fold(0.0, f64::max));
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            // An eigenvalue lies above if a pivot of (middle - T) is negative.
+        let reach = (0..diagonal.len()).map(bound).fold(0.0, f64::max);
+        bisect(0.0, reach, |x| {
+            // An eigenvalue lies above if a pivot of (x - T) is negative.
             let mut pivot = 1.0;
-            let above = (0..diagonal.len()).any(|k| {
+            (0..diagonal.len()).all(|k| {
                 let square = if k > 0 { beside[k - 1].powi(2) } else { 0.0 };
-                pivot = middle - sign * diagonal[k] - square / pivot;
-                pivot < 0.0
-            });
-            if above { low = middle } else { high = middle }
-        }
-        high
+                pivot = x - sign * diagonal[k] - square / pivot;
+                pivot >= 0.0
+            })
+        })
     };
     largest(1.0).max(largest(-1.0))
 }

@@ -13,6 +13,7 @@
 
 use super::hermite::{Factored, Hierarchy};
 use crate::error::Result;
+use crate::matrix::exponential;
 use crate::sparse::eigen;
 use ndarray::{Array1, Array2, ArrayView1, Axis, Slice};
 use num_complex::Complex;
@@ -290,24 +291,4 @@ fn hessenberg(matrix: &mut Array2<f64>, others: &mut [&mut Array2<f64>]) {
             .column_mut(k)
             .fill(0.0);
     }
-}
-
-/// e^{A t}: Taylor's series of degree 18 where |A t| < 1/2, to rounding, and squaring.
-fn exponential(matrix: &Array2<f64>, t: f64) -> Array2<f64> {
-    let m = matrix.nrows();
-    let norm = matrix
-        .columns()
-        .into_iter()
-        .map(|column| column.iter().map(|x| x.abs()).sum::<f64>())
-        .fold(0.0, f64::max);
-    let halvings = (2.0 * norm * t).log2().ceil().max(0.0) as i32;
-    let scaled = matrix * (t * 0.5f64.powi(halvings));
-    let mut sum = Array2::<f64>::eye(m);
-    for n in (1..=18).rev() {
-        sum = Array2::eye(m) + scaled.dot(&sum) / f64::from(n);
-    }
-    for _ in 0..halvings {
-        sum = sum.dot(&sum);
-    }
-    sum
 }

@@ -76,7 +76,7 @@ impl Default for Settings {
 }
 
 /// What a result was computed with.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Method {
     /// Name, scheme in space and in time.
     pub name: String,
@@ -93,5 +93,6 @@ pub struct Method {
     /// Steps taken, of all runs together.
     pub steps: u64,
     /// Probability left outside the truncated domain by the stationary law or by the initial condition.
+    #[serde(skip)]
     pub neglected: f64,
 }

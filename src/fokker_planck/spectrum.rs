@@ -16,6 +16,7 @@ use super::settings::Settings;
 use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::{Oscillator, Quantity};
+use crate::roots;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_2_PI;
 
@@ -152,18 +153,9 @@ impl Spectrum {
     /// The peak at the maximum `k` of the samples.
     fn peak(&self, k: usize) -> Peak {
         let ln = |omega: f64| self.at(omega).max(f64::MIN_POSITIVE).ln();
-        let (mut low, mut high) = (self.omega[k - 1], self.omega[k + 1]);
-        // Golden section; a maximum is known to the root of the rounding.
-        let golden = 0.5 * (5f64.sqrt() - 1.0);
-        while high - low > 1e-8 * high {
-            let (a, b) = (high - golden * (high - low), low + golden * (high - low));
-            if ln(a) > ln(b) {
-                high = b;
-            } else {
-                low = a;
-            }
-        }
-        let omega = 0.5 * (low + high);
+        let (low, high) = (self.omega[k - 1], self.omega[k + 1]);
+        let found = roots::golden(&|omega| Ok(-ln(omega)), low, high, 1e-8 * high);
+        let omega = found.unwrap_or(self.omega[k]);
         let density = self.at(omega);
         let half = |step: &dyn Fn(usize) -> Option<usize>| -> Option<f64> {
             let (mut at, mut inner) = (k, omega);
@@ -174,16 +166,8 @@ impl Spectrum {
                     return None;
                 }
                 if self.density[at].value < 0.5 * density {
-                    let (mut inside, mut outside) = (inner, outer);
-                    for _ in 0..50 {
-                        let middle = 0.5 * (inside + outside);
-                        if self.at(middle) > 0.5 * density {
-                            inside = middle;
-                        } else {
-                            outside = middle;
-                        }
-                    }
-                    return Some(0.5 * (inside + outside));
+                    let below = |omega: f64| self.at(omega) <= 0.5 * density;
+                    return Some(roots::bisect(inner, outer, below));
                 }
                 inner = outer;
             }

@@ -5,7 +5,7 @@ use super::law::Law;
 use super::noise::{LANES, Lanes};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::oscillator::DisplacementLaw;
 
 /// Numbers summed per sample: q, q^2, v, v^2, q v, N, N^2, N^3, N^4, H, H^2, \[q < q_loss\], q N; q, v, N
@@ -185,8 +185,8 @@ impl BatchMeans {
     pub(super) fn controlled_moments(&self, units: &Units, burst: Option<f64>) -> Moments {
         // q N is about the mean of q, and E[N] = 0, so E[(q - Eq) N] = T.
         let controls = vec![(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)];
-        self.estimate(units, burst, |name| match name {
-            "mean_force" | "var_v" | "cov_qv" => Vec::new(),
+        self.estimate(units, burst, |moment| match moment {
+            Moment::MeanForce | Moment::VarV | Moment::CovQv => Vec::new(),
             _ => controls.clone(),
         })
     }
@@ -195,7 +195,7 @@ impl BatchMeans {
         &self,
         units: &Units,
         burst: Option<f64>,
-        controls: impl Fn(&str) -> Vec<(usize, f64)>,
+        controls: impl Fn(Moment) -> Vec<(usize, f64)>,
     ) -> Moments {
         let (x, covariance) = (self.mean(), self.covariance());
         let [q, _, v, _, _, n1, n2, n3, n4, ..] = x;
@@ -228,23 +228,28 @@ impl BatchMeans {
             m4 / s.powi(4),
             combine(1.0 / s.powi(4), &of_m4, -2.0 * m4 / s.powi(6), &of_m2),
         );
-        let give = |name: &str, (value, slope): (f64, Vector), centre: f64, unit: f64| {
-            let (value, error) = self.regress(value, &slope, &x, &covariance, &controls(name));
+        let give = |moment: Moment, (value, slope): (f64, Vector), centre: f64, unit: f64| {
+            let (value, error) = self.regress(value, &slope, &x, &covariance, &controls(moment));
             Estimate::new(centre + unit * value, unit * error, Origin::Sampling)
         };
         Moments {
-            mean_q: give("mean_q", linear(0), units.q[0], units.q[1]),
-            var_q: give("var_q", var_q, 0.0, units.q[1].powi(2)),
-            mean_v: give("mean_v", linear(2), 0.0, units.v[1]),
-            var_v: give("var_v", var_v, 0.0, units.v[1].powi(2)),
-            cov_qv: give("cov_qv", cov, 0.0, units.q[1] * units.v[1]),
-            mean_force: give("mean_force", linear(5), 0.0, units.force[1]),
-            std_force: give("std_force", std, 0.0, units.force[1]),
-            skewness_force: give("skewness_force", skewness, 0.0, 1.0),
-            kurtosis_force: give("kurtosis_force", kurtosis, 0.0, 1.0),
-            mean_energy: give("mean_energy", linear(9), units.energy[0], units.energy[1]),
+            mean_q: give(Moment::MeanQ, linear(0), units.q[0], units.q[1]),
+            var_q: give(Moment::VarQ, var_q, 0.0, units.q[1].powi(2)),
+            mean_v: give(Moment::MeanV, linear(2), 0.0, units.v[1]),
+            var_v: give(Moment::VarV, var_v, 0.0, units.v[1].powi(2)),
+            cov_qv: give(Moment::CovQv, cov, 0.0, units.q[1] * units.v[1]),
+            mean_force: give(Moment::MeanForce, linear(5), 0.0, units.force[1]),
+            std_force: give(Moment::StdForce, std, 0.0, units.force[1]),
+            skewness_force: give(Moment::SkewnessForce, skewness, 0.0, 1.0),
+            kurtosis_force: give(Moment::KurtosisForce, kurtosis, 0.0, 1.0),
+            mean_energy: give(
+                Moment::MeanEnergy,
+                linear(9),
+                units.energy[0],
+                units.energy[1],
+            ),
             contact_loss_probability: burst.map(|burst| {
-                let loss = give("contact_loss_probability", linear(LOST), 0.0, 1.0);
+                let loss = give(Moment::ContactLossProbability, linear(LOST), 0.0, 1.0);
                 // What few bursts do not show.
                 let n = self.count;
                 let square = self.product[LOST][LOST] - n * x[LOST] * x[LOST];

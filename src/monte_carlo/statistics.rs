@@ -5,7 +5,7 @@ use super::bins::Bins;
 use super::law::Law;
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin, name_at};
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 
 /// A centre and a unit near the mean and the deviation, so that power sums neither cancel nor
 /// overflow.
@@ -272,7 +272,7 @@ pub(super) const FEW: u64 = 51;
 
 /// The names of all moments at these times, as a warning that their errors are not known lists them.
 pub(super) fn unknown(prefix: &str, times: &[Option<f64>]) -> Vec<String> {
-    let names = Moments::default().named().map(|it| it.0);
+    let names = Moment::ALL.map(Moment::name);
     let at = |t: &Option<f64>| {
         names.map(|name| {
             let name = format!("{prefix}.{name}");

@@ -4,10 +4,11 @@ use super::File;
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
-use crate::moments::Moments;
-use crate::monte_carlo::Histogram;
+use crate::format::{bare, num};
+use crate::moments::{Moment, Moments};
+use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
-use crate::results::Results;
+use crate::results::{Results, entries};
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
 use ndarray::{Array1, Array2, arr0};
@@ -16,33 +17,21 @@ use std::fmt::Write;
 use std::io::Cursor;
 use std::path::PathBuf;
 
-/// The file that holds every number of a run.
-pub const RESULTS: &str = "results.json";
-
-/// Unit of a number, by its name in results.json: every quantity is dimensionless, (6)-(8), and its
-/// unit here is what one of it is on the rig. u = 2 z_s/3, W = Omega, F = static load.
 fn unit(name: &str) -> &'static str {
-    match name {
-        "mean_q" => "u",
-        "var_q" => "u^2",
-        "mean_v" | "mean_impact_speed" => "u W",
-        "var_v" => "(u W)^2",
-        "cov_qv" => "u^2 W",
-        "mean_force" | "std_force" => "F",
-        "mean_energy" => "(u W)^2 m",
-        "loss_rate" => "W",
-        "mean_flight" => "1/W",
-        _ => "1",
-    }
+    entries()
+        .find(|it| it.name == name)
+        .map_or("1", |it| it.unit)
 }
 
 /// A number as it reads back exactly; empty where it does not exist.
 pub(super) fn field(x: f64) -> String {
-    if x.is_finite() {
-        format!("{x:?}")
-    } else {
-        String::new()
-    }
+    if x.is_finite() { num(x) } else { String::new() }
+}
+
+/// A line of a table.
+fn line(numbers: &[f64]) -> String {
+    let fields: Vec<String> = numbers.iter().copied().map(field).collect();
+    fields.join(",") + "\n"
 }
 
 /// Value and error, or two empty fields.
@@ -53,17 +42,11 @@ pub(super) fn fields(it: Option<Estimate>) -> String {
     })
 }
 
-/// A time as part of a file name: 5, 0.5, 1e-7.
-pub fn time_name(t: f64) -> String {
-    let text = format!("{t:?}");
-    text.strip_suffix(".0").unwrap_or(&text).to_owned()
-}
-
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
 ///
 /// # Errors
 /// Where there is no stationary law.
-pub fn stationary(results: &Results) -> Result<Vec<File>> {
+pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     let Some(numbers) = &results.stationary else {
         return Ok(Vec::new());
     };
@@ -80,22 +63,16 @@ pub fn stationary(results: &Results) -> Result<Vec<File>> {
     let mut by_q = String::from("q [u],p_q [1/u]\n");
     let mut by_force = String::from("N [F],p_N without its Dirac mass [1/F],P(N <= this) [1]\n");
     for q in grid(low, high) {
-        let _ = writeln!(by_q, "{},{}", field(q), field(law.density_q(q)));
+        by_q += &line(&[q, law.density_q(q)]);
     }
     let bottom = results.contact().force(low);
     for force in grid(bottom, results.contact().force(high)) {
         let (density, below) = (law.density_force(force), law.distribution_force(force));
-        let _ = writeln!(
-            by_force,
-            "{},{},{}",
-            field(force),
-            field(density),
-            field(below)
-        );
+        by_force += &line(&[force, density, below]);
     }
     let mut by_v = String::from("v [u W],p_v [1/(u W)]\n");
     for v in grid(-6.0 * t.sqrt(), 6.0 * t.sqrt()) {
-        let _ = writeln!(by_v, "{},{}", field(v), field(law.density_v(v)));
+        by_v += &line(&[v, law.density_v(v)]);
     }
     Ok(vec![
         File::text("stationary.csv", table),
@@ -115,7 +92,7 @@ fn moments_csv(
     more: &[(&str, Vec<Option<Estimate>>)],
 ) -> String {
     let mut table = String::from("t [1/W]");
-    let names = Moments::default().named().map(|(name, _)| name);
+    let names = Moment::ALL.map(Moment::name);
     for name in names.into_iter().chain(more.iter().map(|(name, _)| *name)) {
         let unit = unit(name);
         let _ = write!(table, ",{name} [{unit}],{name} error [{unit}]");
@@ -138,7 +115,7 @@ fn moments_csv(
 ///
 /// # Errors
 /// [`Error::Io`] for an array that cannot be packed.
-pub fn transient(results: &Results) -> Result<Vec<File>> {
+pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.transient else {
         return Ok(Vec::new());
     };
@@ -158,7 +135,7 @@ pub fn transient(results: &Results) -> Result<Vec<File>> {
         ));
     }
     for snapshot in &it.densities {
-        let name = format!("density_{}.npz", time_name(snapshot.t));
+        let name = format!("density_{}.npz", bare(snapshot.t));
         files.push(density(name, snapshot)?);
     }
     Ok(files)
@@ -168,7 +145,7 @@ pub fn transient(results: &Results) -> Result<Vec<File>> {
 ///
 /// # Errors
 /// [`Error::Io`] for an array that cannot be packed.
-pub fn steady(results: &Results) -> Result<Vec<File>> {
+pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
     };
@@ -176,7 +153,7 @@ pub fn steady(results: &Results) -> Result<Vec<File>> {
     if !it.approach.is_empty() {
         let mut table = String::from("t [1/W],L1 distance to the closed form [1]\n");
         for (t, distance) in &it.approach {
-            let _ = writeln!(table, "{},{}", field(*t), field(*distance));
+            table += &line(&[*t, *distance]);
         }
         files.push(File::text("approach.csv", table));
     }
@@ -184,35 +161,28 @@ pub fn steady(results: &Results) -> Result<Vec<File>> {
 }
 
 /// The decay rates.
-pub fn decay_rates(results: &Results) -> Vec<File> {
+pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     let Some(it) = &results.decay_rates else {
         return Vec::new();
     };
     let mut table = String::from("re [W],im [W],error [W]\n");
     for rate in &it.rates {
-        let _ = writeln!(
-            table,
-            "{},{},{}",
-            field(rate.re),
-            field(rate.im),
-            field(rate.error)
-        );
+        table += &line(&[rate.re, rate.im, rate.error]);
     }
     vec![File::text("decay_rates.csv", table)]
 }
 
 /// The moments of the ensemble.
-pub fn monte_carlo(results: &Results) -> Vec<File> {
-    let moments = results.monte_carlo.as_ref();
-    let table = moments.map(|it| moments_csv(&it.times, &it.moments, &[]));
-    table
-        .map(|table| File::text("monte_carlo.csv", table))
-        .into_iter()
-        .collect()
+pub(super) fn monte_carlo(results: &Results) -> Vec<File> {
+    let table = |it: &EnsembleResult| {
+        let table = moments_csv(&it.times, &it.moments, &[]);
+        File::text("monte_carlo.csv", table)
+    };
+    results.monte_carlo.iter().map(table).collect()
 }
 
 /// Files of the long records: their stationary numbers, and p_q, p_v, p_N as histograms.
-pub fn records(results: &Results) -> Vec<File> {
+pub(super) fn records(results: &Results) -> Vec<File> {
     let (Some(it), Some(numbers)) = (&results.records, results.sampled_stationary()) else {
         return Vec::new();
     };
@@ -244,7 +214,7 @@ fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> 
 }
 
 /// Losses of contact, by Rice's formula and as the records saw them.
-pub fn crossings(results: &Results) -> Vec<File> {
+pub(super) fn crossings(results: &Results) -> Vec<File> {
     let Some(numbers) = &results.crossings else {
         return Vec::new();
     };
@@ -262,7 +232,7 @@ pub fn crossings(results: &Results) -> Vec<File> {
 ///
 /// # Errors
 /// [`Error::Io`] for an array that cannot be packed.
-pub fn spectrum(results: &Results) -> Result<Vec<File>> {
+pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.spectrum else {
         return Ok(Vec::new());
     };

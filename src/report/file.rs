@@ -1,5 +1,8 @@
 //! What is written: a name and its bytes.
 
+/// The file that holds every number of a run.
+pub(super) const RESULTS: &str = "results.json";
+
 /// A file before it is written.
 #[derive(Debug, Clone)]
 pub struct File {

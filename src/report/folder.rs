@@ -1,7 +1,7 @@
 //! The output folder: files appear in it whole or not at all.
 
-use super::File;
-use super::data::RESULTS;
+use super::file::{File, RESULTS};
+use super::manifest;
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
 use std::fs;
@@ -29,8 +29,15 @@ pub enum Existing {
     Force,
 }
 
-/// Tables that the commands besides `run` leave.
-const SURVEYS: [&str; 2] = ["precision.csv", "stability.csv"];
+/// Tables that surveys leave; the first two tell a folder as ours.
+const SURVEYS: [&str; 6] = [
+    "precision.csv",
+    "stability.csv",
+    "precision.md",
+    "stability.md",
+    "cost.csv",
+    "calibration.csv",
+];
 
 const LOCK: &str = ".vibroimpact.lock";
 
@@ -39,57 +46,15 @@ fn is_ours(name: &OsStr) -> bool {
     let Some(name) = name.to_str() else {
         return false;
     };
-    let listed = [
-        RESULTS,
-        "report.html",
-        "scene.toml",
-        "stationary.csv",
-        "stationary_q.csv",
-        "stationary_v.csv",
-        "stationary_force.csv",
-        "moments.csv",
-        "monte_carlo.csv",
-        "records.csv",
-        "records_q.csv",
-        "records_v.csv",
-        "records_force.csv",
-        "crossings.csv",
-        "flights.csv",
-        "flight_law.csv",
-        "flight_law.npz",
-        "first_loss.csv",
-        "first_loss.npz",
-        "survival.svg",
-        "flights.svg",
-        "decay_rates.csv",
-        "approach.csv",
-        "spectrum.csv",
-        "spectrum.npz",
-        "spectrum.svg",
-        "steady.npz",
-        "steady.svg",
-        "force.svg",
-        "moments.svg",
-        "approach.svg",
-        "snapshots.svg",
-        "precision.csv",
-        "precision.md",
-        "cost.csv",
-        "calibration.csv",
-        "stability.csv",
-        "stability.md",
-    ];
-    let density = name.starts_with("density_")
-        && [".npz", ".svg"].iter().any(|ending| name.ends_with(ending));
     let ending = Path::new(name).extension();
     let survey = name.starts_with("precision_") && ending == Some(OsStr::new("svg"));
     let half = name.starts_with('.') && ending == Some(OsStr::new("part"));
-    listed.contains(&name) || density || survey || half
+    manifest::holds(name) || SURVEYS.contains(&name) || survey || half
 }
 
 /// Whether the folder holds a results.json that this program wrote, or the table of a survey.
 fn holds_our_results(path: &Path) -> bool {
-    if SURVEYS.iter().any(|it| path.join(it).is_file()) {
+    if SURVEYS[..2].iter().any(|it| path.join(it).is_file()) {
         return true;
     }
     let text = fs::read_to_string(path.join(RESULTS)).unwrap_or_default();

@@ -10,7 +10,7 @@ use std::fmt::Write;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for an array that cannot be packed.
-pub fn first_loss(results: &Results) -> Result<Vec<File>> {
+pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
     };
@@ -43,7 +43,7 @@ pub fn first_loss(results: &Results) -> Result<Vec<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for an array that cannot be packed.
-pub fn flights(results: &Results) -> Result<Vec<File>> {
+pub(super) fn flights(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.flights else {
         return Ok(Vec::new());
     };

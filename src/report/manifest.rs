@@ -1,23 +1,177 @@
-//! The files of a run: which stage brings which.
+//! The files of a run: what each holds, which stages bring it, and who makes it. Folder, page and README
+//! take their lists from here.
 
-use super::file::File;
+use super::file::{File, RESULTS};
 use super::{data, losses, page, plot};
 use crate::error::Result;
 use crate::plan::Part;
 use crate::results::Results;
 
+/// The page that holds it all.
+const PAGE: &str = "report.html";
+
+const SCENE: &str = "scene.toml";
+
+/// The sheet that shows several densities; without it the last density stands for all.
+const SHEET: &str = "snapshots.svg";
+
+/// Files that are made together: `name: what it holds`, one a line, `<t>` standing for a time (units stand in
+/// the headers of tables); the stages that bring or complete them; those that there are.
+type Group = (
+    &'static str,
+    &'static [Part],
+    fn(&Results) -> Result<Vec<File>>,
+);
+
+/// What is there after every run.
+const ALWAYS: &str =
+    "results.json: every number as `{\"value\", \"error\"}`, the resolved scene, times, warnings
+     report.html: table, pictures, settings and warnings in one page that needs no network
+     scene.toml: the scene with every default filled in: the same run again";
+
+/// Everything but what is written at the start and the end; pictures in the order of the page.
+const GROUPS: &[Group] = &[
+    (
+        "stationary.csv: the stationary law in closed form: its numbers
+         stationary_q.csv: its density of displacement
+         stationary_v.csv: its density of velocity
+         stationary_force.csv: its density and distribution of force",
+        &[Part::Stationary],
+        data::stationary,
+    ),
+    (
+        "moments.csv: moments against time by the Fokker-Planck equation
+         density_<t>.npz: p[q, v] as a density, with q, v, t: `numpy.load`",
+        &[Part::Transient],
+        data::transient,
+    ),
+    (
+        "steady.npz: the steady state on the mesh, as a density; t is infinite
+         approach.csv: distance in L1 to the closed form on the way to it",
+        &[Part::Steady],
+        data::steady,
+    ),
+    (
+        "decay_rates.csv: the slowest eigenvalues",
+        &[Part::DecayRates],
+        |it| Ok(data::decay_rates(it)),
+    ),
+    (
+        "spectrum.csv: one-sided spectra and RMS magnitude: solved, by Welch with its expectation, linear
+         spectrum.npz: the same as arrays",
+        &[Part::Spectrum, Part::Series],
+        data::spectrum,
+    ),
+    (
+        "first_loss.csv: survival and density of the first loss of contact
+         first_loss.npz: the same as arrays",
+        &[Part::FirstLoss, Part::FirstLossPaths],
+        losses::first_loss,
+    ),
+    (
+        "flight_law.csv: density of the time of flight
+         flight_law.npz: the same as arrays",
+        &[Part::Crossings],
+        losses::flights,
+    ),
+    (
+        "crossings.csv: losses of contact: rate, flights, in the window",
+        &[Part::Crossings, Part::Records],
+        |it| Ok(data::crossings(it)),
+    ),
+    (
+        "monte_carlo.csv: moments against time by paths",
+        &[Part::MonteCarlo],
+        |it| Ok(data::monte_carlo(it)),
+    ),
+    (
+        "records.csv: long records: stationary numbers
+         records_q.csv: their histogram of displacement
+         records_v.csv: their histogram of velocity
+         records_force.csv: their histogram of force
+         flights.csv: their histogram of times of flight",
+        &[Part::Records],
+        |it| Ok(data::records(it)),
+    ),
+    (
+        "force.svg: Density of the force, linear and logarithmic",
+        &[
+            Part::Stationary,
+            Part::Transient,
+            Part::Steady,
+            Part::Records,
+        ],
+        plot::force,
+    ),
+    (
+        "survival.svg: Survival until the first loss of contact, and the density of its time",
+        &[Part::FirstLoss, Part::FirstLossPaths],
+        plot::survival,
+    ),
+    (
+        "flights.svg: Density of the time of flight",
+        &[Part::Crossings, Part::Records],
+        plot::flights,
+    ),
+    (
+        "spectrum.svg: One-sided spectrum: Fokker-Planck, Monte Carlo and the linear oscillator",
+        &[Part::Spectrum, Part::Series],
+        plot::spectrum,
+    ),
+    (
+        "moments.svg: Moments against time",
+        &[Part::Transient, Part::MonteCarlo],
+        plot::moments,
+    ),
+    (
+        "approach.svg: Approach to the stationary law",
+        &[Part::Transient, Part::Steady, Part::DecayRates],
+        plot::approach,
+    ),
+    (
+        "steady.svg: Steady state on the mesh, with its marginals",
+        &[Part::Steady],
+        plot::steady,
+    ),
+    (
+        "snapshots.svg: Density of displacement and velocity
+         density_<t>.svg: Density of displacement and velocity",
+        &[Part::Transient],
+        plot::densities,
+    ),
+];
+
+/// Name and content of every file that a run may write.
+fn files() -> impl Iterator<Item = (&'static str, &'static str)> {
+    let groups = GROUPS.iter().map(|(files, ..)| *files);
+    [ALWAYS].into_iter().chain(groups).flat_map(listed)
+}
+
+fn listed(files: &'static str) -> impl Iterator<Item = (&'static str, &'static str)> {
+    files.lines().filter_map(|it| it.trim().split_once(": "))
+}
+
+/// Whether a run may write a file of that name.
+pub(super) fn holds(name: &str) -> bool {
+    files().any(|(it, _)| match it.split_once("<t>") {
+        Some((start, end)) => name.starts_with(start) && name.ends_with(end),
+        None => it == name,
+    })
+}
+
+fn numbers(results: &Results) -> File {
+    File::text(RESULTS, results.json())
+}
+
 /// What stands in the folder before the first stage: the scene, to be run again, and a results.json
 /// that says nothing has ended yet.
 pub fn at_the_start(results: &Results) -> Vec<File> {
     let mut results = results.clone();
-    results
-        .run
-        .warnings
-        .push("unfinished: no stage had ended yet".to_string().into());
-    let scene = File::text("scene.toml", results.scene.to_toml());
+    let warning = "unfinished: no stage had ended yet".to_string();
+    results.run.warnings.push(warning.into());
     vec![
-        File::text(data::RESULTS, format!("{}\n", results.json())),
-        scene,
+        numbers(&results),
+        File::text(SCENE, results.scene.to_toml()),
     ]
 }
 
@@ -27,53 +181,10 @@ pub fn at_the_start(results: &Results) -> Vec<File> {
 /// [`crate::Error::Io`] for an array or a picture that cannot be made.
 pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
     let mut files = Vec::new();
-    match part {
-        Part::Stationary => {
-            files.extend(data::stationary(results)?);
-            files.extend(plot::force(results)?);
-        }
-        Part::Crossings => {
-            files.extend(data::crossings(results));
-            files.extend(losses::flights(results)?);
-            files.extend(plot::flights(results)?);
-        }
-        Part::FirstLoss | Part::FirstLossPaths => {
-            files.extend(losses::first_loss(results)?);
-            files.extend(plot::survival(results)?);
-        }
-        Part::Transient => {
-            files.extend(data::transient(results)?);
-            files.extend(plot::densities(results)?);
-            files.extend(plot::moments(results)?);
-            files.extend(plot::approach(results)?);
-            files.extend(plot::force(results)?);
-        }
-        Part::Steady => {
-            files.extend(data::steady(results)?);
-            files.extend(plot::steady(results)?);
-            files.extend(plot::approach(results)?);
-            files.extend(plot::force(results)?);
-        }
-        Part::DecayRates => {
-            files.extend(data::decay_rates(results));
-            files.extend(plot::approach(results)?);
-        }
-        Part::Spectrum | Part::Series => {
-            files.extend(data::spectrum(results)?);
-            files.extend(plot::spectrum(results)?);
-        }
-        Part::MonteCarlo => {
-            files.extend(data::monte_carlo(results));
-            files.extend(plot::moments(results)?);
-        }
-        Part::Records => {
-            files.extend(data::records(results));
-            files.extend(data::crossings(results));
-            files.extend(plot::force(results)?);
-            files.extend(plot::flights(results)?);
-        }
+    for (_, _, make) in GROUPS.iter().filter(|it| it.1.contains(&part)) {
+        files.extend(make(results)?);
     }
-    files.push(File::text(data::RESULTS, format!("{}\n", results.json())));
+    files.push(numbers(results));
     Ok(files)
 }
 
@@ -82,8 +193,45 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be made.
 pub fn at_the_end(results: &Results) -> Result<Vec<File>> {
-    Ok(vec![
-        File::text(page::NAME, page::page(results)?),
-        File::text(data::RESULTS, format!("{}\n", results.json())),
-    ])
+    let page = page::page(results, &pictures(results)?);
+    Ok(vec![File::text(PAGE, page), numbers(results)])
+}
+
+/// The pictures of the page, each with its words.
+fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
+    let mut all = Vec::new();
+    for (group, _, make) in GROUPS {
+        let Some((name, words)) = listed(group).next() else {
+            continue;
+        };
+        if name.rsplit('.').next() == Some("svg") {
+            let mut files = make(results)?;
+            // One sheet says it all; single snapshots are in their own files.
+            let sheet = files.iter().position(|it| it.name == SHEET);
+            let shown = match sheet {
+                Some(k) => Some(files.swap_remove(k)),
+                None => files.pop(),
+            };
+            all.extend(shown.map(|file| (file, words)));
+        }
+    }
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_readme_lists_every_file_with_the_words_of_the_manifest() {
+        let row = |(name, what): (&str, &str)| {
+            let what = what[..1].to_lowercase() + &what[1..];
+            format!("| `{name}` | {what} |\n")
+        };
+        let rows: String = files().map(row).collect();
+        let rows = format!("| file | what |\n|---|---|\n{rows}\n");
+        let readme = include_str!("../../README.md");
+        assert!(readme.contains(&rows), "README.md lacks\n{rows}");
+        assert!(holds("density_0.5.npz") && holds("moments.svg") && !holds("mine.svg"));
+    }
 }

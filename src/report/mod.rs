@@ -3,9 +3,9 @@
 pub mod data;
 mod file;
 pub mod folder;
-pub mod losses;
+mod losses;
 mod manifest;
-pub mod page;
+mod page;
 pub mod plot;
 pub mod terminal;
 

@@ -1,12 +1,9 @@
 //! report.html: table, pictures, settings and warnings in one file that needs nothing else.
 
-use super::{File, data, plot, terminal};
-use crate::error::Result;
+use super::file::{File, RESULTS};
+use super::terminal;
 use crate::results::Results;
 use std::fmt::Write;
-
-/// The file.
-pub const NAME: &str = "report.html";
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:1000px;margin:2em auto;\
 padding:0 1em;color:#191919;background:#fff}\
@@ -15,11 +12,8 @@ padding:1em;border-radius:6px}\
 svg{max-width:100%;height:auto}figure{margin:1.5em 0}\
 figcaption{color:#555;font-size:14px}.warning{border-left:4px solid #d55e00;padding-left:1em}";
 
-/// The page.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn page(results: &Results) -> Result<String> {
+/// The page with these pictures, each with its words.
+pub(super) fn page(results: &Results, pictures: &[(File, &str)]) -> String {
     let title = escaped(&results.scene.title);
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -32,7 +26,7 @@ pub fn page(results: &Results) -> Result<String> {
     }
     let table = escaped(&terminal::table(results, false));
     let _ = writeln!(page, "<pre>{table}</pre>");
-    for (file, words) in pictures(results)? {
+    for (file, words) in pictures {
         let svg = String::from_utf8_lossy(&file.bytes);
         let name = escaped(&file.name);
         let _ = writeln!(
@@ -45,42 +39,9 @@ pub fn page(results: &Results) -> Result<String> {
         page,
         "<h2>The scene, every default filled in</h2>\n<pre>{scene}</pre>\n\
          <p>Save it as scene.toml and run it again with <code>vibroimpact run scene.toml</code>. \
-         Every number, with its error, stands in {}.</p>\n</body>\n</html>",
-        data::RESULTS
+         Every number, with its error, stands in {RESULTS}.</p>\n</body>\n</html>"
     );
-    Ok(page)
-}
-
-fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
-    let mut all = Vec::new();
-    let mut put = |file: Option<File>, words| all.extend(file.map(|file| (file, words)));
-    put(
-        plot::force(results)?,
-        "Density of the force, linear and logarithmic",
-    );
-    put(
-        plot::survival(results)?,
-        "Survival until the first loss of contact, and the density of its time",
-    );
-    put(plot::flights(results)?, "Density of the time of flight");
-    put(
-        plot::spectrum(results)?,
-        "One-sided spectrum: Fokker-Planck, Monte Carlo and the linear oscillator",
-    );
-    put(plot::moments(results)?, "Moments against time");
-    put(plot::approach(results)?, "Approach to the stationary law");
-    put(
-        plot::steady(results)?,
-        "Steady state on the mesh, with its marginals",
-    );
-    let mut densities = plot::densities(results)?;
-    // One sheet says it all; single snapshots are in their own files.
-    let sheet = densities.iter().position(|it| it.name == "snapshots.svg");
-    let kept = sheet
-        .map(|k| densities.swap_remove(k))
-        .or_else(|| densities.pop());
-    put(kept, "Density of displacement and velocity");
-    Ok(all)
+    page
 }
 
 /// Text that HTML takes as text.

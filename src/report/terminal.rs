@@ -2,96 +2,25 @@
 
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRate;
+use crate::format::{brief, bytes, cell, many, seconds};
 use crate::initial::Initial;
-use crate::moments::Moments;
-use crate::plan::{Part, Plan, Stage, bytes, seconds};
-use crate::results::{Results, distance};
+use crate::moments::{Entry, Moment, Moments};
+use crate::plan::{Part, Plan, Stage};
+use crate::results::{Results, distance, entries};
 use std::fmt::Write;
 
 const WIDTH: usize = 80;
 
-/// Name in results.json, symbol, and what it is.
-const ROWS: &[(&str, &str, &str)] = &[
-    ("mean_q", "E[q]", "displacement"),
-    ("var_q", "Var q", "its variance"),
-    ("mean_v", "E[v]", "velocity"),
-    ("var_v", "Var v", "its variance"),
-    ("cov_qv", "Cov qv", "their covariance"),
-    ("mean_force", "E[N]", "force"),
-    ("std_force", "std N", "its deviation"),
-    ("skewness_force", "skew N", "its skewness"),
-    ("kurtosis_force", "kurt N", "3 if Gaussian"),
-    ("mean_energy", "E[H]", "energy"),
-    ("contact_loss_probability", "P(loss)", "out of contact"),
-    ("log10_contact_loss_probability", "log10 P", "its logarithm"),
-    ("loss_rate", "nu", "losses per time"),
-    ("mean_flight", "P/nu", "mean flight"),
-    ("losses_in_window", "nu t", "in the window"),
-    ("mean_impact_speed", "E|v|", "speed at return"),
-];
-
-/// The numbers whose course in time is printed.
-const COURSE: [&str; 4] = [
-    "mean_q",
-    "std_force",
-    "mean_energy",
-    "contact_loss_probability",
+/// The moments whose course in time is printed.
+const COURSE: [Moment; 4] = [
+    Moment::MeanQ,
+    Moment::StdForce,
+    Moment::MeanEnergy,
+    Moment::ContactLossProbability,
 ];
 
 /// Times printed of each; all are in the files.
 const TIMES: usize = 6;
-
-/// `value ± error` in 17 columns: the value to the digit after the first of its error.
-pub fn cell(it: Option<Estimate>) -> String {
-    let Some(Estimate { value, error, .. }) = it.filter(|it| it.value.is_finite()) else {
-        return "-".into();
-    };
-    let (size, plain) = (value.abs().max(error), value.abs().max(error) >= 1e-4);
-    if value == 0.0 {
-        return if error == 0.0 {
-            "0 exactly".into()
-        } else {
-            format!("0 ± {error:.0e}")
-        };
-    }
-    if !plain || size >= 1e5 {
-        let text = |digits: usize| format!("{value:.digits$e} ± {error:.0e}");
-        // Exponents of three digits leave room for fewer digits before them.
-        return [2, 1]
-            .map(text)
-            .into_iter()
-            .find(|it| it.chars().count() <= 17)
-            .unwrap_or(text(0));
-    }
-    let digits = if error > 0.0 {
-        (1.0 - error.log10().floor()).clamp(0.0, 6.0) as usize
-    } else {
-        6
-    };
-    // Never more than nine characters before the sign of the error.
-    let digits = digits.min(6usize.saturating_sub(size.log10().floor().max(0.0) as usize));
-    let error = match error {
-        0.0 => "0".into(),
-        // 848 ± 30: one digit and its zeros, no power of ten.
-        1.0..1e4 => {
-            let power = 10f64.powf(error.log10().floor());
-            format!("{}", (error / power).round() * power)
-        }
-        _ => format!("{error:.0e}"),
-    };
-    let room = 14usize.saturating_sub(error.len());
-    let fits = |digits: &usize| format!("{value:.digits$}").len() <= room;
-    let digits = (0..=digits).rev().find(fits).unwrap_or(0);
-    let number = format!("{value:.digits$}");
-    // Nothing is left of a value far below its error: no sign either.
-    let nothing = number.bytes().all(|c| matches!(c, b'-' | b'0' | b'.'));
-    let number = if nothing {
-        number.trim_start_matches('-')
-    } else {
-        &number
-    };
-    format!("{number} ± {error}")
-}
 
 /// A blank at which no line is broken.
 const TOGETHER: char = '\u{a0}';
@@ -157,6 +86,25 @@ impl Table {
     }
 }
 
+/// A row: 26 columns of words, 18 a number, and in 7 how far the first two are apart where both are known.
+fn row(words: &str, numbers: &[Option<Estimate>], compared: bool) -> String {
+    let mut line = format!("{words:<26}");
+    for it in numbers {
+        let _ = write!(line, " {:>17}", cell(*it));
+    }
+    if let [Some(a), Some(b)] = numbers
+        && let Some(z) = distance(*a, *b).filter(|_| compared)
+    {
+        let _ = write!(line, "{z:>7.1}");
+    }
+    line
+}
+
+/// Symbol and words of a number.
+fn words(it: &Entry) -> String {
+    format!("{:<8} {}", it.symbol, it.words)
+}
+
 /// The results as a table of at most 80 columns; `colour` adds bold headings.
 pub fn table(results: &Results, colour: bool) -> String {
     let mut table = Table {
@@ -196,24 +144,6 @@ fn head(table: &mut Table, results: &Results) {
     );
     table.paragraph("", &text);
     table.line("All numbers dimensionless; each is printed with its error (\"value ± error\").");
-}
-
-/// A number of the scene as it was typed, or to a few digits if that is long.
-fn brief(x: f64) -> String {
-    let exact = format!("{x:?}");
-    if exact.len() <= 8 {
-        exact.strip_suffix(".0").unwrap_or(&exact).to_owned()
-    } else if (1e-3..1e4).contains(&x.abs()) {
-        // Four digits after the leading zeros: 0.00163 is not 0.0016.
-        let zeros = (-x.abs().log10().floor()).max(1.0) as usize;
-        format!("{x:.digits$}", digits = zeros + 3)
-    } else {
-        format!("{x:.2e}")
-    }
-}
-
-fn many(count: u64, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The last moments with their time.
@@ -276,22 +206,18 @@ fn stationary(table: &mut Table, results: &Results) {
         table.heading(&heads[0]);
     }
     table.line(&heads[1]);
-    for (name, symbol, words) in ROWS {
-        let cells: Vec<Option<Estimate>> = columns
+    for (k, entry) in entries().enumerate() {
+        let moment = Moment::ALL.get(k);
+        let numbers: Vec<Option<Estimate>> = columns
             .iter()
             .map(|(_, _, moments)| match moments {
-                None => closed.and_then(|it| it.get(name)),
-                moments => moments.and_then(|it| it.get(name)),
+                None => closed.and_then(|it| it.get(entry.name)),
+                Some(moments) => moments.get(*moment?),
             })
             .collect();
-        if cells.iter().all(Option::is_none) {
-            continue;
+        if numbers.iter().any(Option::is_some) {
+            table.line(row(&words(entry), &numbers, false));
         }
-        let mut line = format!("{symbol:<8} {words:<17}");
-        for it in cells {
-            let _ = write!(line, " {:>17}", cell(it));
-        }
-        table.line(line);
     }
 }
 
@@ -312,23 +238,15 @@ fn sides(table: &mut Table, title: &str, rows: &[Sides]) {
     }
     table.heading(head);
     for (name, a, b) in rows {
-        let Some((_, symbol, words)) = ROWS.iter().find(|(it, ..)| it == name) else {
-            continue;
-        };
-        if a.is_none() && b.is_none() {
-            continue;
+        let entry = entries().find(|it| it.name == *name);
+        let known = entry.filter(|_| a.is_some() || b.is_some());
+        let numbers: Vec<_> = [(*a, exact), (*b, sampled)]
+            .into_iter()
+            .filter_map(|(it, there)| there.then_some(it))
+            .collect();
+        if let Some(entry) = known {
+            table.line(row(&words(entry), &numbers, true));
         }
-        let mut line = format!("{symbol:<8} {words:<17}");
-        for (it, _) in [(a, exact), (b, sampled)]
-            .iter()
-            .filter(|(_, there)| *there)
-        {
-            let _ = write!(line, " {:>17}", cell(**it));
-        }
-        if let Some(z) = a.zip(*b).and_then(|(a, b)| distance(a, b)) {
-            let _ = write!(line, "{z:>7.1}");
-        }
-        table.line(line);
     }
 }
 
@@ -385,12 +303,8 @@ fn spectrum(table: &mut Table, results: &Results) {
     table.heading(format!("{title:<26}{head}"));
     for (k, peak) in it.peaks.iter().take(4).enumerate() {
         let name = if k == 0 { "highest peak" } else { "next peak" };
-        table.line(format!(
-            "{name:<26} {:>17} {:>17} {:>17}",
-            cell(Some(peak.omega)),
-            cell(Some(peak.density)),
-            cell(peak.width)
-        ));
+        let numbers = [Some(peak.omega), Some(peak.density), peak.width];
+        table.line(row(name, &numbers, false));
     }
     if let (Some(first), Some(w)) = (solved.density.first(), solved.omega.first()) {
         let (name, w) = ("lowest frequency", brief(*w));
@@ -433,31 +347,30 @@ fn first_loss(table: &mut Table, results: &Results) {
         let _ = write!(head, "{:>18}{:>7}", "paths", "z");
     }
     table.heading(head);
-    let mut row = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
-        let mut line = format!("{symbol:<8} {words:<17} {:>17}", cell(Some(a)));
-        if sampled.is_some() {
-            let _ = write!(line, " {:>17}", cell(b));
-        }
-        if let Some(z) = b.and_then(|b| distance(a, b)) {
-            let _ = write!(line, "{z:>7.1}");
-        }
-        table.line(line);
+    let mut put = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
+        let words = format!("{symbol:<8} {words}");
+        let both = [Some(a), b];
+        table.line(row(
+            &words,
+            &both[..1 + usize::from(sampled.is_some())],
+            true,
+        ));
     };
     let last = it.times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
         let words = format!("survives {}", brief(it.times[k]));
-        row("S", &words, it.survival[k], seen);
+        put("S", &words, it.survival[k], seen);
     }
     let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
-    row(
+    put(
         "mean",
         "time to the loss",
         it.mean_time,
         lost.map(|it| it.mean_time),
     );
-    row("rate", "S ~ exp(-rate t)", it.rate, None);
-    row("", "over Rice's rate", it.rate_over_rice, None);
+    put("rate", "S ~ exp(-rate t)", it.rate, None);
+    put("", "over Rice's rate", it.rate_over_rice, None);
     let text = format!(
         "{} x {} nodes, step {:.3}; in the end the survival falls as exp(-rate t); from {}",
         it.method.cells[0],
@@ -534,27 +447,29 @@ fn course(table: &mut Table, results: &Results) {
         "{:<36}{:>17} {:>17}{:>7}",
         "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
     ));
-    for name in COURSE {
-        let Some((_, symbol, words)) = ROWS.iter().find(|(it, ..)| *it == name) else {
-            continue;
-        };
-        if moments.last().and_then(|it| it.get(name)).is_none() {
+    for moment in COURSE {
+        if moments.last().and_then(|it| it.get(moment)).is_none() {
             continue;
         }
         for (n, k) in spread(times.len()).into_iter().enumerate() {
             let t = times[k];
-            let here = moments.get(k).and_then(|it| it.get(name));
+            let here = moments.get(k).and_then(|it| it.get(moment));
             let there = paths.0.iter().position(|it| *it == t);
-            let there = there.and_then(|k| paths.1.get(k)?.get(name));
-            let z = here.zip(there).and_then(|(a, b)| distance(a, b));
-            let (symbol, words) = if n == 0 { (*symbol, *words) } else { ("", "") };
+            let there = there.and_then(|k| paths.1.get(k)?.get(moment));
+            let entry = moment.entry();
+            let (symbol, words) = if n == 0 {
+                (entry.symbol, entry.words)
+            } else {
+                ("", "")
+            };
             let time = format!("t = {}", brief(t));
-            let mut line = format!("{symbol:<8} {words:<15}{time:>12}{:>17}", cell(here));
-            if sampled.is_some() {
-                let z = z.map_or(String::new(), |z| format!("{z:.1}"));
-                let _ = write!(line, " {:>17}{z:>7}", cell(there));
-            }
-            table.line(line);
+            let words = format!("{symbol:<8} {words:<15}{time:>11}");
+            let both = [here, there];
+            table.line(row(
+                &words,
+                &both[..1 + usize::from(sampled.is_some())],
+                true,
+            ));
         }
     }
     if let Some(it) = deterministic {
@@ -642,7 +557,7 @@ fn physical(table: &mut Table, results: &Results) {
             "half_power_width_hz" => ("its half-power width", "Hz"),
             other => (other, ""),
         };
-        let mut line = format!("{name:<26} {:>17}", cell(number));
+        let mut line = row(name, &[number], false);
         if !sampled.is_empty() {
             let seen = seen.map_or(String::new(), |it| cell(Some(it)));
             let _ = write!(line, " {seen:>17}");
@@ -784,7 +699,6 @@ pub fn plan(plan: &Plan) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::Origin;
     use crate::scene::text::{BUILT_IN, SceneText};
 
     #[test]
@@ -803,25 +717,6 @@ mod tests {
                  records",
             );
             assert_eq!(most, *name == "default", "{text}");
-        }
-    }
-
-    #[test]
-    fn a_cell_shows_the_value_to_the_digit_of_its_error_and_fits() {
-        let cell = |value: f64, error: f64| cell(Some(Estimate::new(value, error, Origin::Space)));
-        assert_eq!(cell(-0.164_547_9, 1e-14), "-0.164548 ± 1e-14");
-        assert_eq!(cell(-0.1641, 2.8e-3), "-0.1641 ± 3e-3");
-        assert_eq!(cell(1.7725e-17, 4e-29), "1.77e-17 ± 4e-29");
-        assert_eq!(cell(f64::NAN, 0.0), "-");
-        assert_eq!(cell(0.0, 0.0), "0 exactly");
-        assert_eq!(cell(-1288.9, 1e-10), "-1288.900 ± 1e-10");
-        assert_eq!(cell(847.59, 26.6), "848 ± 30");
-        assert_eq!(cell(42.38, 1.33), "42.4 ± 1");
-        for value in [0.0, 1.0, -3.25, 99_999.9, -1e300, 1e-300, -94.247_779] {
-            for error in [0.0, 1e-300, 1e-14, 3e-3, 20.0, 1e9] {
-                let text = cell(value, error);
-                assert!(text.chars().count() <= 17, "{text}");
-            }
         }
     }
 

@@ -1,10 +1,8 @@
 //! The spectrum: from the resolvent, by Welch's method, and of the linear oscillator.
 
-use super::curve::curve;
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::{Peak, Spectrum};
-use crate::json::Json;
 use crate::monte_carlo::{self, SeriesSettings};
 use crate::oscillator::Oscillator;
 use crate::spectrum::{Welch, linear};
@@ -106,47 +104,5 @@ impl SpectrumNumbers {
                 Estimate::new(got.value, expected * share(got), Origin::Sampling),
             )
         })
-    }
-
-    /// The section of results.json.
-    pub(super) fn json(&self) -> Json {
-        let it = &self.solved;
-        let some = |all: &[Estimate]| curve(all.iter().copied().map(Some));
-        let mut json = Json::object([
-            ("quantity", Json::from(it.quantity.name())),
-            ("omega", Json::numbers(it.omega.iter().copied())),
-            ("fokker_planck", some(&it.density)),
-        ]);
-        if let Some(sampled) = &self.sampled {
-            json.push("monte_carlo", some(&sampled.density));
-            let expectation = sampled.expectation.iter().copied();
-            json.push("monte_carlo_expectation", Json::numbers(expectation));
-        }
-        json.push("linear", Json::numbers(self.linear.iter().copied()));
-        let peaks = self.peaks.iter().map(|peak| {
-            Json::object([
-                ("omega", Json::from(peak.omega)),
-                ("density", Json::from(peak.density)),
-                ("half_power_width", Json::from(peak.width)),
-            ])
-        });
-        json.push("peaks", Json::List(peaks.collect()));
-        json.push("harmonic_ratio", self.harmonic_ratio);
-        let mut method = Json::object([
-            (
-                "name",
-                Json::from("resolvent in Hermite functions and spectral elements"),
-            ),
-            ("functions", Json::from(it.functions.to_vec())),
-            ("solves", Json::from(it.solves)),
-            ("dimension", Json::from(it.dimension)),
-        ]);
-        if let Some(sampled) = &self.sampled {
-            method.push("averages", sampled.averages);
-            method.push("spacing", sampled.spacing);
-            method.push("window", "hann");
-        }
-        json.push("method", method);
-        json
     }
 }

@@ -1,11 +1,12 @@
 //! Scenes from TOML, with messages that show the line.
 
 use super::{
-    Accuracy, CONTACTS, MethodChoice, MonteCarlo, Noise, ORDERS, Outputs, Quantity, SCHEMES, Scene,
-    SpectrumRequest, TIME, TRANSIENT, Times, num,
+    Accuracy, CONTACTS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, SCHEMES, Scene,
+    SpectrumRequest, TIME, TRANSIENT, Times,
 };
 use crate::error::{Error, positive};
 use crate::fokker_planck::Drift;
+use crate::format::num;
 use crate::initial::Initial;
 use crate::monte_carlo::MOST_COSINES;
 use crate::oscillator::Oscillator;
@@ -284,7 +285,7 @@ impl Document {
             Ok(table) => table,
             Err(error) => {
                 // A bare word: the value is text.
-                let quoted = format!("{key} = {}", crate::json::Json::from(word.trim()));
+                let quoted = format!("{key} = {}", serde_json::json!(word.trim()));
                 match DeTable::parse(&quoted) {
                     Ok(table) => {
                         let mut table = entries(table.get_ref(), source);
@@ -912,17 +913,16 @@ impl<'a> Section<'a> {
     }
 
     fn drift(&self) -> Read<Option<Drift>> {
-        match self.get("drift").map(|node| &node.value) {
-            None => Ok(None),
-            Some(Value::Text(text)) if text == "auto" => Ok(None),
-            Some(Value::Text(text)) if text == "upwind" => Ok(Some(Drift::Upwind)),
-            Some(Value::Whole(n)) if ORDERS.iter().any(|(order, _)| i128::from(*order) == *n) => {
-                Ok(ORDERS
-                    .iter()
-                    .find(|(order, _)| i128::from(*order) == *n)
-                    .map(|it| it.1))
-            }
-            Some(_) => Err(self.type_error("drift", "\"auto\", \"upwind\", 2, 4, 6 or 8")),
+        let name = match self.get("drift").map(|node| &node.value) {
+            None => return Ok(None),
+            Some(Value::Text(text)) if text.parse::<u64>().is_err() => text.clone(),
+            Some(Value::Whole(n)) => n.to_string(),
+            Some(_) => String::new(),
+        };
+        match DRIFT.iter().find(|(it, _)| *it == name) {
+            Some((_, drift)) => Ok(Some(*drift)),
+            None if name == "auto" => Ok(None),
+            None => Err(self.type_error("drift", "\"auto\", \"upwind\", 2, 4, 6 or 8")),
         }
     }
 

@@ -12,7 +12,9 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::difference::lagrange;
 use crate::fokker_planck::trajectory::Motion;
 use crate::oscillator::Oscillator;
+use crate::quadrature::gauss;
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// Points of the Lagrange interpolation in each direction: order 6.
 const POINTS: usize = 6;
@@ -20,25 +22,8 @@ const POINTS: usize = 6;
 /// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
 const REACH: f64 = 7.2;
 
-/// Gauss-Legendre nodes and weights of 8 points on [-1, 1].
-const GAUSS: [(f64, f64); 8] = [
-    (-0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
-    (-0.796_666_477_413_626_7, 0.222_381_034_453_374_47),
-    (-0.525_532_409_916_329, 0.313_706_645_877_887_3),
-    (-0.183_434_642_495_649_8, 0.362_683_783_378_362),
-    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
-    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
-    (0.796_666_477_413_626_7, 0.222_381_034_453_374_47),
-    (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
-];
-
-/// Gauss-Legendre nodes and weights of 4 points on [-1, 1].
-const GAUSS4: [(f64, f64); 4] = [
-    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_8),
-    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-    (0.861_136_311_594_052_6, 0.347_854_845_137_453_8),
-];
+/// Eight points for the velocities reached in a step.
+static GAUSS8: LazyLock<[(f64, f64); 8]> = LazyLock::new(gauss);
 
 /// How fine.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -357,7 +342,7 @@ impl Absorbed {
         density: impl Fn(f64) -> f64,
     ) -> Vec<Line> {
         let [nq, _] = self.mesh.nodes;
-        let mut lines = Vec::new();
+        let (mut lines, rule) = (Vec::new(), gauss::<4>());
         for i in 0..nq - 1 {
             let nodes = [i, i + 1].map(|i| self.mesh.q(i));
             // A panel a cell, but none longer than the density's own scale.
@@ -365,7 +350,7 @@ impl Absorbed {
             for part in 0..parts as usize {
                 let width = self.mesh.spacing[0] / parts;
                 let low = i as f64 * self.mesh.spacing[0] + part as f64 * width;
-                for (x, w) in GAUSS4 {
+                for (x, w) in rule {
                     let y = low + 0.5 * width * (1.0 + x);
                     let root = (1.0 + y * y).sqrt();
                     let q = self.loss + self.mesh.bend * y * y / (root + 1.0);
@@ -479,12 +464,12 @@ impl Absorbed {
 /// for a square root at the cut.
 fn from_cut(cut: f64, [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
     // Eight points over 2.5 deviations integrate a Gaussian to 1e-9.
-    let width = 2.5 * scale;
+    let (width, rule) = (2.5 * scale, *GAUSS8);
     let mut points = Vec::new();
     let mut low = cut.clamp(start, edge);
     if cut > start {
         let root = width.min(edge - low).sqrt();
-        for (x, w) in GAUSS {
+        for (x, w) in rule {
             let r = 0.5 * root * (x + 1.0);
             points.push((low + r * r, w * 0.5 * root * 2.0 * r));
         }
@@ -494,7 +479,7 @@ fn from_cut(cut: f64, [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
     let width = (edge - low) / panels.max(1) as f64;
     for k in 0..panels {
         let centre = low + (k as f64 + 0.5) * width;
-        points.extend(GAUSS.map(|(x, w)| (centre + 0.5 * width * x, 0.5 * width * w)));
+        points.extend(rule.map(|(x, w)| (centre + 0.5 * width * x, 0.5 * width * w)));
     }
     points
 }

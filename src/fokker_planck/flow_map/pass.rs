@@ -1,8 +1,11 @@
 //! The two passes of a step: g carried along the motion, and averaged along v.
 
-use super::super::interpolation::{self, Filter, Order, PANEL};
+use super::super::interpolation::{self, Filter, MARGIN, PANEL, POINTS};
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Weights per cell: along q and along v.
+pub(super) const STENCIL: usize = 2 * POINTS;
 
 /// Working space of a step.
 #[derive(Debug, Clone)]
@@ -42,7 +45,6 @@ impl Buffers {
     /// values <- the spline, at the departure points.
     pub(super) fn carry(
         &mut self,
-        order: Order,
         nv: usize,
         map: &Map,
         (active, offsets): (&[Range<usize>], &[usize]),
@@ -53,7 +55,6 @@ impl Buffers {
         let (coefficients, stride) = (&self.coefficients[..], self.stride);
         let rows = |(group, values): (usize, &mut [f64])| {
             pulp::Arch::new().dispatch(Carry {
-                order,
                 map,
                 active,
                 offsets,
@@ -75,7 +76,7 @@ impl Buffers {
     }
 
     /// coefficients <- those of the values, averaged along v by the matrix.
-    pub(super) fn average(&mut self, order: Order, nv: usize, matrix: &Matrix, share: bool) {
+    pub(super) fn average(&mut self, nv: usize, matrix: &Matrix, share: bool) {
         let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
         let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
             pulp::Arch::new().dispatch(Average {
@@ -97,9 +98,9 @@ impl Buffers {
             let matrices = panels.zip(matrix.panels.chunks(size));
             matrices.zip(&matrix.ranges).for_each(panel);
         }
-        let (panels, margin) = (&self.panels[..], order.margin());
+        let panels = &self.panels[..];
         let row = |(k, row): (usize, &mut [f64])| {
-            let i = interpolation::reflected(k, margin, nq);
+            let i = interpolation::reflected(k, nq);
             for (p, out) in row.chunks_exact_mut(PANEL).enumerate() {
                 let from = (p * nq + i) * PANEL;
                 out.copy_from_slice(&panels[from..from + PANEL]);
@@ -119,7 +120,6 @@ impl Buffers {
 
 /// Values of some rows from the spline. A type, since a closure would not be compiled for the CPU.
 struct Carry<'a> {
-    order: Order,
     map: &'a Map,
     active: &'a [Range<usize>],
     offsets: &'a [usize],
@@ -135,24 +135,13 @@ impl pulp::WithSimd for Carry<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        match self.order {
-            Order::Fourth => self.rows::<4, 4, 8>(),
-            Order::Sixth => self.rows::<6, 8, 14>(),
-            Order::Eighth => self.rows::<8, 8, 16>(),
-        }
-    }
-}
-
-impl Carry<'_> {
-    #[inline(always)]
-    fn rows<const P: usize, const W: usize, const SIZE: usize>(self) {
         let rows = self.values.chunks_exact_mut(self.nv);
         for (i, row) in (self.first..).zip(rows) {
             let (range, cells) = (self.active[i].clone(), self.offsets[i]..self.offsets[i + 1]);
             let places = &self.map.places[cells.clone()];
-            let weights = &self.map.weights[cells.start * SIZE..cells.end * SIZE];
+            let weights = &self.map.weights[cells.start * STENCIL..cells.end * STENCIL];
             let out = &mut row[range.clone()];
-            gather::<P, W, SIZE>(places, weights, self.coefficients, self.stride, out);
+            gather(places, weights, self.coefficients, self.stride, out);
             let (first, last) = (row[range.start], row[range.end - 1]);
             row[..range.start].fill(first);
             row[range.end..].fill(last);
@@ -180,28 +169,22 @@ impl pulp::WithSimd for Average<'_> {
     }
 }
 
-/// out_p = sum over P x W points around each place, weights (P along q, W along v) of SIZE per cell.
+/// out_p = sum over the points around each place, weights along q and along v per cell.
 #[inline(always)]
-fn gather<const P: usize, const W: usize, const SIZE: usize>(
-    places: &[u32],
-    weights: &[f64],
-    coefficients: &[f64],
-    stride: usize,
-    out: &mut [f64],
-) {
-    let cells = places.iter().zip(weights.chunks_exact(SIZE)).zip(out);
+fn gather(places: &[u32], weights: &[f64], coefficients: &[f64], stride: usize, out: &mut [f64]) {
+    let cells = places.iter().zip(weights.chunks_exact(STENCIL)).zip(out);
     for ((place, weights), out) in cells {
-        let (along_q, along_v) = weights.split_at(P);
+        let (along_q, along_v) = weights.split_at(POINTS);
         let from = &coefficients[*place as usize..];
-        let mut sum = [0.0f64; W];
+        let mut sum = [0.0f64; POINTS];
         for (r, w) in along_q.iter().enumerate() {
-            let row = &from[r * stride..r * stride + W];
-            for l in 0..W {
+            let row = &from[r * stride..r * stride + POINTS];
+            for l in 0..POINTS {
                 sum[l] = w.mul_add(row[l], sum[l]);
             }
         }
         let mut pairs = [0.0f64; 4];
-        for l in 0..W {
+        for l in 0..POINTS {
             pairs[l % 4] = sum[l].mul_add(along_v[l], pairs[l % 4]);
         }
         *out = (pairs[0] + pairs[2]) + (pairs[1] + pairs[3]);
@@ -245,11 +228,10 @@ fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel:
 
 impl Matrix {
     /// Coefficients of the averaged values, of values; without `average` those of the values themselves.
-    pub(super) fn new(order: Order, n: usize, stride: usize, average: Option<&[f64]>) -> Self {
-        let margin = order.margin();
-        let width = n + 2 * margin;
+    pub(super) fn new(n: usize, stride: usize, average: Option<&[f64]>) -> Self {
+        let width = n + 2 * MARGIN;
         // From values to coefficients.
-        let filter = interpolation::coefficients(order, n, None);
+        let filter = interpolation::coefficients(n, None);
         let dense = match average {
             None => filter,
             Some(average) => {
@@ -267,7 +249,7 @@ impl Matrix {
                         }
                     }
                 }
-                interpolation::coefficients(order, n, Some(&averaged))
+                interpolation::coefficients(n, Some(&averaged))
             }
         };
         let mut panels = vec![0.0; stride * n];

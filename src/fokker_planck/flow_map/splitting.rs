@@ -6,55 +6,35 @@
 /// forward in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Splitting {
-    /// H(1/2) O(1) H(1/2): Strang, the midpoint rule. Error O(zeta tau^2).
-    TwoTwo,
     /// H(c1) O(1/2) H(c2) O(1/2) H(c1), c1 = 1/2 - sqrt3/6, c2 = sqrt3/3: Gauss. Error O(zeta tau^4 +
     /// zeta^2 tau^4).
     FourTwo,
     /// H(c1) O(5/18) H(c2) O(8/18) H(c2) O(5/18) H(c1), c1 = 1/2 - sqrt15/10, c2 = sqrt15/10: Gauss.
-    /// Error O(zeta tau^6 + zeta^2 tau^4).
+    /// Error O(zeta tau^6 + zeta^2 tau^4). For reference.
     SixTwo,
     /// H(1) O(1) H(1) O(1) ..., one pass a step: the trapezoidal rule, which on orbits that return
-    /// converges faster than any order, with one corrected node at either end of the interval (Alpert,
-    /// SIAM J. Sci. Comput. 20, 1551, 1999). Error O(zeta tau^3 + zeta^2 tau^3) once, from the ends.
-    EvenThree,
-    /// As `EvenThree`, with two corrected nodes: error O(zeta tau^5 + zeta^2 tau^3) once.
+    /// converges faster than any order, with two corrected nodes at either end of the interval (Alpert,
+    /// SIAM J. Sci. Comput. 20, 1551, 1999). Error O(zeta tau^5 + zeta^2 tau^3) once, from the ends; on an
+    /// interval too short for both ends as `FourTwo`.
     EvenFive,
 }
 
-/// Nodes and weights that replace those of the trapezoidal rule at one end of an interval, up to and
-/// without `first`; in steps.
-struct End {
-    nodes: &'static [f64],
-    weights: &'static [f64],
-    first: usize,
-}
+/// Nodes and weights that replace the first [`REPLACED`] of the trapezoidal rule at one end of an interval, in
+/// steps.
+const END: [(f64, f64); 2] = [
+    (0.224_578_497_981_261_4, 0.554_078_164_360_637_2),
+    (1.013_719_374_359_164_1, 0.945_921_835_639_362_8),
+];
 
-const THREE: End = End {
-    nodes: &[1.0 / 6.0],
-    weights: &[0.5],
-    first: 1,
-};
-const FIVE: End = End {
-    nodes: &[0.224_578_497_981_261_4, 1.013_719_374_359_164_1],
-    weights: &[0.554_078_164_360_637_2, 0.945_921_835_639_362_8],
-    first: 2,
-};
+const REPLACED: usize = 2;
 
 impl Splitting {
     /// Every choice.
-    pub const ALL: [Self; 5] = [
-        Self::TwoTwo,
-        Self::FourTwo,
-        Self::SixTwo,
-        Self::EvenThree,
-        Self::EvenFive,
-    ];
+    pub const ALL: [Self; 3] = [Self::FourTwo, Self::SixTwo, Self::EvenFive];
 
     /// Nodes and weights, in units of tau, on an interval of `steps` steps.
     pub(super) fn quadrature(self, steps: usize) -> (Vec<f64>, Vec<f64>) {
         let (nodes, weights): (&[f64], &[f64]) = match self {
-            Self::TwoTwo => (&[0.5], &[1.0]),
             Self::FourTwo => (
                 &[0.211_324_865_405_187_1, 0.788_675_134_594_812_9],
                 &[0.5, 0.5],
@@ -63,8 +43,7 @@ impl Splitting {
                 &[0.112_701_665_379_258_3, 0.5, 0.887_298_334_620_741_7],
                 &[5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
             ),
-            Self::EvenThree => return ends(&THREE, steps),
-            Self::EvenFive => return ends(&FIVE, steps),
+            Self::EvenFive => return even(steps),
         };
         let all = || (0..steps).flat_map(|k| nodes.iter().map(move |x| k as f64 + x));
         (all().collect(), weights.repeat(steps))
@@ -72,18 +51,18 @@ impl Splitting {
 }
 
 /// The trapezoidal rule with corrected ends; (4,2) on an interval too short for both.
-fn ends(end: &End, steps: usize) -> (Vec<f64>, Vec<f64>) {
-    if steps < 2 * end.first {
+fn even(steps: usize) -> (Vec<f64>, Vec<f64>) {
+    if steps < 2 * REPLACED {
         return Splitting::FourTwo.quadrature(steps);
     }
-    let (mut nodes, mut weights) = (end.nodes.to_vec(), end.weights.to_vec());
-    for k in end.first..=steps - end.first {
+    let (mut nodes, mut weights): (Vec<f64>, Vec<f64>) = END.into_iter().unzip();
+    for k in REPLACED..=steps - REPLACED {
         nodes.push(k as f64);
         weights.push(1.0);
     }
-    for (x, w) in end.nodes.iter().zip(end.weights).rev() {
+    for (x, w) in END.into_iter().rev() {
         nodes.push(steps as f64 - x);
-        weights.push(*w);
+        weights.push(w);
     }
     (nodes, weights)
 }

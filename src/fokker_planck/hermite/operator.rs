@@ -18,6 +18,7 @@
 
 use crate::error::{Error, Result};
 use crate::oscillator::{Oscillator, Quantity};
+use crate::quadrature::gauss;
 use ndarray::{Array1, Array2, Axis, Slice};
 
 /// Degree of the continuous polynomials. Higher degrees with fewer elements lose where p_q falls by
@@ -84,8 +85,8 @@ impl Hierarchy {
         let contact = oscillator.contact();
         let temperature = oscillator.temperature();
         let ends = ends(oscillator, resolution);
-        let (nodes, weights) = gauss(POINTS);
-        let even = Legendre::at(&nodes);
+        let rule = gauss::<POINTS>();
+        let even = Legendre::at(&rule.map(|(x, _)| x));
         let count = ends.len() - 1;
         let points = count * POINTS;
         // Values times sqrt(p_q dq) at the Gauss points, so that a product is a sum.
@@ -97,7 +98,7 @@ impl Hierarchy {
         let mut root = Vec::with_capacity(points);
         for (e, end) in ends.windows(2).enumerate() {
             let half = 0.5 * (end[1] - end[0]);
-            for (k, (x, w)) in nodes.iter().zip(&weights).enumerate() {
+            for (k, (x, w)) in rule.into_iter().enumerate() {
                 let q = end[0] + half * (1.0 + x);
                 let r = (w * half * law.density(q)).sqrt();
                 let at = e * POINTS + k;
@@ -330,48 +331,5 @@ impl Legendre {
             it.slope.push(slope);
         }
         it
-    }
-}
-
-/// Nodes and weights of Gauss and Legendre on \[-1, 1\], by Newton's method.
-fn gauss(count: usize) -> (Vec<f64>, Vec<f64>) {
-    let n = count as f64;
-    let rule = (0..count).map(|k| {
-        let mut x = -((k as f64 + 0.75) / (n + 0.5) * std::f64::consts::PI).cos();
-        let mut slope = 1.0;
-        for _ in 0..60 {
-            let (mut below, mut here) = (1.0, x);
-            for m in 2..=count {
-                let m = m as f64;
-                (below, here) = (here, ((2.0 * m - 1.0) * x * here - (m - 1.0) * below) / m);
-            }
-            slope = n * (x * here - below) / (x * x - 1.0);
-            let change = here / slope;
-            x -= change;
-            if change.abs() < 1e-15 {
-                break;
-            }
-        }
-        (x, 2.0 / ((1.0 - x * x) * slope * slope))
-    });
-    rule.unzip()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn gauss_points_integrate_polynomials_exactly() {
-        let (x, w) = gauss(POINTS);
-        for n in 0..2 * POINTS as i32 {
-            let sum: f64 = x.iter().zip(&w).map(|(x, w)| w * x.powi(n)).sum();
-            let exact = if n % 2 == 0 {
-                2.0 / f64::from(n + 1)
-            } else {
-                0.0
-            };
-            assert!((sum - exact).abs() < 1e-13, "{n}: {sum} {exact}");
-        }
     }
 }

@@ -15,16 +15,13 @@ use rayon::prelude::*;
 /// ```
 ///
 /// with J_k the Bessel functions: about F dt + s dt stages for a long step, after which the terms fall
-/// faster than any power. The terms themselves say when to stop. For a fixed number m of stages the
-/// order is m. The constant term is set so that the polynomial is 1 at L = 0: mass and g = 1 are kept.
+/// faster than any power. The terms themselves say when to stop. The constant term is set so that the polynomial is 1 at L = 0: mass and g = 1 are kept.
 pub struct Chebyshev {
     generator: Generator,
     /// F.
     frequency: f64,
     /// s.
     shift: f64,
-    /// Stages, if they are fixed.
-    stages: Option<usize>,
     /// The step that `coefficients` belong to.
     dt: f64,
     coefficients: Vec<f64>,
@@ -56,7 +53,6 @@ impl Chebyshev {
         Self {
             frequency: transport.max(0.1 * diffusion),
             shift: 0.5 * diffusion,
-            stages: None,
             // No step yet.
             dt: f64::NAN,
             coefficients: Vec::new(),
@@ -69,15 +65,6 @@ impl Chebyshev {
             sum: empty(),
             generator: generator.clone(),
             applied: 0,
-        }
-    }
-
-    /// The same with a fixed number of stages, which is then its order.
-    #[must_use]
-    pub fn with_stages(self, stages: usize) -> Self {
-        Self {
-            stages: Some(stages),
-            ..self
         }
     }
 
@@ -148,11 +135,7 @@ impl Chebyshev {
         let (mut one, mut one_before) = (1.0, 0.0);
         let mut total = coefficients[0];
         let mut size = 1.0;
-        let end = self
-            .stages
-            .unwrap_or(usize::MAX)
-            .min(coefficients.len() - 1);
-        for k in 1..=end {
+        for k in 1..coefficients.len() {
             let source: &[f64] = if k == 1 { start } else { now };
             self.applied += 1;
             let (factor, c) = (if k == 1 { scale } else { 2.0 * scale }, coefficients[k]);
@@ -192,7 +175,7 @@ impl Chebyshev {
             total += c * one;
             size *= self.growth;
             let rest = self.growth * tails[k + 1];
-            if self.stages.is_none() && rest * size <= 10.0 * allowed {
+            if rest * size <= 10.0 * allowed {
                 size = Self::norm(generator, now);
                 if rest * size <= allowed {
                     break;
@@ -207,13 +190,13 @@ impl Chebyshev {
 }
 
 impl Integrator for Chebyshev {
-    /// That of a fixed number of stages; otherwise the error is chosen, not the step.
+    /// The error is chosen, not the step.
     fn order(&self) -> u32 {
-        self.stages.unwrap_or(8) as u32
+        8
     }
 
     fn chooses_accuracy(&self) -> bool {
-        self.stages.is_none()
+        true
     }
 
     fn longest_step(&self) -> f64 {

@@ -25,7 +25,9 @@
 use super::frame::Frame;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
-use crate::fokker_planck::interpolation::{Filter, Order, PANEL, Spline, filter, reflected};
+use crate::fokker_planck::interpolation::{
+    Filter, MARGIN, PANEL, POINTS, Spline, filter, reflected,
+};
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::average;
 use crate::fokker_planck::trajectory::Motion;
@@ -80,8 +82,6 @@ pub(crate) struct Packet {
     points: Vec<[f64; 2]>,
     origins: Vec<[f64; 2]>,
 }
-
-const ORDER: Order = Order::Eighth;
 /// Nodes of the three-point Gauss rule are at c1, 1/2, 1 - c1; c2 = 1/2 - c1.
 const C1: f64 = 0.112_701_665_379_258_3;
 const C2: f64 = 0.5 - C1;
@@ -145,7 +145,7 @@ impl Packet {
             .iter()
             .flat_map(|x| centres.iter().map(move |y| normal(*x) * normal(*y)))
             .collect();
-        let padded = n + 2 * ORDER.margin();
+        let padded = n + 2 * MARGIN;
         let mut it = Self {
             contact: oscillator.contact().clone(),
             zeta: oscillator.zeta(),
@@ -161,8 +161,8 @@ impl Packet {
             longest: 0.0,
             start: frame.lower[0].min(frame.lower[2]).powi(2),
             defect: 0.0,
-            filter: Filter::new(ORDER, n),
-            spline: Spline::new(ORDER),
+            filter: Filter::new(n),
+            spline: Spline::new(),
             coefficients: vec![0.0; padded * padded],
             points: vec![[0.0; 2]; n * n],
             origins: vec![[0.0; 2]; n * n],
@@ -301,12 +301,12 @@ impl Packet {
         {
             into[more..more + n].copy_from_slice(row);
         }
-        let padded = wide + 2 * ORDER.margin();
+        let padded = wide + 2 * MARGIN;
         self.axis = axis;
         self.fineness.reach = reach;
         self.other = values.clone();
         self.values = values;
-        self.filter = Filter::new(ORDER, wide);
+        self.filter = Filter::new(wide);
         self.coefficients = vec![0.0; padded * padded];
         self.points = vec![[0.0; 2]; wide * wide];
         self.origins = vec![[0.0; 2]; wide * wide];
@@ -369,8 +369,8 @@ impl Packet {
         self.frame.lower = [qq, a * vq, widened];
         // rho = a L_vv/L_vv' = e^{-rate}.
         let rate = 0.5 * (variance / (a * a * vv * vv)).ln_1p();
-        let matrix = average(&self.axis, ORDER, rate, 1.0, false);
-        let (margin, width) = (ORDER.margin(), n + 2 * ORDER.margin());
+        let matrix = average(&self.axis, rate, 1.0, false);
+        let width = n + 2 * MARGIN;
         // Coefficients along xi_2 of values along xi_1.
         filter(&self.filter, &self.values, n, true, &mut self.other);
         let mut padded = vec![0.0; width];
@@ -380,7 +380,7 @@ impl Packet {
             .zip(self.values.chunks_exact_mut(n))
         {
             for (k, x) in padded.iter_mut().enumerate() {
-                *x = row[reflected(k, margin, n)];
+                *x = row[reflected(k, n)];
             }
             for (y, weights) in out.iter_mut().zip(matrix.chunks_exact(width)) {
                 *y = weights.iter().zip(&padded).map(|(w, x)| w * x).sum();
@@ -420,14 +420,14 @@ impl Packet {
     /// Coefficients of the spline through the values.
     fn interpolate(&mut self) {
         let n = self.axis.len();
-        let (margin, width) = (ORDER.margin(), n + 2 * ORDER.margin());
+        let width = n + 2 * MARGIN;
         filter(&self.filter, &self.values, n, true, &mut self.other);
         let half = self.other.clone();
         filter(&self.filter, &half, n, false, &mut self.other);
         for (i, row) in self.coefficients.chunks_exact_mut(width).enumerate() {
-            let from = reflected(i, margin, n) * n;
+            let from = reflected(i, n) * n;
             for (k, x) in row.iter_mut().enumerate() {
-                *x = self.other[from + reflected(k, margin, n)];
+                *x = self.other[from + reflected(k, n)];
             }
         }
     }
@@ -509,18 +509,17 @@ impl Packet {
     /// Calls `f` with (q, weight, below the loss point) over a rule for the spline of a marginal.
     fn along(&self, marginal: &[f64], mut f: impl FnMut(f64, f64, bool)) {
         let n = self.axis.len();
-        let margin = ORDER.margin();
         let centres = self.axis.centres();
         let mut panel = vec![0.0; n * PANEL];
         for (row, p) in panel.chunks_exact_mut(PANEL).zip(marginal) {
             row[0] = *p;
         }
         self.filter.apply(&mut panel);
-        let coefficient = |k: usize| panel[reflected(k, margin, n) * PANEL];
+        let coefficient = |k: usize| panel[reflected(k, n) * PANEL];
         let density = |x: f64| {
             let (first, place) = Spline::place(self.axis.locate(x) - 0.5, n);
             let weights = self.spline.weights(place);
-            (0..ORDER.points())
+            (0..POINTS)
                 .map(|r| weights[r] * coefficient(first + r))
                 .sum::<f64>()
         };
@@ -646,7 +645,7 @@ impl pulp::WithSimd for Sample<'_> {
             coefficients,
         } = self.it;
         let n = axis.len();
-        let width = n + 2 * ORDER.margin();
+        let width = n + 2 * MARGIN;
         let (start, inverse) = (axis.centres()[0], 1.0 / axis.slopes()[0]);
         // Beyond the last centre by half a cell the square ends.
         let inside = |x: f64| x > -0.5 && x < n as f64 - 0.5;

@@ -1,60 +1,34 @@
-//! Interpolation by cardinal B-splines of degree 3, 5 and 7 on a uniform mesh coordinate (order 4, 6, 8).
+//! Interpolation by cardinal B-splines of degree 7 on a uniform mesh coordinate: order 8.
 //!
 //! f(x) = sum_k c_k B(x - k), the c_k from the values by a banded solve (Unser, IEEE Signal Process. Mag.
 //! 16(6), 22, 1999). The support is that of the polynomial through as
-//! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1300 of it at order 8.
+//! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1300 of it.
 //! Values continue beyond the first and the last node by reflection there, so a constant stays one.
 
-/// Degree of interpolation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Order {
-    /// Cubic splines, order 4.
-    Fourth,
-    /// Quintic splines, order 6.
-    Sixth,
-    /// Splines of degree 7, order 8.
-    Eighth,
-}
+/// Order of accuracy, and number of points of the stencil.
+pub(crate) const POINTS: usize = 8;
 
-impl Order {
-    /// Every choice, lowest first.
-    pub const ALL: [Self; 3] = [Self::Fourth, Self::Sixth, Self::Eighth];
-
-    /// Order of accuracy, and number of points of the stencil.
-    pub fn points(self) -> usize {
-        match self {
-            Self::Fourth => 4,
-            Self::Sixth => 6,
-            Self::Eighth => 8,
-        }
-    }
-
-    /// Coefficients beyond either end of the nodes.
-    pub(crate) fn margin(self) -> usize {
-        self.points() / 2 - 1
-    }
-}
+/// Coefficients beyond either end of the nodes.
+pub(crate) const MARGIN: usize = POINTS / 2 - 1;
 
 /// The weights of a stencil as polynomials of the place between two nodes.
 #[derive(Debug, Clone)]
 pub(crate) struct Spline {
-    order: Order,
     /// `table[p][r]`: coefficient of f^p in the weight of point r.
-    table: [[f64; 8]; 8],
+    table: [[f64; POINTS]; POINTS],
 }
 
 impl Spline {
-    pub(crate) fn new(order: Order) -> Self {
-        let degree = order.points() - 1;
+    pub(crate) fn new() -> Self {
         // N[r] as a polynomial of f, raised degree by degree (de Boor).
-        let mut basis = [[0.0; 8]; 8];
+        let mut basis = [[0.0; POINTS]; POINTS];
         basis[0][0] = 1.0;
-        for p in 1..=degree {
-            let mut saved = [0.0; 8];
+        for p in 1..POINTS {
+            let mut saved = [0.0; POINTS];
             for (r, entry) in basis[..p].iter_mut().enumerate() {
                 let over = entry.map(|x| x / p as f64);
                 // (r + 1 - f) over and (f + p - r - 1) over.
-                let times = |constant: f64, slope: f64| -> [f64; 8] {
+                let times = |constant: f64, slope: f64| -> [f64; POINTS] {
                     std::array::from_fn(|k| {
                         constant * over[k] + if k > 0 { slope * over[k - 1] } else { 0.0 }
                     })
@@ -66,15 +40,15 @@ impl Spline {
             basis[p] = saved;
         }
         let table = std::array::from_fn(|p| std::array::from_fn(|r| basis[r][p]));
-        Self { order, table }
+        Self { table }
     }
 
-    /// Weights of the points floor(x) - margin, ... for x = floor(x) + f; 0 beyond the order.
+    /// Weights of the points floor(x) - margin, ... for x = floor(x) + f.
     #[inline(always)]
-    pub(crate) fn weights(&self, f: f64) -> [f64; 8] {
-        let mut sum = self.table[self.order.points() - 1];
-        for row in self.table[..self.order.points() - 1].iter().rev() {
-            for r in 0..8 {
+    pub(crate) fn weights(&self, f: f64) -> [f64; POINTS] {
+        let mut sum = self.table[POINTS - 1];
+        for row in self.table[..POINTS - 1].iter().rev() {
+            for r in 0..POINTS {
                 sum[r] = sum[r].mul_add(f, row[r]);
             }
         }
@@ -105,16 +79,15 @@ pub(crate) struct Filter {
 pub(crate) const PANEL: usize = 8;
 
 impl Filter {
-    pub(crate) fn new(order: Order, n: usize) -> Self {
-        const REACH: usize = 3;
-        let margin = order.margin();
+    pub(crate) fn new(n: usize) -> Self {
+        const REACH: usize = MARGIN;
         // B at the integers: the weights of a stencil at a node.
-        let at_node = Spline::new(order).weights(0.0);
+        let at_node = Spline::new().weights(0.0);
         // Row i of the matrix from column i - 3; seven entries.
         let mut rows = vec![[0.0; 2 * REACH + 1]; n];
         for (i, row) in rows.iter_mut().enumerate() {
-            for (r, b) in at_node[..=2 * margin].iter().enumerate() {
-                let column = reflected(i + r, margin, n);
+            for (r, b) in at_node[..=2 * MARGIN].iter().enumerate() {
+                let column = reflected(i + r, n);
                 row[column + REACH - i] += b;
             }
         }
@@ -169,9 +142,9 @@ impl Filter {
     }
 }
 
-/// Row `k` (counted from `margin` before the first) of rows reflected at the first and last of `n`.
-pub(crate) fn reflected(k: usize, margin: usize, n: usize) -> usize {
-    let distance = k.abs_diff(margin);
+/// Row `k` (counted from the margin before the first) of rows reflected at the first and last of `n`.
+pub(crate) fn reflected(k: usize, n: usize) -> usize {
+    let distance = k.abs_diff(MARGIN);
     if distance < n {
         distance
     } else {
@@ -181,10 +154,10 @@ pub(crate) fn reflected(k: usize, margin: usize, n: usize) -> usize {
 
 /// The matrix from n values to their n + 2 margin coefficients, row-major (n + 2 margin) x n, times a
 /// matrix of n rows (the identity without one).
-pub(crate) fn coefficients(order: Order, n: usize, times: Option<&[f64]>) -> Vec<f64> {
-    let (filter, margin) = (Filter::new(order, n), order.margin());
+pub(crate) fn coefficients(n: usize, times: Option<&[f64]>) -> Vec<f64> {
+    let filter = Filter::new(n);
     let mut panel = vec![0.0; n * PANEL];
-    let mut matrix = vec![0.0; (n + 2 * margin) * n];
+    let mut matrix = vec![0.0; (n + 2 * MARGIN) * n];
     for first in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - first);
         for (i, row) in panel.chunks_exact_mut(PANEL).enumerate() {
@@ -198,7 +171,7 @@ pub(crate) fn coefficients(order: Order, n: usize, times: Option<&[f64]>) -> Vec
             panel: &mut panel,
         });
         for (k, out) in matrix.chunks_exact_mut(n).enumerate() {
-            let row = reflected(k, margin, n) * PANEL;
+            let row = reflected(k, n) * PANEL;
             out[first..first + width].copy_from_slice(&panel[row..row + width]);
         }
     }
@@ -255,13 +228,13 @@ mod tests {
     use super::*;
 
     /// The spline through `f` at n nodes of [0, 1], at x.
-    fn through(order: Order, n: usize, f: impl Fn(f64) -> f64, x: f64) -> f64 {
+    fn through(n: usize, f: impl Fn(f64) -> f64, x: f64) -> f64 {
         let values: Vec<f64> = (0..n).map(|k| f(k as f64 / (n - 1) as f64)).collect();
-        let matrix = coefficients(order, n, None);
-        let spline = Spline::new(order);
+        let matrix = coefficients(n, None);
+        let spline = Spline::new();
         let (first, place) = Spline::place(x * (n - 1) as f64, n);
         let weights = spline.weights(place);
-        (0..order.points())
+        (0..POINTS)
             .map(|r| {
                 let row = &matrix[(first + r) * n..(first + r + 1) * n];
                 weights[r] * row.iter().zip(&values).map(|(a, b)| a * b).sum::<f64>()
@@ -271,46 +244,37 @@ mod tests {
 
     #[test]
     fn the_spline_goes_through_its_values_and_keeps_a_constant() {
-        for order in Order::ALL {
-            for n in [8, 11, 40] {
-                let f = |x: f64| (7.0 * x).sin() + x;
-                for k in 0..n {
-                    let x = k as f64 / (n - 1) as f64;
-                    let error = (through(order, n, f, x) - f(x)).abs();
-                    assert!(error < 1e-13, "{order:?} {n} at node {k}: {error:e}");
-                }
-                for x in [-0.1, 0.0, 0.013, 0.5, 0.77, 1.0, 1.2] {
-                    assert!((through(order, n, |_| 1.0, x) - 1.0).abs() < 1e-14);
-                }
+        for n in [8, 11, 40] {
+            let f = |x: f64| (7.0 * x).sin() + x;
+            for k in 0..n {
+                let x = k as f64 / (n - 1) as f64;
+                let error = (through(n, f, x) - f(x)).abs();
+                assert!(error < 1e-13, "{n} at node {k}: {error:e}");
+            }
+            for x in [-0.1, 0.0, 0.013, 0.5, 0.77, 1.0, 1.2] {
+                assert!((through(n, |_| 1.0, x) - 1.0).abs() < 1e-14);
             }
         }
     }
 
     #[test]
-    fn splines_have_the_order_of_their_name() {
-        for order in Order::ALL {
-            // Even about both ends, as the reflection takes it.
-            let f = |x: f64| (3.0 * std::f64::consts::PI * x).cos();
-            let worst = |n: usize| {
-                (0..=1000)
-                    .map(|k| {
-                        let x = f64::from(k) / 1000.0;
-                        (through(order, n, f, x) - f(x)).abs()
-                    })
-                    .fold(0.0, f64::max)
-            };
-            let (coarse, fine) = (worst(25), worst(49));
-            let rate = (coarse / fine).log2();
-            println!("{order:?}: {coarse:.2e}, {fine:.2e}, order {rate:.2}");
-            assert!((rate - order.points() as f64).abs() < 0.3);
-            // |B_n|/n! (k dx)^n times at most 2 at the middle of a cell.
-            let constant = match order {
-                Order::Fourth => 1.0 / 720.0,
-                Order::Sixth => 1.0 / 30240.0,
-                Order::Eighth => 1.0 / 1_209_600.0,
-            };
-            let reach = 3.0 * std::f64::consts::PI / 48.0;
-            assert!(fine < 2.2 * constant * reach.powi(order.points() as i32));
-        }
+    fn the_spline_is_of_order_eight() {
+        // Even about both ends, as the reflection takes it.
+        let f = |x: f64| (3.0 * std::f64::consts::PI * x).cos();
+        let worst = |n: usize| {
+            (0..=1000)
+                .map(|k| {
+                    let x = f64::from(k) / 1000.0;
+                    (through(n, f, x) - f(x)).abs()
+                })
+                .fold(0.0, f64::max)
+        };
+        let (coarse, fine) = (worst(25), worst(49));
+        let rate = (coarse / fine).log2();
+        println!("{coarse:.2e}, {fine:.2e}, order {rate:.2}");
+        assert!((rate - POINTS as f64).abs() < 0.3);
+        // |B_8|/8! (k dx)^8 times at most 2 at the middle of a cell.
+        let reach = 3.0 * std::f64::consts::PI / 48.0;
+        assert!(fine < 2.2 / 1_209_600.0 * reach.powi(POINTS as i32));
     }
 }

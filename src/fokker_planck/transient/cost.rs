@@ -6,7 +6,7 @@ use super::recipe::{Recipe, Scheme};
 use super::run::SETTLED;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
-use crate::fokker_planck::flow_map::HELD;
+use crate::fokker_planck::flow_map::{HELD, Settings};
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
@@ -121,7 +121,7 @@ pub(super) fn run(
         Scheme::FlowMap => {
             let map = recipe.flow_map(oscillator, longer)?;
             let [steps, passes, maps] = map.size(&times, CHUNK);
-            let [each, rest] = map.bytes();
+            let [each, rest] = Settings::bytes();
             bytes = n * (maps.min(HELD) * each + rest);
             (steps, n * (timing::MAP * maps + timing::PASS * passes))
         }

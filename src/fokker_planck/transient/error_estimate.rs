@@ -8,7 +8,7 @@ use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::flow_map;
 use crate::fokker_planck::settings::TimeScheme;
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::scales::Scales;
 
 /// One value per number of [`Moments::named`] and output time.
@@ -127,7 +127,8 @@ fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
     // Without a deviation there is no shape, and nothing to scale.
     let ratio = if ratio.is_finite() { ratio } else { 1.0 };
     let mut weights = [1.0; 11];
-    (weights[7], weights[8]) = (ratio.powi(3), ratio.powi(4));
+    weights[Moment::SkewnessForce as usize] = ratio.powi(3);
+    weights[Moment::KurtosisForce as usize] = ratio.powi(4);
     weights
 }
 
@@ -367,12 +368,11 @@ impl Errors {
 
     /// The largest error over the natural scale, with its time and number.
     pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
-        let values: Vec<_> = run.outputs.iter().map(|it| it.moments.named()).collect();
-        self.largest(|k, i| match values[k][i] {
-            (_, None) => 0.0,
+        self.largest(|k, i| match run.outputs[k].moments.get(Moment::ALL[i]) {
+            None => 0.0,
             // A force without a width has no shape.
-            ("skewness_force" | "kurtosis_force", Some(it)) if it.value.is_nan() => 0.0,
-            (_, Some(it)) => self.parts(k, i, it.value).iter().map(|it| it.0).sum(),
+            Some(it) if it.value.is_nan() && Moment::ALL[i].is_shape() => 0.0,
+            Some(it) => self.parts(k, i, it.value).iter().map(|it| it.0).sum(),
         })
     }
 

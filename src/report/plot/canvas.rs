@@ -67,9 +67,9 @@ pub(super) fn picture(
 ) -> Result<File> {
     let name = name.into();
     let mut svg = String::new();
-    let fine = |pixels: u32| pixels * FINE as u32;
+    let units = |pixels: u32| pixels * FINE as u32;
     let drawn = (|| {
-        let area = SVGBackend::with_string(&mut svg, (fine(size.0), fine(size.1)));
+        let area = SVGBackend::with_string(&mut svg, (units(size.0), units(size.1)));
         let area = area.into_drawing_area();
         area.fill(&WHITE)?;
         draw(&area)?;
@@ -83,9 +83,14 @@ pub(super) fn picture(
             source: std::io::Error::other(error.to_string()),
         });
     }
-    let drawn = format!("width=\"{}\" height=\"{}\"", fine(size.0), fine(size.1));
+    let drawn = format!("width=\"{}\" height=\"{}\"", units(size.0), units(size.1));
     let shown = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
     Ok(File::text(name, svg.replacen(&drawn, &shown, 1)))
+}
+
+/// A place in drawing units.
+fn fine((x, y): (f64, f64)) -> (i32, i32) {
+    ((x * FINE) as i32, (y * FINE) as i32)
 }
 
 /// Where a text hangs on its point.
@@ -96,23 +101,26 @@ pub(super) enum Hang {
     Right,
 }
 
-/// A line of text, its vertical middle at `y`; sizes and places in pixels.
-pub(super) fn write(
-    area: &Area<'_>,
-    text: &str,
-    at: (f64, f64),
-    size: f64,
-    hang: Hang,
-    colour: RGBColor,
-) -> Drawn {
-    styled(area, text, at, (size, hang, colour, FontTransform::None))
+/// Size in pixels, where it hangs, colour.
+pub(super) type Font = (f64, Hang, Colour);
+
+pub(super) const TITLE: Font = (15.0, Hang::Left, INK);
+pub(super) const WORDS: Font = (13.0, Hang::Left, INK);
+pub(super) const CENTRED: Font = (13.0, Hang::Middle, INK);
+/// Of Monte Carlo, or of the Dirac mass.
+pub(super) const NOTE: Font = (13.0, Hang::Left, VERMILION);
+
+/// A line of text, its vertical middle at `y`; places in pixels.
+pub(super) fn write(area: &Area<'_>, text: &str, at: (f64, f64), font: Font) -> Drawn {
+    styled(area, text, at, font, FontTransform::None)
 }
 
 fn styled(
     area: &Area<'_>,
     text: &str,
-    (x, y): (f64, f64),
-    (size, hang, colour, turn): (f64, Hang, RGBColor, FontTransform),
+    at: (f64, f64),
+    (size, hang, colour): Font,
+    turn: FontTransform,
 ) -> Drawn {
     let hang = match hang {
         Hang::Left => HPos::Left,
@@ -127,15 +135,12 @@ fn styled(
     let style = TextStyle::from(font.into_font().transform(turn))
         .color(&colour)
         .pos(Pos::new(hang, VPos::Center));
-    area.draw_text(text, &style, ((x * FINE) as i32, (y * FINE) as i32))?;
+    area.draw_text(text, &style, fine(at))?;
     Ok(())
 }
 
 pub(super) fn line(area: &Area<'_>, points: &[(f64, f64)], colour: RGBColor, width: f64) -> Drawn {
-    let points: Vec<(i32, i32)> = points
-        .iter()
-        .map(|(x, y)| ((x * FINE) as i32, (y * FINE) as i32))
-        .collect();
+    let points: Vec<(i32, i32)> = points.iter().copied().map(fine).collect();
     let style = colour.stroke_width((width * FINE) as u32);
     area.draw(&PathElement::new(points, style))?;
     Ok(())
@@ -148,7 +153,7 @@ pub(super) fn rectangle(
     colour: RGBColor,
     edge: Option<RGBColor>,
 ) -> Drawn {
-    let corners = corners.map(|(x, y)| ((x * FINE) as i32, (y * FINE) as i32));
+    let corners = corners.map(fine);
     area.draw(&Rectangle::new(corners, colour.filled()))?;
     if let Some(edge) = edge {
         area.draw(&Rectangle::new(corners, edge.stroke_width(2)))?;
@@ -213,6 +218,25 @@ pub(super) struct Panel {
 }
 
 impl Panel {
+    /// Linear axes at [left, top, width, height].
+    pub(super) fn new(place: [f64; 4], x: (f64, f64), y: (f64, f64)) -> Self {
+        let [left, top, width, height] = place;
+        Self {
+            left,
+            top,
+            width,
+            height,
+            x,
+            y,
+            log: false,
+        }
+    }
+
+    /// The same with decimal logarithms for y, if so.
+    pub(super) fn logarithmic(self, log: bool) -> Self {
+        Self { log, ..self }
+    }
+
     pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let part = |x: f64, (low, high): (f64, f64)| (x - low) / (high - low);
         (
@@ -255,14 +279,7 @@ impl Panel {
                     INK,
                     1.0,
                 )?;
-                write(
-                    area,
-                    &text,
-                    (px, self.bottom() + 13.0),
-                    13.0,
-                    Hang::Middle,
-                    INK,
-                )?;
+                write(area, &text, (px, self.bottom() + 13.0), CENTRED)?;
             }
         }
         for (y, text) in self.y_ticks() {
@@ -270,7 +287,7 @@ impl Panel {
             line(area, &[(self.left, py), (self.right(), py)], FAINT, 0.75)?;
             if !y_label.is_empty() {
                 line(area, &[(self.left - 4.0, py), (self.left, py)], INK, 1.0)?;
-                write(area, &text, (self.left - 7.0, py), 13.0, Hang::Right, INK)?;
+                write(area, &text, (self.left - 7.0, py), (13.0, Hang::Right, INK))?;
             }
         }
         let middle = self.left + 0.5 * self.width;
@@ -278,16 +295,15 @@ impl Panel {
             area,
             x_label,
             (middle, self.bottom() + 32.0),
-            15.5,
-            Hang::Middle,
-            INK,
+            (15.5, Hang::Middle, INK),
         )?;
         let at = (self.left - 64.0, self.top + 0.5 * self.height);
         styled(
             area,
             y_label,
             at,
-            (15.5, Hang::Middle, INK, FontTransform::Rotate270),
+            (15.5, Hang::Middle, INK),
+            FontTransform::Rotate270,
         )
     }
 
@@ -384,10 +400,7 @@ impl Panel {
             lower.push(self.at(*x, inside(*low)));
         }
         upper.extend(lower.into_iter().rev());
-        let corners: Vec<(i32, i32)> = upper
-            .iter()
-            .map(|(x, y)| ((x * FINE) as i32, (y * FINE) as i32))
-            .collect();
+        let corners: Vec<(i32, i32)> = upper.into_iter().map(fine).collect();
         if corners.len() > 3 {
             area.draw(&Polygon::new(corners, colour.mix(0.22).filled()))?;
         }
@@ -403,13 +416,8 @@ impl Panel {
     ) -> Drawn {
         let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
         if within {
-            let (px, py) = self.at(x, y);
-            let (px, py) = ((px * FINE) as i32, (py * FINE) as i32);
-            area.draw(&Circle::new(
-                (px, py),
-                (radius * FINE) as i32,
-                colour.filled(),
-            ))?;
+            let (at, radius) = (fine(self.at(x, y)), (radius * FINE) as i32);
+            area.draw(&Circle::new(at, radius, colour.filled()))?;
         }
         Ok(())
     }
@@ -417,8 +425,7 @@ impl Panel {
     pub(super) fn circle(&self, area: &Area<'_>, (x, y): (f64, f64), colour: RGBColor) -> Drawn {
         let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
         if within {
-            let (px, py) = self.at(x, y);
-            let at = ((px * FINE) as i32, (py * FINE) as i32);
+            let at = fine(self.at(x, y));
             let style = colour.stroke_width(FINE as u32);
             area.draw(&Circle::new(at, (2.5 * FINE) as i32, style))?;
         }
@@ -542,11 +549,11 @@ pub(super) fn legend(
         Mark::Halo => line(area, &[(x, y), (x + 22.0, y)], colour, 5.0)?,
         Mark::Dashes => dashed(area, (x, y), (x + 23.0, y), colour, 1.25)?,
         Mark::Dot => {
-            let centre = (((x + 11.0) * FINE) as i32, (y * FINE) as i32);
+            let centre = fine((x + 11.0, y));
             area.draw(&Circle::new(centre, (3.0 * FINE) as i32, colour.filled()))?;
         }
     }
-    write(area, words, (x + 29.0, y), 13.0, Hang::Left, INK)
+    write(area, words, (x + 29.0, y), WORDS)
 }
 
 #[derive(Clone, Copy)]
@@ -584,15 +591,7 @@ mod tests {
 
     #[test]
     fn a_curve_is_cut_where_it_leaves_its_panel() {
-        let panel = Panel {
-            left: 0.0,
-            top: 0.0,
-            width: 10.0,
-            height: 10.0,
-            x: (0.0, 10.0),
-            y: (0.0, 10.0),
-            log: false,
-        };
+        let panel = Panel::new([0.0, 0.0, 10.0, 10.0], (0.0, 10.0), (0.0, 10.0));
         let zigzag = [
             (0.0, 5.0),
             (2.0, 5.0),

@@ -1,8 +1,8 @@
 //! Charts of curves, side by side, with linear or logarithmic axes: for surveys and the paper.
 
 use super::canvas::{
-    Area, BLUE, Colour, Drawn, FAINT, GREEN, GREY, Hang, INK, MANY, Mark, Panel, Points, VERMILION,
-    dashed, legend, line, picture, range, superscript, write,
+    Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, GREY, Hang, INK, MANY, Mark, Panel, Points,
+    VERMILION, dashed, legend, line, picture, range, superscript, write,
 };
 use crate::error::Result;
 use crate::report::File;
@@ -98,24 +98,24 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
     );
     picture(name, size, |area| {
         for (k, chart) in charts.iter().enumerate() {
-            let panel = Panel {
-                left: 92.0 + across * (k % columns) as f64,
-                top: 64.0 + down * (k / columns) as f64,
-                width,
-                height,
-                x: chart.x,
-                y: chart.y,
-                log: chart.log,
-            };
+            let panel = Panel::new(
+                [
+                    92.0 + across * (k % columns) as f64,
+                    64.0 + down * (k / columns) as f64,
+                    width,
+                    height,
+                ],
+                chart.x,
+                chart.y,
+            )
+            .logarithmic(chart.log);
             let letter = (b'a' + (k % 26) as u8) as char;
             let title = format!("({letter}) {}", chart.title);
             write(
                 area,
                 &title,
                 (panel.left, panel.top - 13.0),
-                13.5,
-                Hang::Left,
-                INK,
+                (13.5, Hang::Left, INK),
             )?;
             panel.axes(area, &chart.x_label, &chart.y_label)?;
             for curve in &chart.curves {
@@ -215,7 +215,7 @@ pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Res
         positive.map(|(x, y)| (x.log10(), y.log10())).collect()
     };
     picture(name, size, |area| {
-        write(area, title, (30.0, 20.0), 16.0, Hang::Left, INK)?;
+        write(area, title, (30.0, 20.0), (16.0, Hang::Left, INK))?;
         for (k, chart) in charts.iter().enumerate() {
             let all: Points = chart.curves.iter().flat_map(logs).collect();
             let (Some(x), Some(y)) = (
@@ -224,15 +224,17 @@ pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Res
             ) else {
                 continue;
             };
-            let panel = Panel {
-                left: 92.0 + width * (k % columns) as f64,
-                top: 40.0 + height * (k / columns) as f64,
-                width: width - 110.0,
-                height: height - 80.0,
+            let panel = Panel::new(
+                [
+                    92.0 + width * (k % columns) as f64,
+                    40.0 + height * (k / columns) as f64,
+                    width - 110.0,
+                    height - 80.0,
+                ],
                 x,
                 y,
-                log: true,
-            };
+            )
+            .logarithmic(true);
             log_axes(area, &panel, &chart.x, &chart.y)?;
             for curve in &chart.curves {
                 let place = names.iter().position(|it| *it == curve.name).unwrap_or(0);
@@ -271,14 +273,7 @@ fn log_axes(area: &Area<'_>, panel: &Panel, x_label: &str, y_label: &str) -> Dra
         let (px, _) = panel.at(k as f64, panel.y.0);
         line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
         let text = format!("10{}", superscript(k));
-        write(
-            area,
-            &text,
-            (px, panel.bottom() + 13.0),
-            13.0,
-            Hang::Middle,
-            INK,
-        )?;
+        write(area, &text, (px, panel.bottom() + 13.0), CENTRED)?;
     }
     Ok(())
 }

@@ -1,13 +1,13 @@
 //! The density p(q, v) with its marginals, snapshots on one sheet, the steady state.
 
 use super::canvas::{
-    Area, BLUE, Drawn, GREY, HALO, Hang, INK, LEVELS, Mark, Panel, Points, dashed, legend, picture,
-    range, rectangle, write,
+    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Mark, Panel, Points, TITLE, dashed,
+    legend, picture, range, rectangle, write,
 };
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
+use crate::format::bare;
 use crate::report::File;
-use crate::report::data::time_name;
 use crate::results::Results;
 use crate::results::widths;
 use crate::stationary::Stationary;
@@ -155,7 +155,7 @@ fn locate(centres: &[f64], x: f64) -> Option<(usize, f64)> {
 
 /// The key to the levels.
 fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
-    write(area, "p / peak", (x, y), 12.5, Hang::Left, INK)?;
+    write(area, "p / peak", (x, y), (12.5, Hang::Left, INK))?;
     for (k, (level, colour)) in LEVELS.iter().rev().enumerate() {
         let top = y + 10.0 + 11.0 * k as f64;
         let corners = [(x, top), (x + 20.0, top + 11.0)];
@@ -164,9 +164,7 @@ fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
             area,
             &format!("{level}"),
             (x + 27.0, top + 5.5),
-            11.5,
-            Hang::Left,
-            INK,
+            (11.5, Hang::Left, INK),
         )?;
     }
     Ok(())
@@ -184,15 +182,7 @@ fn density_picture(
     };
     let law = Stationary::of(&results.scene.oscillator).ok();
     let (x, y) = sheet.window();
-    let main = Panel {
-        left: 92.0,
-        top: 156.0,
-        width: 430.0,
-        height: 330.0,
-        x,
-        y,
-        log: false,
-    };
+    let main = Panel::new([92.0, 156.0, 430.0, 330.0], x, y);
     let curve = |xs: &[f64], ps: &[f64]| {
         xs.iter()
             .copied()
@@ -233,7 +223,7 @@ fn density_picture(
         ..main.clone()
     };
     let file = picture(name, (730, 546), |area| {
-        write(area, title, (main.left, 22.0), 15.0, Hang::Left, INK)?;
+        write(area, title, (main.left, 22.0), TITLE)?;
         above.axes(area, "", "p(q)")?;
         above.curve(area, &exact_q, HALO, 5.0)?;
         above.curve(area, &by_q, BLUE, 1.5)?;
@@ -277,9 +267,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
                 area,
                 "contact lost",
                 (x - 5.0, panel.top + 11.0),
-                11.5,
-                Hang::Right,
-                GREY,
+                (11.5, Hang::Right, GREY),
             )?;
         }
     }
@@ -296,8 +284,8 @@ pub fn densities(results: &Results) -> Result<Vec<File>> {
     };
     let mut files = Vec::new();
     for snapshot in &it.densities {
-        let name = format!("density_{}.svg", time_name(snapshot.t));
-        let title = format!("p(q, q\u{307}) at \u{3c4} = {}", time_name(snapshot.t));
+        let name = format!("density_{}.svg", bare(snapshot.t));
+        let title = format!("p(q, q\u{307}) at \u{3c4} = {}", bare(snapshot.t));
         files.extend(density_picture(name, &title, snapshot, results)?);
     }
     files.extend(snapshots(results, &it.densities)?);
@@ -337,18 +325,19 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
         (36.0 + rows as f64 * (height + 26.0) + 40.0) as u32,
     );
     picture("snapshots.svg", size, |area| {
-        write(area, "p(q, q\u{307})", (86.0, 18.0), 15.0, Hang::Left, INK)?;
+        write(area, "p(q, q\u{307})", (86.0, 18.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let (row, column) = (k / columns, k % columns);
-            let panel = Panel {
-                left: 86.0 + column as f64 * (width + 18.0),
-                top: 52.0 + row as f64 * (height + 26.0),
-                width,
-                height,
+            let panel = Panel::new(
+                [
+                    86.0 + column as f64 * (width + 18.0),
+                    52.0 + row as f64 * (height + 26.0),
+                    width,
+                    height,
+                ],
                 x,
                 y,
-                log: false,
-            };
+            );
             let lowest = k + columns >= sheets.len();
             let (q, v) = (
                 if lowest { "q" } else { "" },
@@ -358,16 +347,9 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
             sheet.fill(area, &panel)?;
             loss_line(area, &panel, results, false)?;
             panel.frame(area)?;
-            let title = format!("\u{3c4} = {}", time_name(sheet.snapshot.t));
+            let title = format!("\u{3c4} = {}", bare(sheet.snapshot.t));
             let middle = panel.left + 0.5 * width;
-            write(
-                area,
-                &title,
-                (middle, panel.top - 10.0),
-                13.0,
-                Hang::Middle,
-                INK,
-            )?;
+            write(area, &title, (middle, panel.top - 10.0), CENTRED)?;
         }
         key(area, (86.0 + columns as f64 * (width + 18.0), 62.0))
     })
@@ -378,13 +360,14 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn steady(results: &Results) -> Result<Option<File>> {
+pub fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let title = format!(
         "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the closed form {:.0e}",
         it.method.cells[0], it.method.cells[1], it.l1_error.value
     );
-    density_picture("steady.svg".into(), &title, &it.density, results)
+    let picture = density_picture("steady.svg".into(), &title, &it.density, results)?;
+    Ok(picture.into_iter().collect())
 }

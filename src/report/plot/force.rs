@@ -1,15 +1,15 @@
 //! The density of the force, linear and logarithmic, with its Dirac mass.
 
 use super::canvas::{
-    Area, BLUE, Drawn, Hang, INK, Mark, Panel, Points, VERMILION, legend, line, picture, range,
-    write,
+    Area, BLUE, Drawn, INK, Mark, NOTE, Panel, Points, TITLE, VERMILION, legend, line, picture,
+    range, write,
 };
 use super::density::Sheet;
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::format::bare;
 use crate::monte_carlo::Histogram;
 use crate::report::File;
-use crate::report::data::time_name;
 use crate::results::Results;
 use crate::stationary::Stationary;
 
@@ -46,7 +46,7 @@ impl ForceCurves {
             (Some(it), _) => (Some(&it.density), "steady state on the mesh".to_owned()),
             (None, Some(it)) => {
                 let last = it.densities.last();
-                let t = last.map_or(String::new(), |it| time_name(it.t));
+                let t = last.map_or(String::new(), |it| bare(it.t));
                 (last, format!("on the mesh, \u{3c4} = {t}"))
             }
             _ => (None, String::new()),
@@ -102,20 +102,13 @@ impl ForceCurves {
             line(area, &head, VERMILION, 2.5)?;
             let words = format!("Dirac mass P(N = {flight}) = {}", probability(mass));
             let words = words.replace('-', "\u{2212}");
-            write(
-                area,
-                &words,
-                (x + 11.0, tip + 4.0),
-                13.0,
-                Hang::Left,
-                VERMILION,
-            )?;
+            write(area, &words, (x + 11.0, tip + 4.0), NOTE)?;
             let sampled = self.sampled.as_ref().and_then(|it| it.dirac);
             if let Some(mass) = sampled.filter(|it| it.value.is_finite()) {
                 let words = format!("records: {} \u{b1} {:.0e}", probability(mass), mass.error);
                 let words = words.replace("e-", "e\u{2212}");
                 let at = (x + 11.0, tip + 22.0);
-                write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
+                write(area, &words, at, NOTE)?;
             }
         }
         panel.frame(area)
@@ -126,26 +119,18 @@ impl ForceCurves {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn force(results: &Results) -> Result<Option<File>> {
+pub fn force(results: &Results) -> Result<Vec<File>> {
     let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let seen = curves.exact.iter().filter(|(_, p)| *p > 1e-5 * curves.most);
     let ends = seen
         .map(|(n, _)| *n)
         .chain(curves.dirac.map(|(_, flight)| flight));
     let Some(x) = range(ends, 0.05) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
-    let linear = Panel {
-        left: 92.0,
-        top: 44.0,
-        width: 390.0,
-        height: 320.0,
-        x,
-        y: (0.0, 1.3 * curves.most),
-        log: false,
-    };
+    let linear = Panel::new([92.0, 44.0, 390.0, 320.0], x, (0.0, 1.3 * curves.most));
     let top = curves.most.log10();
     let logarithmic = Panel {
         left: 578.0,
@@ -159,7 +144,7 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         .and_then(|it| it.get("log10_contact_loss_probability"));
     picture("force.svg", (990, 420), |area| {
         let title = "Force: stationary density p(N)";
-        write(area, title, (linear.left, 22.0), 15.0, Hang::Left, INK)?;
+        write(area, title, (linear.left, 22.0), TITLE)?;
         curves.draw(area, &linear)?;
         curves.draw(area, &logarithmic)?;
         if let Some(far) = far.filter(|_| curves.dirac.is_none()) {
@@ -169,7 +154,7 @@ pub fn force(results: &Results) -> Result<Option<File>> {
             );
             let words = words.replace('-', "\u{2212}");
             let at = (logarithmic.left, 24.0);
-            write(area, &words, at, 13.0, Hang::Left, VERMILION)?;
+            write(area, &words, at, NOTE)?;
         }
         let right = linear.right() - 226.0;
         let mut legends = vec![(INK, Mark::Line, "closed form")];
@@ -190,7 +175,7 @@ pub fn force(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 fn probability(mass: Estimate) -> String {

@@ -1,7 +1,7 @@
 //! Survival until the first loss of contact, and times of flight.
 
 use super::canvas::{
-    BLUE, Hang, INK, Mark, Panel, Points, VERMILION, legend, line, picture, range, write,
+    BLUE, INK, Mark, Panel, Points, TITLE, VERMILION, legend, line, picture, range, write,
 };
 use crate::error::Result;
 use crate::estimate::Estimate;
@@ -14,9 +14,9 @@ use crate::results::centres;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn survival(results: &Results) -> Result<Option<File>> {
+pub fn survival(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let paths = results.first_loss_paths.as_ref();
     let until = it.times[it.times.len() - 1];
@@ -37,17 +37,9 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
         .map(|(_, y)| *y)
         .fold(f64::INFINITY, f64::min);
     let (Some(y), true) = (range(linear.iter().map(|(_, s)| *s), 0.08), top > -299.0) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
-    let left = Panel {
-        left: 92.0,
-        top: 44.0,
-        width: 390.0,
-        height: 320.0,
-        x: (0.0, until),
-        y,
-        log: false,
-    };
+    let left = Panel::new([92.0, 44.0, 390.0, 320.0], (0.0, until), y);
     let right = Panel {
         left: 578.0,
         y: (bottom.max(top - 6.0) - 0.4, top + 0.4),
@@ -56,7 +48,7 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
     };
     picture("survival.svg", (990, 420), |area| {
         let title = "First loss of contact: survival, and density of its time";
-        write(area, title, (left.left, 22.0), 15.0, Hang::Left, INK)?;
+        write(area, title, (left.left, 22.0), TITLE)?;
         left.axes(area, "\u{3c4}", "survival")?;
         right.axes(area, "\u{3c4}", "density")?;
         left.curve(area, &linear, BLUE, 1.5)?;
@@ -86,7 +78,7 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 /// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
@@ -94,15 +86,15 @@ pub fn survival(results: &Results) -> Result<Option<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn flights(results: &Results) -> Result<Option<File>> {
+pub fn flights(results: &Results) -> Result<Vec<File>> {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();
     if seen.is_none() && law.is_none() {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let contact = results.contact();
     let Some(fall) = contact.loss_point().map(|loss| -contact.force(loss)) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     // The speed of a loss has the Rayleigh law of scale sqrt(T), and a free flight lasts 2 v/fall.
     let scale = 2.0 * results.scene.oscillator.temperature().sqrt() / fall;
@@ -122,17 +114,9 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
     let shown = noisy.iter().filter(|(t, _)| *t <= end).map(|it| it.1);
     let most = tops.chain(shown).chain([free(scale)]).fold(0.0, f64::max);
     if !(most.is_finite() && end.is_finite()) {
-        return Ok(None);
+        return Ok(Vec::new());
     }
-    let panel = Panel {
-        left: 92.0,
-        top: 44.0,
-        width: 470.0,
-        height: 320.0,
-        x: (0.0, end),
-        y: (0.0, 1.12 * most),
-        log: false,
-    };
+    let panel = Panel::new([92.0, 44.0, 470.0, 320.0], (0.0, end), (0.0, 1.12 * most));
     picture("flights.svg", (590, 420), |area| {
         let title = match &seen {
             Some(((seen, _), _)) => {
@@ -140,7 +124,7 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
             }
             None => "Time of flight: density".into(),
         };
-        write(area, &title, (panel.left, 22.0), 15.0, Hang::Left, INK)?;
+        write(area, &title, (panel.left, 22.0), TITLE)?;
         panel.axes(area, "time from loss to return, \u{3c4}", "density")?;
         if let Some((_, it)) = &seen {
             panel.histogram(area, it)?;
@@ -166,5 +150,5 @@ pub fn flights(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }

@@ -1,7 +1,7 @@
 //! Spectra.
 
 use super::canvas::{
-    BLUE, GREY, Hang, INK, Mark, Panel, Points, VERMILION, legend, picture, range, write,
+    BLUE, GREY, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
 };
 use crate::error::Result;
 use crate::oscillator::Quantity;
@@ -15,13 +15,13 @@ use crate::spectrum::per_hertz;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn spectrum(results: &Results) -> Result<Option<File>> {
+pub fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results
         .spectrum
         .as_ref()
         .filter(|it| it.solved.omega.len() > 1)
     else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let force = it.solved.quantity == Quantity::Force;
     let (scale, hertz, x_label, y_label) = match &results.scene.rig {
@@ -49,24 +49,21 @@ pub fn spectrum(results: &Results) -> Result<Option<File>> {
     let linear = curve(&mut it.linear.iter().copied());
     let heights = solved.iter().chain(&linear).map(|(_, y)| *y);
     let Some((low, high)) = range(heights, 0.06) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
-    let panel = Panel {
-        left: 92.0,
-        top: 44.0,
-        width: 640.0,
-        height: 360.0,
-        x: (0.0, x[x.len() - 1]),
-        y: (low, high),
-        log: true,
-    };
+    let panel = Panel::new(
+        [92.0, 44.0, 640.0, 360.0],
+        (0.0, x[x.len() - 1]),
+        (low, high),
+    )
+    .logarithmic(true);
     picture("spectrum.svg", (760, 462), |area| {
         let title = format!(
             "One-sided spectrum, {} contact, h = {}",
             results.contact().name(),
             results.scene.oscillator.h()
         );
-        write(area, &title, (panel.left, 22.0), 15.0, Hang::Left, INK)?;
+        write(area, &title, (panel.left, 22.0), TITLE)?;
         panel.axes(area, x_label, y_label)?;
         panel.curve(area, &linear, GREY, 1.0)?;
         let x_legend = panel.right() - 282.0;
@@ -97,5 +94,5 @@ pub fn spectrum(results: &Results) -> Result<Option<File>> {
         }
         entry(GREY, Mark::Line, "linear oscillator")
     })
-    .map(Some)
+    .map(|it| vec![it])
 }

@@ -1,12 +1,12 @@
 //! Moments against time, and the approach to the stationary law.
 
 use super::canvas::{
-    BLUE, GREEN, Hang, INK, Mark, Panel, Points, VERMILION, legend, picture, range, write,
+    BLUE, GREEN, INK, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
 };
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRates;
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::report::File;
 use crate::results::Results;
 
@@ -14,33 +14,33 @@ use crate::results::Results;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn moments(results: &Results) -> Result<Option<File>> {
+pub fn moments(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let loses = it
         .moments
         .iter()
         .any(|it| it.contact_loss_probability.is_some());
     let names = [
-        ("mean_q", "E[q]"),
-        ("var_v", "Var q\u{307}"),
-        ("std_force", "\u{3c3}(N)"),
+        (Moment::MeanQ, "E[q]"),
+        (Moment::VarV, "Var q\u{307}"),
+        (Moment::StdForce, "\u{3c3}(N)"),
         if loses {
-            ("contact_loss_probability", "P(contact lost)")
+            (Moment::ContactLossProbability, "P(contact lost)")
         } else {
-            ("var_q", "Var q")
+            (Moment::VarQ, "Var q")
         },
     ];
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     picture("moments.svg", (958, 640), |area| {
-        for (k, (name, label)) in names.into_iter().enumerate() {
+        for (k, (moment, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
                 points
-                    .filter_map(|(t, it)| Some((*t, it.get(name)?)))
+                    .filter_map(|(t, it)| Some((*t, it.get(moment)?)))
                     .collect()
             };
             let mesh = series(&it.times, &it.moments);
@@ -49,20 +49,21 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
             let level = results
                 .stationary
                 .as_ref()
-                .and_then(|it| it.get(name))
+                .and_then(|it| it.get(moment.name()))
                 .map(|it| it.value);
             let Some(y) = heights(&[&mesh, &paths], level) else {
                 continue;
             };
-            let panel = Panel {
-                left: 92.0 + 478.0 * (k % 2) as f64,
-                top: 44.0 + 298.0 * (k / 2) as f64,
-                width: 374.0,
-                height: 236.0,
+            let panel = Panel::new(
+                [
+                    92.0 + 478.0 * (k % 2) as f64,
+                    44.0 + 298.0 * (k / 2) as f64,
+                    374.0,
+                    236.0,
+                ],
                 x,
                 y,
-                log: false,
-            };
+            );
             panel.axes(area, "\u{3c4}", label)?;
             if let Some(level) = level {
                 panel.level(area, level, INK)?;
@@ -101,7 +102,7 @@ pub fn moments(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 /// The range of values, widened by their errors, but by no more than as much again: a band that is
@@ -132,7 +133,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn approach(results: &Results) -> Result<Option<File>> {
+pub fn approach(results: &Results) -> Result<Vec<File>> {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
             .filter(|(_, y)| *y > 0.0 && y.is_finite())
@@ -159,21 +160,13 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
         // Sixteen decades down there is only rounding.
         let y = (low.floor().max(high.ceil() - 17.0), high.ceil());
         let enough = curves.iter().any(|curve| curve.len() > 1) && y.1 > y.0;
-        enough.then_some(Panel {
-            left,
-            top: 44.0,
-            width: 374.0,
-            height: 320.0,
-            x,
-            y,
-            log: true,
-        })
+        enough.then_some(Panel::new([left, 44.0, 374.0, 320.0], x, y).logarithmic(true))
     };
     let first = panel(92.0, [&distance, &entropy]);
     let left = if first.is_some() { 570.0 } else { 92.0 };
     let second = panel(left, [&marched, &Points::new()]);
     let Some(last) = second.as_ref().or(first.as_ref()) else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     let size = ((last.right() + 28.0) as u32, 420);
     let decay = results.decay_rates.as_ref().and_then(Decay::of);
@@ -183,9 +176,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
                 area,
                 "Approach to the stationary law",
                 (panel.left, 22.0),
-                15.0,
-                Hang::Left,
-                INK,
+                TITLE,
             )?;
             panel.axes(area, "\u{3c4}", "distance to (21)")?;
             panel.curve(area, &distance, BLUE, 2.0)?;
@@ -213,9 +204,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
                 area,
                 "Marching to the steady state",
                 (panel.left, 22.0),
-                15.0,
-                Hang::Left,
-                INK,
+                TITLE,
             )?;
             panel.axes(area, "\u{3c4}", "L\u{b9} distance to (21)")?;
             panel.curve(area, &marched, BLUE, 2.0)?;
@@ -223,7 +212,7 @@ pub fn approach(results: &Results) -> Result<Option<File>> {
         }
         Ok(())
     })
-    .map(Some)
+    .map(|it| vec![it])
 }
 
 /// How distances to the stationary law fall in the end: as t^power e^{rate t}.

@@ -6,7 +6,7 @@ use super::truths::{Case, Truth};
 use std::cmp::Ordering::{Equal, Less};
 use std::fmt::{self, Write};
 use vibroimpact::error::Error;
-use vibroimpact::moments::Moments;
+use vibroimpact::moments::Moment;
 use vibroimpact::plan::Plan;
 use vibroimpact::report::File;
 use vibroimpact::results::Results;
@@ -116,7 +116,7 @@ impl Judged {
     }
 
     pub fn name(&self) -> &'static str {
-        Moments::default().named()[self.truth.index].0
+        Moment::ALL[self.truth.index].name()
     }
 }
 

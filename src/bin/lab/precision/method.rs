@@ -3,7 +3,6 @@
 use super::case::Case;
 use std::fmt;
 use vibroimpact::fokker_planck::flow_map::Splitting;
-use vibroimpact::fokker_planck::interpolation::Order;
 use vibroimpact::fokker_planck::{Drift, TimeScheme};
 use vibroimpact::monte_carlo::Scheme;
 
@@ -11,7 +10,7 @@ use vibroimpact::monte_carlo::Scheme;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Method {
     Volumes { drift: Drift, time: TimeScheme },
-    FlowMap { order: Order, splitting: Splitting },
+    FlowMap { splitting: Splitting },
     Paths(Scheme),
 }
 
@@ -23,15 +22,13 @@ impl fmt::Display for Method {
                 time,
             } => format!("upwind, {}", time.name()),
             Self::Volumes { drift, time } => format!("order {}, {}", drift.order(), time.name()),
-            Self::FlowMap { order, splitting } => {
+            Self::FlowMap { splitting } => {
                 let splitting = match splitting {
-                    Splitting::TwoTwo => "(2,2)",
                     Splitting::FourTwo => "(4,2)",
                     Splitting::SixTwo => "(6,2)",
-                    Splitting::EvenThree => "even, 3",
                     Splitting::EvenFive => "even, 5",
                 };
-                format!("flow map {}, {splitting}", order.points())
+                format!("flow map 8, {splitting}")
             }
             Self::Paths(scheme) => format!("paths, {scheme}"),
         };
@@ -62,12 +59,8 @@ impl Method {
                 all.push(volumes(drift, TimeScheme::Implicit));
             }
         }
-        for (order, splitting) in [
-            (Order::Sixth, Splitting::EvenThree),
-            (Order::Eighth, Splitting::EvenFive),
-            (Order::Eighth, Splitting::FourTwo),
-        ] {
-            all.push(Self::FlowMap { order, splitting });
+        for splitting in [Splitting::EvenFive, Splitting::FourTwo] {
+            all.push(Self::FlowMap { splitting });
         }
         let schemes = [
             Scheme::CentralDifference,
@@ -127,11 +120,7 @@ impl Method {
                 Drift::Order6 => by_decades(1.3, 6.0, &[1.5, 2.0, 3.0, 4.0, 5.0, 6.0]),
                 _ => by_decades(1.0, 8.0, &[1.5, 2.0, 3.0, 4.0, 5.0, 6.0]),
             },
-            Self::FlowMap { order, .. } => by_decades(
-                0.9,
-                order.points() as f64,
-                &[1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0],
-            ),
+            Self::FlowMap { .. } => by_decades(0.9, 8.0, &[1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0]),
             Self::Paths(_) => [1_000, 10_000, 100_000, 1_000_000]
                 .map(|paths| Level {
                     finer: 0.0,

@@ -9,7 +9,6 @@ use vibroimpact::error::Result;
 use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::difference::lagrange;
 use vibroimpact::fokker_planck::flow_map::Splitting;
-use vibroimpact::fokker_planck::interpolation::Order;
 use vibroimpact::fokker_planck::{Drift, TimeScheme};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::moments::Moments;
@@ -99,7 +98,6 @@ impl Reference {
             });
         }
         let flow_map = Method::FlowMap {
-            order: Order::Eighth,
             splitting: Splitting::EvenFive,
         };
         let volumes = |drift, time| Method::Volumes { drift, time };

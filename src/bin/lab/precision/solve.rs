@@ -58,19 +58,14 @@ pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
 pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Result<Answer> {
     match method {
         Method::Volumes { drift, time } => volumes(case, drift, time, level),
-        Method::FlowMap { order, splitting } => {
+        Method::FlowMap { splitting } => {
             let oscillator = &case.oscillator;
             let mesh = mesh(case, Drift::Order8, level)?;
             // Shorter steps let grid noise grow.
             let shortest = FlowMap::shortest_step(oscillator, &mesh);
             let step = flow_map::Settings::to(STEPS * level.tolerance, oscillator)?.step;
             let step = step.max(shortest);
-            let settings = flow_map::Settings {
-                order,
-                splitting,
-                step,
-                positive: false,
-            };
+            let settings = flow_map::Settings { splitting, step };
             let mut map = FlowMap::new(oscillator, &mesh, settings)?;
             let mut density = map.start(&case.initial)?;
             map.advance(&mut density, case.until)?;

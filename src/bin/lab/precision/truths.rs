@@ -3,7 +3,7 @@
 
 use crate::rows::{Row, rows};
 use vibroimpact::error::Result;
-use vibroimpact::moments::Moments;
+use vibroimpact::moments::Moment;
 use vibroimpact::scene::Scene;
 use vibroimpact::scene::text::SceneText;
 
@@ -17,14 +17,14 @@ pub struct Case {
     pub number: usize,
     /// The scene, with the program's default accuracy.
     pub scene: Scene,
-    /// What is known, ordered by time, then as [`Moments::named`].
+    /// What is known, ordered by time, then as [`Moment::ALL`].
     pub truths: Vec<Truth>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     pub t: f64,
-    /// Its place in [`Moments::named`].
+    /// Its place in [`Moment::ALL`].
     pub index: usize,
     pub value: f64,
     /// What it may itself be off by.
@@ -76,7 +76,7 @@ fn case(row: &Row<'_>) -> Result<Case> {
 }
 
 fn truth(row: &Row<'_>) -> Result<Truth> {
-    let names = Moments::default().named().map(|(name, _)| name);
+    let names = Moment::ALL.map(Moment::name);
     let index = names
         .iter()
         .position(|name| row.fields.get(2) == Some(name));

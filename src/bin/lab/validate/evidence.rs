@@ -4,7 +4,6 @@
 use super::cosines::{Draws, Procedure, statistics};
 use super::damping;
 use super::item::{Paper, Row};
-use super::roots;
 use super::run::Run;
 use super::spectra::Spectra;
 use std::cell::RefCell;
@@ -14,10 +13,11 @@ use std::path::Path;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::{Error, Result};
 use vibroimpact::estimate::{Estimate, Origin};
-use vibroimpact::moments::Moments;
+use vibroimpact::moments::{Moment, Moments};
 use vibroimpact::monte_carlo::{self, Noise, RecordSettings, Scheme};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::rig::Rig;
+use vibroimpact::roots;
 use vibroimpact::stationary::Stationary;
 
 /// Answers names of the label `computed`: a kind, a point, which of its numbers, then `KEY=VALUE` words.
@@ -190,8 +190,9 @@ impl<'a> Evidence<'a> {
                 Ok(of_the_paper(it.pooled(asked.statistic()), records, keys))
             }
             "records" => {
-                let found = keys.records()?.get(&format!("{which}_force"));
-                found.ok_or_else(unknown)
+                let moment = Moment::named(&format!("{which}_force"));
+                let moment = moment.ok_or_else(unknown)?;
+                keys.records()?.get(moment).ok_or_else(unknown)
             }
             "spectrum" => {
                 let oscillator = keys.oscillator()?;

@@ -14,6 +14,5 @@ pub mod item;
 pub mod numbers;
 mod pictures;
 pub mod readme;
-mod roots;
 mod run;
 pub mod spectra;

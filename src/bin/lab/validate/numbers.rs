@@ -1,8 +1,8 @@
 //! Numbers by their names: a label that says which scene, and a path into its results.json.
 
+use serde_json::Value;
 use std::fmt;
 use vibroimpact::estimate::{Estimate, Origin};
-use vibroimpact::json::Json;
 
 /// `LABEL: PATH`. The label names a scene of the folder: words with `=` override its keys (`h` and
 /// `zeta` for `oscillator.h` and `oscillator.zeta`), a word without names its file, `scene` if there is
@@ -52,7 +52,7 @@ impl fmt::Display for Name {
 
 /// The number at a path of results.json, with its error; a plain number has none, unless an `error`
 /// stands beside it.
-pub fn at(results: &Json, path: &str) -> Option<Estimate> {
+pub fn at(results: &Value, path: &str) -> Option<Estimate> {
     let sampled = path.split('.').any(|key| key == "monte_carlo");
     let origin = if sampled {
         Origin::Sampling
@@ -69,30 +69,22 @@ pub fn at(results: &Json, path: &str) -> Option<Estimate> {
         };
         beside = node.get("error");
         node = node.get(key)?;
-        if let (Some(k), Json::List(items)) = (index, node) {
+        if let (Some(k), Value::Array(items)) = (index, node) {
             node = items.get(k)?;
         } else {
             entry = index;
         }
     }
-    let number = |node: &Json| match (node, entry) {
-        (Json::List(items), Some(k)) => items.get(k).and_then(plain),
-        (node, _) => plain(node),
+    let number = |node: &Value| match (node, entry) {
+        (Value::Array(items), Some(k)) => items.get(k).and_then(Value::as_f64),
+        (node, _) => node.as_f64(),
     };
     match (node.get("value"), node.get("error")) {
         (Some(value), Some(error)) => Some(Estimate::new(number(value)?, number(error)?, origin)),
         _ => {
-            let error = beside.and_then(plain).unwrap_or(0.0);
-            Some(Estimate::new(plain(node)?, error, origin))
+            let error = beside.and_then(Value::as_f64).unwrap_or(0.0);
+            Some(Estimate::new(node.as_f64()?, error, origin))
         }
-    }
-}
-
-fn plain(node: &Json) -> Option<f64> {
-    match node {
-        Json::Number(x) => Some(*x).filter(|x| x.is_finite()),
-        Json::Whole(n) => Some(*n as f64),
-        _ => None,
     }
 }
 
@@ -103,17 +95,12 @@ mod tests {
     #[test]
     fn a_path_finds_numbers_in_objects_lists_and_curves() {
         let pair = Estimate::new(2.0, 0.5, Origin::Space);
-        let curve = Json::object([
-            ("value", Json::numbers([1.0, 3.0])),
-            ("error", Json::numbers([0.1, 0.3])),
-        ]);
-        let rate = Json::object([("re", Json::from(-1.0)), ("error", Json::from(0.25))]);
-        let all = Json::object([
-            ("stationary", Json::object([("mean", Json::from(pair))])),
-            ("transient", Json::object([("mean", curve)])),
-            ("decay_rates", Json::List(vec![rate])),
-            ("plain", Json::from(7.0)),
-        ]);
+        let all = serde_json::json!({
+            "stationary": { "mean": pair },
+            "transient": { "mean": { "value": [1.0, 3.0], "error": [0.1, 0.3] } },
+            "decay_rates": [{ "re": -1.0, "error": 0.25 }],
+            "plain": 7.0,
+        });
         let found = |path: &str| at(&all, path).map(|it| (it.value, it.error));
         assert_eq!(found("stationary.mean"), Some((2.0, 0.5)));
         assert_eq!(found("transient.mean[1]"), Some((3.0, 0.3)));

@@ -2,7 +2,7 @@
 
 use super::numbers;
 use vibroimpact::estimate::Estimate;
-use vibroimpact::json::Json;
+use vibroimpact::moments::Moment;
 use vibroimpact::results::Results;
 
 /// A scene that was run, under its label.
@@ -11,13 +11,13 @@ pub struct Run {
     /// The label of its items.
     pub label: String,
     pub results: Results,
-    json: Json,
+    json: serde_json::Value,
 }
 
 impl Run {
     /// What came of the scene of that label.
     pub fn new(label: String, results: Results) -> Self {
-        let json = results.json();
+        let json = results.tree();
         Self {
             label,
             results,
@@ -35,7 +35,7 @@ impl Run {
     pub fn error_in_record(&self, path: &str, length: f64) -> Option<f64> {
         let records = self.results.records.as_ref()?;
         let last = path.rsplit('.').next()?;
-        let error = match records.moments.get(last) {
+        let error = match Moment::named(last).and_then(|it| records.moments.get(it)) {
             Some(number) => number.error,
             None => {
                 let (section, rest) = path.split_once('.')?;

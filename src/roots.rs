@@ -1,12 +1,15 @@
-//! Roots and minima of a function of one number that may fail, as a stationary law of a damping ratio may.
+//! Roots and minima of a function of one number; it may fail, as a stationary law of a damping ratio may.
 
-use vibroimpact::error::{Error, Result};
+use crate::error::{Error, Result};
 
 /// A function whose value may not exist.
 pub type Function<'a> = &'a dyn Fn(f64) -> Result<f64>;
 
 /// Every root of `f` in [low, high], ascending: `points` equal intervals are searched for a change of sign.
 /// Two roots within one interval are not seen.
+///
+/// # Errors
+/// Those of `f`.
 pub fn all(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<Vec<f64>> {
     let grid = grid(f, low, high, points)?;
     let mut roots = Vec::new();
@@ -21,6 +24,9 @@ pub fn all(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<Vec<f64>
 
 /// The place of the least value of `f` in [low, high]: the lowest of `points` equal intervals' ends, then a
 /// golden section between its neighbours, to 1e-8.
+///
+/// # Errors
+/// [`Error::Invalid`] where the least value lies at an end; those of `f`.
 pub fn least(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<f64> {
     let grid = grid(f, low, high, points)?;
     let lowest = (0..grid.len()).min_by(|a, b| grid[*a].1.total_cmp(&grid[*b].1));
@@ -28,22 +34,47 @@ pub fn least(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<f64> {
     let accepted = "a function whose least value lies between the ends";
     let k =
         lowest.ok_or_else(|| Error::invalid("minimum", format!("{low} to {high}"), accepted))?;
-    let golden = 0.5 * (5f64.sqrt() - 1.0);
-    let (mut low, mut high) = (grid[k - 1].0, grid[k + 1].0);
-    let mut inner = [high - golden * (high - low), low + golden * (high - low)];
+    golden(f, grid[k - 1].0, grid[k + 1].0, 1e-8)
+}
+
+/// The place of the least value of a function that has one minimum in [low, high], to `width`, by golden
+/// sections: no nearer than the root of the rounding.
+///
+/// # Errors
+/// Those of `f`.
+pub fn golden(f: Function<'_>, mut low: f64, mut high: f64, width: f64) -> Result<f64> {
+    let share = 0.5 * (5f64.sqrt() - 1.0);
+    let mut inner = [high - share * (high - low), low + share * (high - low)];
     let mut at = [f(inner[0])?, f(inner[1])?];
-    while high - low > 1e-8 {
+    while high - low > width {
         if at[0] < at[1] {
             high = inner[1];
-            inner = [high - golden * (high - low), inner[0]];
+            inner = [high - share * (high - low), inner[0]];
             at = [f(inner[0])?, at[0]];
         } else {
             low = inner[0];
-            inner = [inner[1], low + golden * (high - low)];
+            inner = [inner[1], low + share * (high - low)];
             at = [at[1], f(inner[1])?];
         }
     }
     Ok(0.5 * (low + high))
+}
+
+/// The point between `before` and `after`, in either order, where `beyond` turns true, to the last bit that
+/// helps.
+pub fn bisect(mut before: f64, mut after: f64, beyond: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..200 {
+        let middle = 0.5 * (before + after);
+        if middle == before || middle == after {
+            break;
+        }
+        if beyond(middle) {
+            after = middle;
+        } else {
+            before = middle;
+        }
+    }
+    0.5 * (before + after)
 }
 
 /// `points` intervals' ends with their values.
