@@ -1,4 +1,4 @@
-//! The files of a run: what each holds, which stages bring it, and who makes it. Folder, page and README
+//! The files of a run: what each holds, which stages bring it, and who makes it. Folder and page
 //! take their lists from here.
 
 use super::file::{File, RESULTS};
@@ -223,15 +223,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_readme_lists_every_file_with_the_words_of_the_manifest() {
-        let row = |(name, what): (&str, &str)| {
-            let what = what[..1].to_lowercase() + &what[1..];
-            format!("| `{name}` | {what} |\n")
-        };
-        let rows: String = files().map(row).collect();
-        let rows = format!("| file | what |\n|---|---|\n{rows}\n");
-        let readme = include_str!("../../README.md");
-        assert!(readme.contains(&rows), "README.md lacks\n{rows}");
+    fn the_page_of_results_names_every_file() {
+        let page = include_str!("../../docs/results.md");
+        for (name, what) in files() {
+            assert!(
+                page.contains(&format!("`{name}`")),
+                "docs/results.md lacks {name}: {what}"
+            );
+        }
         assert!(holds("density_0.5.npz") && holds("moments.svg") && !holds("mine.svg"));
     }
 }
