@@ -43,6 +43,7 @@
 //! | Error against run time, whether error bars are true | [`precision`] |
 //! | Stiff and extreme scenes | [`stability`] |
 
+mod budget;
 pub mod contact;
 pub mod conventions;
 pub mod error;

@@ -1,12 +1,11 @@
 //! A plan: what a scene needs computed, and nothing else. Data that can be printed, costed and tested
 //! before anything runs.
 
+use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
-use crate::fokker_planck::{self, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState};
-use crate::initial::Initial;
-use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
-use crate::oscillator::Oscillator;
+use crate::fokker_planck::{self, FirstPassage, Recipe, Resolvent, Settings, SteadyState};
+use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
 use crate::results::{CrossingNumbers, Results, SpectrumNumbers, StationaryNumbers, peak_memory};
 use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest, num};
 use crate::spectrum::Welch;
@@ -23,13 +22,17 @@ pub struct Plan {
     stages: Vec<Stage>,
 }
 
-/// How each question asked of the Fokker-Planck equation will be answered: decided once, printed and executed.
+/// How each question will be answered: decided once, printed and executed.
 #[derive(Debug, Clone, Default)]
 struct Recipes {
     transient: Option<Recipe>,
     steady: Option<SteadyState>,
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
+    ensemble: Option<Ensemble>,
+    series: Option<Series>,
+    first_losses: Option<FirstLosses>,
+    records: Option<Records>,
 }
 
 /// One part of a plan.
@@ -110,6 +113,17 @@ impl Cost {
         Self {
             method,
             cells: Some(it.cells),
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        }
+    }
+
+    /// What a sample will take.
+    fn of_sample(it: monte_carlo::Cost, method: String) -> Self {
+        Self {
+            method,
+            cells: None,
             steps: it.steps,
             memory_bytes: it.memory,
             seconds: it.seconds,
@@ -275,34 +289,34 @@ impl Plan {
         times
     }
 
-    fn ensemble_settings(&self) -> Option<EnsembleSettings> {
-        self.scene.monte_carlo.as_ref().map(|it| EnsembleSettings {
+    /// What the scene says of sampling.
+    fn sampling(&self) -> Sampling {
+        let it = self.scene.monte_carlo.clone().unwrap_or_default();
+        Sampling {
             paths: it.paths,
-            seed: it.seed,
-            scheme: it.scheme,
-            step: it.step,
-            noise: noise(it),
-            max_seconds: self.settings.max_seconds,
-            ..EnsembleSettings::default()
-        })
-    }
-
-    fn record_settings(&self) -> Option<RecordSettings> {
-        self.scene.monte_carlo.as_ref().map(|it| RecordSettings {
             duration: it.duration.unwrap_or(MonteCarlo::DURATION),
             seed: it.seed,
             scheme: it.scheme,
             step: it.step,
-            noise: noise(it),
-            max_seconds: self.settings.max_seconds,
-            ..RecordSettings::default()
-        })
+            noise: match it.noise {
+                scene::Noise::White => monte_carlo::Noise::White,
+                scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
+                    count: cosines.try_into().unwrap_or(u32::MAX),
+                    band,
+                },
+            },
+            ..Sampling::default()
+        }
     }
 
     // ---- the joins to the numerics: sizes here, calls in `compute` ----
 
     fn cost(&mut self, part: Part) -> Result<Cost> {
-        let oscillator = &self.scene.oscillator;
+        let Scene {
+            oscillator,
+            initial,
+            ..
+        } = &self.scene;
         let (it, method) = match part {
             Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
@@ -314,17 +328,27 @@ impl Plan {
                 });
             }
             Part::MonteCarlo => {
-                let until = self.scene.outputs.moments_at.last();
-                let cost = self.ensemble_cost(until, monte_carlo::scheme_and_step)?;
-                return self.with_companion(cost);
+                let times = self.scene.outputs.moments_at.list();
+                let recipe = Ensemble::of(oscillator, initial, &times, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.ensemble = Some(recipe);
+                return Ok(cost);
             }
             Part::FirstLossPaths => {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
-                return self.ensemble_cost(until, monte_carlo::first_loss_scheme_and_step);
+                let recipe = FirstLosses::of(oscillator, initial, until, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.first_losses = Some(recipe);
+                return Ok(cost);
+            }
+            Part::Records => {
+                let recipe = Records::of(oscillator, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.records = Some(recipe);
+                return Ok(cost);
             }
             Part::FirstLoss => {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
-                let initial = &self.scene.initial;
                 let recipe = FirstPassage::of(oscillator, initial, until, &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.first_passage = Some(recipe);
@@ -337,9 +361,7 @@ impl Plan {
                 self.recipes.spectrum = Some(recipe);
                 cost
             }
-            Part::Records => return self.record_cost(),
             Part::Transient => {
-                let initial = &self.scene.initial;
                 let recipe = Recipe::of(oscillator, initial, &self.times(), &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.transient = Some(recipe);
@@ -356,55 +378,8 @@ impl Plan {
         Ok(Cost::on_mesh(it, method))
     }
 
-    fn ensemble_cost(
-        &self,
-        until: f64,
-        choose: impl Fn(&Oscillator, &Initial, &EnsembleSettings) -> Result<(Scheme, f64)>,
-    ) -> Result<Cost> {
-        let settings = self.ensemble_settings().unwrap_or_default();
-        let Scene {
-            oscillator,
-            initial,
-            ..
-        } = &self.scene;
-        let (scheme, step) = choose(oscillator, initial, &settings)?;
-        let steps = (until / step).ceil();
-        let threads = rayon::current_num_threads() as f64;
-        Ok(Cost {
-            method: format!("{} paths, {scheme}, step {}", settings.paths, short(step)),
-            cells: None,
-            steps: steps as u64,
-            memory_bytes: (threads * 1e6) as u64,
-            seconds: step_seconds(scheme, settings.noise) * settings.paths as f64 * steps / threads,
-        })
-    }
-
-    /// The cost of an ensemble with that of the one that shows the bias of its step, if there is one.
-    fn with_companion(&self, mut cost: Cost) -> Result<Cost> {
-        let Scene {
-            oscillator,
-            initial,
-            outputs,
-            ..
-        } = &self.scene;
-        let settings = self.ensemble_settings().unwrap_or_default();
-        let times = outputs.moments_at.list();
-        if let Some(it) = monte_carlo::companion(oscillator, initial, &times, &settings)? {
-            let (scheme, step) = monte_carlo::scheme_and_step(oscillator, initial, &it)?;
-            let steps = (outputs.moments_at.last() / step).ceil();
-            let threads = rayon::current_num_threads() as f64;
-            cost.seconds += step_seconds(scheme, it.noise) * it.paths as f64 * steps / threads;
-            cost.method = format!(
-                "{}; as many by {scheme}, step {}, for its bias",
-                cost.method,
-                short(step)
-            );
-        }
-        Ok(cost)
-    }
-
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
-    fn welch(&self) -> Result<(Welch, SeriesSettings)> {
+    fn welch(&self) -> Result<(Welch, Samples)> {
         let request = self.scene.outputs.spectrum.unwrap_or(SpectrumRequest {
             until: 4.0,
             quantity: scene::Quantity::Force,
@@ -414,61 +389,35 @@ impl Plan {
         let spacing = 0.5 * PI / request.until;
         let welch = Welch::new(WELCH_SAMPLES, WELCH_SAMPLES / 2, spacing)?;
         let samples = welch.record_length(WELCH_SEGMENTS);
-        let sampling = self.scene.monte_carlo.clone().unwrap_or_default();
+        let asked = self.scene.monte_carlo.as_ref().and_then(|it| it.duration);
         let wanted = self.scene.wants_records();
-        let duration = sampling.duration.or(wanted.then_some(MonteCarlo::DURATION));
+        let duration = asked.or(wanted.then_some(MonteCarlo::DURATION));
         // As long as the long records, if there are any.
         let records = duration.map_or((WELCH_AVERAGES / WELCH_SEGMENTS) as f64, |duration| {
             (duration / (samples as f64 * spacing)).ceil().max(32.0)
         });
-        let settings = SeriesSettings {
+        let asked = Samples {
             quantity: request.quantity,
             spacing,
             samples,
             records: records as u64,
-            seed: sampling.seed,
-            scheme: sampling.scheme,
-            step: sampling.step,
-            noise: noise(&sampling),
-            max_seconds: self.settings.max_seconds,
         };
-        Ok((welch, settings))
+        Ok((welch, asked))
     }
 
-    fn series_cost(&self) -> Result<Cost> {
-        let (_, settings) = self.welch()?;
-        let it = monte_carlo::series_size(&self.scene.oscillator, &settings)?;
-        let threads = rayon::current_num_threads() as f64;
-        Ok(Cost {
-            method: format!(
-                "Welch: {} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}, step {}",
-                it.records,
-                it.scheme,
-                short(it.step)
-            ),
-            cells: None,
-            steps: it.path_steps / it.records,
-            memory_bytes: it.memory + 8 * it.records * WELCH_SAMPLES as u64 / 2,
-            seconds: step_seconds(it.scheme, settings.noise) * it.path_steps as f64 / threads,
-        })
-    }
-
-    fn record_cost(&self) -> Result<Cost> {
-        let settings = self.record_settings().unwrap_or_default();
-        let it = monte_carlo::record_size(&self.scene.oscillator, &settings)?;
-        let threads = rayon::current_num_threads() as f64;
-        Ok(Cost {
-            method: format!(
-                "{} records, {}, step {}",
-                it.records,
-                it.scheme,
-                short(it.step)
-            ),
-            cells: None,
-            steps: it.steps,
-            memory_bytes: it.memory,
-            seconds: step_seconds(it.scheme, settings.noise) * it.path_steps as f64 / threads,
-        })
+    fn series_cost(&mut self) -> Result<Cost> {
+        let (_, asked) = self.welch()?;
+        let recipe = Series::of(&self.scene.oscillator, asked, &self.sampling())?;
+        let records = recipe.asked.records;
+        let method = format!(
+            "Welch: {records} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}",
+            recipe.words()
+        );
+        let mut cost = Cost::of_sample(recipe.cost, method);
+        // The periodograms.
+        cost.memory_bytes += 8 * records * WELCH_SAMPLES as u64 / 2;
+        self.recipes.series = Some(recipe);
+        Ok(cost)
     }
 
     /// Seconds of those left that are kept for the stages after this one.
@@ -503,8 +452,7 @@ impl Plan {
             left = left.max(least);
         }
         settings.max_seconds = left - self.reserved(part, left);
-        let max_seconds = settings.max_seconds;
-        let limits = Limits::from_now(max_seconds, settings.max_memory);
+        let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
         match part {
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
@@ -528,13 +476,10 @@ impl Plan {
                 }
             }
             Part::FirstLossPaths => {
-                if let (Some(mut settings), Some(it)) =
-                    (self.ensemble_settings(), &results.first_loss)
-                {
-                    settings.max_seconds = max_seconds;
-                    let times = it.times.clone();
-                    let it =
-                        monte_carlo::first_loss(oscillator, initial, &times, &settings, progress)?;
+                if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss) {
+                    let problem = (oscillator, initial);
+                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_loss_paths = Some(it);
                     results.agreement = results.agree();
                 }
@@ -570,30 +515,28 @@ impl Plan {
             }
             Part::Spectrum => self.compute_spectrum(limits, results, progress)?,
             Part::Series => {
-                let (welch, mut series) = self.welch()?;
-                series.max_seconds = max_seconds;
-                if let Some(mut it) = results.spectrum.take() {
-                    it.sample(oscillator, &welch, &series, progress)?;
+                if let (Some(recipe), Some(mut it)) =
+                    (&self.recipes.series, results.spectrum.take())
+                {
+                    let (welch, _) = self.welch()?;
+                    let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
                     results.spectrum = Some(it);
+                    let warning = recipe.warning(oscillator, averages);
+                    results.run.warnings.extend(warning);
                     results.agreement = results.agree();
                 }
             }
             Part::MonteCarlo => {
-                if let Some(mut settings) = self.ensemble_settings() {
-                    settings.max_seconds = max_seconds;
-                    let times = outputs.moments_at.list();
-                    let it = monte_carlo::run_with_bias(
-                        oscillator, initial, &times, &settings, progress,
-                    )?;
+                if let Some(recipe) = &self.recipes.ensemble {
+                    let it = recipe.run((oscillator, initial), limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.monte_carlo = Some(it);
                     results.agreement = results.agree();
                 }
             }
             Part::Records => {
-                if let Some(mut settings) = self.record_settings() {
-                    settings.max_seconds = max_seconds;
-                    let it = monte_carlo::records(oscillator, &settings, progress)?;
+                if let Some(recipe) = &self.recipes.records {
+                    let it = recipe.run(oscillator, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     let losses = it.crossings.as_ref().map(|it| it.losses);
                     if outputs.crossings.is_some() && losses == Some(0) {
@@ -779,36 +722,6 @@ impl Plan {
     pub fn run_quietly(&self) -> Result<Results> {
         self.run(&Nobody)
     }
-}
-
-fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
-    match it.noise {
-        scene::Noise::White => monte_carlo::Noise::White,
-        scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
-            count: cosines.try_into().unwrap_or(u32::MAX),
-            band,
-        },
-    }
-}
-
-/// A number to four digits.
-fn short(x: f64) -> String {
-    num(format!("{x:.3e}").parse().unwrap_or(x))
-}
-
-/// One step of one path on one core, roughly, in seconds.
-fn step_seconds(scheme: Scheme, noise: monte_carlo::Noise) -> f64 {
-    let cosines = match noise {
-        monte_carlo::Noise::Cosines { count, .. } => f64::from(count),
-        _ => 0.0,
-    };
-    let plain = match scheme {
-        Scheme::Splitting42 | Scheme::Auto => 45e-9,
-        Scheme::Splitting62 => 70e-9,
-        Scheme::ExponentialHeun => 20e-9,
-        _ => 6e-9,
-    };
-    plain + 1.3e-9 * cosines
 }
 
 /// Leave the numbers of these times only.

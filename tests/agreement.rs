@@ -7,7 +7,7 @@ use vibroimpact::contact::ContactLaw;
 use vibroimpact::estimate::Estimate;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::Moments;
-use vibroimpact::monte_carlo::{EnsembleSettings, Histogram, RecordSettings, Scheme, records, run};
+use vibroimpact::monte_carlo::{Sampling, Histogram, Sampling, Scheme, records, run};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::rig::Rig;
 use vibroimpact::stationary::Stationary;
@@ -26,10 +26,10 @@ fn level(h: f64) -> Oscillator {
     Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap()
 }
 
-fn settings(paths: u64) -> EnsembleSettings {
-    EnsembleSettings {
+fn settings(paths: u64) -> Sampling {
+    Sampling {
         paths,
-        ..EnsembleSettings::default()
+        ..Sampling::default()
     }
 }
 
@@ -150,9 +150,9 @@ fn table_5_agrees_with_the_closed_form_at_all_six_levels() {
     for (h, mean, std, skewness) in paper {
         let it = level(h);
         let exact = Stationary::of(&it).unwrap();
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration: 1e5 * TAU,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         let got = records(&it, &settings, &quiet).unwrap();
         let m = got.moments;
@@ -207,9 +207,9 @@ fn losses_and_flights_agree_with_rice_and_with_p_over_nu() {
     for h in [5e-4, 1.2e-3, 2e-3, 3.2e-3] {
         let it = level(h);
         let exact = Stationary::of(&it).unwrap();
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration: 2e6,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         let got = records(&it, &settings, &quiet).unwrap().crossings.unwrap();
         let rig = Rig::default();
@@ -267,7 +267,7 @@ fn the_largest_steps_keep_the_stationary_law_for_a_hundred_thousand_time_units()
         (Scheme::Splitting62, 4.0),
     ] {
         let start = Instant::now();
-        let chosen = EnsembleSettings {
+        let chosen = Sampling {
             scheme,
             step: Some(step),
             ..settings(256)
@@ -277,11 +277,11 @@ fn the_largest_steps_keep_the_stationary_law_for_a_hundred_thousand_time_units()
         let mut ends = against_closed_form(&end.moments[0], &exact);
         ends.retain(|(name, _)| !matches!(*name, "skewness_force" | "kurtosis_force"));
         // And the average over a time a hundred times longer.
-        let long = RecordSettings {
+        let long = Sampling {
             duration: 1e7,
             scheme,
             step: Some(step),
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         let got = records(&it, &long, &quiet).unwrap();
         let averages = against_closed_form(&got.moments, &exact);
@@ -308,7 +308,7 @@ fn the_largest_steps_keep_the_stationary_law_for_a_hundred_thousand_time_units()
 fn densities_at_a_time_are_the_closed_form_within_their_bands() {
     let it = hertz(0.005, PAPER);
     let exact = Stationary::of(&it).unwrap();
-    let chosen = EnsembleSettings {
+    let chosen = Sampling {
         bins: 40,
         ..settings(200_000)
     };

@@ -45,7 +45,7 @@ fn module(file: &str) -> &str {
 /// The floor of a module; lib.rs only lists modules, main.rs stands on top.
 fn floor(module: &str) -> usize {
     match module {
-        "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "json" => 0,
+        "budget" | "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "json" => 0,
         "contact" | "oscillator" | "rig" | "initial" | "moments" | "gaussian" | "scales" => 1,
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,

@@ -9,7 +9,7 @@ use vibroimpact::estimate::Estimate;
 use vibroimpact::fokker_planck::flight::{Flight, flight_law};
 use vibroimpact::fokker_planck::{FirstLoss, Settings, first_loss};
 use vibroimpact::initial::Initial;
-use vibroimpact::monte_carlo::{self, EnsembleSettings, RecordSettings};
+use vibroimpact::monte_carlo::{self, Sampling};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::quadrature;
 use vibroimpact::stationary::Stationary;
@@ -38,9 +38,9 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
     ] {
         let it = hertz(0.005, h);
         let exact = survive(&it, &initial, 100.0, 0.5);
-        let settings = EnsembleSettings {
+        let settings = Sampling {
             paths: 600_000,
-            ..EnsembleSettings::default()
+            ..Sampling::default()
         };
         let paths =
             monte_carlo::first_loss(&it, &initial, &exact.times, &settings, &|_| {}).unwrap();
@@ -178,9 +178,9 @@ fn flights_have_the_mean_and_the_norm_of_the_stationary_law_and_the_density_of_t
     // A share of 2e-5 is longer than the curve.
     assert!((norm - 1.0).abs() < 1e-4 && (mean / exact - 1.0).abs() < 3e-4);
 
-    let settings = RecordSettings {
+    let settings = Sampling {
         duration: 4e5,
-        ..RecordSettings::default()
+        ..Sampling::default()
     };
     let records = monte_carlo::records(&it, &settings, &|_| {}).unwrap();
     let seen = records.crossings.unwrap().flight_time;
@@ -271,10 +271,10 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
 #[test]
 fn paths_stop_at_the_limit_of_time_and_a_tolerance_out_of_reach_is_a_shortfall() {
     let it = hertz(0.005, 3.2e-3);
-    let settings = EnsembleSettings {
+    let settings = Sampling {
         paths: 1 << 40,
         max_seconds: 0.2,
-        ..EnsembleSettings::default()
+        ..Sampling::default()
     };
     let error =
         monte_carlo::first_loss(&it, &Initial::Rest, &[10.0], &settings, &|_| {}).unwrap_err();
@@ -321,10 +321,10 @@ fn losses_in_few_bursts_have_standard_errors_that_hold_over_seeds() {
         let (mut bursts, mut losses, mut said) = (0.0, 0.0, 0.0);
         let seeds = 200;
         for seed in 0..seeds {
-            let settings = RecordSettings {
+            let settings = Sampling {
                 duration,
                 seed: 100 + seed,
-                ..RecordSettings::default()
+                ..Sampling::default()
             };
             let got = monte_carlo::records(&it, &settings, &|_| {}).unwrap();
             let seen = got.crossings.unwrap();

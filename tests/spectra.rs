@@ -7,7 +7,7 @@ use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::{Settings, Spectrum, spectrum};
 use vibroimpact::initial::Initial;
-use vibroimpact::monte_carlo::{Noise, Scheme, SeriesSettings, series};
+use vibroimpact::monte_carlo::{Samples, Sampling, series};
 use vibroimpact::oscillator::{Oscillator, Quantity};
 use vibroimpact::plan::Plan;
 use vibroimpact::scene::{MonteCarlo, Outputs, Scene, SpectrumRequest};
@@ -200,16 +200,16 @@ fn welch_agrees_with_its_own_expectation_within_a_family_wise_99_percent_band() 
     let it = hertz(2e-3);
     for (nyquist, quantity) in [(8.0, Quantity::Force), (4.3, Quantity::Displacement)] {
         let welch = Welch::new(2048, 1024, PI / nyquist).unwrap();
-        let settings = SeriesSettings {
+        let asked = Samples {
             quantity,
             spacing: PI / nyquist,
             samples: welch.record_length(5),
             records: 80,
+        };
+        let settings = Sampling {
             seed: 3,
-            scheme: Scheme::Auto,
-            step: None,
-            noise: Noise::White,
             max_seconds: 100.0,
+            ..Sampling::default()
         };
         let law = it.displacement_law().unwrap();
         let mean = law.expect(|q| quantity.of(it.contact(), q)).value;
@@ -217,7 +217,7 @@ fn welch_agrees_with_its_own_expectation_within_a_family_wise_99_percent_band() 
             let deviation: Vec<f64> = record.iter().map(|x| x - mean).collect();
             welch.record(&deviation)
         };
-        let records = series(&it, &settings, &visit, &|_| ()).unwrap();
+        let records = series(&it, asked, &settings, &visit, &|_| ()).unwrap();
         assert_eq!(records.len() * records[0].segments, 400);
         let estimate = welch.average(&records);
         let omegas = welch.omega();

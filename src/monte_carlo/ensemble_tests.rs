@@ -15,10 +15,10 @@ fn hertz(zeta: f64, temperature: f64) -> Oscillator {
 
 const PAPER: f64 = 0.628_318_530_717_958_6;
 
-fn settings(paths: u64) -> EnsembleSettings {
-    EnsembleSettings {
+fn settings(paths: u64) -> Sampling {
+    Sampling {
         paths,
-        ..EnsembleSettings::default()
+        ..Sampling::default()
     }
 }
 
@@ -207,7 +207,7 @@ fn a_law_from_code_walks_the_same_paths_as_the_law_built_in() {
     let h = 2e-3;
     let [built_in, by_hand] = [ContactLaw::Hertz, custom].map(|contact| {
         let it = Oscillator::new(contact, 0.005, h).unwrap();
-        let chosen = EnsembleSettings {
+        let chosen = Sampling {
             scheme: Scheme::Baoab,
             ..settings(100)
         };
@@ -229,14 +229,14 @@ fn no_loss_seen_is_not_no_error_and_few_paths_are_refused() {
     for (bad, key) in [
         (settings(1), "monte_carlo.paths"),
         (
-            EnsembleSettings {
+            Sampling {
                 step: Some(0.0),
                 ..settings(10)
             },
             "monte_carlo.step",
         ),
         (
-            EnsembleSettings {
+            Sampling {
                 step: Some(1e-300),
                 ..settings(10)
             },
@@ -297,7 +297,7 @@ fn standard_errors_are_the_spread_of_independent_ensembles() {
     let it = hertz(0.05, PAPER);
     let runs: Vec<Moments> = (0..300)
         .map(|seed| {
-            let chosen = EnsembleSettings {
+            let chosen = Sampling {
                 seed,
                 ..settings(2_000)
             };
@@ -329,7 +329,7 @@ fn standard_errors_are_the_spread_of_independent_ensembles() {
 fn a_wide_band_of_cosines_drives_the_oscillator_as_white_noise_does() {
     // From rest, G = q, weak friction: only the density near w = 1 counts; the band limit costs O(1/band).
     let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
-    let cosines = EnsembleSettings {
+    let cosines = Sampling {
         noise: Noise::Cosines {
             count: 200,
             band: 16.0,
@@ -358,7 +358,7 @@ fn a_wide_band_of_cosines_drives_the_oscillator_as_white_noise_does() {
         );
         assert!((a.kurtosis_force.value - 3.0).abs() < 4.0 * a.kurtosis_force.error + 0.05);
     }
-    let wrong = EnsembleSettings {
+    let wrong = Sampling {
         scheme: Scheme::Baoab,
         ..cosines
     };
@@ -373,7 +373,7 @@ fn few_cosines_raise_the_kurtosis_as_the_warning_says() {
     let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
     // M, and the excess kurtosis 3 B/(4 pi zeta M) of its warning.
     for (count, expected) in [(40, Some("1.91")), (200, Some("0.38")), (4000, None)] {
-        let cosines = EnsembleSettings {
+        let cosines = Sampling {
             noise: Noise::Cosines { count, band: 16.0 },
             ..settings(if count > 1000 { 160 } else { 8_000 })
         };

@@ -30,9 +30,9 @@ fn bits(result: &RecordResult) -> Vec<u64> {
 #[test]
 fn records_have_the_same_bits_on_any_number_of_threads() {
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
-    let settings = RecordSettings {
+    let settings = Sampling {
         duration: 5e4,
-        ..RecordSettings::default()
+        ..Sampling::default()
     };
     let go = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -56,9 +56,9 @@ fn every_law_and_any_damping_keeps_its_temperature_and_short_records_say_so() {
     ] {
         for contact in [ContactLaw::Hertz, ContactLaw::Bilinear, ContactLaw::Linear] {
             let it = Oscillator::new(contact, zeta, h).unwrap();
-            let settings = RecordSettings {
+            let settings = Sampling {
                 duration,
-                ..RecordSettings::default()
+                ..Sampling::default()
             };
             let got = records(&it, &settings, &quiet).unwrap();
             let var_v = got.moments.var_v;
@@ -89,19 +89,19 @@ fn every_law_and_any_damping_keeps_its_temperature_and_short_records_say_so() {
 fn records_of_band_limited_noise_are_nearly_those_of_white_noise() {
     // T = 0.63 at ten times the paper's damping, so that 400 cosines up to 8 fill the resonance.
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
-    let white = RecordSettings {
+    let white = Sampling {
         duration: 2e5,
-        ..RecordSettings::default()
+        ..Sampling::default()
     };
-    let cosines = RecordSettings {
+    let cosines = Sampling {
         noise: Noise::Cosines {
             count: 400,
             band: 8.0,
         },
         duration: 2e4,
-        ..RecordSettings::default()
+        ..Sampling::default()
     };
-    let band = RecordSettings {
+    let band = Sampling {
         noise: Noise::Band { band: 8.0 },
         ..white.clone()
     };
@@ -125,9 +125,9 @@ fn records_of_band_limited_noise_are_nearly_those_of_white_noise() {
         assert!((a.value - b.value).abs() < 4.0 * a.error.hypot(b.error) + 0.02 * a.value);
     }
     assert!(cosines.scheme == Scheme::CentralDifference && band.scheme == cosines.scheme);
-    let wide = RecordSettings {
+    let wide = Sampling {
         noise: Noise::Band { band: 1e3 },
-        ..RecordSettings::default()
+        ..Sampling::default()
     };
     let message = records(&it, &wide, &quiet).unwrap_err().to_string();
     assert!(message.contains("monte_carlo.noise.band"), "{message}");
@@ -136,13 +136,13 @@ fn records_of_band_limited_noise_are_nearly_those_of_white_noise() {
 #[test]
 fn a_record_that_cannot_be_is_refused_by_name() {
     let it = Oscillator::new(ContactLaw::Free, 0.05, 0.02).unwrap();
-    let error = records(&it, &RecordSettings::default(), &quiet).unwrap_err();
+    let error = records(&it, &Sampling::default(), &quiet).unwrap_err();
     assert!(matches!(error, Error::NoStationaryLaw { .. }), "{error}");
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
     for duration in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         let message = records(&it, &settings, &quiet).unwrap_err().to_string();
         assert!(message.contains("monte_carlo.duration"), "{message}");
@@ -157,10 +157,10 @@ fn records_are_as_many_as_their_size_says_and_stop_when_their_time_is_over() {
         (3e4, Noise::White),
         (1e3, Noise::Band { band: 8.0 }),
     ] {
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration,
             noise,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         let size = record_size(&it, &settings).unwrap();
         let got = records(&it, &settings, &quiet).unwrap();
@@ -169,7 +169,7 @@ fn records_are_as_many_as_their_size_says_and_stop_when_their_time_is_over() {
             (got.records, got.path_steps, got.step, got.scheme)
         );
         assert_eq!(size.steps * size.records, size.path_steps);
-        let late = RecordSettings {
+        let late = Sampling {
             max_seconds: 0.0,
             ..settings
         };
@@ -181,10 +181,10 @@ fn records_are_as_many_as_their_size_says_and_stop_when_their_time_is_over() {
         (f64::MAX, Some(1.0), "monte_carlo.step"),
         (1.0, Some(1e-300), "monte_carlo.step"),
     ] {
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration,
             step,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         let message = record_size(&it, &settings).unwrap_err().to_string();
         assert!(message.contains(key), "{message}");

@@ -1,7 +1,6 @@
 //! Streamed statistics: power sums about a fixed centre, added in a fixed order, and the moments with
 //! their standard errors.
 
-use super::bins::Bins;
 use super::law::Law;
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin, name_at};
@@ -65,23 +64,6 @@ impl Frames {
             Frame::of(&force),
             Frame::of(&energy),
         ])
-    }
-
-    /// Bins for the densities of q, v and N: eight units to the left of the centre, where flight has its
-    /// exponential tail, six to the right; N from the force of flight on.
-    pub(super) fn bins<L: Law>(&self, law: L, count: usize) -> [Bins; 3] {
-        let [q, v, force, _] = self.0;
-        let reach = |frame: Frame, units: f64| frame.centre + units / frame.inverse;
-        let lowest = if law.loss().is_finite() {
-            law.force(law.loss())
-        } else {
-            reach(force, -6.0)
-        };
-        [
-            Bins::new(reach(q, -8.0), reach(q, 6.0), count),
-            Bins::new(reach(v, -6.0), reach(v, 6.0), count),
-            Bins::new(lowest, reach(force, 6.0).max(lowest + 1e-9), count),
-        ]
     }
 }
 

@@ -11,7 +11,7 @@ use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::{Drift, Settings, TimeScheme, transient};
 use crate::moments::Moments;
-use crate::monte_carlo::{self, EnsembleSettings, Scheme};
+use crate::monte_carlo::{self, Sampling, Scheme};
 
 /// What a run gives.
 #[derive(Debug, Clone)]
@@ -122,11 +122,11 @@ pub(super) fn volumes_on(
 }
 
 fn paths(case: &Case, scheme: Scheme, paths: u64, seed: u64) -> Result<Answer> {
-    let settings = EnsembleSettings {
+    let settings = Sampling {
         paths,
         seed,
         scheme,
-        ..EnsembleSettings::default()
+        ..Sampling::default()
     };
     let it = monte_carlo::run(
         &case.oscillator,

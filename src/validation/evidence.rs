@@ -11,7 +11,7 @@ use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin};
 use crate::moments::Moments;
-use crate::monte_carlo::{self, Noise, RecordSettings, Scheme};
+use crate::monte_carlo::{self, Noise, Sampling, Scheme};
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
 use crate::stationary::Stationary;
@@ -365,12 +365,12 @@ impl Keys {
                 band: *band,
             },
         };
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration: self.get("duration", 2e6),
             scheme: Scheme::CentralDifference,
             step: Some(TAU / self.get("steps", 50.0)),
             noise,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         Ok(monte_carlo::records(&self.oscillator()?, &settings, &|_| ())?.moments)
     }

@@ -6,7 +6,7 @@
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::{self, Settings, Spectrum};
-use crate::monte_carlo::{self, Noise, Scheme, SeriesSettings};
+use crate::monte_carlo::{self, Samples, Sampling};
 use crate::oscillator::{Oscillator, Quantity};
 use crate::spectrum::Welch;
 use std::cell::RefCell;
@@ -94,19 +94,19 @@ impl Spectra {
         }
         let spacing = 0.5 * std::f64::consts::PI / HIGHEST;
         let welch = Welch::new(2048, 1024, spacing)?;
-        let settings = SeriesSettings {
+        let asked = Samples {
             quantity: Quantity::Force,
             spacing,
             samples: welch.record_length(SEGMENTS),
             records: 400 / SEGMENTS as u64,
-            seed: 1,
-            scheme: Scheme::Auto,
-            step: None,
-            noise: Noise::White,
+        };
+        let settings = Sampling {
             max_seconds: SECONDS,
+            ..Sampling::default()
         };
         let records = monte_carlo::series(
             oscillator,
+            asked,
             &settings,
             &|record| welch.record(record),
             &|_| (),
