@@ -476,7 +476,8 @@ impl Plan {
                 }
             }
             Part::FirstLossPaths => {
-                if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss) {
+                if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss)
+                {
                     let problem = (oscillator, initial);
                     let it = recipe.run(problem, &it.times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());

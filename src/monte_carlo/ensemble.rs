@@ -120,7 +120,9 @@ impl Ensemble {
             companion = Some(own);
         }
         let paths = settings.paths as f64;
-        let beside = companion.as_ref().map_or(0.0, |it| it.seconds(paths * until / it.step));
+        let beside = companion
+            .as_ref()
+            .map_or(0.0, |it| it.seconds(paths * until / it.step));
         let threads = rayon::current_num_threads() as u64;
         let sums = TASKS * (times.len() * size_of::<Sums>()) as u64;
         let cost = Cost {
@@ -415,5 +417,40 @@ impl<L: Law> pulp::WithSimd for Sum<'_, L> {
 }
 
 #[cfg(test)]
-#[path = "ensemble_tests.rs"]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+
+    #[test]
+    fn path_k_is_the_same_path_in_a_small_and_in_a_large_ensemble() {
+        struct States<'a>(Run<'a>);
+        impl WithLaw for States<'_> {
+            type Output = Vec<(f64, f64)>;
+            fn with<L: Law>(self, law: L) -> Self::Output {
+                let mut states = Vec::new();
+                self.0.block(law, 0, |_, q, v| {
+                    states.extend(q.iter().copied().zip(v.iter().copied()));
+                });
+                states
+            }
+        }
+        let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        let initial = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+        let walk = Walk::of(&it, &initial, &Sampling::default()).unwrap();
+        let interval = Interval {
+            start: 0.0,
+            steps: 6,
+            coefficients: walk.coefficients(&it, 0.5),
+        };
+        let states = |count: u64| {
+            let run = Run {
+                count,
+                paths: &Paths::new(&it, &initial, &walk).unwrap(),
+                intervals: &[interval],
+                progress: &Progress::new(1, Sampling::default().limits(), &|_| ()),
+            };
+            law::dispatch(it.contact(), States(run))
+        };
+        assert_eq!(states(10), states(1000)[..10]);
+    }
+}

@@ -1,7 +1,9 @@
 //! Long records: stationary statistics by time averages.
 
 use super::batch::{Batch, BatchMeans, Units};
-use super::events::{Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, flight_bins, Logbook, Watch};
+use super::events::{
+    Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, Watch, flight_bins,
+};
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
@@ -228,7 +230,10 @@ impl Records {
         let every = || {
             let losses = Crossings::NAMES.map(|name| format!("records.{name}"));
             let losses = crossings.iter().flat_map(|_| losses.clone());
-            unknown("records", &[None]).into_iter().chain(losses).collect()
+            unknown("records", &[None])
+                .into_iter()
+                .chain(losses)
+                .collect()
         };
         let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
         if worth < 50.0 {
@@ -477,7 +482,3 @@ impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "records_tests.rs"]
-mod tests;

@@ -342,3 +342,41 @@ pub(super) fn proportion(hits: f64, n: f64) -> Estimate {
     let farther = (rarer + 0.5 * Z * Z + spread) / (n + Z * Z);
     sampled(hits / n, (farther - rarer / n) / Z)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::proportion;
+
+    #[test]
+    fn few_hits_lie_three_standard_errors_off_no_more_often_than_a_gaussian_does() {
+        // Summed over the Poisson law of the hits of n paths: nothing is sampled.
+        let n = 1e5;
+        for expected in [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0, 300.0] {
+            let (mut square, mut far, mut plain) = (0.0, 0.0, 0.0);
+            let mut probability = f64::exp(-expected);
+            for hits in 0..2000 {
+                let hits = f64::from(hits);
+                let z = (hits - expected) / (n * proportion(hits, n).error);
+                square += probability * z * z;
+                if z.abs() > 3.0 {
+                    far += probability;
+                }
+                if (hits - expected).abs() > 3.0 * hits.max(1.0).sqrt() {
+                    plain += probability;
+                }
+                probability *= expected / (hits + 1.0);
+            }
+            println!(
+                "{expected} hits expected: rms {:.2} standard errors, beyond three {far:.1e}, of sqrt(k) {plain:.1e}",
+                square.sqrt()
+            );
+            // 2.7e-3 of a Gaussian.
+            assert!(far < 2.7e-3 && square < 1.0);
+            // Never wide without need: at most half as much again where there is a standard error to speak of.
+            assert!(expected < 5.0 || square > 0.44);
+        }
+        // Hits and misses are alike.
+        let (few, many) = (proportion(3.0, 500.0).error, proportion(497.0, 500.0).error);
+        assert!((few / many - 1.0).abs() < 1e-12);
+    }
+}

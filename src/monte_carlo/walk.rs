@@ -48,7 +48,10 @@ impl Walk {
         let (scheme, why) = resolve(it.scheme, it.noise, oscillator.zeta(), frequency)?;
         let longest = automatic_step(scheme, oscillator, frequency);
         let (step, how) = match it.step {
-            Some(step) => (positive("monte_carlo.step", step)?, "the step by hand".into()),
+            Some(step) => (
+                positive("monte_carlo.step", step)?,
+                "the step by hand".into(),
+            ),
             None => (longest, format!("steps up to {} trusted", short(longest))),
         };
         Ok(Self {
@@ -72,7 +75,11 @@ impl Walk {
     ) -> Result<Self> {
         if it.noise != Noise::White {
             let accepted = "\"white\", for first_loss";
-            return Err(Error::invalid("monte_carlo.noise", "band-limited", accepted));
+            return Err(Error::invalid(
+                "monte_carlo.noise",
+                "band-limited",
+                accepted,
+            ));
         }
         let mut located = it.clone();
         if it.scheme == Scheme::Auto {
@@ -94,7 +101,12 @@ impl Walk {
 
     /// Scheme, step and reason.
     pub(super) fn words(&self) -> String {
-        format!("{}, step {} ({})", self.scheme, short(self.step), self.reason)
+        format!(
+            "{}, step {} ({})",
+            self.scheme,
+            short(self.step),
+            self.reason
+        )
     }
 
     /// Seconds of so many steps of a path, on all threads.
@@ -134,10 +146,7 @@ impl Walk {
             Scheme::Baoab => 0.25 * turn * turn,
             Scheme::EulerMaruyama => 0.5 * step / zeta + 0.5 * turn * turn,
             // 1e-4 at the automatic step, of order 2 beyond.
-            Scheme::Auto
-            | Scheme::Splitting42
-            | Scheme::Splitting62
-            | Scheme::ExponentialHeun => {
+            Scheme::Auto | Scheme::Splitting42 | Scheme::Splitting62 | Scheme::ExponentialHeun => {
                 1e-4 * (step / automatic_step(self.scheme, oscillator, self.frequency)).powi(2)
             }
         }
@@ -284,7 +293,10 @@ fn resolve(
         let given = format!("\"{scheme}\"");
         return Err(Error::invalid("monte_carlo.scheme", given, accepted));
     }
-    Ok((Scheme::CentralDifference, "the scheme of band-limited noise"))
+    Ok((
+        Scheme::CentralDifference,
+        "the scheme of band-limited noise",
+    ))
 }
 
 /// The longest step with which `scheme` is trusted; `frequency` is the highest of the scene.

@@ -1,8 +1,17 @@
-use super::super::Noise;
-use super::super::statistics::proportion;
-use super::*;
-use crate::contact::{ContactLaw, Restoring};
-use crate::estimate::Estimate;
+//! Ensembles and long records against closed forms and against each other, through the library's front door.
+
+#![allow(clippy::print_stdout, missing_docs)]
+
+use vibroimpact::Error;
+use vibroimpact::contact::{ContactLaw, Restoring};
+use vibroimpact::estimate::Estimate;
+use vibroimpact::initial::Initial;
+use vibroimpact::moments::Moments;
+use vibroimpact::monte_carlo::{
+    EnsembleResult, Noise, RecordResult, Samples, Sampling, Scheme, first_loss, records, run,
+    series,
+};
+use vibroimpact::oscillator::{Oscillator, Quantity};
 
 fn hertz(zeta: f64, temperature: f64) -> Oscillator {
     Oscillator::new(
@@ -57,32 +66,6 @@ fn the_results_have_the_same_bits_on_any_number_of_threads() {
     let one = go(1);
     assert_eq!(one, go(2));
     assert_eq!(one, go(5));
-}
-
-#[test]
-fn path_k_is_the_same_path_in_a_small_and_in_a_large_ensemble() {
-    let it = hertz(0.005, PAPER);
-    let initial = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
-    let states = |paths: u64| {
-        struct States<'a>(&'a Plan);
-        impl WithLaw for States<'_> {
-            type Output = Vec<(f64, f64)>;
-            fn with<L: Law>(self, law: L) -> Self::Output {
-                let mut states = Vec::new();
-                let run = Ensemble {
-                    plan: self.0,
-                    progress: &Progress::new(1, &quiet),
-                };
-                run.block(law, 0, |_, q, v| {
-                    states.extend(q.iter().copied().zip(v.iter().copied()));
-                });
-                states
-            }
-        }
-        let plan = Plan::new(&it, &initial, &[3.0], &settings(paths)).unwrap();
-        law::dispatch(it.contact(), States(&plan))
-    };
-    assert_eq!(states(10), states(1000)[..10]);
 }
 
 #[test]
@@ -260,39 +243,6 @@ fn no_loss_seen_is_not_no_error_and_few_paths_are_refused() {
 }
 
 #[test]
-fn few_hits_lie_three_standard_errors_off_no_more_often_than_a_gaussian_does() {
-    // Summed over the Poisson law of the hits of n paths: nothing is sampled.
-    let n = 1e5;
-    for expected in [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0, 300.0] {
-        let (mut square, mut far, mut plain) = (0.0, 0.0, 0.0);
-        let mut probability = f64::exp(-expected);
-        for hits in 0..2000 {
-            let hits = f64::from(hits);
-            let z = (hits - expected) / (n * proportion(hits, n).error);
-            square += probability * z * z;
-            if z.abs() > 3.0 {
-                far += probability;
-            }
-            if (hits - expected).abs() > 3.0 * hits.max(1.0).sqrt() {
-                plain += probability;
-            }
-            probability *= expected / (hits + 1.0);
-        }
-        println!(
-            "{expected} hits expected: rms {:.2} standard errors, beyond three {far:.1e}, of sqrt(k) {plain:.1e}",
-            square.sqrt()
-        );
-        // 2.7e-3 of a Gaussian.
-        assert!(far < 2.7e-3 && square < 1.0);
-        // Never wide without need: at most half as much again where there is a standard error to speak of.
-        assert!(expected < 5.0 || square > 0.44);
-    }
-    // Hits and misses are alike.
-    let (few, many) = (proportion(3.0, 500.0).error, proportion(497.0, 500.0).error);
-    assert!((few / many - 1.0).abs() < 1e-12);
-}
-
-#[test]
 fn standard_errors_are_the_spread_of_independent_ensembles() {
     let it = hertz(0.05, PAPER);
     let runs: Vec<Moments> = (0..300)
@@ -391,4 +341,265 @@ fn few_cosines_raise_the_kurtosis_as_the_warning_says() {
             }
         }
     }
+}
+
+fn bits_of_records(result: &RecordResult) -> Vec<u64> {
+    let moments = [result.moments, result.controlled];
+    let numbers = moments
+        .iter()
+        .flat_map(Moments::named)
+        .filter_map(|(_, x)| x);
+    let densities = result
+        .force
+        .density
+        .iter()
+        .chain(&result.displacement.density);
+    let crossings = result.crossings.as_ref().unwrap();
+    let flights = crossings
+        .flight_time
+        .density
+        .iter()
+        .chain([&crossings.loss_rate]);
+    numbers
+        .chain(densities.copied())
+        .chain(flights.copied())
+        .flat_map(|x| [x.value.to_bits(), x.error.to_bits()])
+        .collect()
+}
+
+#[test]
+fn records_have_the_same_bits_on_any_number_of_threads() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    let settings = Sampling {
+        duration: 5e4,
+        ..Sampling::default()
+    };
+    let go = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| bits_of_records(&records(&it, &settings, &quiet).unwrap()))
+    };
+    let one = go(1);
+    assert_eq!(one, go(2));
+    assert_eq!(one, go(5));
+}
+
+#[test]
+fn every_law_and_any_damping_keeps_its_temperature_and_short_records_say_so() {
+    for (zeta, h, duration) in [
+        (1e-6, 1e-6, 1e4),
+        (0.005, 0.3, 1e5),
+        (0.5, 0.1, 1e5),
+        (20.0, 0.1, 3e3),
+    ] {
+        for contact in [ContactLaw::Hertz, ContactLaw::Bilinear, ContactLaw::Linear] {
+            let it = Oscillator::new(contact, zeta, h).unwrap();
+            let settings = Sampling {
+                duration,
+                ..Sampling::default()
+            };
+            let got = records(&it, &settings, &quiet).unwrap();
+            let var_v = got.moments.var_v;
+            let z = (var_v.value - it.temperature()) / var_v.error;
+            println!(
+                "{} zeta {zeta}: Var v {z:.2} standard errors off, {} batches of {:.3e}, worth {:.0?} {:?}",
+                it.contact().name(),
+                got.batches,
+                got.batch_length,
+                got.effective_samples,
+                got.warnings
+            );
+            assert!(z.abs() < 4.0 && got.duration >= duration * 0.999);
+            let lossy = it.contact().loss_point().is_some();
+            let located = got.scheme.locates_crossings();
+            assert_eq!(got.crossings.is_some(), lossy && located);
+            // Friction so weak that the records are no longer than a memory, or losses not counted.
+            let rough = zeta < 1e-3 && got.effective_samples[2] < 50.0;
+            assert_eq!(
+                got.warnings.len(),
+                usize::from(rough) + usize::from(lossy && !located)
+            );
+        }
+    }
+}
+
+#[test]
+fn records_of_band_limited_noise_are_nearly_those_of_white_noise() {
+    // T = 0.63 at ten times the paper's damping, so that 400 cosines up to 8 fill the resonance.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    let white = Sampling {
+        duration: 2e5,
+        ..Sampling::default()
+    };
+    let cosines = Sampling {
+        noise: Noise::Cosines {
+            count: 400,
+            band: 8.0,
+        },
+        duration: 2e4,
+        ..Sampling::default()
+    };
+    let band = Sampling {
+        noise: Noise::Band { band: 8.0 },
+        ..white.clone()
+    };
+    let [white, cosines, band] = [white, cosines, band].map(|s| {
+        let start = std::time::Instant::now();
+        let got = records(&it, &s, &quiet).unwrap();
+        let ns = start.elapsed().as_secs_f64() * 1e9 / got.path_steps as f64;
+        println!("{:?}: {ns:.0} ns per path and step", s.noise);
+        got
+    });
+    let numbers = [&white, &cosines, &band].map(|got| got.moments.named());
+    for k in 0..numbers[0].len() {
+        let [(name, a), (_, b), (_, c)] = numbers.map(|numbers| numbers[k]);
+        let (Some(a), Some(b), Some(c)) = (a, b, c) else {
+            continue;
+        };
+        println!("{name}: white {a}, cosines {b}, transform {c}");
+    }
+    let a = white.moments.std_force;
+    for b in [cosines.moments.std_force, band.moments.std_force] {
+        assert!((a.value - b.value).abs() < 4.0 * a.error.hypot(b.error) + 0.02 * a.value);
+    }
+    assert!(cosines.scheme == Scheme::CentralDifference && band.scheme == cosines.scheme);
+    let wide = Sampling {
+        noise: Noise::Band { band: 1e3 },
+        ..Sampling::default()
+    };
+    let message = records(&it, &wide, &quiet).unwrap_err().to_string();
+    assert!(message.contains("monte_carlo.noise.band"), "{message}");
+}
+
+#[test]
+fn a_record_that_cannot_be_is_refused_by_name() {
+    let it = Oscillator::new(ContactLaw::Free, 0.05, 0.02).unwrap();
+    let error = records(&it, &Sampling::default(), &quiet).unwrap_err();
+    assert!(matches!(error, Error::NoStationaryLaw { .. }), "{error}");
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    for duration in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let settings = Sampling {
+            duration,
+            ..Sampling::default()
+        };
+        let message = records(&it, &settings, &quiet).unwrap_err().to_string();
+        assert!(message.contains("monte_carlo.duration"), "{message}");
+    }
+}
+
+#[test]
+fn records_longer_than_can_be_counted_are_refused_by_name() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    for (duration, step, key) in [
+        (1e300, None, "monte_carlo.duration"),
+        (f64::MAX, Some(1.0), "monte_carlo.step"),
+        (1.0, Some(1e-300), "monte_carlo.step"),
+    ] {
+        let settings = Sampling {
+            duration,
+            step,
+            ..Sampling::default()
+        };
+        let message = records(&it, &settings, &quiet).unwrap_err().to_string();
+        assert!(message.contains(key), "{message}");
+    }
+}
+
+/// Every kind of sample, as hungry for time and memory as it can be made.
+fn hungry(settings: &Sampling) -> [(&'static str, Result<(), Error>); 4] {
+    let weak = Oscillator::new(ContactLaw::Hertz, 1e-6, 1e-6).unwrap();
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    let asked = Samples {
+        quantity: Quantity::Force,
+        spacing: 0.5,
+        samples: 100_000,
+        records: 1_000,
+    };
+    let first = Sampling {
+        noise: Noise::White,
+        ..settings.clone()
+    };
+    let rest = Initial::Rest;
+    [
+        (
+            "ensemble",
+            run(&it, &rest, &[1e6], settings, &quiet).map(|_| ()),
+        ),
+        (
+            "first loss",
+            first_loss(&it, &rest, &[1e6], &first, &quiet).map(|_| ()),
+        ),
+        ("records", records(&weak, settings, &quiet).map(|_| ())),
+        (
+            "series",
+            series(&it, asked, settings, &|_| (), &quiet).map(|_| ()),
+        ),
+    ]
+}
+
+#[test]
+fn every_kind_of_sample_ends_soon_after_its_time_whatever_a_step_costs() {
+    let many = Noise::Cosines {
+        count: 10_000,
+        band: 8.0,
+    };
+    // Few long paths, so that nothing but a look at the clock within a path can end them.
+    for (scheme, step, noise) in [
+        (Scheme::Auto, Some(1e-4), Noise::White),
+        (Scheme::Splitting62, Some(5e5), Noise::White),
+        (Scheme::ExponentialHeun, Some(1e-4), Noise::White),
+        (Scheme::CentralDifference, Some(1e-3), many),
+    ] {
+        let settings = Sampling {
+            paths: 16,
+            duration: 1e9,
+            scheme,
+            step,
+            noise,
+            max_seconds: 0.3,
+            ..Sampling::default()
+        };
+        let start = std::time::Instant::now();
+        let all = hungry(&settings);
+        let seconds = start.elapsed().as_secs_f64();
+        println!("{scheme}, {step:?}: four samples in {seconds:.2} s");
+        let mut late = 0;
+        for (name, it) in all {
+            match it {
+                Ok(()) => println!("    {name} was whole"),
+                Err(it) => {
+                    let said = it.to_string();
+                    println!("    {name}: {said}");
+                    late += u32::from(said.contains("accuracy.max_seconds = 0.3"));
+                }
+            }
+        }
+        assert!(
+            late >= 2 && seconds < 4.0 * (1.3 * 0.3 + 1.0),
+            "{late} {seconds}"
+        );
+    }
+}
+
+#[test]
+fn no_sample_begins_that_would_not_fit_its_memory() {
+    let settings = Sampling {
+        max_memory: 1000,
+        ..Sampling::default()
+    };
+    for (name, it) in hungry(&settings) {
+        let said = it.unwrap_err().to_string();
+        assert!(said.contains("accuracy.max_memory"), "{name}: {said}");
+    }
+    // Sums at a hundred thousand times are worth gigabytes.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    let times: Vec<f64> = (0..100_000).map(f64::from).collect();
+    let settings = Sampling {
+        max_memory: 1_000_000_000,
+        ..Sampling::default()
+    };
+    let said = run(&it, &Initial::Rest, &times, &settings, &quiet).unwrap_err();
+    assert!(said.to_string().contains("accuracy.max_memory"), "{said}");
 }
