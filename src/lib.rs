@@ -32,7 +32,7 @@
 //! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
 //! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
-//! | Spectra from records and correlation functions | [`spectrum`] |
+//! | Spectra from records | [`spectrum`] |
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |

@@ -190,69 +190,24 @@ impl Plan {
             recipes: Recipes::default(),
             stages: Vec::new(),
         };
-        let outputs = &scene.outputs;
-        if outputs.stationary {
-            plan.add(Part::Stationary, &[("outputs.stationary", true)])?;
-        }
-        if outputs.crossings.is_some() {
-            plan.add(Part::Crossings, &[("outputs.crossings", true)])?;
-        }
-        if outputs.first_loss.is_some() {
-            plan.add(Part::FirstLoss, &[("outputs.first_loss", true)])?;
-        }
-        if outputs.transient() {
-            let why = [
-                ("outputs.moments_at", !outputs.moments_at.is_empty()),
-                ("outputs.density_at", !outputs.density_at.is_empty()),
-            ];
-            plan.add(Part::Transient, &why)?;
-        }
-        if outputs.steady {
-            plan.add(Part::Steady, &[("outputs.steady", true)])?;
-        }
-        if outputs.decay_rates > 0 {
-            plan.add(Part::DecayRates, &[("outputs.decay_rates", true)])?;
-        }
-        if outputs.spectrum.is_some() {
-            plan.add(Part::Spectrum, &[("outputs.spectrum", true)])?;
-        }
-        if scene.wants_series() {
-            plan.add(Part::Series, &[("outputs.spectrum", true)])?;
-        }
-        if scene.wants_paths() {
-            plan.add(Part::MonteCarlo, &[("monte_carlo", true)])?;
-        }
-        if scene.monte_carlo.is_some() && outputs.first_loss.is_some() {
-            plan.add(Part::FirstLossPaths, &[("outputs.first_loss", true)])?;
-        }
-        if scene.wants_records() {
-            let (alone, crossings) = (!scene.wants_paths(), outputs.crossings.is_some());
-            let why = [
-                ("monte_carlo", alone),
-                ("outputs.crossings", crossings),
-                ("monte_carlo.duration", !alone && !crossings),
-            ];
-            plan.add(Part::Records, &why)?;
+        for (part, keys) in asked(scene) {
+            let keys = keys.into_iter().filter(|(_, asked)| *asked);
+            let needed_by: Vec<&'static str> = keys.map(|(key, _)| key).collect();
+            if needed_by.is_empty() {
+                continue;
+            }
+            let cost = plan.cost(part).and_then(|cost| {
+                plan.check_cost(part, &cost)?;
+                Ok(cost)
+            });
+            let cost = cost.map_err(|error| plan.as_typed(error))?;
+            plan.stages.push(Stage {
+                part,
+                needed_by,
+                cost,
+            });
         }
         Ok(plan)
-    }
-
-    fn add(&mut self, part: Part, why: &[(&'static str, bool)]) -> Result<()> {
-        let cost = self.cost(part).and_then(|cost| {
-            self.check_cost(part, &cost)?;
-            Ok(cost)
-        });
-        let cost = cost.map_err(|error| self.as_typed(error))?;
-        self.stages.push(Stage {
-            part,
-            needed_by: why
-                .iter()
-                .filter(|(_, asked)| *asked)
-                .map(|(key, _)| *key)
-                .collect(),
-            cost,
-        });
-        Ok(())
     }
 
     /// A stage that takes finer cells than the scene's for its error is refused by the scene's own.
@@ -725,6 +680,48 @@ impl Plan {
     }
 }
 
+/// The keys that ask for each part, and whether they do.
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
+    let it = &scene.outputs;
+    let crossings = ("outputs.crossings", it.crossings.is_some());
+    let first_loss = ("outputs.first_loss", it.first_loss.is_some());
+    let spectrum = ("outputs.spectrum", it.spectrum.is_some());
+    let moments = ("outputs.moments_at", !it.moments_at.is_empty());
+    let densities = ("outputs.density_at", !it.density_at.is_empty());
+    let (sampled, paths, records) = (
+        scene.monte_carlo.is_some(),
+        scene.wants_paths(),
+        scene.wants_records(),
+    );
+    let by_sampling = |(key, asked): (&'static str, bool)| vec![(key, asked && sampled)];
+    [
+        (
+            Part::Stationary,
+            vec![("outputs.stationary", it.stationary)],
+        ),
+        (Part::Crossings, vec![crossings]),
+        (Part::FirstLoss, vec![first_loss]),
+        (Part::Transient, vec![moments, densities]),
+        (Part::Steady, vec![("outputs.steady", it.steady)]),
+        (
+            Part::DecayRates,
+            vec![("outputs.decay_rates", it.decay_rates > 0)],
+        ),
+        (Part::Spectrum, vec![spectrum]),
+        (Part::Series, by_sampling(spectrum)),
+        (Part::MonteCarlo, vec![("monte_carlo", paths)]),
+        (Part::FirstLossPaths, by_sampling(first_loss)),
+        (
+            Part::Records,
+            vec![
+                ("monte_carlo", records && !paths),
+                (crossings.0, records && crossings.1),
+                ("monte_carlo.duration", records && paths && !crossings.1),
+            ],
+        ),
+    ]
+}
+
 /// Leave the numbers of these times only.
 fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
     fn keep<T>(items: &mut Vec<T>, kept: &[bool]) {
@@ -849,6 +846,97 @@ mod tests {
             );
             println!("{name}: {found:?}; {}", recipe.reason);
             assert_eq!(found, (method.to_string(), grid, cells, steps), "{name}");
+        }
+    }
+
+    #[test]
+    fn every_built_in_sample_has_its_recipe() {
+        use crate::monte_carlo::Scheme::{self, ExponentialHeun, Splitting42};
+        // Scheme, step, paths or records, steps of each.
+        type Found = (Part, Scheme, f64, u64, u64);
+        let recipes: [(&str, &[Found]); 11] = [
+            (
+                "default",
+                &[(Part::MonteCarlo, Splitting42, 0.5, 100_000, 1000)],
+            ),
+            (
+                "bilinear",
+                &[(Part::MonteCarlo, Splitting42, 1.0, 20_000, 40)],
+            ),
+            (
+                "displaced",
+                &[(Part::MonteCarlo, Splitting42, 0.25, 50_000, 160)],
+            ),
+            (
+                "dropped",
+                &[(Part::MonteCarlo, Splitting42, 0.5, 100_000, 80)],
+            ),
+            (
+                "overdamped",
+                &[(Part::MonteCarlo, Splitting42, 0.01, 20_000, 400)],
+            ),
+            (
+                "free-fall",
+                &[(Part::MonteCarlo, Splitting42, 0.25, 20_000, 8)],
+            ),
+            (
+                "extreme",
+                &[(Part::MonteCarlo, Splitting42, 0.5, 20_000, 40)],
+            ),
+            (
+                "first-loss",
+                &[(Part::FirstLossPaths, Splitting42, 0.5, 100_000, 400)],
+            ),
+            ("records", &[(Part::Records, Splitting42, 0.5, 1024, 400)]),
+            ("spectrum", &[(Part::Series, Splitting42, 0.5, 80, 400)]),
+            (
+                "table-3",
+                &[(Part::Records, ExponentialHeun, 0.5, 1024, 400)],
+            ),
+        ];
+        for (name, expected) in recipes {
+            let text = SceneText::parse(name, built_in(name).unwrap(), &[]).unwrap();
+            let plan = Plan::of(text.scene()).unwrap();
+            let mut found = Vec::new();
+            let mut put = |part, (scheme, step): (Scheme, f64), count, steps| {
+                let step: f64 = format!("{step:.4e}").parse().unwrap();
+                found.push((part, scheme, step, count, steps));
+            };
+            if let Some(it) = &plan.recipes.ensemble {
+                assert!(it.companion.is_none());
+                put(
+                    Part::MonteCarlo,
+                    (it.walk.scheme, it.walk.step),
+                    it.paths,
+                    it.cost.steps,
+                );
+            }
+            if let Some(it) = &plan.recipes.series {
+                put(
+                    Part::Series,
+                    (it.walk.scheme, it.walk.step),
+                    it.asked.records,
+                    it.cost.steps,
+                );
+            }
+            if let Some(it) = &plan.recipes.first_losses {
+                put(
+                    Part::FirstLossPaths,
+                    (it.walk.scheme, it.walk.step),
+                    it.paths,
+                    it.cost.steps,
+                );
+            }
+            if let Some(it) = &plan.recipes.records {
+                put(
+                    Part::Records,
+                    (it.walk.scheme, it.walk.step),
+                    it.records(),
+                    it.cost.steps,
+                );
+            }
+            println!("{name}: {found:?}");
+            assert_eq!(found, expected, "{name}");
         }
     }
 

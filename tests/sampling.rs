@@ -12,6 +12,8 @@ use vibroimpact::monte_carlo::{
     series,
 };
 use vibroimpact::oscillator::{Oscillator, Quantity};
+use vibroimpact::plan::Plan;
+use vibroimpact::scene::text::SceneText;
 
 fn hertz(zeta: f64, temperature: f64) -> Oscillator {
     Oscillator::new(
@@ -602,4 +604,35 @@ fn no_sample_begins_that_would_not_fit_its_memory() {
     };
     let said = run(&it, &Initial::Rest, &times, &settings, &quiet).unwrap_err();
     assert!(said.to_string().contains("accuracy.max_memory"), "{said}");
+}
+
+#[test]
+fn a_step_by_hand_is_warned_of_by_every_kind_of_sample_and_names_what_it_spoils() {
+    let text = "[oscillator]\ncontact = \"hertz\"\nzeta = 0.02\nh = 8e-3\n[initial]\nkind = \"rest\"\n\
+                [outputs]\nstationary = false\nspectrum = { until = 2.5 }\nfirst_loss = { until = 5 }\n\
+                crossings = { window = 10 }\n\
+                [monte_carlo]\npaths = 20_000\nduration = 2e4\nscheme = \"baoab\"\n\
+                [accuracy]\ntolerance = 1e-2\n";
+    let unknown = |step: &[&str]| {
+        let set: Vec<String> = step.iter().map(|it| (*it).to_string()).collect();
+        let text = SceneText::parse("by hand", text, &set).unwrap();
+        let results = Plan::of(text.scene()).unwrap().run_quietly().unwrap();
+        let warnings = results.run.warnings.iter().map(|it| it.unknown.clone());
+        warnings.flatten().collect::<Vec<String>>()
+    };
+    assert_eq!(unknown(&[]), Vec::<String>::new());
+    let names = unknown(&["monte_carlo.step=0.7"]);
+    for name in [
+        "records.var_q",
+        "records.contact_loss_probability",
+        "records.loss_rate",
+        "records.mean_flight",
+        "records.mean_impact_speed",
+        "first_loss_paths.survival at t = 5",
+        "first_loss_paths.density at t = 5",
+        "first_loss_paths.mean_time",
+        "welch.spectrum",
+    ] {
+        assert!(names.iter().any(|it| it == name), "{name}: {names:?}");
+    }
 }

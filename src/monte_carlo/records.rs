@@ -165,7 +165,8 @@ impl Records {
         format!("{} records, {}", self.records(), self.walk.words())
     }
 
-    fn records(&self) -> u64 {
+    /// How many.
+    pub(crate) fn records(&self) -> u64 {
         self.groups * LANES as u64
     }
 
