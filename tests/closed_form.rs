@@ -148,7 +148,7 @@ fn the_closed_form_reproduces_the_reference_table_digit_by_digit() {
         (3.2e-3, "1.005310", "0.911292", "0.950790", "0.15134"),
     ] {
         let it = law(ContactLaw::Hertz, 0.005, h);
-        same_digits(it.temperature(), t);
+        same_digits(it.oscillator().temperature(), t);
         same_digits(it.std_force().value, std);
         same_digits(it.skewness_force().value, skewness);
         same_digits(it.contact_loss_probability().unwrap().value, loss);
@@ -199,7 +199,7 @@ fn a_loss_probability_far_below_the_smallest_double_has_its_logarithm() {
     let it = law(ContactLaw::Hertz, 0.005, 1e-6);
     let log = it.log10_contact_loss_probability().unwrap();
     // ln P = -0.9/T + ln(T p_q(loss) e^{0.9/T}): T = pi 1e-4, Z = sqrt(2 pi T) (1 + O(T)).
-    let t = it.temperature();
+    let t = it.oscillator().temperature();
     let asymptotic = (-0.9 / t + 0.5 * (t / TAU).ln()) / LN_10;
     println!("log10 P(loss) = {log}, asymptotic {asymptotic:.4}");
     assert!((log.value - asymptotic).abs() < 1e-3 && log.value < -1200.0);
@@ -247,7 +247,7 @@ fn the_density_of_the_force_integrates_to_one_with_its_dirac_mass() {
 #[test]
 fn velocity_moments_are_gaussian_and_the_linear_law_is_gaussian_throughout() {
     let it = law(ContactLaw::Linear, 0.05, 0.01);
-    let t = it.temperature();
+    let t = it.oscillator().temperature();
     for (n, factor) in [(0, 1.0), (1, 0.0), (2, 1.0), (4, 3.0), (6, 15.0)] {
         let (q, v) = (it.moment_q(n), it.moment_v(n));
         let exact = factor * t.powi(n as i32 / 2);

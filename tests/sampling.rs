@@ -612,7 +612,7 @@ fn a_step_by_hand_is_warned_of_by_every_kind_of_sample_and_names_what_it_spoils(
                 [outputs]\nstationary = false\nspectrum = { until = 2.5 }\nfirst_loss = { until = 5 }\n\
                 crossings = { window = 10 }\n\
                 [monte_carlo]\npaths = 20_000\nduration = 2e4\nscheme = \"baoab\"\n\
-                [accuracy]\ntolerance = 1e-2\n";
+                [accuracy]\ntolerance = 1e-1\n";
     let unknown = |step: &[&str]| {
         let set: Vec<String> = step.iter().map(|it| (*it).to_string()).collect();
         let text = SceneText::parse("by hand", text, &set).unwrap();

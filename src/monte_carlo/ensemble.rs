@@ -359,6 +359,9 @@ impl Run<'_> {
                 groups: &mut groups,
                 progress: self.progress,
             });
+            if self.progress.late() {
+                return;
+            }
             q.clear();
             v.clear();
             for group in &groups {

@@ -246,12 +246,12 @@ impl WithLaw for &Survive<'_> {
             .map(|paths| {
                 let mut sums = LossSums::new(self);
                 for first in paths.clone().step_by(LANES) {
-                    if self.progress.late() {
-                        break;
-                    }
                     let lanes = (LANES as u64).min(paths.end - first);
                     let run = self;
                     let times = pulp::Arch::new().dispatch(Group { law, run, first });
+                    if self.progress.late() {
+                        break;
+                    }
                     for time in &times[..lanes as usize] {
                         sums.push(self, *time);
                     }

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, BatchMeans, Units};
 use super::events::{
-    Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, Watch, flight_bins,
+    Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, PATIENCE, Watch, flight_bins,
 };
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::law::{self, Law, WithLaw};
@@ -385,9 +385,6 @@ impl Run<'_> {
         let mut logbook = self.flights.map(|bins| Logbook::new(bins, out));
         let arch = pulp::Arch::new();
         for number in 0..recipe.burn_in + recipe.batches {
-            if self.progress.late() {
-                break;
-            }
             let keep = number >= recipe.burn_in;
             let mut batch = Batch::new();
             let start = number * recipe.samples;
@@ -405,6 +402,9 @@ impl Run<'_> {
                     record,
                     watch: &mut Deaf,
                 }),
+            }
+            if self.progress.late() {
+                break;
             }
             let now = (start + recipe.samples) as f64 * recipe.steps as f64 * recipe.walk.step;
             if let Some(logbook) = &mut logbook {
@@ -464,7 +464,11 @@ impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
             watch: self.watch,
             progress: run.progress,
         };
+        let patience = (PATIENCE / steps).max(1);
         for k in 0..run.recipe.samples {
+            if k % patience == patience - 1 && watch.late() {
+                break;
+            }
             let now = (start + k) as f64 * spacing;
             run.coefficients.advance(law, group, steps, now, watch);
             batch.sample(law, &run.units, &group.q, &group.v);

@@ -210,7 +210,7 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     }
     if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
         for k in 0..steps {
-            if k % PATIENCE == 0 && watch.late() {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
                 break;
             }
             let mut excitation = [0.0; LANES];
@@ -228,7 +228,7 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
         let mut streams = group.streams.clone();
         let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
         for k in 0..steps / 2 {
-            if k % PATIENCE == 0 && watch.late() {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
                 break;
             }
             streams.normals(&mut first, &mut second);
@@ -519,7 +519,7 @@ impl ExponentialHeun {
         let mut streams = group.streams.clone();
         let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
         for k in 0..steps {
-            if k % PATIENCE == 0 && watch.late() {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
                 break;
             }
             streams.normals(&mut first, &mut second);
@@ -588,7 +588,7 @@ impl<const STAGES: usize> Splitting<STAGES> {
         let (mut now, mut have_spare) = (now, false);
         let mut flow = self.first;
         for step in 0..steps {
-            if step % PATIENCE == 0 && watch.late() {
+            if step % PATIENCE == PATIENCE - 1 && watch.late() {
                 break;
             }
             for (stage, (decay, spread)) in self.friction.into_iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Sampled records of the stationary motion, handed on one by one: for spectra.
 
-use super::events::Deaf;
+use super::events::{Deaf, PATIENCE, Watch};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
@@ -213,7 +213,11 @@ impl<L: Law> pulp::WithSimd for Sample<'_, L> {
             watch: Deaf,
             progress: self.progress,
         };
+        let patience = (PATIENCE / steps).max(1);
         for k in 0..burn_in + asked.samples as u64 {
+            if k % patience == patience - 1 && watch.late() {
+                break;
+            }
             let now = k as f64 * spacing;
             self.coefficients
                 .advance(self.law, &mut self.group, *steps, now, &mut watch);
