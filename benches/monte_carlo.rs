@@ -6,7 +6,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::time::Duration;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::initial::Initial;
-use vibroimpact::monte_carlo::{EnsembleSettings, Scheme, run};
+use vibroimpact::monte_carlo::{Sampling, Scheme, run};
 use vibroimpact::oscillator::Oscillator;
 
 /// Enough that the first block, which is run twice, does not count.
@@ -27,11 +27,11 @@ fn schemes(c: &mut Criterion) {
         (Scheme::Splitting42, 0.75, 37.5),
         (Scheme::Splitting62, 1.5, 37.5),
     ] {
-        let settings = EnsembleSettings {
+        let settings = Sampling {
             paths: PATHS,
             scheme,
             step: Some(step),
-            ..EnsembleSettings::default()
+            ..Sampling::default()
         };
         let go = || {
             let initial = Initial::gaussian([0.0, 0.0], [0.9, 0.8]).expect("a start");

@@ -14,7 +14,7 @@ use vibroimpact::fokker_planck::march::{Additive, Integrator, Radau, Solver};
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::{Drift, Settings, first_loss, spectrum, steady};
 use vibroimpact::initial::Initial;
-use vibroimpact::monte_carlo::{self, EnsembleSettings, Scheme};
+use vibroimpact::monte_carlo::{self, Sampling, Scheme};
 use vibroimpact::oscillator::{Oscillator, Quantity};
 use vibroimpact::stationary::Stationary;
 
@@ -244,11 +244,11 @@ fn paths() -> Vec<String> {
     schemes
         .into_iter()
         .map(|(scheme, step, end)| {
-            let settings = EnsembleSettings {
+            let settings = Sampling {
                 paths: PATHS,
                 scheme,
                 step: Some(step),
-                ..EnsembleSettings::default()
+                ..Sampling::default()
             };
             let mut count = 0;
             let all = seconds(|| {

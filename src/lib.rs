@@ -32,7 +32,7 @@
 //! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
 //! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
-//! | Spectra from records and correlation functions | [`spectrum`] |
+//! | Spectra from records | [`spectrum`] |
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
@@ -44,6 +44,7 @@
 //! The paper number by number, error against run time and the stiff and extreme scenes are a program of their own:
 //! `cargo run --release --bin lab -- --help`.
 
+mod budget;
 pub mod cli;
 pub mod contact;
 pub mod conventions;

@@ -1,14 +1,13 @@
 //! A plan: what a scene needs computed, and nothing else. Data that can be printed, costed and tested
 //! before anything runs.
 
+use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
-use crate::fokker_planck::{self, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState};
+use crate::fokker_planck::{self, FirstPassage, Recipe, Resolvent, Settings, SteadyState};
 pub use crate::format::{bytes, seconds};
-use crate::format::{num, short};
-use crate::initial::Initial;
-use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
-use crate::oscillator::Oscillator;
+use crate::format::num;
+use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
 use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
 use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest};
 use crate::spectrum::Welch;
@@ -25,13 +24,17 @@ pub struct Plan {
     stages: Vec<Stage>,
 }
 
-/// How each question asked of the Fokker-Planck equation will be answered: decided once, printed and executed.
+/// How each question will be answered: decided once, printed and executed.
 #[derive(Debug, Clone, Default)]
 struct Recipes {
     transient: Option<Recipe>,
     steady: Option<SteadyState>,
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
+    ensemble: Option<Ensemble>,
+    series: Option<Series>,
+    first_losses: Option<FirstLosses>,
+    records: Option<Records>,
 }
 
 /// One part of a plan.
@@ -117,6 +120,17 @@ impl Cost {
             seconds: it.seconds,
         }
     }
+
+    /// What a sample will take.
+    fn of_sample(it: monte_carlo::Cost, method: String) -> Self {
+        Self {
+            method,
+            cells: None,
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        }
+    }
 }
 
 /// Told about a run as it goes; every method may be left as it is.
@@ -178,69 +192,24 @@ impl Plan {
             recipes: Recipes::default(),
             stages: Vec::new(),
         };
-        let outputs = &scene.outputs;
-        if outputs.stationary {
-            plan.add(Part::Stationary, &[("outputs.stationary", true)])?;
-        }
-        if outputs.crossings.is_some() {
-            plan.add(Part::Crossings, &[("outputs.crossings", true)])?;
-        }
-        if outputs.first_loss.is_some() {
-            plan.add(Part::FirstLoss, &[("outputs.first_loss", true)])?;
-        }
-        if outputs.transient() {
-            let why = [
-                ("outputs.moments_at", !outputs.moments_at.is_empty()),
-                ("outputs.density_at", !outputs.density_at.is_empty()),
-            ];
-            plan.add(Part::Transient, &why)?;
-        }
-        if outputs.steady {
-            plan.add(Part::Steady, &[("outputs.steady", true)])?;
-        }
-        if outputs.decay_rates > 0 {
-            plan.add(Part::DecayRates, &[("outputs.decay_rates", true)])?;
-        }
-        if outputs.spectrum.is_some() {
-            plan.add(Part::Spectrum, &[("outputs.spectrum", true)])?;
-        }
-        if scene.wants_series() {
-            plan.add(Part::Series, &[("outputs.spectrum", true)])?;
-        }
-        if scene.wants_paths() {
-            plan.add(Part::MonteCarlo, &[("monte_carlo", true)])?;
-        }
-        if scene.monte_carlo.is_some() && outputs.first_loss.is_some() {
-            plan.add(Part::FirstLossPaths, &[("outputs.first_loss", true)])?;
-        }
-        if scene.wants_records() {
-            let (alone, crossings) = (!scene.wants_paths(), outputs.crossings.is_some());
-            let why = [
-                ("monte_carlo", alone),
-                ("outputs.crossings", crossings),
-                ("monte_carlo.duration", !alone && !crossings),
-            ];
-            plan.add(Part::Records, &why)?;
+        for (part, keys) in asked(scene) {
+            let keys = keys.into_iter().filter(|(_, asked)| *asked);
+            let needed_by: Vec<&'static str> = keys.map(|(key, _)| key).collect();
+            if needed_by.is_empty() {
+                continue;
+            }
+            let cost = plan.cost(part).and_then(|cost| {
+                plan.check_cost(part, &cost)?;
+                Ok(cost)
+            });
+            let cost = cost.map_err(|error| plan.as_typed(error))?;
+            plan.stages.push(Stage {
+                part,
+                needed_by,
+                cost,
+            });
         }
         Ok(plan)
-    }
-
-    fn add(&mut self, part: Part, why: &[(&'static str, bool)]) -> Result<()> {
-        let cost = self.cost(part).and_then(|cost| {
-            self.check_cost(part, &cost)?;
-            Ok(cost)
-        });
-        let cost = cost.map_err(|error| self.as_typed(error))?;
-        self.stages.push(Stage {
-            part,
-            needed_by: why
-                .iter()
-                .filter(|(_, asked)| *asked)
-                .map(|(key, _)| *key)
-                .collect(),
-            cost,
-        });
-        Ok(())
     }
 
     /// A stage that takes finer cells than the scene's for its error is refused by the scene's own.
@@ -277,34 +246,34 @@ impl Plan {
         times
     }
 
-    fn ensemble_settings(&self) -> Option<EnsembleSettings> {
-        self.scene.monte_carlo.as_ref().map(|it| EnsembleSettings {
+    /// What the scene says of sampling.
+    fn sampling(&self) -> Sampling {
+        let it = self.scene.monte_carlo.clone().unwrap_or_default();
+        Sampling {
             paths: it.paths,
-            seed: it.seed,
-            scheme: it.scheme,
-            step: it.step,
-            noise: noise(it),
-            max_seconds: self.settings.max_seconds,
-            ..EnsembleSettings::default()
-        })
-    }
-
-    fn record_settings(&self) -> Option<RecordSettings> {
-        self.scene.monte_carlo.as_ref().map(|it| RecordSettings {
             duration: it.duration.unwrap_or(MonteCarlo::DURATION),
             seed: it.seed,
             scheme: it.scheme,
             step: it.step,
-            noise: noise(it),
-            max_seconds: self.settings.max_seconds,
-            ..RecordSettings::default()
-        })
+            noise: match it.noise {
+                scene::Noise::White => monte_carlo::Noise::White,
+                scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
+                    count: cosines.try_into().unwrap_or(u32::MAX),
+                    band,
+                },
+            },
+            ..Sampling::default()
+        }
     }
 
     // ---- the joins to the numerics: sizes here, calls in `compute` ----
 
     fn cost(&mut self, part: Part) -> Result<Cost> {
-        let oscillator = &self.scene.oscillator;
+        let Scene {
+            oscillator,
+            initial,
+            ..
+        } = &self.scene;
         let (it, method) = match part {
             Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
@@ -316,17 +285,27 @@ impl Plan {
                 });
             }
             Part::MonteCarlo => {
-                let until = self.scene.outputs.moments_at.last();
-                let cost = self.ensemble_cost(until, monte_carlo::scheme_and_step)?;
-                return self.with_companion(cost);
+                let times = self.scene.outputs.moments_at.list();
+                let recipe = Ensemble::of(oscillator, initial, &times, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.ensemble = Some(recipe);
+                return Ok(cost);
             }
             Part::FirstLossPaths => {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
-                return self.ensemble_cost(until, monte_carlo::first_loss_scheme_and_step);
+                let recipe = FirstLosses::of(oscillator, initial, until, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.first_losses = Some(recipe);
+                return Ok(cost);
+            }
+            Part::Records => {
+                let recipe = Records::of(oscillator, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.records = Some(recipe);
+                return Ok(cost);
             }
             Part::FirstLoss => {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
-                let initial = &self.scene.initial;
                 let recipe = FirstPassage::of(oscillator, initial, until, &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.first_passage = Some(recipe);
@@ -339,9 +318,7 @@ impl Plan {
                 self.recipes.spectrum = Some(recipe);
                 cost
             }
-            Part::Records => return self.record_cost(),
             Part::Transient => {
-                let initial = &self.scene.initial;
                 let recipe = Recipe::of(oscillator, initial, &self.times(), &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.transient = Some(recipe);
@@ -358,55 +335,8 @@ impl Plan {
         Ok(Cost::on_mesh(it, method))
     }
 
-    fn ensemble_cost(
-        &self,
-        until: f64,
-        choose: impl Fn(&Oscillator, &Initial, &EnsembleSettings) -> Result<(Scheme, f64)>,
-    ) -> Result<Cost> {
-        let settings = self.ensemble_settings().unwrap_or_default();
-        let Scene {
-            oscillator,
-            initial,
-            ..
-        } = &self.scene;
-        let (scheme, step) = choose(oscillator, initial, &settings)?;
-        let steps = (until / step).ceil();
-        let threads = rayon::current_num_threads() as f64;
-        Ok(Cost {
-            method: format!("{} paths, {scheme}, step {}", settings.paths, short(step)),
-            cells: None,
-            steps: steps as u64,
-            memory_bytes: (threads * 1e6) as u64,
-            seconds: step_seconds(scheme, settings.noise) * settings.paths as f64 * steps / threads,
-        })
-    }
-
-    /// The cost of an ensemble with that of the one that shows the bias of its step, if there is one.
-    fn with_companion(&self, mut cost: Cost) -> Result<Cost> {
-        let Scene {
-            oscillator,
-            initial,
-            outputs,
-            ..
-        } = &self.scene;
-        let settings = self.ensemble_settings().unwrap_or_default();
-        let times = outputs.moments_at.list();
-        if let Some(it) = monte_carlo::companion(oscillator, initial, &times, &settings)? {
-            let (scheme, step) = monte_carlo::scheme_and_step(oscillator, initial, &it)?;
-            let steps = (outputs.moments_at.last() / step).ceil();
-            let threads = rayon::current_num_threads() as f64;
-            cost.seconds += step_seconds(scheme, it.noise) * it.paths as f64 * steps / threads;
-            cost.method = format!(
-                "{}; as many by {scheme}, step {}, for its bias",
-                cost.method,
-                short(step)
-            );
-        }
-        Ok(cost)
-    }
-
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
-    fn welch(&self) -> Result<(Welch, SeriesSettings)> {
+    fn welch(&self) -> Result<(Welch, Samples)> {
         let request = self.scene.outputs.spectrum.unwrap_or(SpectrumRequest {
             until: 4.0,
             quantity: scene::Quantity::Force,
@@ -416,61 +346,35 @@ impl Plan {
         let spacing = 0.5 * PI / request.until;
         let welch = Welch::new(WELCH_SAMPLES, WELCH_SAMPLES / 2, spacing)?;
         let samples = welch.record_length(WELCH_SEGMENTS);
-        let sampling = self.scene.monte_carlo.clone().unwrap_or_default();
+        let asked = self.scene.monte_carlo.as_ref().and_then(|it| it.duration);
         let wanted = self.scene.wants_records();
-        let duration = sampling.duration.or(wanted.then_some(MonteCarlo::DURATION));
+        let duration = asked.or(wanted.then_some(MonteCarlo::DURATION));
         // As long as the long records, if there are any.
         let records = duration.map_or((WELCH_AVERAGES / WELCH_SEGMENTS) as f64, |duration| {
             (duration / (samples as f64 * spacing)).ceil().max(32.0)
         });
-        let settings = SeriesSettings {
+        let asked = Samples {
             quantity: request.quantity,
             spacing,
             samples,
             records: records as u64,
-            seed: sampling.seed,
-            scheme: sampling.scheme,
-            step: sampling.step,
-            noise: noise(&sampling),
-            max_seconds: self.settings.max_seconds,
         };
-        Ok((welch, settings))
+        Ok((welch, asked))
     }
 
-    fn series_cost(&self) -> Result<Cost> {
-        let (_, settings) = self.welch()?;
-        let it = monte_carlo::series_size(&self.scene.oscillator, &settings)?;
-        let threads = rayon::current_num_threads() as f64;
-        Ok(Cost {
-            method: format!(
-                "Welch: {} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}, step {}",
-                it.records,
-                it.scheme,
-                short(it.step)
-            ),
-            cells: None,
-            steps: it.path_steps / it.records,
-            memory_bytes: it.memory + 8 * it.records * WELCH_SAMPLES as u64 / 2,
-            seconds: step_seconds(it.scheme, settings.noise) * it.path_steps as f64 / threads,
-        })
-    }
-
-    fn record_cost(&self) -> Result<Cost> {
-        let settings = self.record_settings().unwrap_or_default();
-        let it = monte_carlo::record_size(&self.scene.oscillator, &settings)?;
-        let threads = rayon::current_num_threads() as f64;
-        Ok(Cost {
-            method: format!(
-                "{} records, {}, step {}",
-                it.records,
-                it.scheme,
-                short(it.step)
-            ),
-            cells: None,
-            steps: it.steps,
-            memory_bytes: it.memory,
-            seconds: step_seconds(it.scheme, settings.noise) * it.path_steps as f64 / threads,
-        })
+    fn series_cost(&mut self) -> Result<Cost> {
+        let (_, asked) = self.welch()?;
+        let recipe = Series::of(&self.scene.oscillator, asked, &self.sampling())?;
+        let records = recipe.asked.records;
+        let method = format!(
+            "Welch: {records} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}",
+            recipe.words()
+        );
+        let mut cost = Cost::of_sample(recipe.cost, method);
+        // The periodograms.
+        cost.memory_bytes += 8 * records * WELCH_SAMPLES as u64 / 2;
+        self.recipes.series = Some(recipe);
+        Ok(cost)
     }
 
     /// Seconds of those left that are kept for the stages after this one.
@@ -505,8 +409,7 @@ impl Plan {
             left = left.max(least);
         }
         settings.max_seconds = left - self.reserved(part, left);
-        let max_seconds = settings.max_seconds;
-        let limits = Limits::from_now(max_seconds, settings.max_memory);
+        let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
         match part {
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
@@ -530,13 +433,11 @@ impl Plan {
                 }
             }
             Part::FirstLossPaths => {
-                if let (Some(mut settings), Some(it)) =
-                    (self.ensemble_settings(), &results.first_loss)
+                if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss)
                 {
-                    settings.max_seconds = max_seconds;
-                    let times = it.times.clone();
-                    let it =
-                        monte_carlo::first_loss(oscillator, initial, &times, &settings, progress)?;
+                    let problem = (oscillator, initial);
+                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_loss_paths = Some(it);
                     results.agreement = results.agree();
                 }
@@ -572,30 +473,28 @@ impl Plan {
             }
             Part::Spectrum => self.compute_spectrum(limits, results, progress)?,
             Part::Series => {
-                let (welch, mut series) = self.welch()?;
-                series.max_seconds = max_seconds;
-                if let Some(mut it) = results.spectrum.take() {
-                    it.sample(oscillator, &welch, &series, progress)?;
+                if let (Some(recipe), Some(mut it)) =
+                    (&self.recipes.series, results.spectrum.take())
+                {
+                    let (welch, _) = self.welch()?;
+                    let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
                     results.spectrum = Some(it);
+                    let warning = recipe.warning(oscillator, averages);
+                    results.run.warnings.extend(warning);
                     results.agreement = results.agree();
                 }
             }
             Part::MonteCarlo => {
-                if let Some(mut settings) = self.ensemble_settings() {
-                    settings.max_seconds = max_seconds;
-                    let times = outputs.moments_at.list();
-                    let it = monte_carlo::run_with_bias(
-                        oscillator, initial, &times, &settings, progress,
-                    )?;
+                if let Some(recipe) = &self.recipes.ensemble {
+                    let it = recipe.run((oscillator, initial), limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.monte_carlo = Some(it);
                     results.agreement = results.agree();
                 }
             }
             Part::Records => {
-                if let Some(mut settings) = self.record_settings() {
-                    settings.max_seconds = max_seconds;
-                    let it = monte_carlo::records(oscillator, &settings, progress)?;
+                if let Some(recipe) = &self.recipes.records {
+                    let it = recipe.run(oscillator, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     let losses = it.crossings.as_ref().map(|it| it.losses);
                     if outputs.crossings.is_some() && losses == Some(0) {
@@ -783,29 +682,46 @@ impl Plan {
     }
 }
 
-fn noise(it: &MonteCarlo) -> monte_carlo::Noise {
-    match it.noise {
-        scene::Noise::White => monte_carlo::Noise::White,
-        scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
-            count: cosines.try_into().unwrap_or(u32::MAX),
-            band,
-        },
-    }
-}
-
-/// One step of one path on one core, roughly, in seconds.
-fn step_seconds(scheme: Scheme, noise: monte_carlo::Noise) -> f64 {
-    let cosines = match noise {
-        monte_carlo::Noise::Cosines { count, .. } => f64::from(count),
-        _ => 0.0,
-    };
-    let plain = match scheme {
-        Scheme::Splitting42 | Scheme::Auto => 45e-9,
-        Scheme::Splitting62 => 70e-9,
-        Scheme::ExponentialHeun => 20e-9,
-        _ => 6e-9,
-    };
-    plain + 1.3e-9 * cosines
+/// The keys that ask for each part, and whether they do.
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
+    let it = &scene.outputs;
+    let crossings = ("outputs.crossings", it.crossings.is_some());
+    let first_loss = ("outputs.first_loss", it.first_loss.is_some());
+    let spectrum = ("outputs.spectrum", it.spectrum.is_some());
+    let moments = ("outputs.moments_at", !it.moments_at.is_empty());
+    let densities = ("outputs.density_at", !it.density_at.is_empty());
+    let (sampled, paths, records) = (
+        scene.monte_carlo.is_some(),
+        scene.wants_paths(),
+        scene.wants_records(),
+    );
+    let by_sampling = |(key, asked): (&'static str, bool)| vec![(key, asked && sampled)];
+    [
+        (
+            Part::Stationary,
+            vec![("outputs.stationary", it.stationary)],
+        ),
+        (Part::Crossings, vec![crossings]),
+        (Part::FirstLoss, vec![first_loss]),
+        (Part::Transient, vec![moments, densities]),
+        (Part::Steady, vec![("outputs.steady", it.steady)]),
+        (
+            Part::DecayRates,
+            vec![("outputs.decay_rates", it.decay_rates > 0)],
+        ),
+        (Part::Spectrum, vec![spectrum]),
+        (Part::Series, by_sampling(spectrum)),
+        (Part::MonteCarlo, vec![("monte_carlo", paths)]),
+        (Part::FirstLossPaths, by_sampling(first_loss)),
+        (
+            Part::Records,
+            vec![
+                ("monte_carlo", records && !paths),
+                (crossings.0, records && crossings.1),
+                ("monte_carlo.duration", records && paths && !crossings.1),
+            ],
+        ),
+    ]
 }
 
 /// Leave the numbers of these times only.
@@ -911,6 +827,97 @@ mod tests {
             );
             println!("{name}: {found:?}; {}", recipe.reason);
             assert_eq!(found, (method.to_string(), grid, cells, steps), "{name}");
+        }
+    }
+
+    #[test]
+    fn every_built_in_sample_has_its_recipe() {
+        use crate::monte_carlo::Scheme::{self, ExponentialHeun, Splitting42};
+        // Scheme, step, paths or records, steps of each.
+        type Found = (Part, Scheme, f64, u64, u64);
+        let recipes: [(&str, &[Found]); 11] = [
+            (
+                "default",
+                &[(Part::MonteCarlo, Splitting42, 0.5, 100_000, 1000)],
+            ),
+            (
+                "bilinear",
+                &[(Part::MonteCarlo, Splitting42, 1.0, 20_000, 40)],
+            ),
+            (
+                "displaced",
+                &[(Part::MonteCarlo, Splitting42, 0.25, 50_000, 160)],
+            ),
+            (
+                "dropped",
+                &[(Part::MonteCarlo, Splitting42, 0.5, 100_000, 80)],
+            ),
+            (
+                "overdamped",
+                &[(Part::MonteCarlo, Splitting42, 0.01, 20_000, 400)],
+            ),
+            (
+                "free-fall",
+                &[(Part::MonteCarlo, Splitting42, 0.25, 20_000, 8)],
+            ),
+            (
+                "extreme",
+                &[(Part::MonteCarlo, Splitting42, 0.5, 20_000, 40)],
+            ),
+            (
+                "first-loss",
+                &[(Part::FirstLossPaths, Splitting42, 0.5, 100_000, 400)],
+            ),
+            ("records", &[(Part::Records, Splitting42, 0.5, 1024, 400)]),
+            ("spectrum", &[(Part::Series, Splitting42, 0.5, 80, 400)]),
+            (
+                "table-3",
+                &[(Part::Records, ExponentialHeun, 0.5, 1024, 400)],
+            ),
+        ];
+        for (name, expected) in recipes {
+            let text = SceneText::parse(name, built_in(name).unwrap(), &[]).unwrap();
+            let plan = Plan::of(text.scene()).unwrap();
+            let mut found = Vec::new();
+            let mut put = |part, (scheme, step): (Scheme, f64), count, steps| {
+                let step: f64 = format!("{step:.4e}").parse().unwrap();
+                found.push((part, scheme, step, count, steps));
+            };
+            if let Some(it) = &plan.recipes.ensemble {
+                assert!(it.companion.is_none());
+                put(
+                    Part::MonteCarlo,
+                    (it.walk.scheme, it.walk.step),
+                    it.paths,
+                    it.cost.steps,
+                );
+            }
+            if let Some(it) = &plan.recipes.series {
+                put(
+                    Part::Series,
+                    (it.walk.scheme, it.walk.step),
+                    it.asked.records,
+                    it.cost.steps,
+                );
+            }
+            if let Some(it) = &plan.recipes.first_losses {
+                put(
+                    Part::FirstLossPaths,
+                    (it.walk.scheme, it.walk.step),
+                    it.paths,
+                    it.cost.steps,
+                );
+            }
+            if let Some(it) = &plan.recipes.records {
+                put(
+                    Part::Records,
+                    (it.walk.scheme, it.walk.step),
+                    it.records(),
+                    it.cost.steps,
+                );
+            }
+            println!("{name}: {found:?}");
+            assert_eq!(found, expected, "{name}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! Spectra from arrays: by Welch's method from records, and from a correlation function.
+//! Spectra from arrays, by Welch's method from records.
 //!
 //! Every density here is one-sided and per circular frequency: its integral over omega from 0 is the
 //! variance, G = (2/pi) integral_0^infinity R(t) cos(omega t) dt. With white excitation of level h the
@@ -37,39 +37,6 @@ pub fn per_hertz(rig: &Rig) -> f64 {
 pub fn displacement_per_hertz(rig: &Rig) -> f64 {
     let micrometre = 1e6 * (rig.compression(1.0) - rig.compression(0.0));
     micrometre.powi(2) / rig.frequency()
-}
-
-/// The spectrum of a correlation function sampled at equal steps from 0 until it has died out: the
-/// trapezoidal rule, by fast Fourier transform. Frequencies are 2 pi k/(step length), k up to half the
-/// length, the length that of the transform: twice the number of samples or more, a power of two.
-///
-/// The sum is the spectrum with everything beyond pi/step folded back, G(omega) + sum over m >= 1 of
-/// G(2 pi m/step - omega) + G(2 pi m/step + omega): the step must be short enough that there is nothing
-/// there.
-///
-/// # Errors
-/// [`Error::Invalid`] for a step that is not positive or no samples.
-pub fn of_correlation(correlation: &[f64], step: f64) -> Result<(Vec<f64>, Vec<f64>)> {
-    positive("step", step)?;
-    if correlation.is_empty() {
-        return Err(Error::invalid(
-            "correlation",
-            "nothing",
-            "at least one sample",
-        ));
-    }
-    let length = (2 * correlation.len()).next_power_of_two();
-    let mut terms = vec![C::default(); length];
-    for (k, r) in correlation.iter().enumerate() {
-        terms[k].re = if k == 0 { 0.5 * r } else { *r };
-    }
-    FftPlanner::new()
-        .plan_fft_forward(length)
-        .process(&mut terms);
-    let omega = |k: usize| TAU * k as f64 / (step * length as f64);
-    let half = 0..=length / 2;
-    let density = half.clone().map(|k| 2.0 / PI * step * terms[k].re);
-    Ok((half.map(omega).collect(), density.collect()))
 }
 
 /// Welch's method (IEEE Trans. Audio Electroacoust. 15, 70, 1967): segments of a record, overlapping,
@@ -318,17 +285,6 @@ mod tests {
         for (k, g) in welch.expectation(&correlation).iter().enumerate() {
             let sum = cosine.density[k] + sine.density[k];
             assert!((g - sum).abs() < 1e-13 * 32.0, "{k}: {g} {sum}");
-        }
-    }
-
-    #[test]
-    fn the_spectrum_of_an_exponential_correlation_is_a_lorentzian() {
-        let step = 0.002;
-        let r: Vec<f64> = (0..20_000).map(|k| (-step * f64::from(k)).exp()).collect();
-        let (omega, density) = of_correlation(&r, step).unwrap();
-        for (w, g) in omega.iter().zip(&density).take_while(|(w, _)| **w < 4.0) {
-            let exact = 2.0 / PI / (1.0 + w * w);
-            assert!((g / exact - 1.0).abs() < 1e-4, "{w}: {g} {exact}");
         }
     }
 }

@@ -45,8 +45,8 @@ fn module(file: &str) -> &str {
 /// The floor of a module; lib.rs only lists modules, the two programs stand on top.
 fn floor(module: &str) -> usize {
     match module {
-        "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "format" | "matrix"
-        | "roots" => 0,
+        "budget" | "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "format"
+        | "matrix" | "roots" => 0,
         "contact" | "oscillator" | "rig" | "initial" | "moments" | "gaussian" | "scales" => 1,
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,

@@ -9,7 +9,7 @@ use vibroimpact::estimate::Estimate;
 use vibroimpact::fokker_planck::flight::{Flight, flight_law};
 use vibroimpact::fokker_planck::{FirstLoss, Settings, first_loss};
 use vibroimpact::initial::Initial;
-use vibroimpact::monte_carlo::{self, EnsembleSettings, RecordSettings};
+use vibroimpact::monte_carlo::{self, Sampling, Scheme};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::quadrature;
 use vibroimpact::stationary::Stationary;
@@ -38,9 +38,9 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
     ] {
         let it = hertz(0.005, h);
         let exact = survive(&it, &initial, 100.0, 0.5);
-        let settings = EnsembleSettings {
+        let settings = Sampling {
             paths: 600_000,
-            ..EnsembleSettings::default()
+            ..Sampling::default()
         };
         let paths =
             monte_carlo::first_loss(&it, &initial, &exact.times, &settings, &|_| {}).unwrap();
@@ -178,9 +178,9 @@ fn flights_have_the_mean_and_the_norm_of_the_stationary_law_and_the_density_of_t
     // A share of 2e-5 is longer than the curve.
     assert!((norm - 1.0).abs() < 1e-4 && (mean / exact - 1.0).abs() < 3e-4);
 
-    let settings = RecordSettings {
+    let settings = Sampling {
         duration: 4e5,
-        ..RecordSettings::default()
+        ..Sampling::default()
     };
     let records = monte_carlo::records(&it, &settings, &|_| {}).unwrap();
     let seen = records.crossings.unwrap().flight_time;
@@ -271,10 +271,10 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
 #[test]
 fn paths_stop_at_the_limit_of_time_and_a_tolerance_out_of_reach_is_a_shortfall() {
     let it = hertz(0.005, 3.2e-3);
-    let settings = EnsembleSettings {
+    let settings = Sampling {
         paths: 1 << 40,
         max_seconds: 0.2,
-        ..EnsembleSettings::default()
+        ..Sampling::default()
     };
     let error =
         monte_carlo::first_loss(&it, &Initial::Rest, &[10.0], &settings, &|_| {}).unwrap_err();
@@ -303,62 +303,179 @@ fn paths_stop_at_the_limit_of_time_and_a_tolerance_out_of_reach_is_a_shortfall()
     assert!(shortfall.free && shortfall.reason.contains("max_memory"));
 }
 
+/// What losses show.
+const SHOWN: [&str; 5] = [
+    "loss_rate",
+    "lost_share",
+    "P(loss)",
+    "mean_flight",
+    "mean_impact_speed",
+];
+
+/// Mean number of bursts seen in records of this duration, and the rms error of what losses show over its standard
+/// error, over 200 seeds.
+fn over_seeds(it: &Oscillator, duration: f64) -> (f64, [f64; 5]) {
+    let law = Stationary::of(it).unwrap();
+    let exact = [
+        law.loss_rate(),
+        law.contact_loss_probability(),
+        law.contact_loss_probability(),
+        law.mean_flight(),
+        law.mean_impact_speed(),
+    ];
+    let (mut squares, mut counts) = ([0.0; 5], [0.0; 5]);
+    let (mut bursts, mut losses, mut said) = (0.0, 0.0, 0.0);
+    let seeds = 200;
+    for seed in 0..seeds {
+        let settings = Sampling {
+            duration,
+            seed: 100 + seed,
+            ..Sampling::default()
+        };
+        let got = monte_carlo::records(it, &settings, &|_| {}).unwrap();
+        let seen = got.crossings.unwrap();
+        bursts += seen.bursts / seeds as f64;
+        losses += seen.losses as f64 / seeds as f64;
+        let warned = got
+            .warnings
+            .iter()
+            .any(|it| it.text.contains("independent bursts"));
+        assert_eq!(warned, seen.losses > 0 && seen.bursts < 20.0);
+        said += f64::from(u8::from(warned)) / seeds as f64;
+        let numbers = [
+            seen.loss_rate,
+            seen.lost_share,
+            got.moments.contact_loss_probability.unwrap(),
+            seen.mean_flight,
+            seen.mean_impact_speed,
+        ];
+        for (k, (number, exact)) in numbers.into_iter().zip(exact).enumerate() {
+            let z = (number.value - exact.unwrap().value) / number.error;
+            // No flight has no mean.
+            if z.is_finite() {
+                squares[k] += z * z;
+                counts[k] += 1.0;
+            }
+        }
+    }
+    let rms: [f64; 5] = std::array::from_fn(|k| f64::sqrt(squares[k] / counts[k]));
+    println!(
+        "{} zeta {} T {:.3}, duration {duration:.1e}: {losses:.0} losses in {bursts:.1} bursts, said in {said:.2} of \
+         the runs",
+        it.contact().name(),
+        it.zeta(),
+        it.temperature()
+    );
+    for (name, rms) in SHOWN.iter().zip(rms) {
+        println!("    {name}: rms z {rms:.2}");
+    }
+    (bursts, rms)
+}
+
 #[test]
 fn losses_in_few_bursts_have_standard_errors_that_hold_over_seeds() {
     // T = 0.157: 0.0005 losses a unit of time, in bursts of three or four.
     let it = hertz(0.005, 5e-4);
-    let law = Stationary::of(&it).unwrap();
-    let exact = [
-        ("loss_rate", law.loss_rate()),
-        ("lost_share", law.contact_loss_probability()),
-        ("P(loss)", law.contact_loss_probability()),
-        ("mean_flight", law.mean_flight()),
-        ("mean_impact_speed", law.mean_impact_speed()),
-    ];
     for (duration, [low, high]) in [(2e4, [0.3, 1.0]), (1e5, [0.65, 1.2]), (4e5, [0.8, 1.25])] {
-        let mut squares = [0.0; 5];
-        let mut counts = [0.0; 5];
-        let (mut bursts, mut losses, mut said) = (0.0, 0.0, 0.0);
-        let seeds = 200;
-        for seed in 0..seeds {
-            let settings = RecordSettings {
-                duration,
-                seed: 100 + seed,
-                ..RecordSettings::default()
-            };
-            let got = monte_carlo::records(&it, &settings, &|_| {}).unwrap();
-            let seen = got.crossings.unwrap();
-            bursts += seen.bursts / seeds as f64;
-            losses += seen.losses as f64 / seeds as f64;
-            let warned = got
-                .warnings
-                .iter()
-                .any(|it| it.text.contains("independent bursts"));
-            assert_eq!(warned, seen.losses > 0 && seen.bursts < 20.0);
-            said += f64::from(u8::from(warned)) / seeds as f64;
-            let numbers = [
-                seen.loss_rate,
-                seen.lost_share,
-                got.moments.contact_loss_probability.unwrap(),
-                seen.mean_flight,
-                seen.mean_impact_speed,
-            ];
-            for (k, (number, (_, exact))) in numbers.into_iter().zip(exact).enumerate() {
-                let z = (number.value - exact.unwrap().value) / number.error;
-                // No flight has no mean.
-                if z.is_finite() {
-                    squares[k] += z * z;
-                    counts[k] += 1.0;
-                }
-            }
-        }
-        println!(
-            "duration {duration:.0e}: {losses:.0} losses in {bursts:.1} bursts, said in {said:.2} of the runs"
-        );
-        for (k, (name, _)) in exact.iter().enumerate() {
-            let rms = (squares[k] / counts[k]).sqrt();
-            println!("    {name}: rms z {rms:.2} over {} seeds", counts[k]);
+        let (_, rms) = over_seeds(&it, duration);
+        for (name, rms) in SHOWN.iter().zip(rms) {
             assert!(rms > low && rms < high, "{name}: {rms}");
         }
+    }
+}
+
+#[test]
+fn the_standard_errors_of_few_bursts_hold_for_other_oscillators_than_the_one_they_were_made_for() {
+    // Bursts of one or two losses, bursts of dozens, and a contact with a kink.
+    let bilinear = Oscillator::new(ContactLaw::Bilinear, 0.005, 2.9e-4).unwrap();
+    for (it, durations) in [
+        (hertz(0.04, 4e-3), [2e4, 6e4, 4e5]),
+        (hertz(0.001, 1.3e-4), [1e5, 4e5, 1.6e6]),
+        (bilinear, [4e4, 2e5, 8e5]),
+    ] {
+        for duration in durations {
+            let (bursts, rms) = over_seeds(&it, duration);
+            for (name, rms) in SHOWN.iter().zip(rms) {
+                let low = if bursts < 5.0 { 0.2 } else { 0.6 };
+                assert!(
+                    rms > low && rms < 1.3,
+                    "{name}: {rms} at {bursts:.1} bursts"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn contact_survives_at_first_as_rice_s_rate_says() {
+    // Given contact, the first losses come at the rate nu/P(contact); they thin out as the paths
+    // without losses are the calm ones.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+    let settings = Sampling {
+        paths: 200_000,
+        ..Sampling::default()
+    };
+    let times = [0.25, 0.5, 5.0, 50.0, 200.0];
+    let got =
+        monte_carlo::first_loss(&it, &Initial::Stationary, &times, &settings, &|_| {}).unwrap();
+    let rate = 0.036_466_36 / (1.0 - 0.072_455_6);
+    for (time, survival) in times.iter().zip(&got.survival) {
+        println!("survival to {time}: {survival}");
+    }
+    println!(
+        "density {} {}, rate of losses {rate:.6}; mean time {}",
+        got.density[0], got.density[1], got.mean_time
+    );
+    let z = (got.density[0].value - rate) / got.density[0].error;
+    assert!(z.abs() < 4.0, "{z}");
+    assert!(got.survival.windows(2).all(|s| s[1].value <= s[0].value));
+    // The mean time is the integral of the survival: bracketed by its step functions.
+    let (mut low, mut high, mut before, mut start) = (0.0, 0.0, 1.0, 0.0);
+    for (time, s) in times.iter().zip(&got.survival) {
+        low += s.value * (time - start);
+        high += before * (time - start);
+        (before, start) = (s.value, *time);
+    }
+    assert!(got.mean_time.value > low && got.mean_time.value < high);
+}
+
+#[test]
+fn the_same_survivors_with_any_scheme_that_locates_the_loss() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 2e-2).unwrap();
+    let survival = |scheme, step, paths| {
+        let settings = Sampling {
+            paths,
+            scheme,
+            step,
+            ..Sampling::default()
+        };
+        let got = monte_carlo::first_loss(&it, &Initial::Rest, &[10.0, 20.0], &settings, &|_| {})
+            .unwrap();
+        [got.survival[0], got.survival[1]]
+    };
+    let split = survival(Scheme::Splitting42, None, 100_000);
+    let fine = survival(Scheme::Baoab, Some(0.01), 30_000);
+    for (a, b) in split.iter().zip(&fine) {
+        let z = (a.value - b.value) / a.error.hypot(b.error);
+        println!("splitting {a}, BAOAB {b}, {z:.2} standard errors");
+        assert!(z.abs() < 4.0);
+    }
+}
+
+#[test]
+fn a_law_without_loss_and_a_blind_scheme_are_refused() {
+    let linear = Oscillator::new(ContactLaw::Linear, 0.05, 2e-2).unwrap();
+    let hertz = Oscillator::new(ContactLaw::Hertz, 0.05, 2e-2).unwrap();
+    let blind = Sampling {
+        scheme: Scheme::ExponentialHeun,
+        ..Sampling::default()
+    };
+    for (it, settings, key) in [
+        (&linear, Sampling::default(), "oscillator.contact"),
+        (&hertz, blind, "monte_carlo.scheme"),
+    ] {
+        let error =
+            monte_carlo::first_loss(it, &Initial::Rest, &[1.0], &settings, &|_| {}).unwrap_err();
+        assert!(error.to_string().contains(key), "{error}");
     }
 }

@@ -1,5 +1,7 @@
 //! Spectra: against closed forms, against the flow map, against sampling.
 
+use num_complex::Complex;
+use rustfft::FftPlanner;
 use std::f64::consts::PI;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::domain::Domain;
@@ -7,13 +9,35 @@ use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
 use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::{Settings, Spectrum, spectrum};
 use vibroimpact::initial::Initial;
-use vibroimpact::monte_carlo::{Noise, Scheme, SeriesSettings, series};
+use vibroimpact::monte_carlo::{Samples, Sampling, series};
 use vibroimpact::oscillator::{Oscillator, Quantity};
 use vibroimpact::plan::Plan;
 use vibroimpact::scene::{MonteCarlo, Outputs, Scene, SpectrumRequest};
-use vibroimpact::spectrum::{Welch, linear, of_correlation};
+use vibroimpact::spectrum::{Welch, linear};
 
 const ZETA: f64 = 0.005;
+
+/// The spectrum of a correlation function sampled at equal steps from 0 until it has died out: the
+/// trapezoidal rule, by fast Fourier transform. Frequencies are 2 pi k/(step length), k up to half the
+/// length, the length that of the transform: twice the number of samples or more, a power of two.
+///
+/// The sum is the spectrum with everything beyond pi/step folded back, G(omega) + sum over m >= 1 of
+/// G(2 pi m/step - omega) + G(2 pi m/step + omega): the step must be short enough that there is nothing
+/// there.
+fn of_correlation(correlation: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
+    let length = (2 * correlation.len()).next_power_of_two();
+    let mut terms = vec![Complex::default(); length];
+    for (k, r) in correlation.iter().enumerate() {
+        terms[k].re = if k == 0 { 0.5 * r } else { *r };
+    }
+    FftPlanner::new()
+        .plan_fft_forward(length)
+        .process(&mut terms);
+    let omega = |k: usize| 2.0 * PI * k as f64 / (step * length as f64);
+    let half = 0..=length / 2;
+    let density = half.clone().map(|k| 2.0 / PI * step * terms[k].re);
+    (half.map(omega).collect(), density.collect())
+}
 
 fn hertz(h: f64) -> Oscillator {
     Oscillator::new(ContactLaw::Hertz, ZETA, h).unwrap()
@@ -171,7 +195,7 @@ fn the_resolvent_agrees_with_the_correlation_function_of_the_flow_map() {
         );
         flow.advance(&mut signed, step).unwrap();
     }
-    let (omega, by_time) = of_correlation(&correlation, step).unwrap();
+    let (omega, by_time) = of_correlation(&correlation, step);
     let kept = omega.partition_point(|w| *w <= 4.0);
     let thinned: Vec<usize> = (0..kept).step_by(16).collect();
     let omegas: Vec<f64> = thinned.iter().map(|k| omega[*k]).collect();
@@ -200,16 +224,16 @@ fn welch_agrees_with_its_own_expectation_within_a_family_wise_99_percent_band() 
     let it = hertz(2e-3);
     for (nyquist, quantity) in [(8.0, Quantity::Force), (4.3, Quantity::Displacement)] {
         let welch = Welch::new(2048, 1024, PI / nyquist).unwrap();
-        let settings = SeriesSettings {
+        let asked = Samples {
             quantity,
             spacing: PI / nyquist,
             samples: welch.record_length(5),
             records: 80,
+        };
+        let settings = Sampling {
             seed: 3,
-            scheme: Scheme::Auto,
-            step: None,
-            noise: Noise::White,
             max_seconds: 100.0,
+            ..Sampling::default()
         };
         let law = it.displacement_law().unwrap();
         let mean = law.expect(|q| quantity.of(it.contact(), q)).value;
@@ -217,7 +241,7 @@ fn welch_agrees_with_its_own_expectation_within_a_family_wise_99_percent_band() 
             let deviation: Vec<f64> = record.iter().map(|x| x - mean).collect();
             welch.record(&deviation)
         };
-        let records = series(&it, &settings, &visit, &|_| ()).unwrap();
+        let records = series(&it, asked, &settings, &visit, &|_| ()).unwrap();
         assert_eq!(records.len() * records[0].segments, 400);
         let estimate = welch.average(&records);
         let omegas = welch.omega();
@@ -330,4 +354,15 @@ fn a_scene_gets_both_spectra_with_their_agreement() {
             .unwrap()
             > 0.03
     );
+}
+
+#[test]
+fn the_spectrum_of_an_exponential_correlation_is_a_lorentzian() {
+    let step = 0.002;
+    let r: Vec<f64> = (0..20_000).map(|k| (-step * f64::from(k)).exp()).collect();
+    let (omega, density) = of_correlation(&r, step);
+    for (w, g) in omega.iter().zip(&density).take_while(|(w, _)| **w < 4.0) {
+        let exact = 2.0 / PI / (1.0 + w * w);
+        assert!((g / exact - 1.0).abs() < 1e-4, "{w}: {g} {exact}");
+    }
 }

@@ -23,7 +23,6 @@ pub mod trajectory;
 pub mod transient;
 
 pub use budget::Cost;
-pub(crate) use budget::Limits;
 pub use density::Snapshot;
 pub(crate) use first_passage::first_loss::FirstPassage;
 pub use first_passage::first_loss::{FirstLoss, first_loss};

@@ -4,7 +4,6 @@ use super::histogram::{BatchCounts, Bins, Histogram};
 use super::noise::LANES;
 use crate::estimate::{Estimate, Origin};
 use crate::oscillator::Oscillator;
-use crate::rig::Rig;
 use std::f64::consts::PI;
 
 /// Losses of contact in stationary motion, each located between steps. Errors from the scatter of batches
@@ -28,22 +27,20 @@ pub struct Crossings {
     pub mean_impact_speed: Estimate,
     /// Density of the time from a loss to the return.
     pub flight_time: Histogram,
-    /// Density of the speed at the return.
-    pub impact_speed: Histogram,
 }
 
 impl Crossings {
+    /// The names of its numbers.
+    pub(super) const NAMES: [&str; 4] = [
+        "loss_rate",
+        "losses_in_window",
+        "mean_flight",
+        "mean_impact_speed",
+    ];
+
     /// Mean number of losses in a dimensionless time.
     pub fn losses_in(&self, time: f64) -> Estimate {
         self.loss_rate.scaled(time)
-    }
-
-    /// Mean number of losses in a time in seconds, and the mean flight in seconds: Table 3.
-    pub fn in_seconds(&self, rig: &Rig, seconds: f64) -> (Estimate, Estimate) {
-        (
-            self.losses_in(rig.time(seconds)),
-            self.mean_flight.scaled(rig.seconds(1.0)),
-        )
     }
 }
 
@@ -118,6 +115,27 @@ pub(super) trait Watch {
 
     /// Lane, whether contact was lost (or regained), when, and |v| there.
     fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64);
+
+    /// Whether the time of the work is over; asked every [`PATIENCE`] steps.
+    fn late(&self) -> bool {
+        false
+    }
+}
+
+/// Steps of the paths that advance together between two looks at the clock: under 0.1 s with the most cosines.
+pub(super) const PATIENCE: u64 = 256;
+
+impl<W: Watch> Watch for &mut W {
+    const LISTENS: bool = W::LISTENS;
+
+    #[inline(always)]
+    fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64) {
+        (**self).cross(lane, lost, time, speed);
+    }
+
+    fn late(&self) -> bool {
+        (**self).late()
+    }
 }
 
 /// Nobody listens.
@@ -131,23 +149,10 @@ impl Watch for Deaf {
     fn cross(&mut self, _: usize, _: bool, _: f64, _: f64) {}
 }
 
-/// Bins of flight times and of impact speeds.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FlightBins {
-    time: Bins,
-    speed: Bins,
-}
-
-impl FlightBins {
-    /// For an oscillator of deviation of v `deviation`, falling with acceleration `fall`: the speed of a
-    /// loss has the Rayleigh law of that deviation, and a flight lasts 2 speed/fall without noise.
-    pub(super) fn new(deviation: f64, fall: f64, count: usize) -> Self {
-        let highest = 5.0 * deviation;
-        Self {
-            time: Bins::new(0.0, 2.0 * highest / fall, count),
-            speed: Bins::new(0.0, highest, count),
-        }
-    }
+/// Bins of flight times, for an oscillator of deviation of v `deviation`, falling with acceleration `fall`: the speed
+/// of a loss has the Rayleigh law of that deviation, and a flight lasts 2 speed/fall without noise.
+pub(super) fn flight_bins(deviation: f64, fall: f64, count: usize) -> Bins {
+    Bins::new(0.0, 10.0 * deviation / fall, count)
 }
 
 /// What one lane has seen in the present batch.
@@ -167,17 +172,16 @@ struct Lane {
 /// Watches the records of one group, batch by batch.
 #[derive(Debug, Clone)]
 pub(super) struct Logbook {
-    bins: FlightBins,
+    bins: Bins,
     batch_start: f64,
     lanes: [Lane; LANES],
     sums: CrossingSums,
     flight_hits: Vec<Vec<u32>>,
-    speed_hits: Vec<Vec<u32>>,
 }
 
 impl Logbook {
     /// A logbook that begins at time 0 with the lanes that are `out` of contact.
-    pub(super) fn new(bins: FlightBins, out: impl Fn(usize) -> bool) -> Self {
+    pub(super) fn new(bins: Bins, out: impl Fn(usize) -> bool) -> Self {
         Self {
             bins,
             batch_start: 0.0,
@@ -186,8 +190,7 @@ impl Logbook {
                 ..Lane::default()
             }),
             sums: CrossingSums::new(bins),
-            flight_hits: vec![vec![0; bins.time.slots()]; LANES],
-            speed_hits: vec![vec![0; bins.speed.slots()]; LANES],
+            flight_hits: vec![vec![0; bins.slots()]; LANES],
         }
     }
 
@@ -208,7 +211,6 @@ impl Logbook {
                 ];
                 self.sums.push(seen, length);
                 self.sums.flight_bins.push(&self.flight_hits[k]);
-                self.sums.speed_bins.push(&self.speed_hits[k]);
             }
             *lane = Lane {
                 out: lane.out,
@@ -216,7 +218,6 @@ impl Logbook {
                 ..Lane::default()
             };
             self.flight_hits[k].fill(0);
-            self.speed_hits[k].fill(0);
         }
         self.batch_start = now;
     }
@@ -240,8 +241,7 @@ impl Watch for Logbook {
                 it.flights += 1.0;
                 it.flight_time += flight;
                 it.speed += speed;
-                self.flight_hits[lane][self.bins.time.slot(flight)] += 1;
-                self.speed_hits[lane][self.bins.speed.slot(speed)] += 1;
+                self.flight_hits[lane][self.bins.slot(flight)] += 1;
             }
         }
         it.out = lost;
@@ -264,19 +264,17 @@ pub(super) struct CrossingSums {
     /// Batches in which each is not 0.
     seen: [f64; SEEN],
     flight_bins: BatchCounts,
-    speed_bins: BatchCounts,
 }
 
 impl CrossingSums {
-    pub(super) fn new(bins: FlightBins) -> Self {
+    pub(super) fn new(bins: Bins) -> Self {
         Self {
             batches: 0.0,
             time: 0.0,
             sum: [0.0; SEEN],
             product: [[0.0; SEEN]; SEEN],
             seen: [0.0; SEEN],
-            flight_bins: BatchCounts::new(bins.time),
-            speed_bins: BatchCounts::new(bins.speed),
+            flight_bins: BatchCounts::new(bins),
         }
     }
 
@@ -303,7 +301,6 @@ impl CrossingSums {
             }
         }
         self.flight_bins.add(&more.flight_bins);
-        self.speed_bins.add(&more.speed_bins);
     }
 
     /// Sum j over the number of flights, its error from the scatter about the ratio of the batches that saw
@@ -331,7 +328,7 @@ impl CrossingSums {
         Estimate::new(sum / self.time, error, Origin::Sampling)
     }
 
-    pub(super) fn crossings(&self, bins: FlightBins, burst: Burst) -> Crossings {
+    pub(super) fn crossings(&self, bins: Bins, burst: Burst) -> Crossings {
         let [losses, lost_time, flight_time, speed] = [0, 1, 3, 4];
         let seen = self.sum[losses];
         Crossings {
@@ -342,8 +339,7 @@ impl CrossingSums {
             lost_share: self.rate(lost_time, burst.time),
             mean_flight: self.per_flight(flight_time, burst),
             mean_impact_speed: self.per_flight(speed, burst),
-            flight_time: self.flight_bins.histogram(bins.time, false),
-            impact_speed: self.speed_bins.histogram(bins.speed, false),
+            flight_time: self.flight_bins.histogram(bins, false),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The undamped, noise-free motion q'' = -G(q), with every loss and return of contact located.
 
-use super::events::Watch;
+use super::events::{PATIENCE, Watch};
 use super::law::Law;
 use super::noise::{LANES, Lanes};
 
@@ -51,6 +51,10 @@ impl Flow {
         // A dip below the loss point within one substep: the acceleration there is -G(loss) or less.
         let graze = 0.6 / -law.force(loss.max(-1e300));
         for k in 0..self.count {
+            // A step by hand can be as long as one likes.
+            if u64::from(k) % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
             let (q0, v0) = (*q, *v);
             let mut crossed = [0u64; LANES];
             for lane in 0..LANES {

@@ -8,13 +8,13 @@
 //! ```
 //! use vibroimpact::contact::ContactLaw;
 //! use vibroimpact::initial::Initial;
-//! use vibroimpact::monte_carlo::{EnsembleSettings, run};
+//! use vibroimpact::monte_carlo::{Sampling, run};
 //! use vibroimpact::oscillator::Oscillator;
 //!
 //! let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?;
-//! let settings = EnsembleSettings {
+//! let settings = Sampling {
 //!     paths: 10_000,
-//!     ..EnsembleSettings::default()
+//!     ..Sampling::default()
 //! };
 //! let sample = run(&oscillator, &Initial::Rest, &[1.0], &settings, &|_done| ())?;
 //! let energy = sample.moments[0].mean_energy;
@@ -30,8 +30,6 @@
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
 mod batch;
-mod bins;
-mod choice;
 mod ensemble;
 mod events;
 mod first_loss;
@@ -47,17 +45,18 @@ mod series;
 mod settings;
 mod signal;
 mod statistics;
+mod walk;
 
-pub use choice::scheme_and_step;
-pub use ensemble::{Densities, EnsembleResult, companion, run, run_with_bias};
+pub(crate) use ensemble::Ensemble;
+pub use ensemble::{EnsembleResult, run};
 pub use events::Crossings;
-pub use first_loss::{FirstLossResult, first_loss, first_loss_scheme_and_step};
+pub(crate) use first_loss::FirstLosses;
+pub use first_loss::{FirstLossResult, first_loss};
 pub use histogram::Histogram;
-pub use records::{RecordResult, RecordSettings, RecordSize, record_size, records};
+pub(crate) use records::Records;
+pub use records::{RecordResult, records};
 pub use scheme::Scheme;
-pub use series::{SeriesSettings, SeriesSize, series, series_size};
-pub use settings::{EnsembleSettings, MOST_COSINES, Noise};
-
-use choice::{choose, resolve};
-use progress::Progress;
-use settings::check_bins;
+pub(crate) use series::Series;
+pub use series::{Samples, series};
+pub use settings::{MOST_COSINES, Noise, Sampling};
+pub(crate) use walk::Cost;

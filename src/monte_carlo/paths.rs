@@ -3,6 +3,7 @@
 use super::noise::{self, LANES, Purpose, Streams};
 use super::scheme::Group;
 use super::signal::{Band, Cosines, Signal};
+use super::walk::Walk;
 use super::{Noise, Scheme};
 use crate::error::Result;
 use crate::initial::Initial;
@@ -26,26 +27,19 @@ pub(super) struct Paths {
 }
 
 impl Paths {
-    pub(super) fn new(
-        oscillator: &Oscillator,
-        initial: &Initial,
-        seed: u64,
-        noise: Noise,
-        scheme: Scheme,
-        step: f64,
-    ) -> Result<Self> {
+    pub(super) fn new(oscillator: &Oscillator, initial: &Initial, walk: &Walk) -> Result<Self> {
         let sampler = match initial {
             Initial::Stationary => Some(oscillator.displacement_law()?.sampler()),
             _ => None,
         };
         Ok(Self {
-            seed,
+            seed: walk.seed,
             initial: *initial,
             sampler,
-            noise,
+            noise: walk.noise,
             level: oscillator.h(),
-            step,
-            whole_steps: scheme == Scheme::CentralDifference,
+            step: walk.step,
+            whole_steps: walk.scheme == Scheme::CentralDifference,
             lowest: f64::NEG_INFINITY,
         })
     }
@@ -105,27 +99,4 @@ impl Paths {
             _ => (0.0, 0.0),
         }
     }
-}
-
-/// The highest frequency a path meets: the root of the stiffness at the outer turning point of an
-/// energy few paths exceed.
-pub(super) fn highest_frequency(oscillator: &Oscillator, initial: &Initial) -> f64 {
-    let contact = oscillator.contact();
-    let mut rise = 5.0 * oscillator.temperature();
-    let mut outer: f64 = 0.0;
-    if let Initial::Gaussian { mean, deviation } = initial {
-        let (q, v) = (
-            mean[0].abs() + 2.0 * deviation[0],
-            mean[1].abs() + 2.0 * deviation[1],
-        );
-        let lowest = contact.lowest_potential().unwrap_or(0.0);
-        let level = contact.potential(q).max(contact.potential(-q)) - lowest;
-        rise = rise.max(0.5 * v * v + level.max(0.0));
-        outer = q;
-    }
-    if let Some((_, right)) = contact.turning_points(rise) {
-        outer = outer.max(right);
-    }
-    let stiffness = [0.0, 0.5 * outer, outer].map(|q| contact.stiffness(q));
-    stiffness.into_iter().fold(0.0, f64::max).sqrt()
 }

@@ -1,57 +1,37 @@
-//! How far a piece of work has come, told from any thread.
+//! How far a piece of work has come, told from any thread, and whether its time is over.
 
-use crate::error::{Error, Result};
+use super::events::Watch;
+use crate::budget::Limits;
+use crate::error::Result;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Instant;
 
 /// Reports a fraction from any thread, a few hundred times in all, and watches the clock.
 pub(super) struct Progress<'a> {
     total: u64,
     done: AtomicU64,
-    start: Instant,
-    max_seconds: f64,
-    late: AtomicBool,
+    limits: Limits,
+    stopped: AtomicBool,
     report: &'a (dyn Fn(f64) + Sync),
 }
 
 impl<'a> Progress<'a> {
-    pub(super) fn new(total: u64, report: &'a (dyn Fn(f64) + Sync)) -> Self {
+    pub(super) fn new(total: u64, limits: Limits, report: &'a (dyn Fn(f64) + Sync)) -> Self {
         Self {
             total: total.max(1),
             done: AtomicU64::new(0),
-            start: Instant::now(),
-            max_seconds: f64::INFINITY,
-            late: AtomicBool::new(false),
+            limits,
+            stopped: AtomicBool::new(false),
             report,
         }
     }
 
-    /// The same with a limit of time.
-    pub(super) fn within(mut self, max_seconds: f64) -> Self {
-        self.max_seconds = max_seconds;
-        self
-    }
-
     /// Whether the limit of time is behind; whoever asks stops.
     pub(super) fn late(&self) -> bool {
-        let late = self.start.elapsed().as_secs_f64() > self.max_seconds;
+        let late = self.limits.left() < 0.0;
         if late {
-            self.late.store(true, Ordering::Relaxed);
+            self.stopped.store(true, Ordering::Relaxed);
         }
         late
-    }
-
-    /// An error if anybody stopped early.
-    pub(super) fn in_time(&self) -> Result<()> {
-        if !self.late.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-        let done = self.done.load(Ordering::Relaxed) as f64 / self.total as f64;
-        Err(Error::Limit {
-            key: "accuracy.max_seconds",
-            limit: self.max_seconds.to_string(),
-            what: format!("{:.0} % of the paths were done", 100.0 * done),
-        })
     }
 
     pub(super) fn add(&self, work: u64) {
@@ -63,7 +43,37 @@ impl<'a> Progress<'a> {
         }
     }
 
-    pub(super) fn finish(&self) {
+    /// The end of the work.
+    ///
+    /// # Errors
+    /// [`crate::Error::Limit`] if anybody stopped early.
+    pub(super) fn finish(&self) -> Result<()> {
+        if self.stopped.load(Ordering::Relaxed) {
+            let done = self.done.load(Ordering::Relaxed);
+            let share = 100.0 * done as f64 / self.total as f64;
+            let what = format!("{share:.0} % of the paths were done");
+            return Err(self.limits.out_of_time(what));
+        }
         (self.report)(1.0);
+        Ok(())
+    }
+}
+
+/// Hears what `watch` hears, until the time of the work is over.
+pub(super) struct Timed<'a, W> {
+    pub(super) watch: W,
+    pub(super) progress: &'a Progress<'a>,
+}
+
+impl<W: Watch> Watch for Timed<'_, W> {
+    const LISTENS: bool = W::LISTENS;
+
+    #[inline(always)]
+    fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64) {
+        self.watch.cross(lane, lost, time, speed);
+    }
+
+    fn late(&self) -> bool {
+        self.progress.late()
     }
 }

@@ -1,57 +1,33 @@
 //! Long records: stationary statistics by time averages.
 
 use super::batch::{Batch, BatchMeans, Units};
-use super::events::{Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, FlightBins, Logbook, Watch};
+use super::events::{
+    Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, PATIENCE, Watch, flight_bins,
+};
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
-use super::paths::{Paths, highest_frequency};
-use super::scheme::{self, Coefficients, Group};
+use super::paths::Paths;
+use super::progress::{Progress, Timed};
+use super::scheme::{Coefficients, Group};
 use super::statistics::unknown;
-use super::{Noise, Progress, Scheme, check_bins, choose};
+use super::walk::{Cost, Walk};
+use super::{Noise, Sampling, Scheme};
+use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
+use std::f64::consts::PI;
 
 /// Fewest and most groups of records side by side: 64 to 1024 records, so that there are always enough
 /// batches for an error. Every record starts in the stationary law, so short ones do no harm.
 const GROUPS: [f64; 2] = [4.0, 64.0];
 
-/// Length, seed and scheme of long records.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RecordSettings {
-    /// Time observed, dimensionless, all records together.
-    pub duration: f64,
-    /// Seed; with a record's number it fixes the record.
-    pub seed: u64,
-    /// How one step is made.
-    pub scheme: Scheme,
-    /// Longest step; None chooses one.
-    pub step: Option<f64>,
-    /// The excitation.
-    pub noise: Noise,
-    /// Bins of every histogram.
-    pub bins: usize,
-    /// Seconds after which the records give up with [`Error::Limit`].
-    pub max_seconds: f64,
-}
-
-impl Default for RecordSettings {
-    fn default() -> Self {
-        Self {
-            duration: 1e6,
-            seed: 1,
-            scheme: Scheme::Auto,
-            step: None,
-            noise: Noise::White,
-            bins: 100,
-            max_seconds: f64::INFINITY,
-        }
-    }
-}
+/// Bins of every histogram.
+const BINS: usize = 100;
 
 /// Stationary statistics of long records; every error is one standard error from batch means, what losses
 /// of contact show by the number of their independent bursts.
@@ -98,139 +74,20 @@ pub struct RecordResult {
 ///
 /// # Errors
 /// [`Error::NoStationaryLaw`] for a contact that does not confine; [`Error::Invalid`] for a duration or
-/// step that is not positive or that together make more steps than can be counted, no bins, or a noise
+/// step that is not positive or that together make more steps than can be counted, or a noise
 /// that does not suit the scheme; [`Error::Limit`] where `max_seconds` are over.
 pub fn records(
     oscillator: &Oscillator,
-    settings: &RecordSettings,
+    settings: &Sampling,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<RecordResult> {
-    let plan = Plan::new(oscillator, settings)?;
-    let size = &plan.size;
-    let work = size.groups * (size.batches + size.burn_in);
-    let progress = &Progress::new(work, progress).within(settings.max_seconds);
-    let run = Records {
-        plan: &plan,
-        progress,
-    };
-    let sums = law::dispatch(oscillator.contact(), run);
-    progress.in_time()?;
-    let contact = oscillator.contact();
-    let batches = sums.means.count() as u64;
-    let mut warnings: Vec<Warning> = Vec::new();
-    let effective_samples = sums.means.effective_samples();
-    let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
-    if worth < 50.0 {
-        let text = format!(
-            "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
-             the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
-            oscillator.memory()
-        );
-        warnings.push(text.into());
-    }
-    let cosines = settings.noise.warning(oscillator.zeta());
-    warnings.extend(cosines.map(Warning::from));
-    let step = (size.scheme, size.step);
-    let biased = scheme::bias_warning(step, oscillator, size.frequency, effective_samples[2]);
-    warnings.extend(biased.map(|text| Warning {
-        text,
-        unknown: unknown("records", &[None]),
-    }));
-    let share = plan.burst.map(|burst| burst.share(size.batch_length));
-    let moments = sums.means.moments(&plan.units, share);
-    if !moments.mean_energy.value.is_finite() {
-        warnings.push(Warning {
-            text: format!(
-                "the records are not finite, and none of their numbers is known: the step {} is too long for the \
-                 scheme {}; leave monte_carlo.step out to have one chosen",
-                size.step, size.scheme
-            ),
-            unknown: unknown("records", &[None]),
-        });
-    }
-    let lossy = contact.loss_point().is_some();
-    if lossy && !size.scheme.locates_crossings() {
-        let text = format!(
-            "losses of contact are not counted: the scheme {} does not locate them; ask for \
-             monte_carlo.scheme = \"splitting_4_2\", whose steps are short under strong friction",
-            size.scheme
-        );
-        warnings.push(text.into());
-    }
-    let crossings = sums.crossings.as_ref().zip(plan.flights.zip(plan.burst));
-    let crossings = crossings.map(|(sums, (bins, burst))| sums.crossings(bins, burst));
-    if let Some(it) = &crossings
-        && it.losses > 0
-        && it.bursts < FEW_BURSTS
-    {
-        let text = format!(
-            "the {} losses of contact came in about {:.1} independent bursts, so that the errors of \
-             contact_loss_probability, loss_rate, mean_flight and mean_impact_speed are rough; lengthen \
-             monte_carlo.duration",
-            it.losses, it.bursts
-        );
-        warnings.push(text.into());
-    }
-    Ok(RecordResult {
-        moments,
-        controlled: sums.means.controlled_moments(&plan.units, share),
-        effective_samples,
-        batches,
-        batch_length: size.batch_length,
-        records: size.records(),
-        duration: batches as f64 * size.batch_length,
-        displacement: sums.counts[0].histogram(plan.bins[0], false),
-        velocity: sums.counts[1].histogram(plan.bins[1], false),
-        force: sums.counts[2].histogram(plan.bins[2], lossy),
-        crossings,
-        step: size.step,
-        scheme: size.scheme,
-        path_steps: size.path_steps(),
-        warnings,
-    })
+    Records::of(oscillator, settings)?.run(oscillator, settings.limits(), progress)
 }
 
-/// How much work records are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RecordSize {
-    /// The scheme, never [`Scheme::Auto`].
-    pub scheme: Scheme,
-    /// The step.
-    pub step: f64,
-    /// Number of records.
-    pub records: u64,
-    /// Steps of each.
-    pub steps: u64,
-    /// Steps of all.
-    pub path_steps: u64,
-    /// Bytes, roughly.
-    pub memory: u64,
-}
-
-/// The size of the records that [`records`] would make.
-///
-/// # Errors
-/// As [`records`], but for a missing stationary law.
-pub fn record_size(oscillator: &Oscillator, settings: &RecordSettings) -> Result<RecordSize> {
-    let size = Size::new(oscillator, settings)?;
-    let records = size.records();
-    // Counts of each of five histograms by lane, and their sums.
-    let bins = settings.bins as u64 + 2;
-    Ok(RecordSize {
-        scheme: size.scheme,
-        step: size.step,
-        records,
-        steps: size.path_steps() / records,
-        path_steps: size.path_steps(),
-        memory: size.groups * 5 * bins * (4 * LANES as u64 + 24),
-    })
-}
-
-/// How the records are cut.
-struct Size {
-    scheme: Scheme,
-    step: f64,
-    frequency: f64,
+/// How long records will be drawn, and how they are cut.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Records {
+    pub(crate) walk: Walk,
     /// Groups of [`LANES`] records, batches per record, samples per batch, steps per sample.
     groups: u64,
     batches: u64,
@@ -239,23 +96,23 @@ struct Size {
     /// Batches thrown away.
     burn_in: u64,
     batch_length: f64,
+    /// What they will take.
+    pub(crate) cost: Cost,
 }
 
-impl Size {
-    fn new(oscillator: &Oscillator, settings: &RecordSettings) -> Result<Self> {
+impl Records {
+    /// The recipe of long records.
+    ///
+    /// # Errors
+    /// As [`records`], but for a missing stationary law and the limit of time.
+    pub(crate) fn of(oscillator: &Oscillator, settings: &Sampling) -> Result<Self> {
         let duration = positive("monte_carlo.duration", settings.duration)?;
-        check_bins(settings.bins, 1)?;
-        let frequency = highest_frequency(oscillator, &Initial::Stationary);
-        let (scheme, step) = choose(
-            (settings.scheme, settings.step),
-            settings.noise,
-            oscillator,
-            frequency,
-        )?;
-        if let Noise::Band { band } = settings.noise
-            && band * step > std::f64::consts::PI
+        let walk = Walk::of(oscillator, &Initial::Stationary, settings)?;
+        let step = walk.step;
+        if let Noise::Band { band } = walk.noise
+            && band * step > PI
         {
-            let accepted = format!("at most pi/step = {:.4}", std::f64::consts::PI / step);
+            let accepted = format!("at most pi/step = {:.4}", PI / step);
             return Err(Error::invalid("monte_carlo.noise.band", band, accepted));
         }
         // Samples closer than this tell nothing new.
@@ -281,51 +138,172 @@ impl Size {
             );
             return Err(Error::invalid(key, format!("{value:?}"), accepted));
         }
-        Ok(Self {
-            scheme,
-            step,
-            frequency,
+        let threads = rayon::current_num_threads() as u64;
+        let mut it = Self {
             groups: groups as u64,
             batches: batches as u64,
             samples: samples as u64,
             steps: steps as u64,
-            burn_in: u64::from(settings.noise != Noise::White),
+            burn_in: u64::from(walk.noise != Noise::White),
             batch_length: samples * spacing,
-        })
+            // Sums of each of four histograms of every group, and counts by lane of those that run.
+            cost: Cost {
+                steps: 0,
+                memory: (BINS as u64 + 2) * 4 * (groups as u64 * 24 + threads * 4 * LANES as u64)
+                    + threads * walk.bytes(),
+                seconds: 0.0,
+            },
+            walk,
+        };
+        it.cost.steps = (it.batches + it.burn_in) * it.samples * it.steps;
+        it.cost.seconds = it.walk.seconds(it.path_steps() as f64);
+        Ok(it)
     }
 
-    fn records(&self) -> u64 {
+    /// Number, scheme, step and reason.
+    pub(crate) fn words(&self) -> String {
+        format!("{} records, {}", self.records(), self.walk.words())
+    }
+
+    /// How many.
+    pub(crate) fn records(&self) -> u64 {
         self.groups * LANES as u64
     }
 
     fn path_steps(&self) -> u64 {
-        self.records() * (self.batches + self.burn_in) * self.samples * self.steps
+        self.records() * self.cost.steps
+    }
+
+    /// The records.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`], [`Error::Limit`].
+    pub(crate) fn run(
+        &self,
+        oscillator: &Oscillator,
+        limits: Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<RecordResult> {
+        limits.holds("the records", self.cost.memory)?;
+        let work = self.groups * (self.batches + self.burn_in);
+        let progress = &Progress::new(work, limits, progress);
+        let run = Run::new(self, oscillator, progress)?;
+        let sums = law::dispatch(oscillator.contact(), &run);
+        progress.finish()?;
+        let effective_samples = sums.means.effective_samples();
+        let share = run.burst.map(|burst| burst.share(self.batch_length));
+        let moments = sums.means.moments(&run.units, share);
+        let crossings = sums.crossings.as_ref().zip(run.flights.zip(run.burst));
+        let crossings = crossings.map(|(sums, (bins, burst))| sums.crossings(bins, burst));
+        let warnings = self.warnings(oscillator, effective_samples, &moments, crossings.as_ref());
+        let batches = sums.means.count() as u64;
+        let lossy = oscillator.contact().loss_point().is_some();
+        Ok(RecordResult {
+            moments,
+            controlled: sums.means.controlled_moments(&run.units, share),
+            effective_samples,
+            batches,
+            batch_length: self.batch_length,
+            records: self.records(),
+            duration: batches as f64 * self.batch_length,
+            displacement: sums.counts[0].histogram(run.bins[0], false),
+            velocity: sums.counts[1].histogram(run.bins[1], false),
+            force: sums.counts[2].histogram(run.bins[2], lossy),
+            crossings,
+            step: self.walk.step,
+            scheme: self.walk.scheme,
+            path_steps: self.path_steps(),
+            warnings,
+        })
+    }
+
+    /// What limits the numbers.
+    fn warnings(
+        &self,
+        oscillator: &Oscillator,
+        effective_samples: [f64; 3],
+        moments: &Moments,
+        crossings: Option<&Crossings>,
+    ) -> Vec<Warning> {
+        let walk = &self.walk;
+        let mut warnings: Vec<Warning> = Vec::new();
+        // Moments, and what losses show.
+        let every = || {
+            let losses = Crossings::NAMES.map(|name| format!("records.{name}"));
+            let losses = crossings.iter().flat_map(|_| losses.clone());
+            unknown("records", &[None])
+                .into_iter()
+                .chain(losses)
+                .collect()
+        };
+        let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
+        if worth < 50.0 {
+            let text = format!(
+                "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
+                 the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
+                oscillator.memory()
+            );
+            warnings.push(text.into());
+        }
+        let cosines = walk.noise.warning(oscillator.zeta());
+        warnings.extend(cosines.map(Warning::from));
+        warnings.extend(walk.warning(walk.bias(oscillator), effective_samples[2], every));
+        if !moments.mean_energy.value.is_finite() {
+            warnings.push(Warning {
+                text: format!(
+                    "the records are not finite, and none of their numbers is known: the step {} is too long for the \
+                     scheme {}; leave monte_carlo.step out to have one chosen",
+                    walk.step, walk.scheme
+                ),
+                unknown: every(),
+            });
+        }
+        if oscillator.contact().loss_point().is_some() && !walk.scheme.locates_crossings() {
+            let text = format!(
+                "losses of contact are not counted: the scheme {} does not locate them; ask for \
+                 monte_carlo.scheme = \"splitting_4_2\", whose steps are short under strong friction",
+                walk.scheme
+            );
+            warnings.push(text.into());
+        }
+        if let Some(it) = crossings
+            && it.losses > 0
+            && it.bursts < FEW_BURSTS
+        {
+            let text = format!(
+                "the {} losses of contact came in about {:.1} independent bursts, so that the errors of \
+                 contact_loss_probability, loss_rate, mean_flight and mean_impact_speed are rough; lengthen \
+                 monte_carlo.duration",
+                it.losses, it.bursts
+            );
+            warnings.push(text.into());
+        }
+        warnings
     }
 }
 
-/// Everything fixed before the first step.
-struct Plan {
-    size: Size,
+/// The records, to be run once the contact law is known.
+struct Run<'a> {
+    recipe: &'a Records,
     paths: Paths,
     coefficients: Coefficients,
     units: Units,
     /// For q, v and N.
     bins: [Bins; 3],
-    flights: Option<FlightBins>,
+    flights: Option<Bins>,
     /// None for a law that cannot lose contact.
     burst: Option<Burst>,
+    progress: &'a Progress<'a>,
 }
 
-impl Plan {
-    fn new(oscillator: &Oscillator, settings: &RecordSettings) -> Result<Self> {
+impl<'a> Run<'a> {
+    fn new(
+        recipe: &'a Records,
+        oscillator: &Oscillator,
+        progress: &'a Progress<'a>,
+    ) -> Result<Self> {
         let law = oscillator.displacement_law()?;
-        let size = Size::new(oscillator, settings)?;
-        let Size {
-            scheme,
-            step,
-            frequency,
-            ..
-        } = size;
+        let walk = &recipe.walk;
         let temperature = oscillator.temperature();
         let deviation = temperature.sqrt();
         let contact = oscillator.contact();
@@ -336,26 +314,20 @@ impl Plan {
         let force = [left, right].map(|q| contact.force(q));
         let fall = contact.loss_point().map(|loss| -contact.force(loss));
         Ok(Self {
-            paths: Paths::new(
-                oscillator,
-                &Initial::Stationary,
-                settings.seed,
-                settings.noise,
-                scheme,
-                step,
-            )?,
-            coefficients: Coefficients::new(scheme, oscillator, step, frequency),
+            recipe,
+            paths: Paths::new(oscillator, &Initial::Stationary, walk)?,
+            coefficients: walk.coefficients(oscillator, walk.step),
             units: Units::new(contact, &law, temperature),
             bins: [
-                Bins::new(left, right, settings.bins),
-                Bins::new(-5.7 * deviation, 5.7 * deviation, settings.bins),
-                Bins::new(force[0], force[1], settings.bins),
+                Bins::new(left, right, BINS),
+                Bins::new(-5.7 * deviation, 5.7 * deviation, BINS),
+                Bins::new(force[0], force[1], BINS),
             ],
             flights: fall
-                .filter(|_| scheme.locates_crossings())
-                .map(|fall| FlightBins::new(deviation, fall, settings.bins)),
-            burst: Burst::of(oscillator, size.batch_length),
-            size,
+                .filter(|_| walk.scheme.locates_crossings())
+                .map(|fall| flight_bins(deviation, fall, BINS)),
+            burst: Burst::of(oscillator, recipe.batch_length),
+            progress,
         })
     }
 }
@@ -368,11 +340,11 @@ struct RecordSums {
 }
 
 impl RecordSums {
-    fn new(plan: &Plan) -> Self {
+    fn new(run: &Run) -> Self {
         Self {
             means: BatchMeans::new(),
-            counts: plan.bins.map(BatchCounts::new),
-            crossings: plan.flights.map(CrossingSums::new),
+            counts: run.bins.map(BatchCounts::new),
+            crossings: run.flights.map(CrossingSums::new),
         }
     }
 
@@ -387,66 +359,54 @@ impl RecordSums {
     }
 }
 
-/// The records, to be run once the contact law is known.
-struct Records<'a> {
-    plan: &'a Plan,
-    progress: &'a Progress<'a>,
-}
-
-impl WithLaw for Records<'_> {
+impl WithLaw for &Run<'_> {
     type Output = RecordSums;
 
     fn with<L: Law>(self, law: L) -> RecordSums {
-        let parts: Vec<RecordSums> = (0..self.plan.size.groups)
+        let parts: Vec<RecordSums> = (0..self.recipe.groups)
             .into_par_iter()
-            .map(|group| match self.plan.flights {
-                Some(bins) => self.group(law, group, Some(bins)),
-                None => self.group(law, group, None),
-            })
+            .map(|group| self.group(law, group))
             .collect();
-        let mut total = RecordSums::new(self.plan);
+        let mut total = RecordSums::new(self);
         for part in &parts {
             total.add(part);
         }
-        self.progress.finish();
         total
     }
 }
 
-impl Records<'_> {
-    fn group<L: Law>(&self, law: L, number: u64, flights: Option<FlightBins>) -> RecordSums {
-        let plan = self.plan;
-        let mut sums = RecordSums::new(plan);
-        let mut group = plan.paths.group(number * LANES as u64);
-        let mut hits = plan.bins.map(|bins| vec![vec![0u32; bins.slots()]; LANES]);
-        let mut logbook = flights.map(|bins| Logbook::new(bins, |lane| group.q[lane] < law.loss()));
+impl Run<'_> {
+    fn group<L: Law>(&self, law: L, number: u64) -> RecordSums {
+        let recipe = self.recipe;
+        let mut sums = RecordSums::new(self);
+        let mut group = self.paths.group(number * LANES as u64);
+        let mut hits = self.bins.map(|bins| vec![vec![0u32; bins.slots()]; LANES]);
+        let out = |lane: usize| group.q[lane] < law.loss();
+        let mut logbook = self.flights.map(|bins| Logbook::new(bins, out));
         let arch = pulp::Arch::new();
-        for number in 0..plan.size.burn_in + plan.size.batches {
-            if self.progress.late() {
-                break;
-            }
-            let keep = number >= plan.size.burn_in;
+        for number in 0..recipe.burn_in + recipe.batches {
+            let keep = number >= recipe.burn_in;
             let mut batch = Batch::new();
-            let start = number * plan.size.samples;
+            let start = number * recipe.samples;
             let record = RunBatch {
                 law,
-                plan,
+                run: self,
                 start,
                 group: &mut group,
                 batch: &mut batch,
                 hits: &mut hits,
             };
             match &mut logbook {
-                Some(logbook) => arch.dispatch(Watched {
-                    record,
-                    watch: logbook,
-                }),
+                Some(watch) => arch.dispatch(Watched { record, watch }),
                 None => arch.dispatch(Watched {
                     record,
                     watch: &mut Deaf,
                 }),
             }
-            let now = (start + plan.size.samples) as f64 * plan.size.steps as f64 * plan.size.step;
+            if self.progress.late() {
+                break;
+            }
+            let now = (start + recipe.samples) as f64 * recipe.steps as f64 * recipe.walk.step;
             if let Some(logbook) = &mut logbook {
                 logbook.end_batch(now, keep);
             }
@@ -471,7 +431,7 @@ impl Records<'_> {
 /// One batch of one group.
 struct RunBatch<'a, L> {
     law: L,
-    plan: &'a Plan,
+    run: &'a Run<'a>,
     /// Samples before it.
     start: u64,
     group: &'a mut Group,
@@ -492,26 +452,34 @@ impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
     fn with_simd<S: pulp::Simd>(self, _: S) {
         let RunBatch {
             law,
-            plan,
+            run,
             start,
             group,
             batch,
             hits,
         } = self.record;
-        let spacing = plan.size.steps as f64 * plan.size.step;
-        for k in 0..plan.size.samples {
+        let steps = run.recipe.steps;
+        let spacing = steps as f64 * run.recipe.walk.step;
+        let watch = &mut Timed {
+            watch: self.watch,
+            progress: run.progress,
+        };
+        let patience = (PATIENCE / steps).max(1);
+        for k in 0..run.recipe.samples {
+            if k % patience == patience - 1 && watch.late() {
+                break;
+            }
             let now = (start + k) as f64 * spacing;
-            plan.coefficients
-                .advance(law, group, plan.size.steps, now, self.watch);
-            batch.sample(law, &plan.units, &group.q, &group.v);
+            run.coefficients.advance(law, group, steps, now, watch);
+            batch.sample(law, &run.units, &group.q, &group.v);
             for lane in 0..LANES {
                 let (q, v) = (group.q[lane], group.v[lane]);
                 let force = if q < law.loss() {
-                    plan.bins[2].dirac()
+                    run.bins[2].dirac()
                 } else {
-                    plan.bins[2].slot(law.force(q))
+                    run.bins[2].slot(law.force(q))
                 };
-                let slots = [plan.bins[0].slot(q), plan.bins[1].slot(v), force];
+                let slots = [run.bins[0].slot(q), run.bins[1].slot(v), force];
                 for (hits, slot) in hits.iter_mut().zip(slots) {
                     hits[lane][slot] += 1;
                 }
@@ -519,7 +487,3 @@ impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "records_tests.rs"]
-mod tests;

@@ -1,11 +1,10 @@
 //! One step: how (q, v) advances under noise, friction and contact force.
 
-use super::events::Watch;
+use super::events::{PATIENCE, Watch};
 use super::hamiltonian::Flow;
 use super::law::Law;
 use super::noise::{LANES, Lanes, Streams};
 use super::signal::Signal;
-use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::fmt;
 
@@ -164,7 +163,7 @@ impl Coefficients {
             Self::Splitting42(splitting) => splitting.advance(law, group, steps, now, watch),
             Self::Splitting62(splitting) => splitting.advance(law, group, steps, now, watch),
             Self::EulerMaruyama(kernel) => kernel_steps(law, *kernel, group, steps, now, watch),
-            Self::ExponentialHeun(heun) => heun.advance(law, group, steps),
+            Self::ExponentialHeun(heun) => heun.advance(law, group, steps, watch),
         }
     }
 }
@@ -211,6 +210,9 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     }
     if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
         for k in 0..steps {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
             let mut excitation = [0.0; LANES];
             signal.next(factor, &mut excitation);
             one(
@@ -226,6 +228,9 @@ fn kernel_steps<L: Law, K: Kernel, W: Watch>(
         let mut streams = group.streams.clone();
         let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
         for k in 0..steps / 2 {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
             streams.normals(&mut first, &mut second);
             let now = now + (2 * k) as f64 * duration;
             one(law, kernel, &mut state, &first, now, watch);
@@ -509,11 +514,14 @@ impl ExponentialHeun {
     }
 
     #[inline(always)]
-    fn advance<L: Law>(self, law: L, group: &mut Group, steps: u64) {
+    fn advance<L: Law, W: Watch>(self, law: L, group: &mut Group, steps: u64, watch: &W) {
         let (mut q, mut v) = (group.q, group.v);
         let mut streams = group.streams.clone();
         let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
-        for _ in 0..steps {
+        for k in 0..steps {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
             streams.normals(&mut first, &mut second);
             for lane in 0..LANES {
                 let force = -law.force(q[lane]);
@@ -580,6 +588,9 @@ impl<const STAGES: usize> Splitting<STAGES> {
         let (mut now, mut have_spare) = (now, false);
         let mut flow = self.first;
         for step in 0..steps {
+            if step % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
             for (stage, (decay, spread)) in self.friction.into_iter().enumerate() {
                 flow.advance(law, (&mut q, &mut v, &mut force), now, watch); // H
                 now += flow.time();
@@ -605,84 +616,6 @@ impl<const STAGES: usize> Splitting<STAGES> {
             .advance(law, (&mut q, &mut v, &mut force), now, watch); // H
         (group.q, group.v, group.streams) = (q, v, streams);
     }
-}
-
-/// The longest step with which `scheme` is trusted; `frequency` is the highest of the scene.
-///
-/// For the splittings the mean of a linear oscillator then errs by less than 2e-4 of its amplitude and
-/// its variances by less than 1e-4 of theirs, at any time and any zeta (from their exact moments). The
-/// others are left with the phase error of step^2/24 a unit of time that their docs name.
-pub(super) fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
-    let zeta = oscillator.zeta();
-    let frequency = frequency.max(1.0);
-    let friction = (zeta * frequency).max(3.0 * zeta * zeta);
-    match scheme {
-        Scheme::Auto | Scheme::Splitting42 => (1.0 / frequency).min((5.5e-3 / friction).sqrt()),
-        Scheme::Splitting62 => (2.0 / frequency).min((1.2e-2 / friction).sqrt()),
-        Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta),
-        // A step at which its damping is off by a hundredth.
-        Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta)),
-        // Variances then err by less than 3e-4 of themselves.
-        Scheme::ExponentialHeun if zeta < 40.0 * frequency => 0.05 / frequency,
-        Scheme::ExponentialHeun => 0.04 * zeta / (frequency * frequency),
-    }
-}
-
-/// What `step` costs in accuracy: the share by which variances are off, from the bias of a linear
-/// oscillator of the highest frequency of the scene (see [`Scheme`]).
-pub(super) fn bias(scheme: Scheme, oscillator: &Oscillator, step: f64, frequency: f64) -> f64 {
-    let zeta = oscillator.zeta();
-    let turn = step * frequency.max(1.0);
-    match scheme {
-        Scheme::CentralDifference => 0.25 * turn * turn + zeta * step,
-        Scheme::Baoab => 0.25 * turn * turn,
-        Scheme::EulerMaruyama => 0.5 * step / zeta + 0.5 * turn * turn,
-        // 1e-4 at the automatic step, of order 2 beyond.
-        Scheme::Auto | Scheme::Splitting42 | Scheme::Splitting62 | Scheme::ExponentialHeun => {
-            1e-4 * (step / automatic_step(scheme, oscillator, frequency)).powi(2)
-        }
-    }
-}
-
-/// What the phase by which a scheme leads does to the mean of a motion that begins away from the stationary law, at
-/// worst up to `until`, in stationary deviations; friction forgets the phase with the amplitude.
-pub(super) fn phase_lead(
-    (scheme, step): (Scheme, f64),
-    oscillator: &Oscillator,
-    initial: &Initial,
-    frequency: f64,
-    until: f64,
-) -> f64 {
-    let (Scheme::CentralDifference | Scheme::Baoab, Initial::Gaussian { mean, .. }) =
-        (scheme, initial)
-    else {
-        return 0.0;
-    };
-    let turn = step * frequency.max(1.0);
-    let time = until.min(1.0 / (std::f64::consts::E * oscillator.zeta()));
-    let swing = 1.0 + mean[0].hypot(mean[1]) / oscillator.temperature().sqrt();
-    swing * turn * turn / 24.0 * frequency.max(1.0) * time
-}
-
-/// A warning if the bias of a variance exceeds one standard error of `samples` independent samples.
-pub(super) fn bias_warning(
-    (scheme, step): (Scheme, f64),
-    oscillator: &Oscillator,
-    frequency: f64,
-    samples: f64,
-) -> Option<String> {
-    let (bias, error) = (
-        bias(scheme, oscillator, step, frequency),
-        (2.0 / samples).sqrt(),
-    );
-    (bias > error).then(|| {
-        let share = if bias < 1.0 { format!("by about {bias:.1e} of itself") } else { "without bound".into() };
-        format!(
-            "with the step {step:.3e} the scheme {scheme} is off {share} in a variance, its standard error \
-             is {error:.1e}, and no standard error of a sampled number holds that: shorten monte_carlo.step or leave \
-             scheme and step out to have them chosen"
-        )
-    })
 }
 
 #[cfg(test)]

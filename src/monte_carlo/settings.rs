@@ -1,38 +1,48 @@
-//! What an ensemble of paths may be asked: how many, by which scheme, under which noise.
+//! What a sample may be asked: how many paths, how long records, by which scheme, under which noise.
 
 use super::scheme::Scheme;
-use crate::error::{Error, Result};
+use crate::budget::Limits;
 
-/// Size, seed and scheme of an ensemble.
+/// Size, seed, scheme and noise of a sample, and its limits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct EnsembleSettings {
-    /// Number of paths, at least 2.
+pub struct Sampling {
+    /// Number of paths of an ensemble, at least 2.
     pub paths: u64,
-    /// Seed; with a path's number it fixes the path.
+    /// Time observed in long records, dimensionless, all together.
+    pub duration: f64,
+    /// Seed; with the number of a path or record it fixes that.
     pub seed: u64,
     /// How one step is made.
     pub scheme: Scheme,
-    /// Longest step; None chooses one. Each interval between output times is cut into equal steps.
+    /// Longest step; None chooses one. Each interval between output times or samples is cut into equal steps.
     pub step: Option<f64>,
     /// The excitation.
     pub noise: Noise,
-    /// Bins of the densities at every output time; 0 for none.
-    pub bins: usize,
-    /// Seconds after which the run gives up with [`Error::Limit`].
+    /// Seconds after which a sample gives up with [`crate::Error::Limit`].
     pub max_seconds: f64,
+    /// Bytes that no sample may exceed.
+    pub max_memory: u64,
 }
 
-impl Default for EnsembleSettings {
+impl Default for Sampling {
     fn default() -> Self {
         Self {
             paths: 100_000,
+            duration: 1e6,
             seed: 1,
             scheme: Scheme::Auto,
             step: None,
             noise: Noise::White,
-            bins: 0,
             max_seconds: f64::INFINITY,
+            max_memory: u64::MAX,
         }
+    }
+}
+
+impl Sampling {
+    /// The limits, from now on.
+    pub(super) fn limits(&self) -> Limits {
+        Limits::from_now(self.max_seconds, self.max_memory)
     }
 }
 
@@ -89,16 +99,4 @@ impl Noise {
             _ => None,
         }
     }
-}
-
-/// Bins per histogram that fit in memory at every output time.
-pub(super) fn check_bins(bins: usize, least: usize) -> Result<usize> {
-    if (least..=10_000).contains(&bins) {
-        return Ok(bins);
-    }
-    Err(Error::invalid(
-        "monte_carlo.bins",
-        bins,
-        format!("{least} to 10000"),
-    ))
 }

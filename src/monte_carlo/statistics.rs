@@ -1,7 +1,6 @@
 //! Streamed statistics: power sums about a fixed centre, added in a fixed order, and the moments with
 //! their standard errors.
 
-use super::bins::Bins;
 use super::law::Law;
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin, name_at};
@@ -65,23 +64,6 @@ impl Frames {
             Frame::of(&force),
             Frame::of(&energy),
         ])
-    }
-
-    /// Bins for the densities of q, v and N: eight units to the left of the centre, where flight has its
-    /// exponential tail, six to the right; N from the force of flight on.
-    pub(super) fn bins<L: Law>(&self, law: L, count: usize) -> [Bins; 3] {
-        let [q, v, force, _] = self.0;
-        let reach = |frame: Frame, units: f64| frame.centre + units / frame.inverse;
-        let lowest = if law.loss().is_finite() {
-            law.force(law.loss())
-        } else {
-            reach(force, -6.0)
-        };
-        [
-            Bins::new(reach(q, -8.0), reach(q, 6.0), count),
-            Bins::new(reach(v, -6.0), reach(v, 6.0), count),
-            Bins::new(lowest, reach(force, 6.0).max(lowest + 1e-9), count),
-        ]
     }
 }
 
@@ -359,4 +341,42 @@ pub(super) fn proportion(hits: f64, n: f64) -> Estimate {
     let spread = Z * (rarer * (1.0 - rarer / n) + 0.25 * Z * Z).sqrt();
     let farther = (rarer + 0.5 * Z * Z + spread) / (n + Z * Z);
     sampled(hits / n, (farther - rarer / n) / Z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::proportion;
+
+    #[test]
+    fn few_hits_lie_three_standard_errors_off_no_more_often_than_a_gaussian_does() {
+        // Summed over the Poisson law of the hits of n paths: nothing is sampled.
+        let n = 1e5;
+        for expected in [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0, 300.0] {
+            let (mut square, mut far, mut plain) = (0.0, 0.0, 0.0);
+            let mut probability = f64::exp(-expected);
+            for hits in 0..2000 {
+                let hits = f64::from(hits);
+                let z = (hits - expected) / (n * proportion(hits, n).error);
+                square += probability * z * z;
+                if z.abs() > 3.0 {
+                    far += probability;
+                }
+                if (hits - expected).abs() > 3.0 * hits.max(1.0).sqrt() {
+                    plain += probability;
+                }
+                probability *= expected / (hits + 1.0);
+            }
+            println!(
+                "{expected} hits expected: rms {:.2} standard errors, beyond three {far:.1e}, of sqrt(k) {plain:.1e}",
+                square.sqrt()
+            );
+            // 2.7e-3 of a Gaussian.
+            assert!(far < 2.7e-3 && square < 1.0);
+            // Never wide without need: at most half as much again where there is a standard error to speak of.
+            assert!(expected < 5.0 || square > 0.44);
+        }
+        // Hits and misses are alike.
+        let (few, many) = (proportion(3.0, 500.0).error, proportion(497.0, 500.0).error);
+        assert!((few / many - 1.0).abs() < 1e-12);
+    }
 }

@@ -1,9 +1,10 @@
 //! The spectrum: from the resolvent, by Welch's method, and of the linear oscillator.
 
+use crate::budget::Limits;
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::{Peak, Spectrum};
-use crate::monte_carlo::{self, SeriesSettings};
+use crate::monte_carlo::Series;
 use crate::oscillator::Oscillator;
 use crate::spectrum::{Welch, linear};
 
@@ -53,27 +54,29 @@ impl SpectrumNumbers {
         }
     }
 
-    /// The same by sampling. The mean taken off the records is the exact one.
+    /// The same by sampling, and the number of averages. The mean taken off the records is the exact one.
     ///
     /// # Errors
-    /// Those of [`monte_carlo::series`].
-    pub fn sample(
+    /// Those of [`crate::monte_carlo::series`].
+    pub(crate) fn sample(
         &mut self,
         oscillator: &Oscillator,
         welch: &Welch,
-        settings: &SeriesSettings,
+        recipe: &Series,
+        limits: Limits,
         progress: &(dyn Fn(f64) + Sync),
-    ) -> Result<()> {
+    ) -> Result<usize> {
         let (contact, law) = (oscillator.contact(), oscillator.displacement_law()?);
-        let mean = law.expect(|q| settings.quantity.of(contact, q)).value;
+        let asked = recipe.asked;
+        let mean = law.expect(|q| asked.quantity.of(contact, q)).value;
         let visit = |record: &[f64]| {
             let record: Vec<f64> = record.iter().map(|x| x - mean).collect();
             welch.record(&record)
         };
-        let records = monte_carlo::series(oscillator, settings, &visit, progress)?;
+        let records = recipe.run(oscillator, &visit, limits, progress)?;
         let averages = records.iter().map(|it| it.segments).sum();
         let samples = welch.record_length(1);
-        let correlation = self.solved.correlation(settings.spacing, samples);
+        let correlation = self.solved.correlation(asked.spacing, samples);
         let mut density = welch.average(&records);
         let mut expectation = welch.expectation(&correlation);
         density.truncate(self.solved.omega.len());
@@ -83,9 +86,9 @@ impl SpectrumNumbers {
             density,
             expectation,
             averages,
-            spacing: settings.spacing,
+            spacing: asked.spacing,
         });
-        Ok(())
+        Ok(averages)
     }
 
     /// Expectation and estimate at every frequency. The standard error is taken at the expectation: that

@@ -11,7 +11,7 @@ use vibroimpact::fokker_planck::mesh::Mesh;
 use vibroimpact::fokker_planck::observables::Observables;
 use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, transient};
 use vibroimpact::moments::Moments;
-use vibroimpact::monte_carlo::{self, EnsembleSettings, Scheme};
+use vibroimpact::monte_carlo::{self, Sampling, Scheme};
 
 #[derive(Debug, Clone)]
 pub(super) struct Answer {
@@ -115,11 +115,11 @@ pub(super) fn volumes_on(
 }
 
 fn paths(case: &Case, scheme: Scheme, paths: u64, seed: u64) -> Result<Answer> {
-    let settings = EnsembleSettings {
+    let settings = Sampling {
         paths,
         seed,
         scheme,
-        ..EnsembleSettings::default()
+        ..Sampling::default()
     };
     let it = monte_carlo::run(
         &case.oscillator,

@@ -14,7 +14,7 @@ use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::{Error, Result};
 use vibroimpact::estimate::{Estimate, Origin};
 use vibroimpact::moments::{Moment, Moments};
-use vibroimpact::monte_carlo::{self, Noise, RecordSettings, Scheme};
+use vibroimpact::monte_carlo::{self, Noise, Sampling, Scheme};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::rig::Rig;
 use vibroimpact::roots;
@@ -356,12 +356,12 @@ impl Keys {
                 band: *band,
             },
         };
-        let settings = RecordSettings {
+        let settings = Sampling {
             duration: self.get("duration", 2e6),
             scheme: Scheme::CentralDifference,
             step: Some(TAU / self.get("steps", 50.0)),
             noise,
-            ..RecordSettings::default()
+            ..Sampling::default()
         };
         Ok(monte_carlo::records(&self.oscillator()?, &settings, &|_| ())?.moments)
     }

@@ -9,7 +9,7 @@ use std::rc::Rc;
 use vibroimpact::error::Result;
 use vibroimpact::estimate::{Estimate, Origin};
 use vibroimpact::fokker_planck::{self, Settings, Spectrum};
-use vibroimpact::monte_carlo::{self, Noise, Scheme, SeriesSettings};
+use vibroimpact::monte_carlo::{self, Samples, Sampling};
 use vibroimpact::oscillator::{Oscillator, Quantity};
 use vibroimpact::spectrum::Welch;
 
@@ -87,19 +87,19 @@ impl Spectra {
         }
         let spacing = 0.5 * std::f64::consts::PI / HIGHEST;
         let welch = Welch::new(2048, 1024, spacing)?;
-        let settings = SeriesSettings {
+        let asked = Samples {
             quantity: Quantity::Force,
             spacing,
             samples: welch.record_length(SEGMENTS),
             records: 400 / SEGMENTS as u64,
-            seed: 1,
-            scheme: Scheme::Auto,
-            step: None,
-            noise: Noise::White,
+        };
+        let settings = Sampling {
             max_seconds: SECONDS,
+            ..Sampling::default()
         };
         let records = monte_carlo::series(
             oscillator,
+            asked,
             &settings,
             &|record| welch.record(record),
             &|_| (),

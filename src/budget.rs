@@ -1,0 +1,135 @@
+//! What a machine takes for a piece of work, and the limits a scene sets.
+
+use crate::error::{Error, Result};
+use std::time::Instant;
+
+/// Every timing of a machine that a decision or a forecast hangs on, in seconds of one core (measured:
+/// benches/time.rs and monte_carlo.rs, `vibroimpact precision`). Forecasts are within a factor of about three.
+pub(crate) mod timing {
+    /// A stage of the explicit scheme, a cell, order 8.
+    pub(crate) const STAGE: f64 = 8e-9;
+    /// A step of IMEX, a cell, in stages.
+    pub(crate) const IMEX_STAGES: f64 = 18.0;
+    /// A step of Radau IIA and a factorisation, a cell, in stages.
+    pub(crate) const RADAU_STAGES: f64 = 250.0;
+    /// A factorisation for Radau IIA, a cell, in stages.
+    pub(crate) const RADAU_LU_STAGES: f64 = 800.0;
+    /// Sparse LU of a five-point stencil, a cell; of a wide stencil or complex numbers [`WIDE`] times that.
+    pub(crate) const LU: f64 = 2e-6;
+    /// A solve with the LU of a five-point stencil, a cell.
+    pub(crate) const SOLVE: f64 = 0.1e-6;
+    /// An LU or a solve with a wide stencil over one with a stencil of five points.
+    pub(crate) const WIDE: f64 = 10.0;
+    /// To trace a flow map and find its stencils, a cell.
+    pub(crate) const MAP: f64 = 0.3e-6;
+    /// A pass of the exact motion and the exact noise, a cell.
+    pub(crate) const PASS: f64 = 20e-9;
+    /// The numbers of an output time, a cell.
+    pub(crate) const LOOK: f64 = 60e-9;
+    /// A step of a moving local grid, a node.
+    pub(crate) const FRAME_NODE: f64 = 0.8e-6;
+    /// A step of the backward equation, a point of the boundary layer.
+    pub(crate) const ABSORBED_POINT: f64 = 20e-9;
+    /// The same, a node.
+    pub(crate) const ABSORBED_NODE: f64 = 10e-9;
+    /// To build the map of a point of the backward equation.
+    pub(crate) const ABSORBED_MAP: f64 = 4e-6;
+    /// An operation of a dense complex matrix product.
+    pub(crate) const OPERATION: f64 = 1.0 / 2e10;
+    /// A step of a path: Euler and Maruyama, BAOAB, central differences.
+    pub(crate) const KICK: f64 = 6e-9;
+    /// The same: exponential Heun.
+    pub(crate) const HEUN: f64 = 20e-9;
+    /// The same: splitting (4, 2).
+    pub(crate) const SPLITTING_4_2: f64 = 45e-9;
+    /// The same: splitting (6, 2).
+    pub(crate) const SPLITTING_6_2: f64 = 70e-9;
+    /// A cosine of the noise, a step of a path.
+    pub(crate) const COSINE: f64 = 1.3e-9;
+    /// Cells below which a mesh is not shared among threads.
+    pub(crate) const SHARED: usize = 7000;
+    /// n threads are as fast as n^GAIN: two came to 1.75.
+    pub(crate) const GAIN: f64 = 0.8;
+}
+
+/// A computation foreseen to take so many times what is left is not begun: what is foreseen is within three of what
+/// it takes, but for a few.
+const MAX_FORESEEN_OVERRUN: f64 = 10.0;
+
+/// The limits of a scene, and when its work began.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    began: Instant,
+    /// Seconds allowed.
+    pub(crate) seconds: f64,
+    /// Bytes allowed.
+    pub(crate) memory: u64,
+}
+
+impl Limits {
+    /// So many seconds from now on, and bytes.
+    pub(crate) fn from_now(seconds: f64, memory: u64) -> Self {
+        Self {
+            began: Instant::now(),
+            seconds,
+            memory,
+        }
+    }
+
+    /// Seconds since the work began.
+    pub(crate) fn spent(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Seconds left; negative beyond the limit.
+    pub(crate) fn left(&self) -> f64 {
+        self.seconds - self.spent()
+    }
+
+    /// The error of a computation that is out of time: `what` says how far it came.
+    pub(crate) fn out_of_time(&self, what: String) -> Error {
+        Error::Limit {
+            key: "accuracy.max_seconds",
+            limit: format!("{}", self.seconds),
+            what,
+        }
+    }
+
+    /// Refuses a computation that is foreseen to take far longer than allowed.
+    ///
+    /// # Errors
+    /// [`Error::Limit`].
+    pub(crate) fn worth_beginning(&self, name: &str, seconds: f64) -> Result<()> {
+        if seconds > MAX_FORESEEN_OVERRUN * self.left() {
+            return Err(self.out_of_time(format!("{name} would take about {seconds:.0e} s")));
+        }
+        Ok(())
+    }
+
+    /// Refuses a computation that would need more bytes than allowed.
+    ///
+    /// # Errors
+    /// [`Error::Limit`].
+    pub(crate) fn holds(&self, name: &str, bytes: u64) -> Result<()> {
+        if bytes <= self.memory {
+            return Ok(());
+        }
+        let gigabytes = |bytes: u64| format!("{:.3} GB", bytes as f64 * 1e-9);
+        Err(Error::Limit {
+            key: "accuracy.max_memory",
+            limit: gigabytes(self.memory),
+            what: format!("{name} would need {}", gigabytes(bytes)),
+        })
+    }
+
+    /// Stops a computation that is out of time.
+    ///
+    /// # Errors
+    /// [`Error::Limit`].
+    pub(crate) fn in_time(&self, what: impl FnOnce() -> String) -> Result<()> {
+        if self.left() < 0.0 {
+            return Err(self.out_of_time(what()));
+        }
+        Ok(())
+    }
+}

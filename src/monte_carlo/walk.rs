@@ -1,0 +1,350 @@
+//! How the paths of a sample are advanced: scheme, step, noise and seed, decided once where a scene leaves them open.
+
+use super::noise::LANES;
+use super::scheme::{Coefficients, Scheme};
+use super::settings::{MOST_COSINES, Noise, Sampling};
+use crate::budget::timing;
+use crate::error::{Error, Result, positive};
+use crate::estimate::Warning;
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+use std::f64::consts::E;
+use std::ops::Range;
+
+/// How every path of a sample is advanced.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Walk {
+    /// The scheme, never [`Scheme::Auto`].
+    pub(crate) scheme: Scheme,
+    /// The longest step.
+    pub(crate) step: f64,
+    /// With a path's number it fixes the path.
+    pub(crate) seed: u64,
+    pub(crate) noise: Noise,
+    /// Why this scheme and this step.
+    pub(crate) reason: String,
+    /// The highest frequency a path meets.
+    frequency: f64,
+}
+
+/// What a sample will take, as far as can be said without drawing it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cost {
+    /// Steps of a path or record.
+    pub(crate) steps: u64,
+    /// Bytes.
+    pub(crate) memory: u64,
+    /// Seconds on all threads.
+    pub(crate) seconds: f64,
+}
+
+impl Walk {
+    /// From `initial`, as far as the settings leave it open.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a step that is not positive, or a scheme that does not suit the noise.
+    pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
+        let frequency = highest_frequency(oscillator, initial);
+        let (scheme, why) = resolve(it.scheme, it.noise, oscillator.zeta(), frequency)?;
+        let longest = automatic_step(scheme, oscillator, frequency);
+        let (step, how) = match it.step {
+            Some(step) => (
+                positive("monte_carlo.step", step)?,
+                "the step by hand".into(),
+            ),
+            None => (longest, format!("steps up to {} trusted", short(longest))),
+        };
+        Ok(Self {
+            scheme,
+            step,
+            seed: it.seed,
+            noise: it.noise,
+            reason: format!("{why}, {how}"),
+            frequency,
+        })
+    }
+
+    /// The same by a scheme that locates losses of contact, under white noise.
+    ///
+    /// # Errors
+    /// As [`Walk::of`], and for a scheme or a noise under which losses are not located.
+    pub(super) fn locating(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        it: &Sampling,
+    ) -> Result<Self> {
+        if it.noise != Noise::White {
+            let accepted = "\"white\", for first_loss";
+            return Err(Error::invalid(
+                "monte_carlo.noise",
+                "band-limited",
+                accepted,
+            ));
+        }
+        let mut located = it.clone();
+        if it.scheme == Scheme::Auto {
+            located.scheme = Scheme::Splitting42;
+        }
+        let walk = Self::of(oscillator, initial, &located)?;
+        if !walk.scheme.locates_crossings() {
+            let accepted = "a scheme that locates the loss of contact, as \"splitting_4_2\"";
+            let given = format!("\"{}\"", walk.scheme);
+            return Err(Error::invalid("monte_carlo.scheme", given, accepted));
+        }
+        Ok(walk)
+    }
+
+    /// The coefficients of a step of this length.
+    pub(super) fn coefficients(&self, oscillator: &Oscillator, step: f64) -> Coefficients {
+        Coefficients::new(self.scheme, oscillator, step, self.frequency)
+    }
+
+    /// Scheme, step and reason.
+    pub(super) fn words(&self) -> String {
+        format!(
+            "{}, step {} ({})",
+            self.scheme,
+            short(self.step),
+            self.reason
+        )
+    }
+
+    /// Seconds of so many steps of a path, on all threads.
+    pub(super) fn seconds(&self, path_steps: f64) -> f64 {
+        let cosines = match self.noise {
+            Noise::Cosines { count, .. } => f64::from(count),
+            _ => 0.0,
+        };
+        let plain = match self.scheme {
+            Scheme::Splitting42 | Scheme::Auto => timing::SPLITTING_4_2,
+            Scheme::Splitting62 => timing::SPLITTING_6_2,
+            Scheme::ExponentialHeun => timing::HEUN,
+            Scheme::CentralDifference | Scheme::Baoab | Scheme::EulerMaruyama => timing::KICK,
+        };
+        let threads = rayon::current_num_threads() as f64;
+        (plain + timing::COSINE * cosines) * path_steps / threads
+    }
+
+    /// Bytes of the paths that advance together: states and streams, and what a signal keeps.
+    pub(super) fn bytes(&self) -> u64 {
+        let lanes = 8 * LANES as u64;
+        lanes
+            * match self.noise {
+                Noise::White => 8,
+                Noise::Cosines { count, .. } => 8 + 6 * u64::from(count),
+                Noise::Band { .. } => 4 * 4096,
+            }
+    }
+
+    /// What the step costs in accuracy: the share by which variances are off, from the bias of a linear
+    /// oscillator of the highest frequency of the scene (see [`Scheme`]).
+    pub(super) fn bias(&self, oscillator: &Oscillator) -> f64 {
+        let (zeta, step) = (oscillator.zeta(), self.step);
+        let turn = step * self.frequency.max(1.0);
+        match self.scheme {
+            Scheme::CentralDifference => 0.25 * turn * turn + zeta * step,
+            Scheme::Baoab => 0.25 * turn * turn,
+            Scheme::EulerMaruyama => 0.5 * step / zeta + 0.5 * turn * turn,
+            // 1e-4 at the automatic step, of order 2 beyond.
+            Scheme::Auto | Scheme::Splitting42 | Scheme::Splitting62 | Scheme::ExponentialHeun => {
+                1e-4 * (step / automatic_step(self.scheme, oscillator, self.frequency)).powi(2)
+            }
+        }
+    }
+
+    /// By how much the step makes the motion turn too fast: the phase leads by this a unit of time.
+    pub(super) fn lead(&self) -> f64 {
+        match self.scheme {
+            Scheme::CentralDifference | Scheme::Baoab => {
+                let frequency = self.frequency.max(1.0);
+                (self.step * frequency).powi(2) / 24.0 * frequency
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// What the step costs on the way: its bias, and what the lead of the phase does to the mean of a motion that
+    /// begins away from the stationary law, at worst up to `until`, in stationary deviations; friction forgets
+    /// the phase with the amplitude.
+    pub(super) fn bias_on_the_way(
+        &self,
+        oscillator: &Oscillator,
+        initial: &Initial,
+        until: f64,
+    ) -> f64 {
+        let swing = match initial {
+            Initial::Gaussian { mean, .. } => {
+                1.0 + mean[0].hypot(mean[1]) / oscillator.temperature().sqrt()
+            }
+            _ => 0.0,
+        };
+        let time = until.min(1.0 / (E * oscillator.zeta()));
+        self.bias(oscillator) + swing * self.lead() * time
+    }
+
+    /// A warning that the numbers `unknown` are not known if a `bias` exceeds one standard error of the variance of
+    /// `samples` independent samples.
+    pub(super) fn warning(
+        &self,
+        bias: f64,
+        samples: f64,
+        unknown: impl FnOnce() -> Vec<String>,
+    ) -> Option<Warning> {
+        let error = deviation(samples);
+        let share = match bias {
+            bias if bias < 1.0 => format!("by about {bias:.1e} of itself"),
+            _ => "without bound".into(),
+        };
+        (bias > error).then(|| Warning {
+            text: format!(
+                "with the step {:.3e} the scheme {} is off {share} in a variance, its standard error is {error:.1e}, \
+                 and no standard error of a sampled number holds that: shorten monte_carlo.step or leave scheme \
+                 and step out to have them chosen",
+                self.step, self.scheme
+            ),
+            unknown: unknown(),
+        })
+    }
+}
+
+/// The standard error of the variance of independent samples, relative to it.
+pub(super) fn deviation(samples: f64) -> f64 {
+    (2.0 / samples).sqrt()
+}
+
+/// Paths per block: the unit in which sums are added.
+pub(super) const BLOCK: u64 = 256;
+
+/// Most tasks an ensemble is cut into; bounds the memory and never depends on the threads.
+pub(super) const TASKS: u64 = 128;
+
+/// The paths of each task, in whole blocks.
+pub(super) fn tasks(paths: u64) -> Vec<Range<u64>> {
+    let each = paths.div_ceil(BLOCK).div_ceil(TASKS) * BLOCK;
+    let task = |first: u64| first * each..((first + 1) * each).min(paths);
+    (0..paths.div_ceil(each)).map(task).collect()
+}
+
+/// Refuses an ensemble without a standard error, and times out of order, by `key`.
+///
+/// # Errors
+/// [`Error::Invalid`].
+pub(super) fn check_ensemble(paths: u64, times: &[f64], key: &'static str) -> Result<()> {
+    if paths < 2 {
+        let accepted = "at least 2, so that there is a standard error";
+        return Err(Error::invalid("monte_carlo.paths", paths, accepted));
+    }
+    let mut now = 0.0;
+    for &time in times {
+        if !(time.is_finite() && time >= now) {
+            return Err(Error::invalid(key, time, "ascending finite times >= 0"));
+        }
+        now = time;
+    }
+    Ok(())
+}
+
+/// The number of equal steps, none longer than `step`, that span `time`, and their length.
+pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
+    // A whole number of steps stays one where the quotient is rounded up.
+    let count = (time / step * (1.0 - 1e-12)).ceil();
+    if count > 1e15 {
+        return Err(Error::Limit {
+            key: "monte_carlo.step",
+            limit: step.to_string(),
+            what: format!("{count:e} steps over a time of {time}"),
+        });
+    }
+    let length = if count > 0.0 { time / count } else { step };
+    Ok((count as u64, length))
+}
+
+/// The scheme meant, if it suits the noise, and why; `frequency` is the highest of the scene.
+fn resolve(
+    scheme: Scheme,
+    noise: Noise,
+    zeta: f64,
+    frequency: f64,
+) -> Result<(Scheme, &'static str)> {
+    let (count, band) = match noise {
+        Noise::White => {
+            return Ok(match scheme {
+                Scheme::Auto if zeta > 2.0 * frequency.max(1.0) => (
+                    Scheme::ExponentialHeun,
+                    "friction is strong and binds no step of this scheme",
+                ),
+                Scheme::Auto => (
+                    Scheme::Splitting42,
+                    "it keeps the stationary law and locates losses",
+                ),
+                scheme => (scheme, "as asked"),
+            });
+        }
+        Noise::Cosines { count, band } => (count, band),
+        Noise::Band { band } => (1, band),
+    };
+    positive("monte_carlo.noise.band", band)?;
+    if !(1..=MOST_COSINES).contains(&count) {
+        let accepted = format!("1 to {MOST_COSINES}");
+        return Err(Error::invalid("monte_carlo.noise.cosines", count, accepted));
+    }
+    if !matches!(scheme, Scheme::Auto | Scheme::CentralDifference) {
+        let accepted = "\"central_difference\" or \"auto\" with band-limited noise";
+        let given = format!("\"{scheme}\"");
+        return Err(Error::invalid("monte_carlo.scheme", given, accepted));
+    }
+    Ok((
+        Scheme::CentralDifference,
+        "the scheme of band-limited noise",
+    ))
+}
+
+/// The longest step with which `scheme` is trusted; `frequency` is the highest of the scene.
+///
+/// For the splittings the mean of a linear oscillator then errs by less than 2e-4 of its amplitude and
+/// its variances by less than 1e-4 of theirs, at any time and any zeta (from their exact moments). The
+/// others are left with the phase error of step^2/24 a unit of time that their docs name.
+fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
+    let zeta = oscillator.zeta();
+    let frequency = frequency.max(1.0);
+    let friction = (zeta * frequency).max(3.0 * zeta * zeta);
+    match scheme {
+        Scheme::Auto | Scheme::Splitting42 => (1.0 / frequency).min((5.5e-3 / friction).sqrt()),
+        Scheme::Splitting62 => (2.0 / frequency).min((1.2e-2 / friction).sqrt()),
+        Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta),
+        // A step at which its damping is off by a hundredth.
+        Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta)),
+        // Variances then err by less than 3e-4 of themselves.
+        Scheme::ExponentialHeun if zeta < 40.0 * frequency => 0.05 / frequency,
+        Scheme::ExponentialHeun => 0.04 * zeta / (frequency * frequency),
+    }
+}
+
+/// A number to four digits, as a scene would have it.
+fn short(x: f64) -> String {
+    let rounded: f64 = format!("{x:.3e}").parse().unwrap_or(x);
+    format!("{rounded:?}")
+}
+
+/// The highest frequency a path meets: the root of the stiffness at the outer turning point of an
+/// energy few paths exceed.
+fn highest_frequency(oscillator: &Oscillator, initial: &Initial) -> f64 {
+    let contact = oscillator.contact();
+    let mut rise = 5.0 * oscillator.temperature();
+    let mut outer: f64 = 0.0;
+    if let Initial::Gaussian { mean, deviation } = initial {
+        let (q, v) = (
+            mean[0].abs() + 2.0 * deviation[0],
+            mean[1].abs() + 2.0 * deviation[1],
+        );
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        let level = contact.potential(q).max(contact.potential(-q)) - lowest;
+        rise = rise.max(0.5 * v * v + level.max(0.0));
+        outer = q;
+    }
+    if let Some((_, right)) = contact.turning_points(rise) {
+        outer = outer.max(right);
+    }
+    let stiffness = [0.0, 0.5 * outer, outer].map(|q| contact.stiffness(q));
+    stiffness.into_iter().fold(0.0, f64::max).sqrt()
+}
