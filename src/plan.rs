@@ -850,11 +850,11 @@ mod tests {
             ),
             (
                 "dropped",
-                &[(Part::MonteCarlo, Splitting42, 0.5, 100_000, 80)],
+                &[(Part::MonteCarlo, Splitting42, 0.7143, 100_000, 82)],
             ),
             (
                 "overdamped",
-                &[(Part::MonteCarlo, Splitting42, 0.01, 20_000, 400)],
+                &[(Part::MonteCarlo, ExponentialHeun, 0.03333, 20_000, 120)],
             ),
             (
                 "free-fall",
@@ -866,13 +866,25 @@ mod tests {
             ),
             (
                 "first-loss",
-                &[(Part::FirstLossPaths, Splitting42, 0.5, 100_000, 400)],
+                &[
+                    (Part::FirstLossPaths, Splitting42, 0.8197, 100_000, 244),
+                    (Part::Records, Splitting42, 0.8217, 240, 5072),
+                ],
             ),
-            ("records", &[(Part::Records, Splitting42, 0.5, 1024, 400)]),
-            ("spectrum", &[(Part::Series, Splitting42, 0.5, 80, 400)]),
+            (
+                "records",
+                &[(Part::Records, Splitting42, 0.7942, 144, 5496)],
+            ),
+            (
+                "spectrum",
+                &[
+                    (Part::Series, Splitting42, 0.3927, 272, 6144),
+                    (Part::Records, Splitting42, 0.7942, 144, 5496),
+                ],
+            ),
             (
                 "table-3",
-                &[(Part::Records, ExponentialHeun, 0.5, 1024, 400)],
+                &[(Part::Records, Splitting42, 0.8031, 144, 5434)],
             ),
         ];
         for (name, expected) in recipes {
@@ -880,7 +892,7 @@ mod tests {
             let plan = Plan::of(text.scene()).unwrap();
             let mut found = Vec::new();
             let mut put = |part, (scheme, step): (Scheme, f64), count, steps| {
-                let step: f64 = format!("{step:.4e}").parse().unwrap();
+                let step: f64 = format!("{step:.3e}").parse().unwrap();
                 found.push((part, scheme, step, count, steps));
             };
             if let Some(it) = &plan.recipes.ensemble {

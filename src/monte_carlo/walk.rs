@@ -46,6 +46,16 @@ impl Walk {
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
         let frequency = highest_frequency(oscillator, initial);
         let (scheme, why) = resolve(it.scheme, it.noise, oscillator.zeta(), frequency)?;
+        Self::by((scheme, why), oscillator, it, frequency)
+    }
+
+    /// By this scheme for this reason.
+    fn by(
+        (scheme, why): (Scheme, &str),
+        oscillator: &Oscillator,
+        it: &Sampling,
+        frequency: f64,
+    ) -> Result<Self> {
         let longest = automatic_step(scheme, oscillator, frequency);
         let (step, how) = match it.step {
             Some(step) => (
@@ -81,11 +91,12 @@ impl Walk {
                 accepted,
             ));
         }
-        let mut located = it.clone();
-        if it.scheme == Scheme::Auto {
-            located.scheme = Scheme::Splitting42;
-        }
-        let walk = Self::of(oscillator, initial, &located)?;
+        let frequency = highest_frequency(oscillator, initial);
+        let scheme = match it.scheme {
+            Scheme::Auto => (Scheme::Splitting42, "it locates losses at any friction"),
+            scheme => (scheme, "as asked"),
+        };
+        let walk = Self::by(scheme, oscillator, it, frequency)?;
         if !walk.scheme.locates_crossings() {
             let accepted = "a scheme that locates the loss of contact, as \"splitting_4_2\"";
             let given = format!("\"{}\"", walk.scheme);
