@@ -3,7 +3,9 @@
 
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
-use crate::fokker_planck::{self, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState};
+use crate::fokker_planck::{
+    self, Eigenvalues, FirstPassage, Limits, Recipe, Resolvent, Settings, SteadyState,
+};
 use crate::initial::Initial;
 use crate::monte_carlo::{self, EnsembleSettings, RecordSettings, Scheme, SeriesSettings};
 use crate::oscillator::Oscillator;
@@ -28,6 +30,7 @@ pub struct Plan {
 struct Recipes {
     transient: Option<Recipe>,
     steady: Option<SteadyState>,
+    eigenvalues: Option<Eigenvalues>,
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
 }
@@ -351,7 +354,13 @@ impl Plan {
                 self.recipes.steady = Some(recipe);
                 cost
             }
-            Part::DecayRates => fokker_planck::decay_rates_cost(&self.settings),
+            Part::DecayRates => {
+                let count = self.scene.outputs.decay_rates;
+                let recipe = Eigenvalues::of(oscillator, count, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.eigenvalues = Some(recipe);
+                cost
+            }
         };
         Ok(Cost::on_mesh(it, method))
     }
@@ -557,14 +566,17 @@ impl Plan {
                 let Some(recipe) = &self.recipes.steady else {
                     return Ok(());
                 };
-                let it = recipe.solve(oscillator, settings.max_memory)?;
+                let it = recipe.solve(oscillator, limits, progress)?;
                 let warnings = it.warnings.iter().cloned();
                 results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
             }
             Part::DecayRates => {
-                let it = fokker_planck::decay_rates(oscillator, outputs.decay_rates, &settings)?;
+                let Some(recipe) = &self.recipes.eigenvalues else {
+                    return Ok(());
+                };
+                let it = recipe.solve(oscillator, limits, progress)?;
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.decay_rates = Some(it);
             }
@@ -627,8 +639,7 @@ impl Plan {
             return Ok(());
         };
         let it = recipe.solve(oscillator, asked.quantity, &omegas, limits, progress)?;
-        let shortfall = it.shortfall(recipe);
-        results.fall_short(Part::Spectrum.name(), shortfall.as_ref(), true);
+        results.fall_short(Part::Spectrum.name(), it.shortfall.as_ref(), true);
         results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
         Ok(())
     }

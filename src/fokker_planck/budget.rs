@@ -66,9 +66,23 @@ pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     }
 }
 
-/// A computation foreseen to take so many times what is left is not begun: what is foreseen is within three of what
-/// it takes, but for a few.
-const MAX_FORESEEN_OVERRUN: f64 = 10.0;
+/// What a run is foreseen to take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Work {
+    /// Seconds.
+    pub(super) seconds: f64,
+    /// Bytes.
+    pub(super) memory: u64,
+}
+
+impl From<Cost> for Work {
+    fn from(it: Cost) -> Self {
+        Self {
+            seconds: it.seconds,
+            memory: it.memory,
+        }
+    }
+}
 
 /// The limits of a scene, and when its work began.
 #[derive(Debug, Clone, Copy)]
@@ -90,14 +104,9 @@ impl Limits {
         }
     }
 
-    /// Seconds since the work began.
-    pub(super) fn spent(&self) -> f64 {
-        self.began.elapsed().as_secs_f64()
-    }
-
     /// Seconds left; negative beyond the limit.
     pub(super) fn left(&self) -> f64 {
-        self.seconds - self.spent()
+        self.seconds - self.began.elapsed().as_secs_f64()
     }
 
     /// The error of a computation that is out of time: `what` says how far it came.
@@ -107,17 +116,6 @@ impl Limits {
             limit: format!("{}", self.seconds),
             what,
         }
-    }
-
-    /// Refuses a computation that is foreseen to take far longer than allowed.
-    ///
-    /// # Errors
-    /// [`Error::Limit`].
-    pub(super) fn worth_beginning(&self, name: &str, seconds: f64) -> Result<()> {
-        if seconds > MAX_FORESEEN_OVERRUN * self.left() {
-            return Err(self.out_of_time(format!("{name} would take about {seconds:.0e} s")));
-        }
-        Ok(())
     }
 
     /// Stops a computation that is out of time.
