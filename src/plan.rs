@@ -950,6 +950,41 @@ mod tests {
     }
 
     #[test]
+    fn every_question_of_the_default_scene_has_its_recipe() {
+        let text = SceneText::parse("default", built_in("default").unwrap(), &[]).unwrap();
+        let mut scene = text.scene().clone();
+        scene.outputs.steady = true;
+        scene.outputs.spectrum = Some(crate::scene::SpectrumRequest {
+            until: 4.0,
+            quantity: crate::scene::Quantity::Force,
+        });
+        scene.outputs.first_loss = Some(200.0);
+        let plan = Plan::of(&scene).unwrap();
+        let found: Vec<_> = plan
+            .stages()
+            .iter()
+            .filter_map(|it| Some((it.part.name(), it.cost.cells?, it.cost.steps)))
+            .collect();
+        println!("{found:?}");
+        let expected = [
+            ("first_loss", [0, 0], 0),
+            ("transient", [151, 94], 965),
+            ("steady", [0, 0], 60),
+            ("decay_rates", [97, 96], 15),
+            ("spectrum", [0, 0], 55),
+        ];
+        assert_eq!(found, expected);
+        let rates = plan.recipes.eigenvalues.unwrap();
+        println!("{rates:?}");
+        assert!(
+            rates.words().contains("9 shifts up to 2.00i"),
+            "{}",
+            rates.words()
+        );
+        assert!(rates.words().contains("the slowest real rate"));
+    }
+
+    #[test]
     fn a_mesh_beyond_the_memory_is_refused_before_anything_is_built() {
         let mut scene = scene();
         scene.outputs.steady = true;

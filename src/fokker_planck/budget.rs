@@ -118,6 +118,18 @@ impl Limits {
         }
     }
 
+    /// Refuses a piece of work of so many seconds that nothing can stop half way.
+    ///
+    /// # Errors
+    /// [`Error::Limit`].
+    pub(super) fn room_for(&self, seconds: f64, what: impl FnOnce() -> String) -> Result<()> {
+        if seconds > self.left() {
+            let what = format!("{} would take {seconds:.1e} s at one go", what());
+            return Err(self.out_of_time(what));
+        }
+        Ok(())
+    }
+
     /// Stops a computation that is out of time.
     ///
     /// # Errors
@@ -150,6 +162,29 @@ impl Factors {
             TimeScheme::Imex | TimeScheme::Explicit => Self::None,
         }
     }
+}
+
+/// Seconds of a factorisation, which nothing can stop half way.
+pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) -> f64 {
+    let n = nq as f64 * nv as f64;
+    let wide = if drift == Drift::Upwind {
+        1.0
+    } else {
+        timing::WIDE
+    };
+    match factors {
+        Factors::None => 0.0,
+        Factors::Real => n * timing::LU * wide,
+        // A complex one; of the five-point operator where the mesh is large.
+        Factors::Both if n > DIRECT as f64 => n * timing::LU * timing::WIDE,
+        Factors::Both => n * timing::LU * wide * wide,
+    }
+}
+
+/// Seconds to trace the maps of a flow map, which nothing can stop half way.
+pub(super) fn tracing([nq, nv]: [usize; 2]) -> f64 {
+    const MAPS: f64 = 7.0;
+    on_threads([nq, nv], MAPS * timing::MAP * nq as f64 * nv as f64)
 }
 
 /// Unknowns above which GMRES with the LU of the five-point operator beats the LU of the wide stencil.

@@ -433,7 +433,9 @@ impl Search<'_> {
             let wanted = self.slowest(modes, count);
             more = if harmonic < HARMONICS && wanted.iter().any(|it| it.value.im > border) {
                 harmonic += 1;
-                (1..=steps).map(|k| at((harmonic - 1) * steps + k)).collect()
+                (1..=steps)
+                    .map(|k| at((harmonic - 1) * steps + k))
+                    .collect()
             } else {
                 harmonic = HARMONICS;
                 let all = self.places(modes, &shifts);
@@ -480,7 +482,10 @@ impl Search<'_> {
         vectors: usize,
         modes: &mut Vec<Mode>,
     ) -> Result<()> {
-        let late = || self.limits.in_time(|| "the decay rates had not ended".into());
+        let late = || {
+            self.limits
+                .in_time(|| "the decay rates had not ended".into())
+        };
         let error = |modes: &[Mode], target: &C| {
             let distance = |it: &&Mode| (it.value - target).norm();
             let nearest = modes
@@ -642,11 +647,7 @@ struct Arnoldi<'a> {
 }
 
 impl<'a> Arnoldi<'a> {
-    fn new(
-        full: &'a Hierarchy,
-        shift: C,
-        late: &dyn Fn() -> Result<()>,
-    ) -> Result<Self> {
+    fn new(full: &'a Hierarchy, shift: C, late: &dyn Fn() -> Result<()>) -> Result<Self> {
         // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
         // eigenvector of 0, is left out.
         let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;

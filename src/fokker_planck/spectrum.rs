@@ -364,7 +364,14 @@ impl Question for Task<'_> {
             progress((solved as f64 / EXPECTED as f64).min(1.0));
             limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
         };
-        let model = Reduced::new(&full, control, MODEL * recipe.tolerance, FLOOR, SOLVES, &go_on)?;
+        let model = Reduced::new(
+            &full,
+            control,
+            MODEL * recipe.tolerance,
+            FLOOR,
+            SOLVES,
+            &go_on,
+        )?;
         let fine: Vec<Answer> = control.iter().map(|w| model.at(*w)).collect();
         if let Some(coarse) = &self.last {
             let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();

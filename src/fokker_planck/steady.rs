@@ -174,7 +174,8 @@ impl Question for Task<'_> {
         let Layout { domain, drift, .. } = recipe.layout;
         let mesh = recipe.layout.mesh(oscillator, 1.0)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
-        late()?;
+        let seconds = budget::factoring(mesh.cells(), drift, Factors::Real);
+        limits.room_for(seconds, || NAME.to_owned())?;
         let (null, residual) = null_vector(&generator)?;
         progress(0.5);
         let exact = Density::start(&generator, &Initial::Stationary)?;

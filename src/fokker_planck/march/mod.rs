@@ -37,7 +37,7 @@ pub use control::{March, Step};
 pub use integrator::Integrator;
 pub use radau::Radau;
 pub use runge_kutta::RungeKutta4;
-pub use system::Solver;
+pub use system::{Late, Solver, never};
 
 #[cfg(test)]
 mod tests {
@@ -92,7 +92,7 @@ mod tests {
         for _ in 0..squarings {
             sum = sum.dot(&sum);
         }
-        let system = system::System::new(generator, Solver::Direct);
+        let system = system::System::new(generator, Solver::Direct, never());
         let mut start = Array1::zeros(n);
         system.gather(density.cells(), start.as_slice_mut().unwrap());
         let end = sum.dot(&start);

@@ -190,10 +190,16 @@ impl Question<'_> {
 
     /// The recipe with its foreseen cost.
     fn costed(&self, mut recipe: Recipe, mut reason: String) -> Result<Recipe> {
-        if recipe.first_grid == FirstGrid::Moving {
-            reason +=
-                "; the start is too narrow for a mesh, so a small mesh moves with it at first";
-        }
+        reason += match recipe.first_grid {
+            FirstGrid::Moving => {
+                "; the start is too narrow for a mesh, so a small mesh moves with it at first"
+            }
+            FirstGrid::Falling => {
+                "; the start lies far beyond the stationary law, so a small mesh moves with it until friction has \
+                 brought it in"
+            }
+            FirstGrid::Mesh | FirstGrid::MovingForGood => "",
+        };
         recipe.reason = reason;
         recipe.cost = cost::foreseen(
             &recipe,
@@ -275,10 +281,15 @@ impl Question<'_> {
                 !thermal.into_iter().zip(start).any(narrow)
             }
         };
-        if fits {
+        let falls = self.falls(neglected)?;
+        if fits && !falls {
             return Ok((held(domain), FirstGrid::Mesh, neglected));
         }
-        let grid = FirstGrid::Moving;
+        let grid = if falls {
+            FirstGrid::Falling
+        } else {
+            FirstGrid::Moving
+        };
         let domain = match initial {
             Initial::Gaussian { .. } => {
                 recipe::domain(oscillator, initial, self.until(), grid, neglected)?
@@ -286,6 +297,18 @@ impl Question<'_> {
             _ => domain,
         };
         Ok((laid_out(domain), grid, neglected))
+    }
+
+    /// Whether strong friction brings the initial condition in from far beyond the stationary law.
+    fn falls(&self, neglected: f64) -> Result<bool> {
+        let Initial::Gaussian { mean, deviation } = *self.initial else {
+            return Ok(false);
+        };
+        if self.oscillator.zeta() <= KNOWN || self.settings.cells.is_some() {
+            return Ok(false);
+        }
+        let law = Domain::closed(self.oscillator, &Initial::Rest, neglected)?;
+        Ok(law.amplitude(self.oscillator, mean, deviation) > recipe::BEYOND)
     }
 
     /// Whether cells of the scene hold a Gaussian, in the coarse run too.

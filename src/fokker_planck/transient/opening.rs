@@ -2,7 +2,7 @@
 //! it is wide enough to be handed over.
 
 use super::propagator::Propagator;
-use super::recipe::{FirstGrid, Recipe};
+use super::recipe::{self, FirstGrid, Recipe};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot};
@@ -126,7 +126,12 @@ pub(super) struct Bill {
 
 /// What the opening of a run will take on one core, if it has one. The packet is as wide as a mesh needs once the
 /// noise has added that variance.
-pub(super) fn cost(recipe: &Recipe, oscillator: &Oscillator, until: f64) -> Option<Bill> {
+pub(super) fn cost(
+    recipe: &Recipe,
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+) -> Option<Bill> {
     if !recipe.opens_on_moving_grid() {
         return None;
     }
@@ -134,7 +139,18 @@ pub(super) fn cost(recipe: &Recipe, oscillator: &Oscillator, until: f64) -> Opti
     let widths = layout::thermal_widths(oscillator, recipe.tolerance);
     let wide = cells_per_deviation(recipe.tolerance) * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
-    let wide = -left.ln() / (2.0 * oscillator.zeta());
+    let mut wide = -left.ln() / (2.0 * oscillator.zeta());
+    if let (FirstGrid::Falling, Initial::Gaussian { mean, deviation }) =
+        (recipe.first_grid, *initial)
+    {
+        // Under strong friction velocities fall at once, and displacements at the rate 1/(2 zeta).
+        let (mean, deviation) = (
+            [mean[0], 0.0],
+            [deviation[0], oscillator.temperature().sqrt()],
+        );
+        let beyond = recipe.amplitude(oscillator, mean, deviation) / recipe::BEYOND;
+        wide = wide.max(2.0 * oscillator.zeta() * beyond.max(1.1).ln());
+    }
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
     let alone = recipe.first_grid == FirstGrid::MovingForGood || wide >= until;
     let time = if alone { until } else { wide };
@@ -165,7 +181,7 @@ impl<'a> Opening<'a> {
             early,
             fineness(oscillator, recipe.tolerance, (finer, longer)),
         )?;
-        let goal = (recipe.first_grid == FirstGrid::Moving)
+        let goal = (recipe.first_grid != FirstGrid::MovingForGood)
             .then(|| recipe.mesh(oscillator, finer))
             .transpose()?;
         let finest = if goal.is_none() || recipe.layout.is_given() {
@@ -245,6 +261,13 @@ impl<'a> Opening<'a> {
                 .into_iter()
                 .all(|(deviation, width)| deviation >= enough * width * finer)
         };
+        if self.recipe.first_grid == FirstGrid::Falling && !self.is_torn() {
+            let frame = self.packet.frame();
+            let amplitude = self
+                .recipe
+                .amplitude(self.oscillator, frame.mean, frame.deviation());
+            return wide(1.0) && amplitude <= recipe::BEYOND;
+        }
         wide(1.0) || self.is_torn() || (self.is_bent() && wide(REFINED / WORTH))
     }
 

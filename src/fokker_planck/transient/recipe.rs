@@ -37,6 +37,9 @@ pub(crate) enum FirstGrid {
     Mesh,
     /// A moving local grid first, until the density is wide enough for the mesh.
     Moving,
+    /// A moving local grid first, until strong friction has brought the density in from far beyond the stationary law:
+    /// finite volumes carry p/p_s, which spans e^(v^2/2T) and more there.
+    Falling,
     /// A moving local grid for good: the density leaves every domain and keeps its shape.
     MovingForGood,
 }
@@ -96,6 +99,17 @@ impl Recipe {
         self.first_grid != FirstGrid::Mesh
     }
 
+    /// The amplitude of a density over that of the stationary law, for a recipe that waits until it is small.
+    pub(crate) fn amplitude(
+        &self,
+        oscillator: &Oscillator,
+        mean: [f64; 2],
+        deviation: [f64; 2],
+    ) -> f64 {
+        let law = self.layout.domain.enlarged(oscillator, 1.0 / BEYOND);
+        law.amplitude(oscillator, mean, deviation)
+    }
+
     /// A mesh `finer` times as fine as laid out.
     ///
     /// # Errors
@@ -148,6 +162,9 @@ impl Recipe {
     }
 }
 
+/// Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong friction.
+pub(super) const BEYOND: f64 = 2.0;
+
 /// The truncated domain of a run until `until`.
 ///
 /// # Errors
@@ -165,7 +182,11 @@ pub(crate) fn domain(
     if first_grid == FirstGrid::Mesh {
         return Domain::closed(oscillator, initial, neglected);
     }
-    Ok(Domain::closed(oscillator, &Initial::Rest, neglected)?.raised(oscillator, initial, until))
+    let law = Domain::closed(oscillator, &Initial::Rest, neglected)?;
+    Ok(match first_grid {
+        FirstGrid::Falling => law.enlarged(oscillator, BEYOND),
+        _ => law.raised(oscillator, initial, until),
+    })
 }
 
 /// The steps of the flow map for a tolerance and the scene's step, `longer` times as long.

@@ -77,7 +77,9 @@ pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
     let volumes = task.recipe.otherwise.as_deref();
     let mut first = Refinement::new(*task, volumes);
     let (best, why) = match (first.answer("", progress), volumes) {
-        (Ok(best), Some(_)) if first.switch.is_some() => (Ok(best), first.switch.unwrap_or_default()),
+        (Ok(best), Some(_)) if first.switch.is_some() => {
+            (Ok(best), first.switch.unwrap_or_default())
+        }
         (Ok(best), _) => return Ok(best),
         (Err(error), Some(_)) if is_unfit(&error) => {
             let why = format!("the flow map could not: {error}");
@@ -253,7 +255,9 @@ impl<'a> Refinement<'a> {
             return Err(limits.out_of_time(format!("{} had not ended", self.name())));
         };
         let warnings = Vec::new();
-        Ok(self.task().report(fine.run, &coarse.run, errors, reason, stop, warnings))
+        Ok(self
+            .task()
+            .report(fine.run, &coarse.run, errors, reason, stop, warnings))
     }
 
     /// The error estimates of the first two runs.

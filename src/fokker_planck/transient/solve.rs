@@ -201,7 +201,9 @@ impl<'a> Upwind<'a> {
         );
         let reason = self.task.recipe.reason.clone();
         let warnings = vec![warning];
-        Ok(self.task.report(fine, &coarse, &errors, reason, stop, warnings))
+        Ok(self
+            .task
+            .report(fine, &coarse, &errors, reason, stop, warnings))
     }
 }
 
@@ -229,7 +231,15 @@ impl Question for Upwind<'_> {
         }
         let work = |recipe, finer| {
             let size = (finer, 1.0);
-            cost::run(recipe, oscillator, initial, &self.times, size, limits.memory).map(Work::from)
+            cost::run(
+                recipe,
+                oscillator,
+                initial,
+                &self.times,
+                size,
+                limits.memory,
+            )
+            .map(Work::from)
         };
         let fine = work(recipe, 1.0)?;
         Ok(match self.coarse {
