@@ -8,7 +8,10 @@ use std::time::Instant;
 
 /// A question that is answered by runs, each finer than the one before. What a run does between two looks at
 /// [`Limits::in_time`] is short.
-pub(super) trait Question {
+pub(super) trait Question: Sized {
+    /// Numbers with their error estimates.
+    type Answer;
+
     /// What it is called where time or memory do not suffice for a first answer.
     fn name(&self) -> String;
 
@@ -26,6 +29,9 @@ pub(super) trait Question {
     /// # Errors
     /// Those of the run; [`Error::Limit`] where it is out of time.
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()>;
+
+    /// The answer, if there is one, and what stopped it.
+    fn answer(self, stop: Stop) -> Option<Self::Answer>;
 }
 
 /// What a question asks for next.
@@ -73,70 +79,72 @@ const LAST: f64 = 0.9;
 ///
 /// # Errors
 /// [`Error::Limit`] for limits that do not suffice for a first answer; those of the runs before it.
-pub(super) fn pursue(
-    question: &mut impl Question,
+pub(super) fn pursue<Q: Question>(
+    mut question: Q,
     limits: &Limits,
     progress: &(dyn Fn(f64) + Sync),
-) -> Result<Stop> {
+) -> Result<Q::Answer> {
     let (mut pace, mut done) = (None, 0.0);
-    loop {
+    let stop = loop {
         let ratio = question.ratio();
         if ratio.is_some_and(|ratio| ratio <= 1.0) {
-            progress(1.0);
-            return Ok(Stop::default());
+            break Stop::default();
         }
+        // An answer is not lost to what comes after it.
+        let kept = |text: String, error| match ratio {
+            Some(_) => Ok(Stop::new(text, true)),
+            None => Err(error),
+        };
+        let ended = |error: Error| kept(format!("a finer run ended early: {error}"), error);
         let (now, then) = match question.next() {
             Ok(Next::Run { now, then }) => (now, then),
-            Ok(Next::Stop(stop)) => return Ok(stop),
-            Err(error) if ratio.is_some() => return Ok(Stop::new(ended_early(&error), true)),
-            Err(error) => return Err(error),
+            Ok(Next::Stop(stop)) => break stop,
+            Err(error) => break ended(error)?,
         };
-        let name = || match ratio {
-            Some(_) => "the next refinement".to_owned(),
-            None => question.name(),
-        };
-        let reaching = then.map(|then| (then, "reaching the tolerance".to_owned()));
-        for (work, name) in [(now, name())].into_iter().chain(reaching) {
-            match (affordable(work, &name, pace, limits), ratio) {
-                (Ok(()), _) => {}
-                (Err(Error::Limit { what, .. }), Some(_)) => return Ok(Stop::new(what, true)),
-                (Err(error), _) => return Err(error),
-            }
+        let name = ratio.map_or_else(|| question.name(), |_| "the next refinement".into());
+        let end = then.map(|then| (then, "reaching the tolerance"));
+        let mut over = [(now, &name[..])].into_iter().chain(end);
+        let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
+        if let Some((what, error)) = over {
+            break kept(what, error)?;
         }
         let part = then.map_or(LAST, |then| now.seconds / (now.seconds + then.seconds));
         let end = done + part * (1.0 - done);
         let clock = Instant::now();
-        match question.run(&|x| progress(done + x * (end - done))) {
-            Err(error) if ratio.is_some() => return Ok(Stop::new(ended_early(&error), true)),
-            it => it?,
+        if let Err(error) = question.run(&|x| progress(done + x * (end - done))) {
+            break ended(error)?;
         }
         pace = Some(clock.elapsed().as_secs_f64() / now.seconds);
         done = end;
-    }
+    };
+    progress(1.0);
+    let name = question.name();
+    let answer = question.answer(stop);
+    answer.ok_or_else(|| limits.out_of_time(format!("{name} had not ended")))
 }
 
-fn ended_early(error: &Error) -> String {
-    format!("a finer run ended early: {error}")
-}
-
-/// Refuses work that the limits do not allow; `pace` is what the last run took over what was foreseen of it.
-fn affordable(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Result<()> {
-    if work.memory > limits.memory {
-        let [needed, limit] = [work.memory, limits.memory].map(|it| it as f64);
-        return Err(Error::Limit {
-            key: "accuracy.max_memory",
-            limit: format!("{:.3} GB", 1e-9 * limit),
-            what: format!(
-                "{name} would need about {needed:.1e} bytes, and accuracy.max_memory = {limit:.1e}"
-            ),
-        });
-    }
+/// What the limits do not allow of a run, in words and as an error; `pace` is what the last one took over what was
+/// foreseen of it.
+fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<(String, Error)> {
+    let [needed, most] = [work.memory, limits.memory].map(|bytes| bytes as f64);
     let (seconds, left) = (work.seconds * pace.unwrap_or(1.0), limits.left().max(0.0));
-    let most = pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left);
-    if seconds > most {
-        return Err(limits.out_of_time(format!(
-            "{name} would take about {seconds:.1e} s, and {left:.1e} s are left of accuracy.max_seconds"
-        )));
+    if needed > most {
+        let what = format!("{name} would need about {needed:.1e} bytes");
+        let error = Error::Limit {
+            key: "accuracy.max_memory",
+            limit: format!("{:.3} GB", 1e-9 * most),
+            what: what.clone(),
+        };
+        Some((
+            format!("{what}, and accuracy.max_memory = {most:.1e}"),
+            error,
+        ))
+    } else if seconds > pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left) {
+        let what = format!("{name} would take about {seconds:.1e} s");
+        let error = limits.out_of_time(what.clone());
+        let what = format!("{what}, and {left:.1e} s are left of accuracy.max_seconds");
+        Some((what, error))
+    } else {
+        None
     }
-    Ok(())
 }

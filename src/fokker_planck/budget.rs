@@ -140,6 +140,11 @@ impl Limits {
         }
         Ok(())
     }
+
+    /// The same as a question that long work asks now and then.
+    pub(super) fn late(self, name: &'static str) -> impl Fn() -> Result<()> + Copy + Send + Sync {
+        move || self.in_time(|| format!("{name} had not ended"))
+    }
 }
 
 /// What a run factors of the generator.

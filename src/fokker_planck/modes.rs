@@ -229,7 +229,7 @@ impl Eigenvalues {
         limits: Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<DecayRates> {
-        let mut search = Search {
+        let search = Search {
             oscillator,
             recipe: self,
             limits,
@@ -238,11 +238,7 @@ impl Eigenvalues {
             best: None,
             stalls: 0,
         };
-        let stop = adaptive::pursue(&mut search, &limits, progress)?;
-        let Some(answer) = search.best else {
-            return Err(limits.out_of_time("the decay rates had not ended".into()));
-        };
-        Ok(answer.report(self, stop))
+        adaptive::pursue(search, &limits, progress)
     }
 }
 
@@ -357,9 +353,14 @@ struct Search<'a> {
     stalls: usize,
 }
 
+/// The question in messages.
+const NAME: &str = "the search for decay rates";
+
 impl Question for Search<'_> {
+    type Answer = DecayRates;
+
     fn name(&self) -> String {
-        "the search for decay rates".into()
+        NAME.into()
     }
 
     fn ratio(&self) -> Option<f64> {
@@ -402,6 +403,10 @@ impl Question for Search<'_> {
             }
         }
         Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<DecayRates> {
+        Some(self.best?.report(self.recipe, stop))
     }
 }
 

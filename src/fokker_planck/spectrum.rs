@@ -274,7 +274,7 @@ impl Resolvent {
     ) -> Result<Spectrum> {
         oscillator.displacement_law()?;
         check(omegas)?;
-        let mut task = Task {
+        let task = Task {
             recipe: self,
             oscillator,
             quantity,
@@ -285,16 +285,7 @@ impl Resolvent {
             last: None,
             best: None,
         };
-        let stop = adaptive::pursue(&mut task, &limits, progress)?;
-        let Some(best) = task.best else {
-            return Err(limits.out_of_time("the spectrum had not ended".into()));
-        };
-        let (error, omega) = best.worst();
-        let number = format!("the spectrum at omega = {omega:.3}");
-        Ok(Spectrum {
-            shortfall: stop.shortfall(number, error / self.tolerance, self.tolerance),
-            ..best
-        })
+        adaptive::pursue(task, &limits, progress)
     }
 }
 
@@ -326,6 +317,8 @@ struct Task<'a> {
 }
 
 impl Question for Task<'_> {
+    type Answer = Spectrum;
+
     fn name(&self) -> String {
         "the spectrum".into()
     }
@@ -390,6 +383,17 @@ impl Question for Task<'_> {
         self.last = Some(fine);
         self.next = finer(*next);
         Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Spectrum> {
+        let best = self.best?;
+        let (error, omega) = best.worst();
+        let number = format!("the spectrum at omega = {omega:.3}");
+        let tolerance = self.recipe.tolerance;
+        Some(Spectrum {
+            shortfall: stop.shortfall(number, error / tolerance, tolerance),
+            ..best
+        })
     }
 }
 

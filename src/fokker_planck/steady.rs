@@ -112,21 +112,13 @@ impl SteadyState {
         limits: Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Steady> {
-        let mut task = Task {
+        let task = Task {
             recipe: self,
             oscillator,
             limits,
-            answer: None,
+            found: None,
         };
-        let stop = adaptive::pursue(&mut task, &limits, progress)?;
-        let Some((answer, ratio, number)) = task.answer else {
-            return Err(limits.out_of_time(format!("{NAME} had not ended")));
-        };
-        let number = format!("{number} in the steady state");
-        Ok(Steady {
-            shortfall: stop.shortfall(number, ratio, self.tolerance),
-            ..answer
-        })
+        adaptive::pursue(task, &limits, progress)
     }
 }
 
@@ -139,20 +131,22 @@ struct Task<'a> {
     oscillator: &'a Oscillator,
     limits: Limits,
     /// The answer with its largest error over the tolerance, and whose that is.
-    answer: Option<(Steady, f64, &'static str)>,
+    found: Option<(Steady, f64, &'static str)>,
 }
 
 impl Question for Task<'_> {
+    type Answer = Steady;
+
     fn name(&self) -> String {
         NAME.into()
     }
 
     fn ratio(&self) -> Option<f64> {
-        self.answer.as_ref().map(|it| it.1)
+        self.found.as_ref().map(|it| it.1)
     }
 
     fn next(&mut self) -> Result<Next> {
-        if self.answer.is_some() {
+        if self.found.is_some() {
             let why = "what the truncated domain leaves out, or the rounding of the null vector, is larger";
             let free = !self.recipe.layout.is_given();
             return Ok(Next::Stop(Stop::new(why, free)));
@@ -170,7 +164,7 @@ impl Question for Task<'_> {
             limits,
             ..
         } = *self;
-        let late = || limits.in_time(|| format!("{NAME} had not ended"));
+        let late = limits.late(NAME);
         let Layout { domain, drift, .. } = recipe.layout;
         let mesh = recipe.layout.mesh(oscillator, 1.0)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
@@ -240,8 +234,17 @@ impl Question for Task<'_> {
             approach,
             warnings,
         };
-        self.answer = Some((answer, worst.0, worst.1));
+        self.found = Some((answer, worst.0, worst.1));
         Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Steady> {
+        let (answer, ratio, name) = self.found?;
+        let number = format!("{name} in the steady state");
+        Some(Steady {
+            shortfall: stop.shortfall(number, ratio, self.recipe.tolerance),
+            ..answer
+        })
     }
 }
 

@@ -315,7 +315,7 @@ impl FirstPassage {
         limits: Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<FirstLoss> {
-        let mut task = Task {
+        let task = Task {
             oscillator,
             initial,
             asked: self.asked,
@@ -325,14 +325,7 @@ impl FirstPassage {
             best: None,
             before: f64::INFINITY,
         };
-        let stop = adaptive::pursue(&mut task, &limits, progress)?;
-        let Some((best, worst)) = task.best else {
-            return Err(limits.out_of_time(format!("{NAME} had not ended")));
-        };
-        Ok(FirstLoss {
-            shortfall: stop.shortfall(worst.number, worst.ratio, self.asked.tolerance),
-            ..best
-        })
+        adaptive::pursue(task, &limits, progress)
     }
 }
 
@@ -386,6 +379,8 @@ fn loss_point(oscillator: &Oscillator) -> Result<f64> {
 }
 
 impl Question for Task<'_> {
+    type Answer = FirstLoss;
+
     fn name(&self) -> String {
         NAME.into()
     }
@@ -440,13 +435,17 @@ impl Question for Task<'_> {
         self.layout = Layout::of(self.oscillator, self.initial, &self.asked, refined);
         Ok(())
     }
+
+    fn answer(self, stop: Stop) -> Option<FirstLoss> {
+        let (best, worst) = self.best?;
+        Some(FirstLoss {
+            shortfall: stop.shortfall(worst.number, worst.ratio, self.asked.tolerance),
+            ..best
+        })
+    }
 }
 
 impl Task<'_> {
-    fn late(&self) -> Result<()> {
-        self.limits.in_time(|| format!("{NAME} had not ended"))
-    }
-
     /// The start as weights, and what its survival is divided by.
     fn start(&self, absorbed: &Absorbed, stationary: &Start) -> (Start, f64) {
         match *self.initial {
@@ -466,7 +465,7 @@ impl Task<'_> {
 
     fn once(&self, layout: &Layout, fineness: &Fineness, progress: &dyn Fn(f64)) -> Result<Run> {
         let it = self.oscillator;
-        let late = || self.late();
+        let late = self.limits.late(NAME);
         let absorbed = Absorbed::new(it, self.asked.loss, fineness, &late)?;
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
@@ -594,6 +593,7 @@ impl Task<'_> {
             entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
             hazard: None,
         };
+        let late = self.limits.late(NAME);
         let mut losses = absorbed.lost_second();
         let mut scratch = vec![0.0; losses.len()];
         let mut hazards = [f64::INFINITY; 3];
@@ -610,7 +610,7 @@ impl Task<'_> {
                 march.entered.push(entered);
             }
             absorbed.advance(&mut losses, &mut scratch);
-            self.late()?;
+            late()?;
             if n.is_multiple_of(16) {
                 progress(n as f64 / count as f64);
             }

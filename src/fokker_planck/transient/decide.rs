@@ -194,7 +194,7 @@ impl Question<'_> {
             FirstGrid::Moving => {
                 "; the start is too narrow for a mesh, so a small mesh moves with it at first"
             }
-            FirstGrid::Falling => {
+            FirstGrid::Falling(_) => {
                 "; the start lies far beyond the stationary law, so a small mesh moves with it until friction has \
                  brought it in"
             }
@@ -281,14 +281,10 @@ impl Question<'_> {
                 !thermal.into_iter().zip(start).any(narrow)
             }
         };
-        let falls = self.falls(neglected)?;
-        if fits && !falls {
-            return Ok((held(domain), FirstGrid::Mesh, neglected));
-        }
-        let grid = if falls {
-            FirstGrid::Falling
-        } else {
-            FirstGrid::Moving
+        let grid = match self.falling(neglected)? {
+            Some(grid) => grid,
+            None if fits => return Ok((held(domain), FirstGrid::Mesh, neglected)),
+            None => FirstGrid::Moving,
         };
         let domain = match initial {
             Initial::Gaussian { .. } => {
@@ -299,16 +295,25 @@ impl Question<'_> {
         Ok((laid_out(domain), grid, neglected))
     }
 
-    /// Whether strong friction brings the initial condition in from far beyond the stationary law.
-    fn falls(&self, neglected: f64) -> Result<bool> {
+    /// A moving local grid for an initial condition that strong friction brings in from far beyond the stationary law.
+    fn falling(&self, neglected: f64) -> Result<Option<FirstGrid>> {
         let Initial::Gaussian { mean, deviation } = *self.initial else {
-            return Ok(false);
+            return Ok(None);
         };
-        if self.oscillator.zeta() <= KNOWN || self.settings.cells.is_some() {
-            return Ok(false);
+        let oscillator = self.oscillator;
+        if oscillator.zeta() <= KNOWN || self.settings.cells.is_some() {
+            return Ok(None);
         }
-        let law = Domain::closed(self.oscillator, &Initial::Rest, neglected)?;
-        Ok(law.amplitude(self.oscillator, mean, deviation) > recipe::BEYOND)
+        let domain = Domain::closed(oscillator, &Initial::Rest, neglected)?;
+        // The law's own amplitude, taken for a Gaussian: far above 1 where flights are long.
+        let law = oscillator.displacement_law()?;
+        let centre = law.expect(|q| q).value;
+        let spread = law.expect(|q| (q - centre).powi(2)).value.sqrt();
+        let own = [spread, oscillator.temperature().sqrt()];
+        let own = domain.amplitude(oscillator, [centre, 0.0], own).max(1.0);
+        let most = recipe::BEYOND * own;
+        let beyond = domain.amplitude(oscillator, mean, deviation) > most;
+        Ok(beyond.then_some(FirstGrid::Falling(most)))
     }
 
     /// Whether cells of the scene hold a Gaussian, in the coarse run too.

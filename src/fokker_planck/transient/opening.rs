@@ -2,7 +2,7 @@
 //! it is wide enough to be handed over.
 
 use super::propagator::Propagator;
-use super::recipe::{self, FirstGrid, Recipe};
+use super::recipe::{FirstGrid, Recipe};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot};
@@ -140,15 +140,12 @@ pub(super) fn cost(
     let wide = cells_per_deviation(recipe.tolerance) * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
     let mut wide = -left.ln() / (2.0 * oscillator.zeta());
-    if let (FirstGrid::Falling, Initial::Gaussian { mean, deviation }) =
+    if let (FirstGrid::Falling(most), Initial::Gaussian { mean, deviation }) =
         (recipe.first_grid, *initial)
     {
         // Under strong friction velocities fall at once, and displacements at the rate 1/(2 zeta).
-        let (mean, deviation) = (
-            [mean[0], 0.0],
-            [deviation[0], oscillator.temperature().sqrt()],
-        );
-        let beyond = recipe.amplitude(oscillator, mean, deviation) / recipe::BEYOND;
+        let at_rest = [deviation[0], oscillator.temperature().sqrt()];
+        let beyond = recipe.amplitude(oscillator, [mean[0], 0.0], at_rest) / most;
         wide = wide.max(2.0 * oscillator.zeta() * beyond.max(1.1).ln());
     }
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
@@ -261,14 +258,17 @@ impl<'a> Opening<'a> {
                 .into_iter()
                 .all(|(deviation, width)| deviation >= enough * width * finer)
         };
-        if self.recipe.first_grid == FirstGrid::Falling && !self.is_torn() {
-            let frame = self.packet.frame();
-            let amplitude = self
-                .recipe
-                .amplitude(self.oscillator, frame.mean, frame.deviation());
-            return wide(1.0) && amplitude <= recipe::BEYOND;
+        if let FirstGrid::Falling(most) = self.recipe.first_grid {
+            return self.is_torn() || (wide(1.0) && self.amplitude() <= most);
         }
         wide(1.0) || self.is_torn() || (self.is_bent() && wide(REFINED / WORTH))
+    }
+
+    /// The amplitude of the packet over that of the edge of the domain that the stationary law needs.
+    fn amplitude(&self) -> f64 {
+        let frame = self.packet.frame();
+        let recipe = self.recipe;
+        recipe.amplitude(self.oscillator, frame.mean, frame.deviation())
     }
 
     /// Whether the packet begins not to fit its frame.
@@ -341,7 +341,12 @@ impl<'a> Opening<'a> {
         } else {
             narrowest.map(|deviation| deviation / cells_per_deviation(tolerance))
         };
-        let layout = self.recipe.layout.narrowed(start);
+        let mut layout = self.recipe.layout.narrowed(start);
+        if let FirstGrid::Falling(most) = self.recipe.first_grid {
+            // Torn before it was in.
+            let more = (self.amplitude() / most).max(1.0);
+            layout.domain = layout.domain.enlarged(self.oscillator, more);
+        }
         layout.mesh(self.oscillator, self.finer)
     }
 

@@ -31,15 +31,15 @@ impl Scheme {
 }
 
 /// What holds the initial condition.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum FirstGrid {
     /// The mesh.
     Mesh,
     /// A moving local grid first, until the density is wide enough for the mesh.
     Moving,
     /// A moving local grid first, until strong friction has brought the density in from far beyond the stationary law:
-    /// finite volumes carry p/p_s, which spans e^(v^2/2T) and more there.
-    Falling,
+    /// finite volumes carry p/p_s, which spans e^(v^2/2T) and more there. A mesh takes over below this amplitude.
+    Falling(f64),
     /// A moving local grid for good: the density leaves every domain and keeps its shape.
     MovingForGood,
 }
@@ -99,7 +99,8 @@ impl Recipe {
         self.first_grid != FirstGrid::Mesh
     }
 
-    /// The amplitude of a density over that of the stationary law, for a recipe that waits until it is small.
+    /// The amplitude of a density over that of the edge of the domain that the stationary law needs, for a recipe that
+    /// waits until it is small.
     pub(crate) fn amplitude(
         &self,
         oscillator: &Oscillator,
@@ -162,8 +163,9 @@ impl Recipe {
     }
 }
 
-/// Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong friction.
-pub(super) const BEYOND: f64 = 2.0;
+/// Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong friction. At
+/// 2 a mesh takes over earlier, and has three times the cells.
+pub(super) const BEYOND: f64 = 1.25;
 
 /// The truncated domain of a run until `until`.
 ///
@@ -184,7 +186,7 @@ pub(crate) fn domain(
     }
     let law = Domain::closed(oscillator, &Initial::Rest, neglected)?;
     Ok(match first_grid {
-        FirstGrid::Falling => law.enlarged(oscillator, BEYOND),
+        FirstGrid::Falling(_) => law.enlarged(oscillator, BEYOND),
         _ => law.raised(oscillator, initial, until),
     })
 }

@@ -75,12 +75,10 @@ struct Level {
 /// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
 pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
     let volumes = task.recipe.otherwise.as_deref();
-    let mut first = Refinement::new(*task, volumes);
-    let (best, why) = match (first.answer("", progress), volumes) {
-        (Ok(best), Some(_)) if first.switch.is_some() => {
-            (Ok(best), first.switch.unwrap_or_default())
-        }
-        (Ok(best), _) => return Ok(best),
+    let first = Refinement::new(*task, volumes);
+    let (best, why) = match (adaptive::pursue(first, &task.limits, progress), volumes) {
+        (Ok((best, None)), _) => return Ok(best),
+        (Ok((best, Some(why))), _) => (Ok(best), why),
         (Err(error), Some(_)) if is_unfit(&error) => {
             let why = format!("the flow map could not: {error}");
             (Err(error), why)
@@ -91,14 +89,15 @@ pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
         return best;
     };
     let volumes = Task { recipe, ..*task };
-    let second = Refinement::new(volumes, None).answer(&format!("{why}; "), progress);
-    match (second, best) {
-        (Ok(second), Ok(best)) => {
+    let mut second = Refinement::new(volumes, None);
+    second.recipe.reason = format!("{why}; {}", recipe.reason);
+    match (adaptive::pursue(second, &task.limits, progress), best) {
+        (Ok((second, _)), Ok(best)) => {
             let ratio = |it: &Transient| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
             let better = ratio(&second) <= ratio(&best) || ratio(&best).is_nan();
             Ok(if better { second } else { best })
         }
-        (Ok(second), Err(_)) => Ok(second),
+        (Ok((second, _)), Err(_)) => Ok(second),
         // What there is stands, and says what it lacks.
         (Err(_), Ok(best)) => Ok(best),
         (Err(error), Err(_)) => Err(unfit(error, recipe)),
@@ -127,9 +126,9 @@ fn unfit(error: Error, recipe: &Recipe) -> Error {
     }
 }
 
-/// The run that comes next, `finer` and `longer` over the first guess.
+/// What the next run is for.
 #[derive(Clone, Copy)]
-enum Wanted {
+enum For {
     /// The first of two, in a domain large enough.
     Coarse,
     /// The first fine one.
@@ -137,7 +136,14 @@ enum Wanted {
     /// The coarse mesh with the steps of the fine one.
     Between,
     /// Finer than the last.
-    Finer { finer: f64, longer: f64 },
+    Finer,
+}
+
+/// The last two runs, and the error estimates of the finer one.
+struct Pair {
+    fine: Level,
+    coarse: Level,
+    errors: Errors,
 }
 
 /// One method on its way to the tolerance.
@@ -158,10 +164,11 @@ struct Refinement<'a> {
     first: f64,
     /// Larger domains, and finer cells that hold the scene, tried so far.
     tries: [usize; 2],
-    wanted: Wanted,
+    /// What the next run is for, and its cells and steps over the first guess.
+    wanted: (For, (f64, f64)),
+    /// The first run.
     coarse: Option<Level>,
-    fine: Option<Level>,
-    errors: Option<Errors>,
+    pair: Option<Pair>,
     /// Whether the search has seen the difference of the last two meshes.
     seen: bool,
     rounds: usize,
@@ -181,10 +188,9 @@ impl<'a> Refinement<'a> {
             search: Search::new(task.recipe.scheme, task.oscillator.contact()),
             first: task.recipe.finer[0],
             tries: [0; 2],
-            wanted: Wanted::Coarse,
+            wanted: (For::Coarse, (1.0, 1.0)),
             coarse: None,
-            fine: None,
-            errors: None,
+            pair: None,
             seen: false,
             rounds: 0,
             switch: None,
@@ -219,16 +225,6 @@ impl<'a> Refinement<'a> {
         }
     }
 
-    /// Cells and steps of a run, over the first guess.
-    fn size(&self, wanted: Wanted) -> (f64, f64) {
-        match (wanted, &self.coarse, &self.fine) {
-            (Wanted::Finer { finer, longer }, ..) => (finer, longer),
-            (Wanted::Between, Some(coarse), Some(fine)) => (coarse.finer, fine.longer),
-            (Wanted::Fine, ..) => (self.first, 1.0),
-            _ => (COARSE * self.first, self.longer),
-        }
-    }
-
     /// What a run of a recipe is foreseen to take, on one core.
     fn work(&self, recipe: &Recipe, size: (f64, f64)) -> Result<Work> {
         let Task {
@@ -239,25 +235,6 @@ impl<'a> Refinement<'a> {
             ..
         } = self.task;
         cost::run(recipe, oscillator, initial, times, size, limits.memory).map(Work::from)
-    }
-
-    /// The answer, its reason after `why`.
-    fn answer(&mut self, why: &str, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
-        let limits = self.task.limits;
-        let stop = adaptive::pursue(self, &limits, progress)?;
-        let mut reason = format!("{why}{}", self.recipe.reason);
-        if self.rounds > 0 {
-            reason += &format!("; refined {} times", self.rounds);
-        }
-        let (Some(coarse), Some(fine), Some(errors)) =
-            (self.coarse.take(), self.fine.take(), &self.errors)
-        else {
-            return Err(limits.out_of_time(format!("{} had not ended", self.name())));
-        };
-        let warnings = Vec::new();
-        Ok(self
-            .task()
-            .report(fine.run, &coarse.run, errors, reason, stop, warnings))
     }
 
     /// The error estimates of the first two runs.
@@ -291,6 +268,23 @@ impl<'a> Refinement<'a> {
             errors.joint = false;
         }
         errors
+    }
+
+    /// A pair whose meshes and steps differ, told apart by the coarse mesh with the steps of the fine one.
+    fn told(&self, mut pair: Pair, between: &Level) -> Pair {
+        let Pair {
+            fine,
+            coarse,
+            errors,
+        } = &mut pair;
+        let ratio = fine.finer / coarse.finer;
+        let cut = self.in_time(coarse.longer / fine.longer);
+        let space = self.in_space(self.search.beyond(ratio), ratio);
+        let scales = &self.scales;
+        errors.time = error_estimate::differences(&between.run, &coarse.run, cut, scales);
+        errors.space = error_estimate::differences(&fine.run, &between.run, space, scales);
+        errors.joint = false;
+        pair
     }
 
     /// A first coarse run: once more on finer cells, where those chosen do not hold the scene, or in a domain so large
@@ -338,7 +332,12 @@ impl<'a> Refinement<'a> {
     }
 
     /// The next run after two, or why there is none.
-    fn finer(&mut self, fine: &Level, coarse: &Level, errors: &Errors) -> Result<Next> {
+    fn finer(&mut self, pair: &Pair) -> Result<Next> {
+        let Pair {
+            fine,
+            coarse,
+            errors,
+        } = pair;
         let tolerance = self.recipe.tolerance;
         let stop = |text: &str, free| Ok(Next::Stop(Stop::new(text, free)));
         if self.free == [false; 2] {
@@ -347,7 +346,7 @@ impl<'a> Refinement<'a> {
         if errors.joint {
             // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow
             // map adds an error of the mesh, so that the part of the steps holds some of it.
-            return self.then(Wanted::Between, None);
+            return self.then(For::Between, (coarse.finer, fine.longer), None);
         }
         let goal = (tolerance - errors.worst_fixed()).max(0.25 * tolerance);
         let ratio = fine.finer / coarse.finer;
@@ -396,78 +395,93 @@ impl<'a> Refinement<'a> {
             }
         }
         let hoped = self.search.needed(space / goal, HOPED).max(finer.min(1.2));
-        let (finer, longer) = size(finer);
-        self.then(Wanted::Finer { finer, longer }, Some(size(hoped)))
+        self.then(For::Finer, size(finer), Some(size(hoped)))
     }
 
-    /// A run, and another that must follow.
-    fn then(&mut self, wanted: Wanted, then: Option<(f64, f64)>) -> Result<Next> {
-        self.wanted = wanted;
+    /// A run, and the size of another that must follow.
+    fn then(&mut self, why: For, size: (f64, f64), then: Option<(f64, f64)>) -> Result<Next> {
+        self.wanted = (why, size);
         let work = |size| self.work(&self.recipe, size);
         Ok(Next::Run {
-            now: work(self.size(wanted))?,
+            now: work(size)?,
             then: then.map(work).transpose()?,
         })
     }
 }
 
 impl Question for Refinement<'_> {
+    /// With the reason to ask finite volumes instead, if there is one.
+    type Answer = (Transient, Option<String>);
+
     fn name(&self) -> String {
         self.recipe.name()
     }
 
     fn ratio(&self) -> Option<f64> {
-        let fine = self.fine.as_ref()?;
-        let errors = self.errors.as_ref()?;
+        let Pair { fine, errors, .. } = self.pair.as_ref()?;
         Some(errors.worst(&fine.run).0 / self.recipe.tolerance)
     }
 
     fn next(&mut self) -> Result<Next> {
-        match (self.fine.take(), self.coarse.take(), self.errors.take()) {
-            (Some(fine), Some(coarse), Some(errors)) => {
-                let next = self.finer(&fine, &coarse, &errors);
-                (self.fine, self.coarse, self.errors) = (Some(fine), Some(coarse), Some(errors));
+        let first = (self.first, 1.0);
+        match (self.pair.take(), &self.coarse) {
+            (Some(pair), _) => {
+                let next = self.finer(&pair);
+                self.pair = Some(pair);
                 next
             }
-            (None, Some(coarse), _) => {
-                self.coarse = Some(coarse);
-                self.then(Wanted::Fine, None)
+            (None, Some(_)) => self.then(For::Fine, first, None),
+            (None, None) => {
+                let coarse = (COARSE * self.first, self.longer);
+                self.then(For::Coarse, coarse, Some(first))
             }
-            _ => self.then(Wanted::Coarse, Some((self.first, 1.0))),
         }
     }
 
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
-        let (finer, longer) = self.size(self.wanted);
+        let (why, (finer, longer)) = self.wanted;
         let run = self.task().run((finer, longer), self.task.times, progress);
         let run = run.map(|run| Level { finer, longer, run });
-        if let Wanted::Coarse = self.wanted {
+        if let For::Coarse = why {
             return self.judge_coarse(run);
         }
         let run = run?;
-        match (self.fine.take(), self.coarse.take(), self.errors.take()) {
-            (None, Some(coarse), _) => {
-                self.errors = Some(self.first_errors(&run, &coarse));
-                (self.fine, self.coarse) = (Some(run), Some(coarse));
-            }
-            (Some(fine), Some(coarse), Some(mut errors)) if errors.joint => {
-                let ratio = fine.finer / coarse.finer;
-                let cut = self.in_time(coarse.longer / fine.longer);
-                let space = self.in_space(self.search.beyond(ratio), ratio);
-                let scales = &self.scales;
-                errors.time = error_estimate::differences(&run.run, &coarse.run, cut, scales);
-                errors.space = error_estimate::differences(&fine.run, &run.run, space, scales);
-                errors.joint = false;
-                (self.fine, self.coarse, self.errors) = (Some(fine), Some(coarse), Some(errors));
-            }
-            (Some(fine), _, Some(before)) => {
-                self.errors = Some(self.refined_errors(&run, &fine, before));
-                (self.fine, self.coarse) = (Some(run), Some(fine));
+        self.pair = match (why, self.coarse.take(), self.pair.take()) {
+            (For::Fine, Some(coarse), _) => Some(Pair {
+                errors: self.first_errors(&run, &coarse),
+                fine: run,
+                coarse,
+            }),
+            (For::Between, _, Some(pair)) => Some(self.told(pair, &run)),
+            (For::Finer, _, Some(Pair { fine, errors, .. })) => {
                 self.rounds += 1;
+                Some(Pair {
+                    errors: self.refined_errors(&run, &fine, errors),
+                    fine: run,
+                    coarse: fine,
+                })
             }
-            _ => {}
-        }
+            (_, _, pair) => pair,
+        };
         Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Self::Answer> {
+        let Pair {
+            fine,
+            coarse,
+            errors,
+        } = self.pair?;
+        let mut reason = self.recipe.reason.clone();
+        if self.rounds > 0 {
+            reason += &format!("; refined {} times", self.rounds);
+        }
+        let task = Task {
+            recipe: &self.recipe,
+            ..self.task
+        };
+        let answer = task.report(fine.run, &coarse.run, &errors, reason, stop, Vec::new());
+        Some((answer, self.switch))
     }
 }
 

@@ -98,7 +98,7 @@ impl Recipe {
             limits,
         };
         if self.drift() == Drift::Upwind {
-            return Upwind::new(task)?.answer(progress);
+            return adaptive::pursue(Upwind::new(task)?, &limits, progress);
         }
         refine::refined(&task, progress)
     }
@@ -186,28 +186,11 @@ impl<'a> Upwind<'a> {
         }
         errors
     }
-
-    fn answer(mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
-        let limits = self.task.limits;
-        let stop = adaptive::pursue(&mut self, &limits, progress)?;
-        let (Some(coarse), Some((fine, errors))) = (self.coarse, self.fine) else {
-            return Err(limits.out_of_time("upwind drift had not ended".into()));
-        };
-        let excess = self.excess;
-        let warning = format!(
-            "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
-             numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
-            1.0 + excess
-        );
-        let reason = self.task.recipe.reason.clone();
-        let warnings = vec![warning];
-        Ok(self
-            .task
-            .report(fine, &coarse, &errors, reason, stop, warnings))
-    }
 }
 
 impl Question for Upwind<'_> {
+    type Answer = Transient;
+
     fn name(&self) -> String {
         self.task.recipe.name()
     }
@@ -267,6 +250,21 @@ impl Question for Upwind<'_> {
         let errors = self.errors(&mut fine, coarse);
         self.fine = Some((fine, errors));
         Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Transient> {
+        let (coarse, (fine, errors)) = self.coarse.zip(self.fine)?;
+        let excess = self.excess;
+        let warning = format!(
+            "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
+             numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
+            1.0 + excess
+        );
+        let (reason, warnings) = (self.task.recipe.reason.clone(), vec![warning]);
+        Some(
+            self.task
+                .report(fine, &coarse, &errors, reason, stop, warnings),
+        )
     }
 }
 
