@@ -101,8 +101,11 @@ pub(super) fn pursue<Q: Question>(
             Ok(Next::Stop(stop)) => break stop,
             Err(error) => break ended(error)?,
         };
-        let name = ratio.map_or_else(|| question.name(), |_| "the next refinement".into());
-        let end = then.map(|then| (then, "reaching the tolerance"));
+        let (name, end) = match ratio {
+            Some(_) => ("the next refinement".to_owned(), "reaching the tolerance"),
+            None => (question.name(), "a first answer"),
+        };
+        let end = then.map(|then| (then, end));
         let mut over = [(now, &name[..])].into_iter().chain(end);
         let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
         if let Some((what, error)) = over {
