@@ -163,7 +163,8 @@ struct Refinement<'a> {
     /// Cells of the first fine run over those laid out.
     first: f64,
     /// Larger domains, and finer cells that hold the scene, tried so far.
-    tries: [usize; 2],
+    domains: usize,
+    meshes: usize,
     /// What the next run is for, and its cells and steps over the first guess.
     wanted: (For, (f64, f64)),
     /// The first run.
@@ -187,7 +188,8 @@ impl<'a> Refinement<'a> {
             free: task.recipe.free(),
             search: Search::new(task.recipe.scheme, task.oscillator.contact()),
             first: task.recipe.finer[0],
-            tries: [0; 2],
+            domains: 0,
+            meshes: 0,
             wanted: (For::Coarse, (1.0, 1.0)),
             coarse: None,
             pair: None,
@@ -287,37 +289,38 @@ impl<'a> Refinement<'a> {
         pair
     }
 
+    /// Whether finer cells may hold what those chosen do not.
+    fn retries(&mut self, error: &Error) -> bool {
+        let volumes = self.recipe.scheme != Scheme::FlowMap;
+        let again = self.free[0] && volumes && is_unfit(error) && self.meshes < 3;
+        if again {
+            self.meshes += 1;
+            self.first *= 1.25;
+        }
+        again
+    }
+
     /// A first coarse run: once more on finer cells, where those chosen do not hold the scene, or in a domain so large
     /// that it takes no more than its share, whatever the shape of the force.
     fn judge_coarse(&mut self, run: Result<Level>) -> Result<()> {
-        let [domains, meshes] = &mut self.tries;
         let coarse = match run {
-            Err(error)
-                if self.free[0]
-                    && is_unfit(&error)
-                    && self.recipe.scheme != Scheme::FlowMap
-                    && *meshes < 3 =>
-            {
-                *meshes += 1;
-                self.first *= 1.25;
-                return Ok(());
-            }
+            Err(error) if self.retries(&error) => return Ok(()),
             it => it?,
         };
-        let task = Task {
-            recipe: &self.recipe,
-            ..self.task
-        };
-        let outside = Errors::between(&task, &coarse.run, &coarse.run, 0.0).worst_outside();
+        let outside = Errors::between(&self.task(), &coarse.run, &coarse.run, 0.0).worst_outside();
         let share = DOMAIN_SHARE * self.recipe.tolerance;
         // The shape of a force that has all but vanished is beyond any domain, and cells of the scene may
         // not carry a larger one.
         let enough = outside <= DOMAIN_LIMIT * self.recipe.tolerance;
-        if self.recipe.layout.is_given() || enough || outside > HOPELESS * share || *domains == 3 {
+        if self.recipe.layout.is_given()
+            || enough
+            || outside > HOPELESS * share
+            || self.domains == 3
+        {
             self.coarse = Some(coarse);
             return Ok(());
         }
-        *domains += 1;
+        self.domains += 1;
         // The weights grow a little as the domain does; below rounding nothing is gained.
         let neglected = (self.recipe.neglected * 0.7 * share / outside).max(1e-18);
         let Task {
@@ -433,7 +436,10 @@ impl Question for Refinement<'_> {
             (None, Some(_)) => self.then(For::Fine, first, None),
             (None, None) => {
                 let coarse = (COARSE * self.first, self.longer);
-                self.then(For::Coarse, coarse, Some(first))
+                match self.then(For::Coarse, coarse, Some(first)) {
+                    Err(error) if self.retries(&error) => self.next(),
+                    next => next,
+                }
             }
         }
     }
