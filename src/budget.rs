@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use std::time::Instant;
 
 /// Every timing of a machine that a decision or a forecast hangs on, in seconds of one core (measured:
-/// benches/time.rs and monte_carlo.rs, `vibroimpact precision`). Forecasts are within a factor of about three.
+/// benches/time.rs and monte_carlo.rs, `lab precision`). Forecasts are within a factor of about three.
 pub(crate) mod timing {
     /// A stage of the explicit scheme, a cell, order 8.
     pub(crate) const STAGE: f64 = 8e-9;
@@ -52,10 +52,6 @@ pub(crate) mod timing {
     pub(crate) const GAIN: f64 = 0.8;
 }
 
-/// A computation foreseen to take so many times what is left is not begun: what is foreseen is within three of what
-/// it takes, but for a few.
-const MAX_FORESEEN_OVERRUN: f64 = 10.0;
-
 /// The limits of a scene, and when its work began.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
@@ -95,13 +91,14 @@ impl Limits {
         }
     }
 
-    /// Refuses a computation that is foreseen to take far longer than allowed.
+    /// Refuses a piece of work of so many seconds that nothing can stop half way.
     ///
     /// # Errors
     /// [`Error::Limit`].
-    pub(crate) fn worth_beginning(&self, name: &str, seconds: f64) -> Result<()> {
-        if seconds > MAX_FORESEEN_OVERRUN * self.left() {
-            return Err(self.out_of_time(format!("{name} would take about {seconds:.0e} s")));
+    pub(crate) fn room_for(&self, seconds: f64, what: impl FnOnce() -> String) -> Result<()> {
+        if seconds > self.left() {
+            let what = format!("{} would take {seconds:.1e} s at one go", what());
+            return Err(self.out_of_time(what));
         }
         Ok(())
     }
@@ -131,5 +128,10 @@ impl Limits {
             return Err(self.out_of_time(what()));
         }
         Ok(())
+    }
+
+    /// The same as a question that long work asks now and then.
+    pub(crate) fn late(self, name: &'static str) -> impl Fn() -> Result<()> + Copy + Send + Sync {
+        move || self.in_time(|| format!("{name} had not ended"))
     }
 }

@@ -4,9 +4,11 @@
 use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
-use crate::fokker_planck::{self, FirstPassage, Recipe, Resolvent, Settings, SteadyState};
-pub use crate::format::{bytes, seconds};
+use crate::fokker_planck::{
+    self, Eigenvalues, FirstPassage, Recipe, Resolvent, Settings, SteadyState,
+};
 use crate::format::num;
+pub use crate::format::{bytes, seconds};
 use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
 use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
 use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest};
@@ -29,6 +31,7 @@ pub struct Plan {
 struct Recipes {
     transient: Option<Recipe>,
     steady: Option<SteadyState>,
+    eigenvalues: Option<Eigenvalues>,
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
     ensemble: Option<Ensemble>,
@@ -330,7 +333,13 @@ impl Plan {
                 self.recipes.steady = Some(recipe);
                 cost
             }
-            Part::DecayRates => fokker_planck::decay_rates_cost(&self.settings),
+            Part::DecayRates => {
+                let count = self.scene.outputs.decay_rates;
+                let recipe = Eigenvalues::of(oscillator, count, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.eigenvalues = Some(recipe);
+                cost
+            }
         };
         Ok(Cost::on_mesh(it, method))
     }
@@ -460,14 +469,17 @@ impl Plan {
                 let Some(recipe) = &self.recipes.steady else {
                     return Ok(());
                 };
-                let it = recipe.solve(oscillator, settings.max_memory)?;
+                let it = recipe.solve(oscillator, limits, progress)?;
                 let warnings = it.warnings.iter().cloned();
                 results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
             }
             Part::DecayRates => {
-                let it = fokker_planck::decay_rates(oscillator, outputs.decay_rates, &settings)?;
+                let Some(recipe) = &self.recipes.eigenvalues else {
+                    return Ok(());
+                };
+                let it = recipe.solve(oscillator, limits, progress)?;
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.decay_rates = Some(it);
             }
@@ -528,8 +540,7 @@ impl Plan {
             return Ok(());
         };
         let it = recipe.solve(oscillator, asked.quantity, &omegas, limits, progress)?;
-        let shortfall = it.shortfall(recipe);
-        results.fall_short(Part::Spectrum.name(), shortfall.as_ref(), true);
+        results.fall_short(Part::Spectrum.name(), it.shortfall.as_ref(), true);
         results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
         Ok(())
     }
@@ -931,6 +942,41 @@ mod tests {
             println!("{name}: {found:?}");
             assert_eq!(found, expected, "{name}");
         }
+    }
+
+    #[test]
+    fn every_question_of_the_default_scene_has_its_recipe() {
+        let text = SceneText::parse("default", built_in("default").unwrap(), &[]).unwrap();
+        let mut scene = text.scene().clone();
+        scene.outputs.steady = true;
+        scene.outputs.spectrum = Some(crate::scene::SpectrumRequest {
+            until: 4.0,
+            quantity: crate::scene::Quantity::Force,
+        });
+        scene.outputs.first_loss = Some(200.0);
+        let plan = Plan::of(&scene).unwrap();
+        let found: Vec<_> = plan
+            .stages()
+            .iter()
+            .filter_map(|it| Some((it.part.name(), it.cost.cells?, it.cost.steps)))
+            .collect();
+        println!("{found:?}");
+        let expected = [
+            ("first_loss", [0, 0], 0),
+            ("transient", [151, 94], 965),
+            ("steady", [0, 0], 60),
+            ("decay_rates", [97, 96], 15),
+            ("spectrum", [0, 0], 55),
+        ];
+        assert_eq!(found, expected);
+        let rates = plan.recipes.eigenvalues.unwrap();
+        println!("{rates:?}");
+        assert!(
+            rates.words().contains("9 shifts up to 2.00i"),
+            "{}",
+            rates.words()
+        );
+        assert!(rates.words().contains("the slowest real rate"));
     }
 
     #[test]

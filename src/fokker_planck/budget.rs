@@ -27,6 +27,24 @@ pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     }
 }
 
+/// What a run is foreseen to take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Work {
+    /// Seconds.
+    pub(super) seconds: f64,
+    /// Bytes.
+    pub(super) memory: u64,
+}
+
+impl From<Cost> for Work {
+    fn from(it: Cost) -> Self {
+        Self {
+            seconds: it.seconds,
+            memory: it.memory,
+        }
+    }
+}
+
 /// What a run factors of the generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Factors {
@@ -47,6 +65,29 @@ impl Factors {
             TimeScheme::Imex | TimeScheme::Explicit => Self::None,
         }
     }
+}
+
+/// Seconds of a factorisation, which nothing can stop half way.
+pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) -> f64 {
+    let n = nq as f64 * nv as f64;
+    let wide = if drift == Drift::Upwind {
+        1.0
+    } else {
+        timing::WIDE
+    };
+    match factors {
+        Factors::None => 0.0,
+        Factors::Real => n * timing::LU * wide,
+        // A complex one; of the five-point operator where the mesh is large.
+        Factors::Both if n > DIRECT as f64 => n * timing::LU * timing::WIDE,
+        Factors::Both => n * timing::LU * wide * wide,
+    }
+}
+
+/// Seconds to trace the maps of a flow map, which nothing can stop half way.
+pub(super) fn tracing([nq, nv]: [usize; 2]) -> f64 {
+    const MAPS: f64 = 7.0;
+    on_threads([nq, nv], MAPS * timing::MAP * nq as f64 * nv as f64)
 }
 
 /// Unknowns above which GMRES with the LU of the five-point operator beats the LU of the wide stencil.

@@ -1,5 +1,6 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
 
+mod adaptive;
 pub mod budget;
 pub mod density;
 mod first_passage;
@@ -29,7 +30,8 @@ pub use first_passage::first_loss::{FirstLoss, first_loss};
 pub use first_passage::flight;
 pub use first_passage::flight::{FlightLaw, flight_law};
 pub use flux::Drift;
-pub use modes::{DecayRate, DecayRates, decay_rates, decay_rates_cost};
+pub(crate) use modes::Eigenvalues;
+pub use modes::{DecayRate, DecayRates, decay_rates};
 pub use plane::{difference, domain, interpolation, mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;

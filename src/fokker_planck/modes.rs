@@ -17,10 +17,11 @@
 //! a half-line without gaps. No eigenvalue beyond its edge is slowest: where none lies above it, distances to
 //! the stationary law fall as t^{-3/2} e^{-f^2 t/(8 zeta T)} (f = 1 for the built-in laws).
 
-use super::budget::Cost;
+use super::adaptive::{self, Next, Question, Stop};
+use super::budget::{Cost, Limits, Work};
 use super::hermite::{DEGREE, Factored, Hierarchy, Resolution};
 use super::settings::Settings;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::oscillator::{Oscillator, Quantity};
 use crate::sparse::eigen;
@@ -28,7 +29,6 @@ use ndarray::Array2;
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::fmt;
-use std::time::Instant;
 
 type C = Complex<f64>;
 
@@ -107,65 +107,138 @@ const SHARE: f64 = 0.02;
 /// An error estimate beyond this, relative to the eigenvalue, makes it unknown.
 const KNOWN: f64 = 0.05;
 
+/// Shifts along the imaginary axis that a search begins with: up to the second harmonic.
+const SHIFTS: usize = 9;
+
+/// Vectors of a shift over those it begins with, at most.
+const MOST_VECTORS: usize = 3;
+
+/// How eigenvalues will be computed: resolutions, shifts, what must be found, and the foreseen cost.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Eigenvalues {
+    /// How many are asked for.
+    count: usize,
+    /// The coarsest resolution.
+    first: Resolution,
+    /// Whether the scene gave the finest.
+    given: bool,
+    /// Krylov vectors of a shift in the first search.
+    vectors: usize,
+    /// Circular frequency of small motions: the shifts lie a quarter of it apart on the imaginary axis.
+    natural: f64,
+    /// Where the continuous spectrum begins; minus infinity without one.
+    edge: f64,
+    tolerance: f64,
+    /// What it will take: cells are functions of q and of v, steps the factorisations.
+    pub(crate) cost: Cost,
+}
+
 /// The `count` slowest decay rates of an oscillator with a stationary law, each to `settings.tolerance` of its
 /// modulus; `settings.cells` fixes the finest resolution, as functions of q and of v.
 ///
 /// # Errors
-/// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Limit`] for a first resolution that does
-/// not fit `settings.max_memory`; [`Error::Linear`] if a shift hits an eigenvalue.
+/// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Limit`] where `settings.max_seconds` or
+/// `settings.max_memory` do not suffice for a first answer; [`Error::Linear`] if a shift hits an eigenvalue.
+///
+/// [`Error::NoStationaryLaw`]: crate::Error::NoStationaryLaw
+/// [`Error::Limit`]: crate::Error::Limit
+/// [`Error::Linear`]: crate::Error::Linear
 pub fn decay_rates(
     oscillator: &Oscillator,
     count: usize,
     settings: &Settings,
 ) -> Result<DecayRates> {
-    let began = Instant::now();
-    let search = Search::new(oscillator, count, settings.tolerance)?;
-    let mut resolution = first(settings);
-    search.check_memory(resolution, settings)?;
-    let (coarse, shifts) = search.sweep(&search.operator(resolution)?)?;
-    let mut levels = vec![coarse];
-    let mut best: Option<Answer> = None;
-    let mut stalls = 0;
-    loop {
-        let next = finer(resolution);
-        let clock = Instant::now();
-        levels.push(search.refine(&search.operator(next)?, &shifts)?);
-        let longer = finer(next).operations() / next.operations();
-        let (seconds, done) = (longer * clock.elapsed().as_secs_f64(), levels.len());
-        resolution = next;
-        if done < 3 {
-            continue;
-        }
-        // Finer resolutions lose digits of close eigenvalues to rounding.
-        let answer = search.judge(&levels[done - 3..], resolution);
-        let answer = match best.take() {
-            Some(best) if best.shortage() <= answer.shortage() => {
-                stalls += 1;
-                best
-            }
-            _ => answer,
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, limits, &|_| {})
+}
+
+impl Eigenvalues {
+    /// The recipe for the `count` slowest.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one.
+    pub(crate) fn of(oscillator: &Oscillator, count: usize, settings: &Settings) -> Result<Self> {
+        oscillator.displacement_law()?;
+        let contact = oscillator.contact();
+        let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
+        let mut it = Self {
+            count,
+            first: first(settings),
+            given: settings.cells.is_some(),
+            vectors: KRYLOV.max(count + KRYLOV / 2),
+            natural: stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt),
+            edge: oscillator.continuous_from().unwrap_or(f64::NEG_INFINITY),
+            tolerance: settings.tolerance,
+            cost: Cost {
+                cells: [0; 2],
+                steps: SHIFTS as u64 + 6,
+                memory: 0,
+                seconds: 0.0,
+            },
         };
-        let left = (settings.max_seconds - began.elapsed().as_secs_f64()).max(0.0);
-        let stop = if settings.cells.is_some() {
-            Some(("its cells are those of the scene".to_owned(), false))
-        } else if answer.shortage() <= settings.tolerance {
-            Some((String::new(), true))
-        } else if done == RESOLUTIONS || stalls == STALLS {
-            Some((format!("{done} resolutions did not settle it"), true))
-        } else if seconds > left {
-            let text = format!(
-                "a finer resolution would take about {seconds:.1e} s, and {left:.1e} s are left of \
-                 accuracy.max_seconds"
-            );
-            Some((text, true))
+        let levels = [0, 1, 2].map(|level| it.work(level));
+        let finest = it.resolution(2);
+        it.cost.cells = [finest.across(), 2 * finest.pairs];
+        it.cost.memory = levels[2].memory;
+        it.cost.seconds = levels.iter().map(|it| it.seconds).sum();
+        Ok(it)
+    }
+
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        let real = if self.edge == f64::NEG_INFINITY {
+            "the slowest real rate is always among them".to_owned()
         } else {
-            let fits = search.check_memory(finer(resolution), settings).err();
-            fits.map(|error| (error.to_string(), true))
+            let slow = self.edge / FAR_BELOW;
+            format!("the slowest real rate is among them if the slowest of all is above {slow:.2e}")
         };
-        if let Some((reason, free)) = stop {
-            return Ok(search.report(answer, reason, free));
+        format!(
+            "shift-invert Arnoldi in Hermite functions and spectral elements, three resolutions; {SHIFTS} shifts up \
+             to {:.2}i, and one beside each mode far from them; {real}",
+            2.0 * self.natural
+        )
+    }
+
+    /// A resolution, 0 for the coarsest.
+    fn resolution(&self, level: usize) -> Resolution {
+        (0..level).fold(self.first, |it, _| finer(it))
+    }
+
+    /// What a resolution takes: the first looks near every shift, later ones near two or three. Fifty solves take as
+    /// long as the factorisation.
+    fn work(&self, level: usize) -> Work {
+        let it = self.resolution(level);
+        let places = if level == 0 { SHIFTS } else { 3 };
+        let threads = rayon::current_num_threads() as f64;
+        // Factors and vectors of the shifts that are worked on at the same time.
+        let vectors = 16 * (MOST_VECTORS * self.vectors * 2 * it.pairs * it.across()) as u64;
+        Work {
+            // 1e10 operations a second and processor (measured).
+            seconds: 2.0 * places as f64 * it.operations() / 1e10 / threads,
+            memory: (it.memory() + vectors) * threads as u64,
         }
-        best = Some(answer);
+    }
+
+    /// As [`decay_rates`], by this recipe.
+    ///
+    /// # Errors
+    /// Those of [`decay_rates`].
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        limits: Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<DecayRates> {
+        let search = Search {
+            oscillator,
+            recipe: self,
+            limits,
+            places: Vec::new(),
+            levels: Vec::new(),
+            best: None,
+            stalls: 0,
+        };
+        adaptive::pursue(search, &limits, progress)
     }
 }
 
@@ -188,11 +261,7 @@ fn first(settings: &Settings) -> Resolution {
 }
 
 fn finer(it: Resolution) -> Resolution {
-    Resolution {
-        elements: (it.elements as f64 * FINER).round() as usize,
-        pairs: (it.pairs as f64 * FINER).round() as usize,
-        level: it.level + HIGHER,
-    }
+    it.finer(FINER, HIGHER)
 }
 
 /// An eigenvalue at one resolution, with its algebraic error.
@@ -223,6 +292,39 @@ impl Answer {
         let worst = self.rates.iter().map(relative).fold(0.0, f64::max);
         worst + (self.unknown.len() + self.missing + usize::from(self.real_missing)) as f64
     }
+
+    fn report(self, recipe: &Eigenvalues, stop: Stop) -> DecayRates {
+        let number = if let Some(value) = self.unknown.first() {
+            let near = DecayRate {
+                re: value.re,
+                im: value.im,
+                error: 0.0,
+            };
+            match self.unknown.len() {
+                1 => format!("the eigenvalue near {near}"),
+                n => format!("the eigenvalue near {near}, and of {} more,", n - 1),
+            }
+        } else if self.real_missing {
+            "the slowest real eigenvalue".to_owned()
+        } else if self.missing > 0 {
+            format!("eigenvalue {} of {}", self.rates.len() + 1, recipe.count)
+        } else {
+            "a decay rate".to_owned()
+        };
+        let shortage = self.shortage();
+        let known = shortage < 1.0;
+        let ratio = if known {
+            shortage / recipe.tolerance
+        } else {
+            f64::INFINITY
+        };
+        DecayRates {
+            continuous_from: Some(recipe.edge).filter(|edge| edge.is_finite()),
+            functions: self.functions,
+            shortfall: stop.shortfall(number, ratio, recipe.tolerance),
+            rates: self.rates,
+        }
+    }
 }
 
 /// A point near which eigenvalues are sought, and those that are to converge.
@@ -231,111 +333,136 @@ struct Place {
     targets: Vec<C>,
 }
 
-struct Search<'a> {
-    oscillator: &'a Oscillator,
-    count: usize,
-    /// Where the continuous spectrum begins; minus infinity without one.
-    edge: f64,
-    /// Circular frequency of small motions.
-    natural: f64,
-    tolerance: f64,
+impl Place {
+    fn at(shift: C) -> Self {
+        let targets = Vec::new();
+        Self { shift, targets }
+    }
 }
 
-impl<'a> Search<'a> {
-    fn new(oscillator: &'a Oscillator, count: usize, tolerance: f64) -> Result<Self> {
-        oscillator.displacement_law()?;
-        let contact = oscillator.contact();
-        let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
-        let natural = stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt);
-        let edge = oscillator.continuous_from().unwrap_or(f64::NEG_INFINITY);
-        Ok(Self {
-            oscillator,
-            count,
-            edge,
-            natural,
-            tolerance,
-        })
+struct Search<'a> {
+    oscillator: &'a Oscillator,
+    recipe: &'a Eigenvalues,
+    limits: Limits,
+    /// Where finer resolutions are to look.
+    places: Vec<Place>,
+    /// The modes of each resolution.
+    levels: Vec<Vec<Mode>>,
+    best: Option<Answer>,
+    /// Resolutions that brought nothing.
+    stalls: usize,
+}
+
+/// The question in messages.
+const NAME: &str = "the search for decay rates";
+
+impl Question for Search<'_> {
+    type Answer = DecayRates;
+
+    fn name(&self) -> String {
+        NAME.into()
     }
 
-    fn operator(&self, resolution: Resolution) -> Result<Hierarchy> {
-        Hierarchy::new(self.oscillator, Quantity::Displacement, resolution)
+    fn ratio(&self) -> Option<f64> {
+        let best = self.best.as_ref()?;
+        Some(best.shortage() / self.recipe.tolerance)
     }
 
-    /// Krylov vectors and factors of the shifts that are worked on at the same time.
-    fn memory(&self, resolution: Resolution) -> u64 {
-        let vectors = 16 * (self.krylov() * 2 * resolution.pairs * resolution.across()) as u64;
-        (resolution.memory() + vectors) * rayon::current_num_threads() as u64
-    }
-
-    fn check_memory(&self, resolution: Resolution, settings: &Settings) -> Result<()> {
-        let memory = self.memory(resolution);
-        if memory <= settings.max_memory {
-            return Ok(());
+    fn next(&mut self) -> Result<Next> {
+        let done = self.levels.len();
+        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
+        if done >= 3 && self.recipe.given {
+            return stop("its cells are those of the scene".into(), false);
         }
-        Err(Error::Limit {
-            key: "accuracy.max_memory",
-            limit: settings.max_memory.to_string(),
-            what: format!("decay rates at the next resolution need {memory} bytes"),
+        if done == RESOLUTIONS || self.stalls == STALLS {
+            return stop(format!("{done} resolutions did not settle it"), true);
+        }
+        Ok(Next::Run {
+            now: self.recipe.work(done),
+            then: (done < 2).then(|| self.recipe.work(2)),
         })
     }
 
-    /// Krylov vectors of a shift.
-    fn krylov(&self) -> usize {
-        KRYLOV.max(self.count + KRYLOV / 2)
+    fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let done = self.levels.len();
+        let resolution = self.recipe.resolution(done);
+        let full = Hierarchy::new(self.oscillator, Quantity::Displacement, resolution)?;
+        let mut modes = Vec::new();
+        if done == 0 {
+            self.places = self.sweep(&full, &mut modes)?;
+        } else {
+            self.near(&full, &self.places, self.recipe.vectors / 2, &mut modes)?;
+        }
+        self.levels.push(modes);
+        if let [.., coarse, middle, fine] = &self.levels[..] {
+            // Finer resolutions lose digits of close eigenvalues to rounding.
+            let answer = self.judge([coarse, middle, fine], resolution);
+            match &self.best {
+                Some(best) if best.shortage() <= answer.shortage() => self.stalls += 1,
+                _ => self.best = Some(answer),
+            }
+        }
+        Ok(())
     }
 
+    fn answer(self, stop: Stop) -> Option<DecayRates> {
+        Some(self.best?.report(self.recipe, stop))
+    }
+}
+
+impl Search<'_> {
     /// The slowest modes of a list that is sorted by rate: those above the edge, as many as asked for.
     fn slowest<'b>(&self, modes: &'b [Mode], count: usize) -> &'b [Mode] {
-        let above = modes.partition_point(|it| it.value.re > self.edge);
+        let above = modes.partition_point(|it| it.value.re > self.recipe.edge);
         &modes[..above.min(count)]
     }
 
     /// Modes of a coarse operator, and where finer ones are to look. Shifts lie along the imaginary axis, up to
     /// the first harmonic that has none of the modes asked for, and then where the slowest modes lie far from it.
-    fn sweep(&self, full: &Hierarchy) -> Result<(Vec<Mode>, Vec<Place>)> {
-        let at = |k: usize| C::new(0.0, APART * self.natural * k as f64);
+    fn sweep(&self, full: &Hierarchy, modes: &mut Vec<Mode>) -> Result<Vec<Place>> {
+        let Eigenvalues {
+            natural,
+            count,
+            vectors,
+            ..
+        } = *self.recipe;
+        let at = |k: usize| C::new(0.0, APART * natural * k as f64);
         let steps = (1.0 / APART) as usize;
-        let mut shifts: Vec<C> = (0..=2 * steps).map(at).collect();
-        let mut modes = Vec::new();
-        self.search(full, &shifts, &mut modes)?;
+        let mut shifts: Vec<C> = (0..SHIFTS).map(at).collect();
+        let mut more = shifts.clone();
         let mut harmonic = 2;
-        let has = |modes: &[Mode], harmonic: usize| {
-            let border = self.natural * (harmonic as f64 - 0.5);
-            let wanted = self.slowest(modes, self.count);
-            wanted.iter().any(|it| it.value.im > border)
-        };
-        while harmonic < HARMONICS && has(&modes, harmonic) {
-            let more: Vec<C> = (1..=steps).map(|k| at(harmonic * steps + k)).collect();
-            self.search(full, &more, &mut modes)?;
-            shifts.extend(more);
-            harmonic += 1;
+        while !more.is_empty() && shifts.len() <= 2 * steps * HARMONICS {
+            let places: Vec<Place> = more.iter().map(|shift| Place::at(*shift)).collect();
+            self.near(full, &places, vectors, modes)?;
+            let border = natural * (harmonic as f64 - 0.5);
+            let wanted = self.slowest(modes, count);
+            more = if harmonic < HARMONICS && wanted.iter().any(|it| it.value.im > border) {
+                harmonic += 1;
+                (1..=steps)
+                    .map(|k| at((harmonic - 1) * steps + k))
+                    .collect()
+            } else {
+                harmonic = HARMONICS;
+                let all = self.places(modes, &shifts);
+                let all = all.into_iter().map(|it| it.shift);
+                all.filter(|it| !shifts.contains(it)).collect()
+            };
+            shifts.extend(&more);
         }
-        loop {
-            let places = self.places(&modes, &shifts);
-            let all = places.iter().map(|it| it.shift);
-            let more: Vec<C> = all.filter(|it| !shifts.contains(it)).collect();
-            if more.is_empty() || shifts.len() > 2 * steps * HARMONICS {
-                return Ok((modes, places));
-            }
-            self.search(full, &more, &mut modes)?;
-            shifts.extend(more);
-        }
+        Ok(self.places(modes, &shifts))
     }
 
     /// For each mode asked for the nearest shift, or a new one beside it if none is near.
     fn places(&self, modes: &[Mode], shifts: &[C]) -> Vec<Place> {
         // Real modes always have a place.
-        let mut places = vec![Place {
-            shift: C::default(),
-            targets: Vec::new(),
-        }];
+        let mut places = vec![Place::at(C::default())];
         let mut shifts = shifts.to_vec();
         // Half as many again: some may turn out not to be eigenvalues of the oscillator.
-        for mode in self.slowest(modes, self.count + self.count / 2 + 2) {
+        for mode in self.slowest(modes, self.recipe.count * 3 / 2 + 2) {
             let distance = |shift: &C| (shift - mode.value).norm();
             let all = shifts.iter().copied();
             let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            let near = nearest.filter(|it| distance(it) <= 0.5 * self.natural);
+            let near = nearest.filter(|it| distance(it) <= 0.5 * self.recipe.natural);
             let shift = near.unwrap_or_else(|| {
                 let beside = BESIDE * mode.value;
                 shifts.push(beside);
@@ -352,24 +479,18 @@ impl<'a> Search<'a> {
         places
     }
 
-    /// Adds the modes near the shifts.
-    fn search(&self, full: &Hierarchy, shifts: &[C], modes: &mut Vec<Mode>) -> Result<()> {
-        let found: Vec<Result<Vec<Mode>>> = shifts
-            .par_iter()
-            .map(|shift| {
-                let mut arnoldi = Arnoldi::new(full, *shift)?;
-                arnoldi.extend(self.krylov())?;
-                arnoldi.modes()
-            })
-            .collect();
-        for found in found {
-            merge(modes, found?);
-        }
-        Ok(())
-    }
-
-    /// The modes near the places, with as many Krylov vectors as their targets need.
-    fn refine(&self, full: &Hierarchy, places: &[Place]) -> Result<Vec<Mode>> {
+    /// Adds the modes near the places, with as many Krylov vectors as their targets need, so many at a time.
+    fn near(
+        &self,
+        full: &Hierarchy,
+        places: &[Place],
+        vectors: usize,
+        modes: &mut Vec<Mode>,
+    ) -> Result<()> {
+        let late = || {
+            self.limits
+                .in_time(|| "the decay rates had not ended".into())
+        };
         let error = |modes: &[Mode], target: &C| {
             let distance = |it: &&Mode| (it.value - target).norm();
             let nearest = modes
@@ -380,33 +501,37 @@ impl<'a> Search<'a> {
         let found: Vec<Result<Vec<Mode>>> = places
             .par_iter()
             .map(|place| {
-                let mut arnoldi = Arnoldi::new(full, place.shift)?;
+                let mut arnoldi = Arnoldi::new(full, place.shift, &late)?;
                 let mut before = f64::INFINITY;
                 loop {
-                    let grown = arnoldi.extend(self.krylov() / 2)?;
+                    let grown = arnoldi.extend(vectors, &late)?;
                     let modes = arnoldi.modes()?;
                     let errors = place.targets.iter().map(|it| error(&modes, it));
                     let worst = errors.fold(0.0, f64::max);
                     // Close eigenvalues stay badly known, however many vectors there are.
-                    let enough = worst <= SHARE * self.tolerance || worst > 0.5 * before;
-                    if enough || !grown || arnoldi.size() >= 3 * self.krylov() {
+                    let enough = worst <= SHARE * self.recipe.tolerance || worst > 0.5 * before;
+                    if enough || !grown || arnoldi.size() >= MOST_VECTORS * self.recipe.vectors {
                         return Ok(modes);
                     }
                     before = worst;
                 }
             })
             .collect();
-        let mut modes = Vec::new();
         for found in found {
-            merge(&mut modes, found?);
+            merge(modes, found?);
         }
-        Ok(modes)
+        Ok(())
     }
 
     /// What the last three resolutions, the finest last, say of the modes asked for.
-    fn judge(&self, levels: &[Vec<Mode>], resolution: Resolution) -> Answer {
-        let whole: Vec<Vec<C>> = levels.iter().map(|it| conjugates(it)).collect();
-        let [coarse, middle, fine] = [&whole[0], &whole[1], &whole[2]];
+    fn judge(&self, levels: [&Vec<Mode>; 3], resolution: Resolution) -> Answer {
+        let Eigenvalues {
+            count,
+            edge,
+            tolerance,
+            ..
+        } = *self.recipe;
+        let [coarse, middle, fine] = &levels.map(|it| conjugates(it));
         let (to_middle, to_coarse) = (partners(fine, middle), partners(middle, coarse));
         let mut answer = Answer {
             rates: Vec::new(),
@@ -416,8 +541,8 @@ impl<'a> Search<'a> {
             functions: [resolution.across(), 2 * resolution.pairs],
         };
         let mut real = false;
-        for mode in self.slowest(&levels[2], usize::MAX) {
-            let wanted = answer.rates.len() < self.count || (!real && mode.value.im == 0.0);
+        for mode in self.slowest(levels[2], usize::MAX) {
+            let wanted = answer.rates.len() < count || (!real && mode.value.im == 0.0);
             if !wanted {
                 continue;
             }
@@ -426,7 +551,7 @@ impl<'a> Search<'a> {
             let first = before.and_then(|k| to_coarse[k]);
             let rate = before.zip(first).and_then(|(before, first)| {
                 let path = [coarse[first], middle[before], mode.value];
-                believed(path, mode.error, self.tolerance)
+                believed(path, mode.error, tolerance)
             });
             match rate {
                 Some(rate) => {
@@ -438,52 +563,13 @@ impl<'a> Search<'a> {
         }
         // Above the edge of a continuous spectrum there may be no more; a real one there is if the edge lies far
         // below others.
-        if self.edge == f64::NEG_INFINITY {
+        if edge == f64::NEG_INFINITY {
             let found = answer.rates.len() + answer.unknown.len();
-            answer.missing = self.count.saturating_sub(found);
+            answer.missing = count.saturating_sub(found);
         }
         let slowest = answer.rates.first().map_or(f64::NEG_INFINITY, |it| it.re);
-        answer.real_missing = !real && self.edge < FAR_BELOW * slowest;
+        answer.real_missing = !real && edge < FAR_BELOW * slowest;
         answer
-    }
-
-    fn report(&self, answer: Answer, reason: String, free: bool) -> DecayRates {
-        let shortage = answer.shortage();
-        let number = if let Some(value) = answer.unknown.first() {
-            let near = DecayRate {
-                re: value.re,
-                im: value.im,
-                error: 0.0,
-            };
-            match answer.unknown.len() {
-                1 => format!("the eigenvalue near {near}"),
-                n => format!("the eigenvalue near {near}, and of {} more,", n - 1),
-            }
-        } else if answer.real_missing {
-            "the slowest real eigenvalue".to_owned()
-        } else if answer.missing > 0 {
-            format!("eigenvalue {} of {}", answer.rates.len() + 1, self.count)
-        } else {
-            "a decay rate".to_owned()
-        };
-        let known = shortage < 1.0;
-        let shortfall = (shortage > self.tolerance).then(|| Shortfall {
-            number,
-            ratio: if known {
-                shortage / self.tolerance
-            } else {
-                f64::INFINITY
-            },
-            tolerance: self.tolerance,
-            free,
-            reason,
-        });
-        DecayRates {
-            rates: answer.rates,
-            continuous_from: self.oscillator.continuous_from(),
-            functions: answer.functions,
-            shortfall,
-        }
     }
 }
 
@@ -566,7 +652,7 @@ struct Arnoldi<'a> {
 }
 
 impl<'a> Arnoldi<'a> {
-    fn new(full: &'a Hierarchy, shift: C) -> Result<Self> {
+    fn new(full: &'a Hierarchy, shift: C, late: &dyn Fn() -> Result<()>) -> Result<Self> {
         // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
         // eigenvector of 0, is left out.
         let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
@@ -574,7 +660,7 @@ impl<'a> Arnoldi<'a> {
         first[0] = C::default();
         normalise(&mut first);
         Ok(Self {
-            inverse: Factored::new(full, shift)?,
+            inverse: Factored::new(full, shift, late)?,
             full,
             shift,
             basis: vec![first],
@@ -587,8 +673,9 @@ impl<'a> Arnoldi<'a> {
     }
 
     /// Adds at most `steps` vectors; whether the space can still grow.
-    fn extend(&mut self, steps: usize) -> Result<bool> {
+    fn extend(&mut self, steps: usize, late: &dyn Fn() -> Result<()>) -> Result<bool> {
         for _ in 0..steps {
+            late()?;
             if self.basis.len() == self.size() || self.size() + 2 > self.full.len() {
                 return Ok(false);
             }
@@ -665,26 +752,4 @@ fn normalise(x: &mut [C]) -> f64 {
         }
     }
     norm
-}
-
-/// What the decay rates take: cells are functions of q and of v, steps the factorisations.
-pub fn decay_rates_cost(settings: &Settings) -> (Cost, String) {
-    let coarse = first(settings);
-    let middle = finer(coarse);
-    let fine = finer(middle);
-    // Nine shifts at the coarse resolution, two or three at the finer ones; fifty solves take as long as the
-    // factorisation.
-    let operations = 9.0 * coarse.operations() + 3.0 * (middle.operations() + fine.operations());
-    let threads = rayon::current_num_threads() as f64;
-    let vectors = 16 * (KRYLOV * 2 * fine.pairs * fine.across()) as u64;
-    let cost = Cost {
-        cells: [fine.across(), 2 * fine.pairs],
-        steps: 15,
-        memory: (fine.memory() + vectors) * threads as u64,
-        // 1e10 operations a second and processor (measured).
-        seconds: 2.0 * operations / 1e10 / threads,
-    };
-    let method =
-        "shift-invert Arnoldi in Hermite functions and spectral elements, three resolutions";
-    (cost, method.into())
 }

@@ -78,8 +78,7 @@ impl Reduced {
         let mut wanted: Vec<f64> = (0..first).map(spread).collect();
         wanted.dedup();
         loop {
-            builder.solve(&wanted)?;
-            go_on(builder.solved.len())?;
+            builder.solve(&wanted, go_on)?;
             let model = builder.model()?;
             let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();
             let peak = answers.iter().map(|it| it.value).fold(0.0, f64::max);
@@ -178,11 +177,16 @@ impl<'a> Builder<'a> {
         it
     }
 
-    fn solve(&mut self, omegas: &[f64]) -> Result<()> {
+    fn solve(
+        &mut self,
+        omegas: &[f64],
+        go_on: &(dyn Fn(usize) -> Result<()> + Sync),
+    ) -> Result<()> {
+        let late = || go_on(self.solved.len());
         let start: Vec<C> = self.full.start().into_iter().map(C::from).collect();
         let states: Vec<Result<Vec<C>>> = omegas
             .par_iter()
-            .map(|w| Factored::new(self.full, C::new(0.0, *w))?.solve(&start))
+            .map(|w| Factored::new(self.full, C::new(0.0, *w), &late)?.solve(&start))
             .collect();
         for (omega, state) in omegas.iter().zip(states) {
             let state = state?;

@@ -9,7 +9,8 @@
 //! the peak, as on it. The operator is that of `hermite`, the frequencies come all from one
 //! small model (`reduced`).
 
-use super::budget::{Cost, Limits, timing};
+use super::adaptive::{self, Next, Question, Stop};
+use super::budget::{Cost, Limits, Work, timing};
 use super::hermite::{Hierarchy, Resolution};
 use super::reduced::{Answer, Reduced};
 use super::settings::Settings;
@@ -53,8 +54,8 @@ pub struct Spectrum {
     pub solves: usize,
     /// Dimension of the reduced model.
     pub dimension: usize,
-    /// Whether every error is within the tolerance, relative to the natural scale.
-    pub reached: bool,
+    /// What the tolerance asked for and was not reached.
+    pub shortfall: Option<Shortfall>,
     model: Reduced,
 }
 
@@ -72,27 +73,6 @@ impl Spectrum {
         errors
             .map(|(w, it)| (relative(it), *w))
             .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
-    }
-}
-
-impl Spectrum {
-    /// What the tolerance asked for and was not reached.
-    pub(crate) fn shortfall(&self, recipe: &Resolvent) -> Option<Shortfall> {
-        let (error, omega) = self.worst();
-        (!self.reached).then(|| Shortfall {
-            number: format!("the spectrum at omega = {omega:.3}"),
-            ratio: error / recipe.tolerance,
-            tolerance: recipe.tolerance,
-            free: !recipe.given,
-            reason: if recipe.given {
-                "its cells are those of the scene".into()
-            } else {
-                format!(
-                    "the next resolution has more than {WIDEST} functions of q, or does not fit \
-                     accuracy.max_seconds or accuracy.max_memory"
-                )
-            },
-        })
     }
 }
 
@@ -244,30 +224,23 @@ impl Resolvent {
         let first = first(settings);
         // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
         // one round more.
-        let mut resolution = first;
         let rounds = match settings.cells {
             Some(_) => 1,
             None => 4 + (-3.0 - settings.tolerance.log10()).clamp(0.0, 4.0) as usize,
         };
-        for _ in 0..rounds {
-            resolution = finer(resolution);
-        }
-        let solves = 55.0;
-        // The coarser operators take half as much again.
-        let seconds = 1.5 * solves * resolution.operations() * timing::OPERATION;
-        let threads = rayon::current_num_threads() as f64;
-        let cost = Cost {
-            cells: [resolution.across(), 2 * resolution.pairs],
-            steps: solves as u64,
-            memory: resolution.memory() * threads as u64
-                + (2 * 16 * solves as usize * resolution.across() * 2 * resolution.pairs) as u64,
-            seconds: seconds / threads,
-        };
+        let finest = (0..rounds).fold(first, |it, _| finer(it));
+        let Work { seconds, memory } = work(finest);
         Self {
             first,
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
-            cost,
+            cost: Cost {
+                cells: [finest.across(), 2 * finest.pairs],
+                steps: EXPECTED,
+                memory,
+                // The coarser operators take half as much again.
+                seconds: 1.5 * seconds,
+            },
         }
     }
 
@@ -285,49 +258,126 @@ impl Resolvent {
     ) -> Result<Spectrum> {
         oscillator.displacement_law()?;
         check(omegas)?;
-        let tolerance = self.tolerance;
-        let control = control(omegas);
-        let solve = |resolution: Resolution, share: f64| -> Result<(Reduced, Vec<Answer>)> {
-            let full = Hierarchy::new(oscillator, quantity, resolution)?;
-            let go_on = |solved: usize| {
-                progress(share * (solved as f64 / 60.0).min(1.0));
-                limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
-            };
-            let model = Reduced::new(&full, &control, MODEL * tolerance, FLOOR, SOLVES, &go_on)?;
-            let answers = control.iter().map(|w| model.at(*w)).collect();
-            Ok((model, answers))
+        let task = Task {
+            recipe: self,
+            oscillator,
+            quantity,
+            omegas,
+            control: control(omegas),
+            limits,
+            next: self.first,
+            last: None,
+            best: None,
         };
-        let mut resolution = self.first;
-        let (_, mut coarse) = solve(resolution, 0.2)?;
-        loop {
-            resolution = finer(resolution);
-            let (model, fine) = solve(resolution, 0.9)?;
+        adaptive::pursue(task, &limits, progress)
+    }
+}
+
+/// Frequencies that a model is expected to be made of.
+const EXPECTED: u64 = 55;
+
+/// What the model of one resolution takes.
+fn work(it: Resolution) -> Work {
+    let threads = rayon::current_num_threads() as f64;
+    let states = 2 * 16 * EXPECTED * (it.across() * 2 * it.pairs) as u64;
+    Work {
+        seconds: EXPECTED as f64 * it.operations() * timing::OPERATION / threads,
+        memory: it.memory() * threads as u64 + states,
+    }
+}
+
+/// A spectrum on its way to the tolerance.
+struct Task<'a> {
+    recipe: &'a Resolvent,
+    oscillator: &'a Oscillator,
+    quantity: Quantity,
+    omegas: &'a [f64],
+    control: Vec<f64>,
+    limits: Limits,
+    next: Resolution,
+    /// The answers of the last resolution at the frequencies watched.
+    last: Option<Vec<Answer>>,
+    best: Option<Spectrum>,
+}
+
+impl Question for Task<'_> {
+    type Answer = Spectrum;
+
+    fn name(&self) -> String {
+        "the spectrum".into()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        let best = self.best.as_ref()?;
+        Some(best.worst().0 / self.recipe.tolerance)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
+        if self.best.is_some() && self.recipe.given {
+            return stop("its cells are those of the scene".into(), false);
+        }
+        if self.best.is_some() && self.next.across() > WIDEST {
+            let text = format!("the next resolution has more than {WIDEST} functions of q");
+            return stop(text, true);
+        }
+        let then = self.last.is_none().then(|| work(finer(self.next)));
+        let now = work(self.next);
+        Ok(Next::Run { now, then })
+    }
+
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let Self {
+            recipe,
+            omegas,
+            control,
+            limits,
+            next,
+            quantity,
+            ..
+        } = self;
+        let full = Hierarchy::new(self.oscillator, *quantity, *next)?;
+        let go_on = |solved: usize| {
+            progress((solved as f64 / EXPECTED as f64).min(1.0));
+            limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
+        };
+        let model = Reduced::new(
+            &full,
+            control,
+            MODEL * recipe.tolerance,
+            FLOOR,
+            SOLVES,
+            &go_on,
+        )?;
+        let fine: Vec<Answer> = control.iter().map(|w| model.at(*w)).collect();
+        if let Some(coarse) = &self.last {
             let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();
-            let density = estimates(omegas, &answers, &control, &coarse, &fine);
-            let mut it = Spectrum {
-                quantity,
+            self.best = Some(Spectrum {
+                quantity: *quantity,
                 omega: omegas.to_vec(),
-                density,
+                density: estimates(omegas, &answers, control, coarse, &fine),
                 variance: model.variance,
-                functions: [resolution.across(), 2 * resolution.pairs],
+                functions: [next.across(), 2 * next.pairs],
                 solves: model.solved.len(),
                 dimension: model.dimension(),
-                reached: true,
+                shortfall: None,
                 model,
-            };
-            it.reached = it.worst().0 <= tolerance;
-            let next = finer(resolution);
-            let fits = next.memory() * 2 < limits.memory && next.across() <= WIDEST;
-            // The next round takes as many solves, each of them longer.
-            let spent = limits.spent();
-            let longer = next.operations() / resolution.operations();
-            let in_time = spent * (1.0 + longer) < limits.seconds;
-            if it.reached || self.given || !fits || !in_time {
-                progress(1.0);
-                return Ok(it);
-            }
-            coarse = fine;
+            });
         }
+        self.last = Some(fine);
+        self.next = finer(*next);
+        Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Spectrum> {
+        let best = self.best?;
+        let (error, omega) = best.worst();
+        let number = format!("the spectrum at omega = {omega:.3}");
+        let tolerance = self.recipe.tolerance;
+        Some(Spectrum {
+            shortfall: stop.shortfall(number, error / tolerance, tolerance),
+            ..best
+        })
     }
 }
 
@@ -370,11 +420,7 @@ fn first(settings: &Settings) -> Resolution {
 }
 
 fn finer(it: Resolution) -> Resolution {
-    Resolution {
-        elements: (it.elements as f64 * FINER).round() as usize,
-        pairs: (it.pairs as f64 * FINER).round() as usize,
-        level: it.level + 1.5,
-    }
+    it.finer(FINER, 1.5)
 }
 
 /// Reach of an error: where the answer changes, it is as uncertain within this distance.

@@ -1,6 +1,7 @@
 //! The steady state: the null vector of the generator, by sparse LU and by marching.
 
-use super::budget::{self, Cost, Factors, timing};
+use super::adaptive::{self, Next, Question, Stop};
+use super::budget::{self, Cost, Factors, Limits, timing};
 use super::density::{Density, Snapshot};
 use super::flux::Drift;
 use super::generator::Generator;
@@ -53,7 +54,8 @@ pub(crate) struct SteadyState {
 /// # Errors
 /// [`Error::NoStationaryLaw`] for a contact without one; otherwise those of [`null_vector`].
 pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
-    SteadyState::of(oscillator, settings)?.solve(oscillator, settings.max_memory)
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    SteadyState::of(oscillator, settings)?.solve(oscillator, limits, &|_| {})
 }
 
 impl SteadyState {
@@ -104,12 +106,72 @@ impl SteadyState {
     ///
     /// # Errors
     /// Those of [`steady`].
-    pub(crate) fn solve(&self, oscillator: &Oscillator, max_memory: u64) -> Result<Steady> {
-        let Layout { domain, drift, .. } = self.layout;
-        let layout = &self.layout;
-        let mesh = layout.mesh_within(oscillator, 1.0, Factors::Real, max_memory)?;
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        limits: Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Steady> {
+        let task = Task {
+            recipe: self,
+            oscillator,
+            limits,
+            found: None,
+        };
+        adaptive::pursue(task, &limits, progress)
+    }
+}
+
+/// The question in messages.
+const NAME: &str = "the steady state";
+
+/// The steady state of one mesh, which is exact but for rounding and the truncated domain.
+struct Task<'a> {
+    recipe: &'a SteadyState,
+    oscillator: &'a Oscillator,
+    limits: Limits,
+    /// The answer with its largest error over the tolerance, and whose that is.
+    found: Option<(Steady, f64, &'static str)>,
+}
+
+impl Question for Task<'_> {
+    type Answer = Steady;
+
+    fn name(&self) -> String {
+        NAME.into()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        self.found.as_ref().map(|it| it.1)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        if self.found.is_some() {
+            let why = "what the truncated domain leaves out, or the rounding of the null vector, is larger";
+            let free = !self.recipe.layout.is_given();
+            return Ok(Next::Stop(Stop::new(why, free)));
+        }
+        Ok(Next::Run {
+            now: self.recipe.cost.into(),
+            then: None,
+        })
+    }
+
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let Self {
+            recipe,
+            oscillator,
+            limits,
+            ..
+        } = *self;
+        let late = limits.late(NAME);
+        let Layout { domain, drift, .. } = recipe.layout;
+        let mesh = recipe.layout.mesh(oscillator, 1.0)?;
         let generator = Generator::new(oscillator, &mesh, drift)?;
+        let seconds = budget::factoring(mesh.cells(), drift, Factors::Real);
+        limits.room_for(seconds, || NAME.to_owned())?;
         let (null, residual) = null_vector(&generator)?;
+        progress(0.5);
         let exact = Density::start(&generator, &Initial::Stationary)?;
         let mass = exact.mass();
         let distance = |density: &Density| -> f64 {
@@ -124,7 +186,7 @@ impl SteadyState {
         let outside = domain.neglected.max((1.0 - mass).abs());
         let mut march_density = Density::at_equilibrium(&generator, oscillator);
         let relaxation = 0.5 / oscillator.zeta();
-        let approach = march(&generator, &mut march_density, relaxation, 1e-11, &distance)?;
+        let approach = march(&generator, &mut march_density, relaxation, &distance, &late)?;
         let mut warnings = Vec::new();
         let marched = approach.last().map_or(0.0, |last| last.1);
         if l1 > 1e-9 || marched > 1e-9 {
@@ -140,30 +202,22 @@ impl SteadyState {
         let scales = Scales::of(oscillator).each(&moments);
         let weights = domain.tail_weights(oscillator);
         let names = moments.named().map(|(name, _)| name);
-        let mut unmet: Option<(f64, &str)> = None;
+        let mut worst = (0.0, "mean_q");
         let numbers = moments.each_mut().into_iter().zip(scales).zip(weights);
         for (((number, scale), weight), name) in numbers.zip(names) {
             if let Some(number) = number {
                 // A kurtosis far above 3 weighs the tail by its own size.
                 let error = (weight * outside + l1) * scale.max(number.value.abs());
                 *number = Estimate::new(number.value, error, Origin::Domain);
-                let ratio = error / (self.tolerance * scale);
-                if ratio > unmet.map_or(1.0, |u| u.0) {
-                    unmet = Some((ratio, name));
+                let ratio = error / (recipe.tolerance * scale);
+                if ratio > worst.0 || ratio.is_nan() {
+                    worst = (ratio, name);
                 }
             }
         }
-        // Exact on any mesh but for rounding and the box: finer cells would not mend it.
-        let shortfall = unmet.map(|(ratio, name)| Shortfall {
-            number: format!("{name} in the steady state"),
-            ratio,
-            tolerance: self.tolerance,
-            free: !self.layout.is_given(),
-            reason: "what the box leaves out, or the rounding of the null vector, is larger".into(),
-        });
-        Ok(Steady {
+        let answer = Steady {
             moments,
-            shortfall,
+            shortfall: None,
             l1_error: Estimate::new(l1, outside, Origin::Domain),
             residual,
             density: null.snapshot(f64::INFINITY),
@@ -179,6 +233,17 @@ impl SteadyState {
             },
             approach,
             warnings,
+        };
+        self.found = Some((answer, worst.0, worst.1));
+        Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Steady> {
+        let (answer, ratio, name) = self.found?;
+        let number = format!("{name} in the steady state");
+        Some(Steady {
+            shortfall: stop.shortfall(number, ratio, self.recipe.tolerance),
+            ..answer
         })
     }
 }
@@ -244,32 +309,36 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     Ok((density, residual))
 }
 
-/// Marches `density` by backward Euler to the steady state until its `distance` to it is below
-/// `tolerance` or stops falling, and returns time and distance after every step.
+/// Distance to the stationary law at which the march ends.
+const ARRIVED: f64 = 1e-11;
+
+/// Marches `density` by backward Euler to the steady state until its `distance` to it is below [`ARRIVED`] or stops
+/// falling, and returns time and distance after every step. `late` is asked before each.
 ///
 /// The step starts at a thousandth of the relaxation time 1/(2 zeta) and doubles every five steps up
 /// to 1000 of them, so that both the approach and its end are seen.
 ///
 /// # Errors
-/// Those of [`BackwardEuler::step`].
-pub fn march(
+/// Those of [`BackwardEuler::step`] and of `late`.
+fn march(
     generator: &Generator,
     density: &mut Density,
     relaxation: f64,
-    tolerance: f64,
     distance: &dyn Fn(&Density) -> f64,
+    late: &dyn Fn() -> Result<()>,
 ) -> Result<Vec<(f64, f64)>> {
     let mut euler = BackwardEuler::new(generator);
     let mut approach = vec![(0.0, distance(density))];
     let (mut t, mut dt) = (0.0, 1e-3 * relaxation);
     for k in 1..=200 {
+        late()?;
         euler.step(density, dt)?;
         t += dt;
         let now = distance(density);
         let before = approach.last().map_or(f64::INFINITY, |last| last.1);
         approach.push((t, now));
         let longest = dt >= 1e3 * relaxation;
-        if now < tolerance || (longest && now > 0.5 * before) {
+        if now < ARRIVED || (longest && now > 0.5 * before) {
             break;
         }
         if k % 5 == 0 && !longest {

@@ -186,7 +186,16 @@ pub(crate) struct Start {
 }
 
 impl Absorbed {
-    pub(crate) fn new(oscillator: &Oscillator, loss: f64, fineness: &Fineness) -> Result<Self> {
+    /// The maps of a step; `late` is asked before each row.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] for a contact that does not confine; those of `late`.
+    pub(crate) fn new(
+        oscillator: &Oscillator,
+        loss: f64,
+        fineness: &Fineness,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Self> {
         let mesh = Contact::new(oscillator, loss, fineness)?;
         let step = fineness.step;
         let rest = (-2.0 * oscillator.zeta() * step).exp();
@@ -197,9 +206,10 @@ impl Absorbed {
         let half = critical(oscillator, loss, &mesh, 0.5 * step);
         let [nq, nv] = mesh.nodes;
         let edge = mesh.speed + REACH * spread;
-        let rows: Vec<Row> = (0..nq)
+        let rows: Result<Vec<Row>> = (0..nq)
             .into_par_iter()
             .map(|i| {
+                late()?;
                 let points = from_cut(whole[i], [-edge, edge], spread);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
                 let mut ends = vec![[0.0; 2]; starts.len()];
@@ -228,7 +238,7 @@ impl Absorbed {
                     }
                 }
                 row.spans.push((0, row.kernel.len() as u32));
-                row
+                Ok(row)
             })
             .collect();
         let below = |cut: f64, j: usize| lower((cut - rest * mesh.v(j)) / spread);
@@ -248,7 +258,7 @@ impl Absorbed {
         }
         Ok(Self {
             mesh,
-            rows,
+            rows: rows?,
             spread,
             step,
             first,

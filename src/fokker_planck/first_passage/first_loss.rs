@@ -15,6 +15,7 @@ use super::absorbed::{Absorbed, Fineness, Start};
 use super::pontryagin::{dot, long_run};
 use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, timing};
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::fokker_planck::trajectory::Motion;
@@ -319,18 +320,35 @@ impl FirstPassage {
             initial,
             asked: self.asked,
             limits,
+            layout: self.layout.clone(),
+            rounds: 0,
+            best: None,
+            before: f64::INFINITY,
         };
-        limits.worth_beginning("the first loss of contact", self.cost.seconds)?;
-        task.solve(progress)
+        adaptive::pursue(task, &limits, progress)
     }
 }
 
-#[derive(Clone, Copy)]
+/// The question in messages.
+const NAME: &str = "the first loss of contact";
+
+/// The error estimate that is farthest above the tolerance, over it.
+struct Worst {
+    ratio: f64,
+    number: String,
+}
+
 struct Task<'a> {
     oscillator: &'a Oscillator,
     initial: &'a Initial,
     asked: Asked,
     limits: Limits,
+    /// The next run.
+    layout: Layout,
+    rounds: usize,
+    best: Option<(FirstLoss, Worst)>,
+    /// The ratio of the round before the last.
+    before: f64,
 }
 
 /// The first loss of contact from `initial`, up to the time `until` and in the long run. Errors from two
@@ -352,13 +370,6 @@ pub fn first_loss(
     recipe.solve(oscillator, initial, limits, progress)
 }
 
-/// A finer round was not to be had.
-fn limited(it: &mut FirstLoss, key: &str) {
-    if let Some(shortfall) = &mut it.shortfall {
-        shortfall.reason = format!("a finer mesh does not fit {key}");
-    }
-}
-
 fn loss_point(oscillator: &Oscillator) -> Result<f64> {
     let contact = oscillator.contact();
     contact.loss_point().ok_or_else(|| {
@@ -367,94 +378,74 @@ fn loss_point(oscillator: &Oscillator) -> Result<f64> {
     })
 }
 
-impl Task<'_> {
-    /// Runs, each with half the step of the one before, until the tolerance is met.
-    fn solve(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<FirstLoss> {
-        let mut best: Option<FirstLoss> = None;
-        let mut before = f64::INFINITY;
-        for round in 1..=ROUNDS {
-            let refined = 2f64.powi(round as i32 - 1);
-            let layout = Layout::of(self.oscillator, self.initial, &self.asked, refined);
-            if let Some(it) = &mut best {
-                // Half the step and the mesh that follows: four times the time and twice the memory.
-                let key = if 5.0 * self.limits.spent() > self.limits.seconds {
-                    "accuracy.max_seconds"
-                } else if layout.memory_bytes(self.oscillator) > self.limits.memory as f64 {
-                    "accuracy.max_memory"
-                } else {
-                    ""
-                };
-                if !key.is_empty() {
-                    limited(it, key);
-                    break;
-                }
+impl Question for Task<'_> {
+    type Answer = FirstLoss;
+
+    fn name(&self) -> String {
+        NAME.into()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        Some(self.best.as_ref()?.1.ratio)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        if let Some(ratio) = self.ratio() {
+            if self.asked.step.is_some() || self.asked.cells.is_some() {
+                let text = "its step or its cells are those of the scene";
+                return Ok(Next::Stop(Stop::new(text, false)));
             }
-            let share = |part: f64| progress((round as f64 - 1.0 + part) / ROUNDS as f64);
-            match self.round(round - 1, &layout, &share) {
-                Ok((it, worst)) => {
-                    best = Some(it);
-                    // A second round may be the first that converges; later ones have to gain something.
-                    let gains = round < 3 || worst < GAIN * before;
-                    if worst <= 1.0 || self.chosen() || !gains {
-                        break;
-                    }
-                    before = worst;
-                }
-                // The round before is an answer.
-                Err(error @ Error::Limit { key, .. }) => match &mut best {
-                    Some(it) => {
-                        limited(it, key);
-                        break;
-                    }
-                    None => return Err(error),
-                },
-                Err(error) => return Err(error),
+            // A second round may be the first that converges; later ones have to gain something.
+            if self.rounds == ROUNDS || (self.rounds > 2 && ratio >= GAIN * self.before) {
+                let text = format!("refined {} times", self.rounds - 1);
+                return Ok(Next::Stop(Stop::new(text, true)));
             }
         }
-        progress(1.0);
-        best.ok_or_else(|| {
-            self.limits
-                .out_of_time("the first loss of contact was not done".into())
+        Ok(Next::Run {
+            now: self.layout.cost(self.oscillator).into(),
+            then: None,
         })
     }
 
-    fn late(&self) -> Result<()> {
-        self.limits
-            .in_time(|| "the first loss of contact was not done".into())
-    }
-
-    /// Whether the scene says how fine.
-    fn chosen(&self) -> bool {
-        self.asked.step.is_some() || self.asked.cells.is_some()
-    }
-
-    /// A fine run, and its error from one on a coarser mesh and one of twice the step.
-    fn round(
-        &self,
-        refined: usize,
-        layout: &Layout,
-        progress: &dyn Fn(f64),
-    ) -> Result<(FirstLoss, f64)> {
+    /// A fine run, and its error from one on a coarser mesh and one of twice the step. The next has half the step.
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let layout = &self.layout;
         let coarse = Fineness {
             nodes: layout.nodes.map(|n| ((n as f64 * COARSE) as usize).max(12)),
             step: layout.step,
             level: layout.level,
         };
-        let other = self.run(layout, &coarse, &|part| progress(0.25 * part))?;
+        let other = self.once(layout, &coarse, &|part| progress(0.25 * part))?;
         let long = Fineness {
             nodes: layout.nodes,
             step: 2.0 * layout.step,
             level: layout.level,
         };
-        let slow = self.run(layout, &long, &|part| progress(0.25 + 0.25 * part))?;
+        let slow = self.once(layout, &long, &|part| progress(0.25 + 0.25 * part))?;
         let fine = Fineness {
             step: layout.step,
             ..long
         };
-        let here = self.run(layout, &fine, &|part| progress(0.5 + 0.5 * part))?;
-        Ok(self.report(layout, (refined, &here), [&other, &slow]))
+        let here = self.once(layout, &fine, &|part| progress(0.5 + 0.5 * part))?;
+        let found = self.report(layout, &here, [&other, &slow]);
+        self.before = self.ratio().unwrap_or(f64::INFINITY);
+        self.best = Some(found);
+        self.rounds += 1;
+        let refined = 2f64.powi(self.rounds as i32);
+        self.layout = Layout::of(self.oscillator, self.initial, &self.asked, refined);
+        Ok(())
     }
 
+    fn answer(self, stop: Stop) -> Option<FirstLoss> {
+        let (best, worst) = self.best?;
+        Some(FirstLoss {
+            shortfall: stop.shortfall(worst.number, worst.ratio, self.asked.tolerance),
+            ..best
+        })
+    }
+}
+
+impl Task<'_> {
     /// The start as weights, and what its survival is divided by.
     fn start(&self, absorbed: &Absorbed, stationary: &Start) -> (Start, f64) {
         match *self.initial {
@@ -472,10 +463,10 @@ impl Task<'_> {
         }
     }
 
-    fn run(&self, layout: &Layout, fineness: &Fineness, progress: &dyn Fn(f64)) -> Result<Run> {
-        self.late()?;
+    fn once(&self, layout: &Layout, fineness: &Fineness, progress: &dyn Fn(f64)) -> Result<Run> {
         let it = self.oscillator;
-        let absorbed = Absorbed::new(it, self.asked.loss, fineness)?;
+        let late = self.limits.late(NAME);
+        let absorbed = Absorbed::new(it, self.asked.loss, fineness, &late)?;
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
         let lines = absorbed.displacements(it, 0.5 * deviation, |q| law.density(q));
@@ -508,7 +499,7 @@ impl Task<'_> {
             let forgotten = per_step(mode) * layout.memory / step;
             forgotten < 0.3 * self.asked.tolerance
         };
-        let long = long_run(&absorbed, stride, enough, &rare, &|| self.late())?;
+        let long = long_run(&absorbed, stride, enough, &rare, &late)?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         let rate = -(-per_step(&long.mode)).ln_1p() / step;
@@ -602,6 +593,7 @@ impl Task<'_> {
             entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
             hazard: None,
         };
+        let late = self.limits.late(NAME);
         let mut losses = absorbed.lost_second();
         let mut scratch = vec![0.0; losses.len()];
         let mut hazards = [f64::INFINITY; 3];
@@ -618,7 +610,7 @@ impl Task<'_> {
                 march.entered.push(entered);
             }
             absorbed.advance(&mut losses, &mut scratch);
-            self.late()?;
+            late()?;
             if n.is_multiple_of(16) {
                 progress(n as f64 / count as f64);
             }
@@ -642,12 +634,7 @@ impl Task<'_> {
     }
 
     /// The fine run with its errors, and the largest of them over the tolerance.
-    fn report(
-        &self,
-        layout: &Layout,
-        (refined, fine): (usize, &Run),
-        others: [&Run; 2],
-    ) -> (FirstLoss, f64) {
+    fn report(&self, layout: &Layout, fine: &Run, others: [&Run; 2]) -> (FirstLoss, Worst) {
         let tolerance = self.asked.tolerance;
         // What the edge of the mesh leaves out of the losses.
         let outside = (-layout.level).exp() * (1.0 + layout.level);
@@ -695,18 +682,11 @@ impl Task<'_> {
         );
         note(rate.error / (tolerance * rate.value), "rate", None);
         let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
-        let chosen = self.chosen();
-        let shortfall = (worst.0 > 1.0 || worst.0.is_nan()).then(|| Shortfall {
-            number: format!("first_loss.{}{at}", worst.1),
+        let number = format!("first_loss.{}{at}", worst.1);
+        let worst = Worst {
             ratio: worst.0,
-            tolerance,
-            free: !chosen,
-            reason: if chosen {
-                "its step or its cells are those of the scene".into()
-            } else {
-                format!("refined {refined} times")
-            },
-        });
+            number,
+        };
         let [nq, nv] = layout.nodes;
         let it = FirstLoss {
             times: layout.times.clone(),
@@ -725,9 +705,9 @@ impl Task<'_> {
                 steps: fine.steps + others.iter().map(|other| other.steps).sum::<u64>(),
                 neglected: outside,
             },
-            shortfall,
+            shortfall: None,
         };
-        (it, worst.0)
+        (it, worst)
     }
 
     fn domain(&self, layout: &Layout) -> [f64; 4] {

@@ -24,11 +24,15 @@ pub(in crate::fokker_planck) struct Factored<'a> {
 
 impl<'a> Factored<'a> {
     /// Factors `shift` - L on the states without a constant part; the constant, which L neither reads nor
-    /// writes, is left alone, so that the shift may be 0.
+    /// writes, is left alone, so that the shift may be 0. `late` is asked before each block.
     ///
     /// # Errors
-    /// [`crate::Error::Linear`] if a block is singular: a shift at an eigenvalue.
-    pub(in crate::fokker_planck) fn new(full: &'a Hierarchy, shift: C) -> Result<Self> {
+    /// [`crate::Error::Linear`] if a block is singular: a shift at an eigenvalue; those of `late`.
+    pub(in crate::fokker_planck) fn new(
+        full: &'a Hierarchy,
+        shift: C,
+        late: &dyn Fn() -> Result<()>,
+    ) -> Result<Self> {
         let across = full.across();
         let t = full.temperature;
         let mut it = Self {
@@ -38,6 +42,7 @@ impl<'a> Factored<'a> {
         };
         let back: Vec<C> = full.cd.iter().map(|x| C::new(*x, 0.0)).collect();
         for i in (0..full.pairs).rev() {
+            late()?;
             let n = (2 * i) as f64;
             let above = t * (n + 1.0) / it.friction(n + 1.0);
             let below = if i > 0 {
@@ -206,7 +211,8 @@ mod tests {
             .collect();
         full[0] = C::default();
         for b in [start, full] {
-            let x = Factored::new(&it, shift).unwrap().solve(&b).unwrap();
+            let inverse = Factored::new(&it, shift, &|| Ok(())).unwrap();
+            let x = inverse.solve(&b).unwrap();
             let [re, im] = [
                 it.apply(&x.iter().map(|x| x.re).collect::<Vec<_>>()),
                 it.apply(&x.iter().map(|x| x.im).collect::<Vec<_>>()),

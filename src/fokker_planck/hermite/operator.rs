@@ -41,6 +41,16 @@ pub(in crate::fokker_planck) struct Resolution {
 }
 
 impl Resolution {
+    /// Of so many times the elements and functions, in a box `higher` by so many T.
+    pub(in crate::fokker_planck) fn finer(self, times: f64, higher: f64) -> Self {
+        let more = |n: usize| (n as f64 * times).round() as usize;
+        Self {
+            elements: more(self.elements),
+            pairs: more(self.pairs),
+            level: self.level + higher,
+        }
+    }
+
     /// Functions of q.
     pub(in crate::fokker_planck) fn across(self) -> usize {
         self.elements * DEGREE + 1

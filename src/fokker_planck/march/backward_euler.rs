@@ -2,7 +2,7 @@
 
 use super::Integrator;
 use super::resolvent::Resolvent;
-use super::system::{Solver, System};
+use super::system::{Late, Solver, System, never};
 use crate::error::Result;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::generator::Generator;
@@ -20,7 +20,12 @@ pub struct BackwardEuler {
 impl BackwardEuler {
     /// The scheme for a generator.
     pub fn new(generator: &Generator) -> Self {
-        let system = System::new(generator, Solver::Direct);
+        Self::watched(generator, never())
+    }
+
+    /// The same, ended by `late`.
+    pub fn watched(generator: &Generator, late: Late) -> Self {
+        let system = System::new(generator, Solver::Direct, late);
         Self {
             resolvent: Resolvent::new(&system),
             unknowns: vec![0.0; system.cells.len()],

@@ -180,6 +180,7 @@ impl<T: Number> Gmres<T> {
         let mut rotations: Vec<(f64, T)> = Vec::new();
         let mut right = vec![T::real(beta)];
         for k in 0..VECTORS - 1 {
+            (system.late)()?;
             self.work.copy_from_slice(&self.basis[k]);
             lu.solve(&mut self.work)?;
             self.apply(system, a);

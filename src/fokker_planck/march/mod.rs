@@ -34,7 +34,7 @@ pub use chebyshev::Chebyshev;
 pub use control::{March, Step};
 pub use integrator::Integrator;
 pub use radau::Radau;
-pub use system::Solver;
+pub use system::{Late, Solver, never};
 
 #[cfg(test)]
 mod tests {
@@ -72,7 +72,7 @@ mod tests {
     /// e^{t L} P by a dense matrix.
     fn exponential(generator: &Generator, density: &Density, t: f64) -> Vec<f64> {
         let dense = generator.matrix().to_dense();
-        let system = system::System::new(generator, Solver::Direct);
+        let system = system::System::new(generator, Solver::Direct, never());
         let mut start = Array1::zeros(dense.nrows());
         system.gather(density.cells(), start.as_slice_mut().unwrap());
         let end = matrix::exponential(&dense, t).dot(&start);

@@ -2,7 +2,7 @@
 
 use super::Integrator;
 use super::resolvent::Resolvent;
-use super::system::{Solver, System};
+use super::system::{Late, Solver, System, never};
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
 use num_complex::Complex;
@@ -43,7 +43,12 @@ const ERROR: f64 = 1.0 / 7200.0;
 impl Radau {
     /// The scheme for a generator, its systems solved by `solver`.
     pub fn new(generator: &Generator, solver: Solver) -> Self {
-        let system = System::new(generator, solver);
+        Self::watched(generator, solver, never())
+    }
+
+    /// The same, ended by `late`.
+    pub fn watched(generator: &Generator, solver: Solver, late: Late) -> Self {
+        let system = System::new(generator, solver, late);
         let n = system.cells.len();
         Self {
             real: Resolvent::new(&system),

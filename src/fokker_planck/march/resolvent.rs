@@ -32,6 +32,7 @@ impl<T: Number> Resolvent<T> {
     /// Overwrites b with x. An iterative solution leaves a residual of at most `allowed` in the L1 norm,
     /// and no error in the mass.
     pub(super) fn solve(&mut self, a: T, b: &mut [T], allowed: f64) -> Result<()> {
+        (self.system.late)()?;
         if let Some(k) = self.factored.iter().position(|(shift, _)| *shift == a) {
             let used = self.factored.remove(k);
             self.factored.push(used);

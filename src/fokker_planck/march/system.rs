@@ -1,5 +1,6 @@
 //! The linear system of an implicit step: the generator, its unknowns, and what is factored of it.
 
+use crate::error::Result;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
 use sprs::CsMat;
@@ -14,6 +15,14 @@ pub enum Solver {
     Krylov,
 }
 
+/// Asked before every piece of a long solve; its error ends the solve.
+pub type Late = Arc<dyn Fn() -> Result<()> + Send + Sync>;
+
+/// Nobody waits.
+pub fn never() -> Late {
+    Arc::new(|| Ok(()))
+}
+
 /// The generator as the resolvents need it, shared between them.
 pub(super) struct System {
     pub(super) generator: Generator,
@@ -26,10 +35,11 @@ pub(super) struct System {
     /// What is factored: L, or its five-point neighbour.
     pub(super) matrix: CsMat<f64>,
     pub(super) solver: Solver,
+    pub(super) late: Late,
 }
 
 impl System {
-    pub(super) fn new(generator: &Generator, solver: Solver) -> Arc<Self> {
+    pub(super) fn new(generator: &Generator, solver: Solver, late: Late) -> Arc<Self> {
         let nv = generator.mesh().v.len();
         let cells: Vec<usize> = (0..generator.mesh().q.len())
             .flat_map(|i| generator.active(i).map(move |j| i * nv + j))
@@ -59,6 +69,7 @@ impl System {
             },
             matrix,
             solver,
+            late,
         })
     }
 

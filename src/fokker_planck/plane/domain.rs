@@ -148,6 +148,33 @@ impl Domain {
         })
     }
 
+    /// This domain of the stationary law, so many times as far along v and as high in amplitude.
+    #[must_use]
+    pub fn enlarged(self, oscillator: &Oscillator, times: f64) -> Self {
+        let reach = times * self.v[1];
+        match oscillator.contact().turning_points(0.5 * reach * reach) {
+            Some((left, right)) => Self {
+                q: [left, right],
+                v: [-reach, reach],
+                ..self
+            },
+            None => self,
+        }
+    }
+
+    /// The amplitude of a density of this mean and these deviations along either axis, out to where it falls as far
+    /// as the stationary law at the edge of this domain, over that of the edge. 1 for the law itself if it is Gaussian.
+    pub fn amplitude(&self, oscillator: &Oscillator, mean: [f64; 2], deviation: [f64; 2]) -> f64 {
+        let contact = oscillator.contact();
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        let width = self.v[1] / oscillator.temperature().sqrt();
+        let ends = |k: usize| [-1.0, 1.0].map(|sign| mean[k] + sign * width * deviation[k]);
+        let rise = ends(0).map(|q| 2.0 * (contact.potential(q) - lowest));
+        let speed = ends(1).map(|v| v * v);
+        let highest = rise.into_iter().chain(speed).fold(0.0, f64::max);
+        highest.sqrt() / self.v[1]
+    }
+
     /// This box of the stationary law, raised to hold a narrow start until `until`. The amplitude
     /// sqrt(2H) of a start r decays as e^{-zeta t} while noise adds a Gaussian of variance
     /// T (1 - e^{-2 zeta t}) in two directions (exact for G = q, on the average over a period): where the
@@ -179,15 +206,7 @@ impl Domain {
         let steepest = (2.0 * level).sqrt().atan2(radius).cos();
         let decay = (-oscillator.zeta() * until).exp().max(steepest);
         let reach = radius * decay + (2.0 * level * (1.0 - decay * decay)).sqrt();
-        let reach = reach.max(self.v[1]);
-        match contact.turning_points(0.5 * reach * reach) {
-            Some((left, right)) => Self {
-                q: [left, right],
-                v: [-reach, reach],
-                ..self
-            },
-            None => self,
-        }
+        self.enlarged(oscillator, (reach / self.v[1]).max(1.0))
     }
 
     /// For a contact without a stationary law: the box that the Gaussian start sweeps until `until`,

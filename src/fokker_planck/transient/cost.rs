@@ -82,7 +82,7 @@ pub(super) fn run(
     max_memory: u64,
 ) -> Result<Cost> {
     let until = times.last().copied().unwrap_or(0.0);
-    let opening = opening::cost(recipe, oscillator, until);
+    let opening = opening::cost(recipe, oscillator, initial, until);
     if let Some((bill, side)) = opening
         .as_ref()
         .and_then(|it| it.alone.map(|side| (it, side)))

@@ -190,10 +190,16 @@ impl Question<'_> {
 
     /// The recipe with its foreseen cost.
     fn costed(&self, mut recipe: Recipe, mut reason: String) -> Result<Recipe> {
-        if recipe.first_grid == FirstGrid::Moving {
-            reason +=
-                "; the start is too narrow for a mesh, so a small mesh moves with it at first";
-        }
+        reason += match recipe.first_grid {
+            FirstGrid::Moving => {
+                "; the start is too narrow for a mesh, so a small mesh moves with it at first"
+            }
+            FirstGrid::Falling(_) => {
+                "; the start lies far beyond the stationary law, so a small mesh moves with it until friction has \
+                 brought it in"
+            }
+            FirstGrid::Mesh | FirstGrid::MovingForGood => "",
+        };
         recipe.reason = reason;
         recipe.cost = cost::foreseen(
             &recipe,
@@ -275,10 +281,11 @@ impl Question<'_> {
                 !thermal.into_iter().zip(start).any(narrow)
             }
         };
-        if fits {
-            return Ok((held(domain), FirstGrid::Mesh, neglected));
-        }
-        let grid = FirstGrid::Moving;
+        let grid = match self.falling(neglected)? {
+            Some(grid) => grid,
+            None if fits => return Ok((held(domain), FirstGrid::Mesh, neglected)),
+            None => FirstGrid::Moving,
+        };
         let domain = match initial {
             Initial::Gaussian { .. } => {
                 recipe::domain(oscillator, initial, self.until(), grid, neglected)?
@@ -286,6 +293,27 @@ impl Question<'_> {
             _ => domain,
         };
         Ok((laid_out(domain), grid, neglected))
+    }
+
+    /// A moving local grid for an initial condition that strong friction brings in from far beyond the stationary law.
+    fn falling(&self, neglected: f64) -> Result<Option<FirstGrid>> {
+        let Initial::Gaussian { mean, deviation } = *self.initial else {
+            return Ok(None);
+        };
+        let oscillator = self.oscillator;
+        if oscillator.zeta() <= KNOWN || self.settings.cells.is_some() {
+            return Ok(None);
+        }
+        let domain = Domain::closed(oscillator, &Initial::Rest, neglected)?;
+        // The law's own amplitude, taken for a Gaussian: far above 1 where flights are long.
+        let law = oscillator.displacement_law()?;
+        let centre = law.expect(|q| q).value;
+        let spread = law.expect(|q| (q - centre).powi(2)).value.sqrt();
+        let own = [spread, oscillator.temperature().sqrt()];
+        let own = domain.amplitude(oscillator, [centre, 0.0], own).max(1.0);
+        let most = recipe::BEYOND * own;
+        let beyond = domain.amplitude(oscillator, mean, deviation) > most;
+        Ok(beyond.then_some(FirstGrid::Falling(most)))
     }
 
     /// Whether cells of the scene hold a Gaussian, in the coarse run too.

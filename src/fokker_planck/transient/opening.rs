@@ -126,7 +126,12 @@ pub(super) struct Bill {
 
 /// What the opening of a run will take on one core, if it has one. The packet is as wide as a mesh needs once the
 /// noise has added that variance.
-pub(super) fn cost(recipe: &Recipe, oscillator: &Oscillator, until: f64) -> Option<Bill> {
+pub(super) fn cost(
+    recipe: &Recipe,
+    oscillator: &Oscillator,
+    initial: &Initial,
+    until: f64,
+) -> Option<Bill> {
     if !recipe.opens_on_moving_grid() {
         return None;
     }
@@ -134,7 +139,15 @@ pub(super) fn cost(recipe: &Recipe, oscillator: &Oscillator, until: f64) -> Opti
     let widths = layout::thermal_widths(oscillator, recipe.tolerance);
     let wide = cells_per_deviation(recipe.tolerance) * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
-    let wide = -left.ln() / (2.0 * oscillator.zeta());
+    let mut wide = -left.ln() / (2.0 * oscillator.zeta());
+    if let (FirstGrid::Falling(most), Initial::Gaussian { mean, deviation }) =
+        (recipe.first_grid, *initial)
+    {
+        // Under strong friction velocities fall at once, and displacements at the rate 1/(2 zeta).
+        let at_rest = [deviation[0], oscillator.temperature().sqrt()];
+        let beyond = recipe.amplitude(oscillator, [mean[0], 0.0], at_rest) / most;
+        wide = wide.max(2.0 * oscillator.zeta() * beyond.max(1.1).ln());
+    }
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
     let alone = recipe.first_grid == FirstGrid::MovingForGood || wide >= until;
     let time = if alone { until } else { wide };
@@ -165,7 +178,7 @@ impl<'a> Opening<'a> {
             early,
             fineness(oscillator, recipe.tolerance, (finer, longer)),
         )?;
-        let goal = (recipe.first_grid == FirstGrid::Moving)
+        let goal = (recipe.first_grid != FirstGrid::MovingForGood)
             .then(|| recipe.mesh(oscillator, finer))
             .transpose()?;
         let finest = if goal.is_none() || recipe.layout.is_given() {
@@ -245,7 +258,17 @@ impl<'a> Opening<'a> {
                 .into_iter()
                 .all(|(deviation, width)| deviation >= enough * width * finer)
         };
+        if let FirstGrid::Falling(most) = self.recipe.first_grid {
+            return self.is_torn() || (wide(1.0) && self.amplitude() <= most);
+        }
         wide(1.0) || self.is_torn() || (self.is_bent() && wide(REFINED / WORTH))
+    }
+
+    /// The amplitude of the packet over that of the edge of the domain that the stationary law needs.
+    fn amplitude(&self) -> f64 {
+        let frame = self.packet.frame();
+        let recipe = self.recipe;
+        recipe.amplitude(self.oscillator, frame.mean, frame.deviation())
     }
 
     /// Whether the packet begins not to fit its frame.
@@ -318,7 +341,12 @@ impl<'a> Opening<'a> {
         } else {
             narrowest.map(|deviation| deviation / cells_per_deviation(tolerance))
         };
-        let layout = self.recipe.layout.narrowed(start);
+        let mut layout = self.recipe.layout.narrowed(start);
+        if let FirstGrid::Falling(most) = self.recipe.first_grid {
+            // Torn before it was in.
+            let more = (self.amplitude() / most).max(1.0);
+            layout.domain = layout.domain.enlarged(self.oscillator, more);
+        }
         layout.mesh(self.oscillator, self.finer)
     }
 

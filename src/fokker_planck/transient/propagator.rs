@@ -9,7 +9,7 @@ use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::flux::Weights;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::march::{
-    Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver, Step,
+    Additive, BackwardEuler, Chebyshev, Integrator, Late, March, Radau, Solver, Step, never,
 };
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::settings::TimeScheme;
@@ -189,6 +189,7 @@ pub(super) fn build(
     mesh: &Mesh,
     until: f64,
     longer: f64,
+    late: Late,
 ) -> Result<Propagator> {
     match recipe.scheme {
         Scheme::FlowMap => {
@@ -210,7 +211,7 @@ pub(super) fn build(
                 (TimeScheme::BackwardEuler, step) => Some(longer * euler_step(mesh, step)),
                 (_, step) => step.map(|step| longer * step),
             };
-            let march = march(oscillator, &generator, time, tolerance, step, until);
+            let march = watched(oscillator, &generator, time, tolerance, (step, until), late);
             Ok(Propagator::Volumes {
                 generator: Box::new(generator),
                 march,
@@ -269,6 +270,25 @@ pub fn march(
     longest: Option<f64>,
     until: f64,
 ) -> March {
+    watched(
+        oscillator,
+        generator,
+        time,
+        tolerance,
+        (longest, until),
+        never(),
+    )
+}
+
+/// The same, ended by `late`.
+fn watched(
+    oscillator: &Oscillator,
+    generator: &Generator,
+    time: TimeScheme,
+    tolerance: f64,
+    (longest, until): (Option<f64>, f64),
+    late: Late,
+) -> March {
     let choice = if time == TimeScheme::BackwardEuler {
         Step::Fixed(euler_step(generator.mesh(), longest))
     } else {
@@ -284,8 +304,8 @@ pub fn march(
         }
     };
     let scheme: Box<dyn Integrator> = match time {
-        TimeScheme::BackwardEuler => Box::new(BackwardEuler::new(generator)),
-        TimeScheme::Implicit => Box::new(Radau::new(generator, solver(generator))),
+        TimeScheme::BackwardEuler => Box::new(BackwardEuler::watched(generator, late)),
+        TimeScheme::Implicit => Box::new(Radau::watched(generator, solver(generator), late)),
         TimeScheme::Imex => Box::new(Additive::new(generator)),
         TimeScheme::Explicit => Box::new(Chebyshev::new(generator)),
     };

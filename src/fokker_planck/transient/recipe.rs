@@ -31,12 +31,15 @@ impl Scheme {
 }
 
 /// What holds the initial condition.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum FirstGrid {
     /// The mesh.
     Mesh,
     /// A moving local grid first, until the density is wide enough for the mesh.
     Moving,
+    /// A moving local grid first, until strong friction has brought the density in from far beyond the stationary law:
+    /// finite volumes carry p/p_s, which spans e^(v^2/2T) and more there. A mesh takes over below this amplitude.
+    Falling(f64),
     /// A moving local grid for good: the density leaves every domain and keeps its shape.
     MovingForGood,
 }
@@ -96,6 +99,21 @@ impl Recipe {
         self.first_grid != FirstGrid::Mesh
     }
 
+    /// The amplitude of a density over that of the edge of the domain that the stationary law needs, for a recipe that
+    /// waits until it is small.
+    pub(crate) fn amplitude(
+        &self,
+        oscillator: &Oscillator,
+        mean: [f64; 2],
+        deviation: [f64; 2],
+    ) -> f64 {
+        let law = self
+            .layout
+            .domain
+            .enlarged(oscillator, 1.0 / (ROOM * BEYOND));
+        law.amplitude(oscillator, mean, deviation)
+    }
+
     /// A mesh `finer` times as fine as laid out.
     ///
     /// # Errors
@@ -148,6 +166,13 @@ impl Recipe {
     }
 }
 
+/// Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong friction. At
+/// 2 a mesh takes over earlier, and has three times the cells.
+pub(super) const BEYOND: f64 = 1.25;
+
+/// Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.
+const ROOM: f64 = 1.2;
+
 /// The truncated domain of a run until `until`.
 ///
 /// # Errors
@@ -165,7 +190,11 @@ pub(crate) fn domain(
     if first_grid == FirstGrid::Mesh {
         return Domain::closed(oscillator, initial, neglected);
     }
-    Ok(Domain::closed(oscillator, &Initial::Rest, neglected)?.raised(oscillator, initial, until))
+    let law = Domain::closed(oscillator, &Initial::Rest, neglected)?;
+    Ok(match first_grid {
+        FirstGrid::Falling(_) => law.enlarged(oscillator, ROOM * BEYOND),
+        _ => law.raised(oscillator, initial, until),
+    })
 }
 
 /// The steps of the flow map for a tolerance and the scene's step, `longer` times as long.

@@ -8,10 +8,11 @@ use super::report::Transient;
 use super::run::{Run, Task};
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::Work;
 use crate::fokker_planck::layout::{COARSE, DOMAIN_SHARE};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::scales::Scales;
-use std::cell::Cell;
 
 /// Part of the tolerance that the truncated domain may take, once run, before it is enlarged and run again.
 const DOMAIN_LIMIT: f64 = 0.1;
@@ -74,8 +75,8 @@ struct Level {
 /// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
 pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
     let volumes = task.recipe.otherwise.as_deref();
-    let mut first = Refinement::new(*task, volumes, progress);
-    let (best, why) = match (first.pursue(&task.recipe.reason), volumes) {
+    let first = Refinement::new(*task, volumes);
+    let (best, why) = match (adaptive::pursue(first, &task.limits, progress), volumes) {
         (Ok((best, None)), _) => return Ok(best),
         (Ok((best, Some(why))), _) => (Ok(best), why),
         (Err(error), Some(_)) if is_unfit(&error) => {
@@ -88,9 +89,9 @@ pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
         return best;
     };
     let volumes = Task { recipe, ..*task };
-    let reason = format!("{why}; {}", recipe.reason);
-    let second = Refinement::new(volumes, None, progress).pursue(&reason);
-    match (second, best) {
+    let mut second = Refinement::new(volumes, None);
+    second.recipe.reason = format!("{why}; {}", recipe.reason);
+    match (adaptive::pursue(second, &task.limits, progress), best) {
         (Ok((second, _)), Ok(best)) => {
             let ratio = |it: &Transient| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
             let better = ratio(&second) <= ratio(&best) || ratio(&best).is_nan();
@@ -125,21 +126,31 @@ fn unfit(error: Error, recipe: &Recipe) -> Error {
     }
 }
 
-/// What to do next.
-enum Next {
-    /// The errors are within the tolerance.
-    Done,
-    /// No further, and whether the program was free to go further.
-    Stop(String, bool),
-    /// Finite volumes, and why.
-    Switch(String),
-    /// A finer run.
-    Level(Box<Level>),
+/// What the next run is for.
+#[derive(Clone, Copy)]
+enum For {
+    /// The first of two, in a domain large enough.
+    Coarse,
+    /// The first fine one.
+    Fine,
+    /// The coarse mesh with the steps of the fine one.
+    Between,
+    /// Finer than the last.
+    Finer,
+}
+
+/// The last two runs, and the error estimates of the finer one.
+struct Pair {
+    fine: Level,
+    coarse: Level,
+    errors: Errors,
 }
 
 /// One method on its way to the tolerance.
 struct Refinement<'a> {
     task: Task<'a>,
+    /// That of the task, in a domain large enough.
+    recipe: Recipe,
     /// Finite volumes, if the method is free.
     volumes: Option<&'a Recipe>,
     scales: Scales,
@@ -149,30 +160,52 @@ struct Refinement<'a> {
     /// Whether cells and steps are left to the program.
     free: [bool; 2],
     search: Search,
+    /// Cells of the first fine run over those laid out.
+    first: f64,
+    /// Larger domains, and finer cells that hold the scene, tried so far.
+    domains: usize,
+    meshes: usize,
+    /// What the next run is for, and its cells and steps over the first guess.
+    wanted: (For, (f64, f64)),
+    /// The first run.
+    coarse: Option<Level>,
+    pair: Option<Pair>,
+    /// Whether the search has seen the difference of the last two meshes.
+    seen: bool,
     rounds: usize,
-    /// The part done.
-    done: Cell<f64>,
-    progress: &'a (dyn Fn(f64) + Sync),
+    /// Why finite volumes should be asked instead.
+    switch: Option<String>,
 }
 
 impl<'a> Refinement<'a> {
-    fn new(
-        task: Task<'a>,
-        volumes: Option<&'a Recipe>,
-        progress: &'a (dyn Fn(f64) + Sync),
-    ) -> Self {
+    fn new(task: Task<'a>, volumes: Option<&'a Recipe>) -> Self {
         let (longer, order) = steps(task.recipe);
         Self {
+            recipe: task.recipe.clone(),
             scales: Scales::of(task.oscillator),
             longer,
             order,
             free: task.recipe.free(),
             search: Search::new(task.recipe.scheme, task.oscillator.contact()),
+            first: task.recipe.finer[0],
+            domains: 0,
+            meshes: 0,
+            wanted: (For::Coarse, (1.0, 1.0)),
+            coarse: None,
+            pair: None,
+            seen: false,
             rounds: 0,
-            done: Cell::new(0.0),
+            switch: None,
             volumes,
             task,
-            progress,
+        }
+    }
+
+    /// The task in the domain of the last run.
+    fn task(&self) -> Task<'_> {
+        Task {
+            recipe: &self.recipe,
+            ..self.task
         }
     }
 
@@ -187,71 +220,15 @@ impl<'a> Refinement<'a> {
     /// What a mesh may still do, over the difference that one `ratio` times as coarse made: `believed`, or
     /// where the steps follow the cells what these do.
     fn in_space(&self, believed: f64, ratio: f64) -> f64 {
-        if self.task.recipe.limited_by_mesh {
+        if self.recipe.limited_by_mesh {
             believed.max(self.in_time(ratio))
         } else {
             believed
         }
     }
 
-    /// A run that is expected to take this part of what is left.
-    fn level(&self, task: &Task, finer: f64, longer: f64, part: f64) -> Result<Level> {
-        let before = self.done.get();
-        let left = 1.0 - before;
-        let run = task.run((finer, longer), task.times, &|x| {
-            (self.progress)(before + part * left * x);
-        })?;
-        self.done.set(before + part * left);
-        Ok(Level { finer, longer, run })
-    }
-
-    /// The first coarse run: on finer cells, where those chosen do not hold the scene, and in a domain so
-    /// large that it takes no more than its share, whatever the shape of the force.
-    fn coarse(&self, recipe: &mut Recipe) -> Result<(Level, f64)> {
-        let [mut finer, _] = recipe.finer;
-        let (mut domains, mut meshes) = (0, 0);
-        loop {
-            let task = Task {
-                recipe,
-                ..self.task
-            };
-            let coarse = match self.level(&task, COARSE * finer, self.longer, 0.3) {
-                Err(error)
-                    if self.free[0]
-                        && is_unfit(&error)
-                        && recipe.scheme != Scheme::FlowMap
-                        && meshes < 3 =>
-                {
-                    meshes += 1;
-                    finer *= 1.25;
-                    continue;
-                }
-                it => it?,
-            };
-            let outside = Errors::between(&task, &coarse.run, &coarse.run, 0.0).worst_outside();
-            let share = DOMAIN_SHARE * recipe.tolerance;
-            // The shape of a force that has all but vanished is beyond any domain, and cells of the scene may
-            // not carry a larger one.
-            let enough = outside <= DOMAIN_LIMIT * recipe.tolerance;
-            if recipe.layout.is_given() || enough || outside > HOPELESS * share || domains == 3 {
-                return Ok((coarse, finer));
-            }
-            domains += 1;
-            // The weights grow a little as the domain does; below rounding nothing is gained.
-            let neglected = (recipe.neglected * 0.7 * share / outside).max(1e-18);
-            let Task {
-                oscillator,
-                initial,
-                times,
-                ..
-            } = self.task;
-            let until = times.last().copied().unwrap_or(0.0);
-            *recipe = recipe.widened(oscillator, initial, until, neglected)?;
-        }
-    }
-
-    /// Seconds on one core and bytes foreseen of a run.
-    fn work(&self, recipe: &Recipe, finer: f64, longer: f64) -> Result<(f64, f64)> {
+    /// What a run of a recipe is foreseen to take, on one core.
+    fn work(&self, recipe: &Recipe, size: (f64, f64)) -> Result<Work> {
         let Task {
             oscillator,
             initial,
@@ -259,81 +236,23 @@ impl<'a> Refinement<'a> {
             limits,
             ..
         } = self.task;
-        let size = (finer, longer);
-        let cost = cost::run(recipe, oscillator, initial, times, size, limits.memory)?;
-        Ok((cost.seconds, cost.memory as f64))
+        cost::run(recipe, oscillator, initial, times, size, limits.memory).map(Work::from)
     }
 
-    /// The answer, and why finite volumes should be asked instead, if they should.
-    fn pursue(&mut self, reason: &str) -> Result<(Transient, Option<String>)> {
-        let mut recipe = self.task.recipe.clone();
-        let limits = self.task.limits;
-        // One step of a scheme may take longer than the limit: nobody would look at the clock.
-        let (seconds, _) = self.work(&recipe, 1.0, 1.0)?;
-        limits.worth_beginning(&recipe.name(), seconds)?;
-        let (mut coarse, first) = self.coarse(&mut recipe)?;
-        let task = Task {
-            recipe: &recipe,
-            ..self.task
-        };
-        // The fine run takes 1.5 times as long at least: no use in beginning what cannot end.
-        if 2.5 * coarse.run.seconds > limits.seconds {
-            return Err(limits.out_of_time(format!(
-                "the run on four fifths of the cells took {:.1} s, and the fine one would take \
-                 {:.0} s or more; fewer method.cells would do",
-                coarse.run.seconds,
-                1.5 * coarse.run.seconds
-            )));
-        }
-        let mut fine = self.level(&task, first, 1.0, 0.9)?;
+    /// The error estimates of the first two runs.
+    fn first_errors(&self, fine: &Level, coarse: &Level) -> Errors {
         let space = self.in_space(self.search.beyond(1.0 / COARSE), 1.0 / COARSE);
         let factor = space.max(self.in_time(self.longer));
-        let mut errors = Errors::between(&task, &fine.run, &coarse.run, factor);
+        let mut errors = Errors::between(&self.task(), &fine.run, &coarse.run, factor);
         errors.joint = self.longer != 1.0;
-        let (mut why, mut switch) = ((String::new(), false), None);
-        loop {
-            match self.next(&task, &mut errors, &fine, &coarse) {
-                Ok(Next::Done) => break,
-                Ok(Next::Stop(text, free)) => {
-                    why = (text, free);
-                    break;
-                }
-                Ok(Next::Switch(text)) => {
-                    why = (text.clone(), true);
-                    switch = Some(text);
-                    break;
-                }
-                Ok(Next::Level(next)) => {
-                    errors = self.refined_errors(&task, &next, &fine, errors);
-                    coarse = std::mem::replace(&mut fine, *next);
-                    self.rounds += 1;
-                }
-                // The best so far stands.
-                Err(error @ (Error::Limit { .. } | Error::Mesh { .. } | Error::Invalid { .. })) => {
-                    why = (format!("a finer run ended early: {error}"), true);
-                    break;
-                }
-                Err(error) => return Err(error),
-            }
-        }
-        let reason = match self.rounds {
-            0 => reason.to_string(),
-            rounds => format!("{reason}; refined {rounds} times"),
-        };
-        let answer = task.report(fine.run, &coarse.run, &errors, reason, why, Vec::new());
-        Ok((answer, switch))
+        errors
     }
 
     /// The error estimates of `next`, finer than `fine`, whose own were `before`.
-    fn refined_errors(
-        &mut self,
-        task: &Task,
-        next: &Level,
-        fine: &Level,
-        before: Errors,
-    ) -> Errors {
-        let mut errors = Errors::between(task, &next.run, &fine.run, 1.0);
+    fn refined_errors(&mut self, next: &Level, fine: &Level, before: Errors) -> Errors {
+        let mut errors = Errors::between(&self.task(), &next.run, &fine.run, 1.0);
         let (ratio, cut) = (next.finer / fine.finer, fine.longer / next.longer);
+        self.seen = cut == 1.0;
         if cut == 1.0 {
             let believed = self.search.seen(errors.worst_space(), next, fine);
             errors.scale_space(self.in_space(believed, ratio));
@@ -353,43 +272,91 @@ impl<'a> Refinement<'a> {
         errors
     }
 
-    /// What to do after two runs.
-    fn next(
-        &mut self,
-        task: &Task,
-        errors: &mut Errors,
-        fine: &Level,
-        coarse: &Level,
-    ) -> Result<Next> {
-        let tolerance = task.recipe.tolerance;
-        if errors.worst(&fine.run).0 <= tolerance {
-            return Ok(Next::Done);
-        }
-        if self.free == [false; 2] {
-            let text = "cells and step are those of the scene";
-            return Ok(Next::Stop(text.into(), false));
-        }
-        let goal = (tolerance - errors.worst_fixed()).max(0.25 * tolerance);
+    /// A pair whose meshes and steps differ, told apart by the coarse mesh with the steps of the fine one.
+    fn told(&self, mut pair: Pair, between: &Level) -> Pair {
+        let Pair {
+            fine,
+            coarse,
+            errors,
+        } = &mut pair;
         let ratio = fine.finer / coarse.finer;
-        let unseen = errors.joint || self.rounds == 0;
+        let cut = self.in_time(coarse.longer / fine.longer);
+        let space = self.in_space(self.search.beyond(ratio), ratio);
+        let scales = &self.scales;
+        errors.time = error_estimate::differences(&between.run, &coarse.run, cut, scales);
+        errors.space = error_estimate::differences(&fine.run, &between.run, space, scales);
+        errors.joint = false;
+        pair
+    }
+
+    /// Whether finer cells may hold what those chosen do not.
+    fn retries(&mut self, error: &Error) -> bool {
+        let volumes = self.recipe.scheme != Scheme::FlowMap;
+        let again = self.free[0] && volumes && is_unfit(error) && self.meshes < 3;
+        if again {
+            self.meshes += 1;
+            self.first *= 1.25;
+        }
+        again
+    }
+
+    /// A first coarse run: once more on finer cells, where those chosen do not hold the scene, or in a domain so large
+    /// that it takes no more than its share, whatever the shape of the force.
+    fn judge_coarse(&mut self, run: Result<Level>) -> Result<()> {
+        let coarse = match run {
+            Err(error) if self.retries(&error) => return Ok(()),
+            it => it?,
+        };
+        let outside = Errors::between(&self.task(), &coarse.run, &coarse.run, 0.0).worst_outside();
+        let share = DOMAIN_SHARE * self.recipe.tolerance;
+        // The shape of a force that has all but vanished is beyond any domain, and cells of the scene may
+        // not carry a larger one.
+        let enough = outside <= DOMAIN_LIMIT * self.recipe.tolerance;
+        if self.recipe.layout.is_given()
+            || enough
+            || outside > HOPELESS * share
+            || self.domains == 3
+        {
+            self.coarse = Some(coarse);
+            return Ok(());
+        }
+        self.domains += 1;
+        // The weights grow a little as the domain does; below rounding nothing is gained.
+        let neglected = (self.recipe.neglected * 0.7 * share / outside).max(1e-18);
+        let Task {
+            oscillator,
+            initial,
+            times,
+            ..
+        } = self.task;
+        let until = times.last().copied().unwrap_or(0.0);
+        self.recipe = self.recipe.widened(oscillator, initial, until, neglected)?;
+        Ok(())
+    }
+
+    /// The next run after two, or why there is none.
+    fn finer(&mut self, pair: &Pair) -> Result<Next> {
+        let Pair {
+            fine,
+            coarse,
+            errors,
+        } = pair;
+        let tolerance = self.recipe.tolerance;
+        let stop = |text: &str, free| Ok(Next::Stop(Stop::new(text, free)));
+        if self.free == [false; 2] {
+            return stop("cells and step are those of the scene", false);
+        }
         if errors.joint {
             // Which of the two is it? The coarse mesh with the short steps tells. Each pass of a flow
             // map adds an error of the mesh, so that the part of the steps holds some of it.
-            let between = self.level(task, coarse.finer, fine.longer, 0.3)?;
-            let cut = self.in_time(coarse.longer / fine.longer);
-            let space = self.in_space(self.search.beyond(ratio), ratio);
-            errors.time = error_estimate::differences(&between.run, &coarse.run, cut, &self.scales);
-            errors.space =
-                error_estimate::differences(&fine.run, &between.run, space, &self.scales);
-            errors.joint = false;
-            if errors.worst(&fine.run).0 <= tolerance {
-                return Ok(Next::Done);
-            }
+            return self.then(For::Between, (coarse.finer, fine.longer), None);
         }
+        let goal = (tolerance - errors.worst_fixed()).max(0.25 * tolerance);
+        let ratio = fine.finer / coarse.finer;
         let (space, time) = (errors.worst_space(), errors.worst_time());
         let (mut finer, mut shorter) = (1.0, 1.0);
         if self.free[0] && space > SPACE_SHARE * goal {
-            if ratio > 1.0 && unseen {
+            if ratio > 1.0 && !self.seen {
                 let difference = space / self.search.beyond(ratio);
                 self.search.seen(difference, fine, coarse);
             }
@@ -402,74 +369,125 @@ impl<'a> Refinement<'a> {
         }
         if finer == 1.0 && shorter == 1.0 {
             // Nothing is fixed: the box, or a bar that is no number, of which refinement knows nothing.
-            let (text, free) = match self.free {
-                [true, true] => ("neither cells nor steps are what it lacks", true),
-                [true, false] => ("method.step is that of the scene", false),
-                [false, _] => ("method.cells is that of the scene", false),
+            return match self.free {
+                [true, true] => stop("neither cells nor steps are what it lacks", true),
+                [true, false] => stop("method.step is that of the scene", false),
+                [false, _] => stop("method.cells is that of the scene", false),
             };
-            return Ok(Next::Stop(text.into(), free));
         }
         if self.rounds >= 3 && self.search.stalled() {
-            let text = "finer meshes change it no more: that is rounding".to_string();
-            return Ok(Next::Stop(text, true));
+            return stop("finer meshes change it no more: that is rounding", true);
         }
-        self.afford(task, (finer, shorter), fine, space / goal)
-    }
-
-    /// The next run, if there is time and memory for it and for what it should lead to; `short` is the
-    /// part of the mesh over what it may be.
-    fn afford(
-        &self,
-        task: &Task,
-        (finer, shorter): (f64, f64),
-        fine: &Level,
-        short: f64,
-    ) -> Result<Next> {
-        let (limits, left) = (task.limits, task.limits.left());
-        let work = |finer: f64, shorter: f64| -> Result<(f64, f64)> {
-            self.work(task.recipe, fine.finer * finer, fine.longer / shorter)
-        };
-        let (now, _) = work(1.0, 1.0)?;
-        let speed = fine.run.seconds / now;
-        let likely = self.search.needed(short, LIKELY).max(finer);
+        let size = |finer: f64| (fine.finer * finer, fine.longer / shorter);
+        let likely = self.search.needed(space / goal, LIKELY).max(finer);
         if let Some(volumes) = self.volumes
-            && let Ok((seconds, memory)) = self.work(volumes, 1.0, 1.0)
-            && memory <= limits.memory as f64
+            && let Ok(it) = self.work(volumes, (1.0, 1.0))
+            && it.memory <= self.task.limits.memory
         {
             // Both as foreseen: what is chosen must not depend on what else the machine does.
-            let here = work(likely, shorter)?.0;
+            let here = self.work(&self.recipe, size(likely))?.seconds;
             // A coarse run, a fine one and another, 1.8 times as fine.
-            let there = 8.0 * seconds;
-            if here > there && there < left {
+            let there = 8.0 * it.seconds;
+            if here > there && there < self.task.limits.left() {
                 let text = format!(
                     "the flow map on {likely:.1} times finer cells would take about {here:.1} s, finite \
                      volumes {there:.1} s"
                 );
-                return Ok(Next::Switch(text));
+                self.switch = Some(text.clone());
+                return stop(&text, true);
             }
         }
-        let hoped = self.search.needed(short, HOPED).max(finer.min(1.2));
-        for (finer, what) in [(finer, "the next refinement"), (hoped, "reaching it")] {
-            let (next, memory) = work(finer, shorter)?;
-            if memory > limits.memory as f64 {
-                let text = format!(
-                    "{what} would need about {:.1e} bytes, and accuracy.max_memory = {:.1e}",
-                    memory, limits.memory as f64
-                );
-                return Ok(Next::Stop(text, true));
+        let hoped = self.search.needed(space / goal, HOPED).max(finer.min(1.2));
+        self.then(For::Finer, size(finer), Some(size(hoped)))
+    }
+
+    /// A run, and the size of another that must follow.
+    fn then(&mut self, why: For, size: (f64, f64), then: Option<(f64, f64)>) -> Result<Next> {
+        self.wanted = (why, size);
+        let work = |size| self.work(&self.recipe, size);
+        Ok(Next::Run {
+            now: work(size)?,
+            then: then.map(work).transpose()?,
+        })
+    }
+}
+
+impl Question for Refinement<'_> {
+    /// With the reason to ask finite volumes instead, if there is one.
+    type Answer = (Transient, Option<String>);
+
+    fn name(&self) -> String {
+        self.recipe.name()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        let Pair { fine, errors, .. } = self.pair.as_ref()?;
+        Some(errors.worst(&fine.run).0 / self.recipe.tolerance)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let first = (self.first, 1.0);
+        match (self.pair.take(), &self.coarse) {
+            (Some(pair), _) => {
+                let next = self.finer(&pair);
+                self.pair = Some(pair);
+                next
             }
-            let seconds = next * speed;
-            if seconds > left {
-                let text = format!(
-                    "{what} would take about {seconds:.1e} s, and {:.1e} s are left of \
-                     accuracy.max_seconds",
-                    left.max(0.0)
-                );
-                return Ok(Next::Stop(text, true));
+            (None, Some(_)) => self.then(For::Fine, first, None),
+            (None, None) => {
+                let coarse = (COARSE * self.first, self.longer);
+                match self.then(For::Coarse, coarse, Some(first)) {
+                    Err(error) if self.retries(&error) => self.next(),
+                    next => next,
+                }
             }
         }
-        self.level(task, fine.finer * finer, fine.longer / shorter, 0.75)
-            .map(|level| Next::Level(Box::new(level)))
+    }
+
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let (why, (finer, longer)) = self.wanted;
+        let run = self.task().run((finer, longer), self.task.times, progress);
+        let run = run.map(|run| Level { finer, longer, run });
+        if let For::Coarse = why {
+            return self.judge_coarse(run);
+        }
+        let run = run?;
+        self.pair = match (why, self.coarse.take(), self.pair.take()) {
+            (For::Fine, Some(coarse), _) => Some(Pair {
+                errors: self.first_errors(&run, &coarse),
+                fine: run,
+                coarse,
+            }),
+            (For::Between, _, Some(pair)) => Some(self.told(pair, &run)),
+            (For::Finer, _, Some(Pair { fine, errors, .. })) => {
+                self.rounds += 1;
+                Some(Pair {
+                    errors: self.refined_errors(&run, &fine, errors),
+                    fine: run,
+                    coarse: fine,
+                })
+            }
+            (_, _, pair) => pair,
+        };
+        Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Self::Answer> {
+        let Pair {
+            fine,
+            coarse,
+            errors,
+        } = self.pair?;
+        let mut reason = self.recipe.reason.clone();
+        if self.rounds > 0 {
+            reason += &format!("; refined {} times", self.rounds);
+        }
+        let task = Task {
+            recipe: &self.recipe,
+            ..self.task
+        };
+        let answer = task.report(fine.run, &coarse.run, &errors, reason, stop, Vec::new());
+        Some((answer, self.switch))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::error_estimate::{Errors, outside};
 use super::run::{Output, Run, SETTLED, Task};
 use crate::estimate::{Estimate, Origin, Shortfall, name_at};
+use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::settings::Method;
 use crate::moments::Moments;
@@ -36,15 +37,14 @@ pub struct Transient {
 }
 
 impl Task<'_> {
-    /// Joins two runs: the fine one's numbers with their errors. `why` says why there was no further
-    /// refinement, and whether there was the freedom to refine.
+    /// Joins two runs: the fine one's numbers with their errors.
     pub(super) fn report(
         &self,
         fine: Run,
         coarse: &Run,
         errors: &Errors,
         reason: String,
-        (why, free): (String, bool),
+        stop: Stop,
         mut warnings: Vec<String>,
     ) -> Transient {
         let confining = self.oscillator.contact().is_confining();
@@ -55,13 +55,8 @@ impl Task<'_> {
         }
         let (worst, k, i) = errors.worst(&fine);
         let tolerance = self.recipe.tolerance;
-        let shortfall = (worst > tolerance || worst.is_nan()).then(|| Shortfall {
-            number: name_at(moments[k].named()[i].0, fine.outputs[k].t),
-            ratio: worst / tolerance,
-            tolerance,
-            free,
-            reason: why,
-        });
+        let number = name_at(moments[k].named()[i].0, fine.outputs[k].t);
+        let shortfall = stop.shortfall(number, worst / tolerance, tolerance);
         warnings.extend(shortfall.iter().map(Shortfall::to_string));
         if let Some(t) = fine.settled {
             warnings.push(format!(

@@ -8,13 +8,14 @@ use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::layout;
+use crate::fokker_planck::march::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
-use std::time::Instant;
+use std::sync::Arc;
 
 /// One run on one mesh, at one time.
 pub(super) struct Output {
@@ -48,8 +49,6 @@ pub(super) struct Run {
     pub(super) unknowns: usize,
     /// Time at which the density was within the tolerance of (21), if it came to that.
     pub(super) settled: Option<f64>,
-    /// Seconds it took.
-    pub(super) seconds: f64,
 }
 
 /// A transient to be computed, and how.
@@ -139,7 +138,6 @@ impl Task<'_> {
             limits,
             ..
         } = *self;
-        let began = Instant::now();
         let until = times.last().copied().unwrap_or(0.0);
         let in_time = |come: f64| {
             limits.in_time(|| format!("the transient had come to t = {come:.3} of {until}"))
@@ -150,7 +148,7 @@ impl Task<'_> {
             in_time(come)
         })?;
         if let Some(opening) = opening.as_ref().filter(|_| outputs.len() == times.len()) {
-            return opened(outputs, opening, began);
+            return opened(outputs, opening);
         }
         let mesh = match &opening {
             None => recipe.mesh(oscillator, finer)?,
@@ -162,7 +160,14 @@ impl Task<'_> {
             Scheme::Volumes(_) => budget::memory(cells, recipe.drift(), recipe.scheme.factors()),
         };
         budget::check_memory(needed, cells, given, limits.memory)?;
-        let mut propagator = propagator::build(recipe, oscillator, &mesh, until, longer)?;
+        let whole = match recipe.scheme {
+            Scheme::FlowMap => budget::tracing(cells),
+            Scheme::Volumes(_) => budget::factoring(cells, recipe.drift(), recipe.scheme.factors()),
+        };
+        limits.room_for(whole, || format!("a mesh of {cells:?} cells"))?;
+        let late = move || limits.in_time(|| format!("the transient had not come to t = {until}"));
+        let late: Late = Arc::new(late);
+        let mut propagator = propagator::build(recipe, oscillator, &mesh, until, longer, late)?;
         let observables =
             Observables::new(oscillator, &mesh, recipe.drift(), propagator.weights())?;
         let (mut density, handed) = match &opening {
@@ -226,7 +231,6 @@ impl Task<'_> {
             domain,
             unknowns: propagator.unknowns(),
             settled,
-            seconds: began.elapsed().as_secs_f64(),
         })
     }
 
@@ -301,7 +305,7 @@ impl Task<'_> {
 }
 
 /// A run that never left the frame of its packet.
-fn opened(outputs: Vec<Output>, opening: &Opening, began: Instant) -> Result<Run> {
+fn opened(outputs: Vec<Output>, opening: &Opening) -> Result<Run> {
     let mesh = opening.own_mesh()?;
     Ok(Run {
         outputs,
@@ -311,6 +315,5 @@ fn opened(outputs: Vec<Output>, opening: &Opening, began: Instant) -> Result<Run
         mesh,
         domain: opening.domain(),
         settled: None,
-        seconds: began.elapsed().as_secs_f64(),
     })
 }

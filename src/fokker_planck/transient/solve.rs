@@ -1,13 +1,15 @@
 //! A transient from its recipe.
 
+use super::cost;
 use super::error_estimate::Errors;
 use super::propagator;
 use super::recipe::Recipe;
 use super::refine;
 use super::report::Transient;
-use super::run::Task;
+use super::run::{Run, Task};
 use crate::error::Result;
-use crate::fokker_planck::budget::{Cost, Limits};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::{Cost, Limits, Work};
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::Settings;
@@ -96,7 +98,7 @@ impl Recipe {
             limits,
         };
         if self.drift() == Drift::Upwind {
-            return upwind(&task, progress);
+            return adaptive::pursue(Upwind::new(task)?, &limits, progress);
         }
         refine::refined(&task, progress)
     }
@@ -114,73 +116,156 @@ fn ahead(task: &Task, mesh: &Mesh) -> f64 {
         + 0.5 * step.min(longest_interval(task.times)) / zeta
 }
 
-/// Upwind: the honest error names how far ahead its relaxation is.
-fn upwind(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
-    let recipe = task.recipe;
-    let mesh = recipe.mesh(task.oscillator, 1.0)?;
-    let excess = ahead(task, &mesh);
-    // Between t/(1 + c) and t, eight times to look for the largest change.
-    let mut times: Vec<f64> = task.times.to_vec();
-    let ahead = |t: f64| {
-        (0..8).map(move |k| {
-            let slowest = t / (1.0 + excess);
-            slowest + (t - slowest) * f64::from(k) / 8.0
+/// Upwind drift: a run on half the cells and one on all of them, and an error estimate that holds how far ahead its
+/// relaxation is.
+struct Upwind<'a> {
+    task: Task<'a>,
+    /// Half the cells take half the step of the scene, or both runs would err alike.
+    halved: Recipe,
+    excess: f64,
+    /// Output times with eight before each: from t/(1 + c) to t, to look for the largest change.
+    times: Vec<f64>,
+    coarse: Option<Run>,
+    fine: Option<(Run, Errors)>,
+}
+
+impl<'a> Upwind<'a> {
+    fn new(task: Task<'a>) -> Result<Self> {
+        let recipe = task.recipe;
+        let excess = ahead(&task, &recipe.mesh(task.oscillator, 1.0)?);
+        let mut times: Vec<f64> = task.times.to_vec();
+        times.extend(task.times.iter().flat_map(|t| {
+            (0..8).map(move |k| {
+                let slowest = t / (1.0 + excess);
+                slowest + (t - slowest) * f64::from(k) / 8.0
+            })
+        }));
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let longest = longest_interval(task.times);
+        let halved = Recipe {
+            step: recipe.step.map(|step| 0.5 * step.min(longest)),
+            ..recipe.clone()
+        };
+        Ok(Self {
+            task,
+            halved,
+            excess,
+            times,
+            coarse: None,
+            fine: None,
         })
-    };
-    times.extend(task.times.iter().flat_map(|t| ahead(*t)));
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    // Half the cells; where the scene gives the step, half of that too, or both would err alike.
-    let halved = Recipe {
-        step: recipe
-            .step
-            .map(|step| 0.5 * step.min(longest_interval(task.times))),
-        ..recipe.clone()
-    };
-    let halved = Task {
-        recipe: &halved,
-        ..*task
-    };
-    let coarse = halved.run((0.5, 1.0), task.times, &|part| progress(0.15 * part))?;
-    let mut fine = task.run((1.0, 1.0), &times, &|part| progress(0.15 + 0.85 * part))?;
-    let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
-    fine.outputs.retain(|o| task.times.contains(&o.t));
-    // First order: the fine run errs as much as it differs from one on half the cells; twice, to be safe.
-    let mut errors = Errors::between(task, &fine, &coarse, 2.0);
-    // Where numbers diffuse more than physics the phase of the motion is lost too: from crest to trough.
-    let phase = if excess > 1.0 { 2.0 } else { 1.0 };
-    for ((t, space), now) in task.times.iter().zip(&mut errors.space).zip(&fine.outputs) {
-        let window = all
-            .iter()
-            .filter(|(s, _)| *s >= t / (1.0 + excess) * (1.0 - 1e-12) && s <= t);
-        let mut change = [0.0_f64; 11];
-        for (_, earlier) in window {
-            let pairs = earlier.named().into_iter().zip(now.moments.named());
-            for (change, ((_, earlier), (_, now))) in change.iter_mut().zip(pairs) {
-                if let (Some(earlier), Some(now)) = (earlier, now) {
-                    *change = change.max((earlier.value - now.value).abs());
+    }
+
+    /// The error estimates of the fine run, whose extra outputs they take away.
+    fn errors(&self, fine: &mut Run, coarse: &Run) -> Errors {
+        let excess = self.excess;
+        let all: Vec<(f64, Moments)> = fine.outputs.iter().map(|o| (o.t, o.moments)).collect();
+        fine.outputs.retain(|o| self.task.times.contains(&o.t));
+        // First order: the fine run errs as much as it differs from one on half the cells; twice, to be safe.
+        let mut errors = Errors::between(&self.task, fine, coarse, 2.0);
+        // Where numbers diffuse more than physics the phase of the motion is lost too: from crest to trough.
+        let phase = if excess > 1.0 { 2.0 } else { 1.0 };
+        let outputs = self.task.times.iter().zip(&mut errors.space);
+        for ((t, space), now) in outputs.zip(&fine.outputs) {
+            let window = all
+                .iter()
+                .filter(|(s, _)| *s >= t / (1.0 + excess) * (1.0 - 1e-12) && s <= t);
+            let mut change = [0.0_f64; 11];
+            for (_, earlier) in window {
+                let pairs = earlier.named().into_iter().zip(now.moments.named());
+                for (change, ((_, earlier), (_, now))) in change.iter_mut().zip(pairs) {
+                    if let (Some(earlier), Some(now)) = (earlier, now) {
+                        *change = change.max((earlier.value - now.value).abs());
+                    }
                 }
             }
+            for (error, change) in space.iter_mut().zip(change) {
+                *error = phase * (*error + change);
+            }
         }
-        for (error, change) in space.iter_mut().zip(change) {
-            *error = phase * (*error + change);
-        }
+        errors
     }
-    let warning = format!(
-        "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
-         numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
-        1.0 + excess
-    );
-    let why = "upwind drift is of first order, and no affordable mesh would do".to_string();
-    let [free, _] = recipe.free();
-    Ok(task.report(
-        fine,
-        &coarse,
-        &errors,
-        recipe.reason.clone(),
-        (why, free),
-        vec![warning],
-    ))
+}
+
+impl Question for Upwind<'_> {
+    type Answer = Transient;
+
+    fn name(&self) -> String {
+        self.task.recipe.name()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        let (run, errors) = self.fine.as_ref()?;
+        Some(errors.worst(run).0 / self.task.recipe.tolerance)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let Task {
+            oscillator,
+            initial,
+            recipe,
+            limits,
+            ..
+        } = self.task;
+        if self.fine.is_some() {
+            let why = "upwind drift is of first order, and no affordable mesh would do";
+            return Ok(Next::Stop(Stop::new(why, recipe.free()[0])));
+        }
+        let work = |recipe, finer| {
+            let size = (finer, 1.0);
+            cost::run(
+                recipe,
+                oscillator,
+                initial,
+                &self.times,
+                size,
+                limits.memory,
+            )
+            .map(Work::from)
+        };
+        let fine = work(recipe, 1.0)?;
+        Ok(match self.coarse {
+            None => Next::Run {
+                now: work(&self.halved, 0.5)?,
+                then: Some(fine),
+            },
+            Some(_) => Next::Run {
+                now: fine,
+                then: None,
+            },
+        })
+    }
+
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let Some(coarse) = &self.coarse else {
+            let halved = Task {
+                recipe: &self.halved,
+                ..self.task
+            };
+            self.coarse = Some(halved.run((0.5, 1.0), self.task.times, progress)?);
+            return Ok(());
+        };
+        let mut fine = self.task.run((1.0, 1.0), &self.times, progress)?;
+        let errors = self.errors(&mut fine, coarse);
+        self.fine = Some((fine, errors));
+        Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Transient> {
+        let (coarse, (fine, errors)) = self.coarse.zip(self.fine)?;
+        let excess = self.excess;
+        let warning = format!(
+            "upwind drift relaxes the energy 1 + c = {:.2} times too fast on this mesh (c = {excess:.3}: \
+             numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
+            1.0 + excess
+        );
+        let (reason, warnings) = (self.task.recipe.reason.clone(), vec![warning]);
+        Some(
+            self.task
+                .report(fine, &coarse, &errors, reason, stop, warnings),
+        )
+    }
 }
 
 /// The longest time without an output, from 0 on.

@@ -1,0 +1,153 @@
+//! From a tolerance to an answer, the same for every question: a run, a finer one, an error estimate from their
+//! difference, and so on until that is within the tolerance, there is nothing finer, or a limit says stop.
+
+use super::budget::{Limits, Work};
+use crate::error::{Error, Result};
+use crate::estimate::Shortfall;
+use std::time::Instant;
+
+/// A question that is answered by runs, each finer than the one before. What a run does between two looks at
+/// [`Limits::in_time`] is short.
+pub(super) trait Question: Sized {
+    /// Numbers with their error estimates.
+    type Answer;
+
+    /// What it is called where time or memory do not suffice for a first answer.
+    fn name(&self) -> String;
+
+    /// The largest error estimate over the tolerance; None before there is an answer.
+    fn ratio(&self) -> Option<f64>;
+
+    /// What to do next, while that is above 1.
+    ///
+    /// # Errors
+    /// Those of the layout of a finer run.
+    fn next(&mut self) -> Result<Next>;
+
+    /// Does what [`Question::next`] said last.
+    ///
+    /// # Errors
+    /// Those of the run; [`Error::Limit`] where it is out of time.
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()>;
+
+    /// The answer, if there is one, and what stopped it.
+    fn answer(self, stop: Stop) -> Option<Self::Answer>;
+}
+
+/// What a question asks for next.
+pub(super) enum Next {
+    /// A run that takes `now`; the tolerance will not be reached without one that takes `then`.
+    Run { now: Work, then: Option<Work> },
+    /// Nothing.
+    Stop(Stop),
+}
+
+/// Why nothing finer was run, and whether the program was free to run it. Empty where the tolerance is reached.
+#[derive(Debug, Default)]
+pub(super) struct Stop {
+    pub(super) reason: String,
+    pub(super) free: bool,
+}
+
+impl Stop {
+    pub(super) fn new(reason: impl Into<String>, free: bool) -> Self {
+        let reason = reason.into();
+        Self { reason, free }
+    }
+
+    /// What is missing of a tolerance: the error of `number` is `ratio` times too large.
+    pub(super) fn shortfall(self, number: String, ratio: f64, tolerance: f64) -> Option<Shortfall> {
+        // NaN is no error estimate.
+        (ratio.is_nan() || ratio > 1.0).then_some(Shortfall {
+            number,
+            ratio,
+            tolerance,
+            free: self.free,
+            reason: self.reason,
+        })
+    }
+}
+
+/// A first run foreseen to take so many times what is left is not begun: what is foreseen is within three of what it
+/// takes, but for a few. Later ones are measured by the run before.
+const MAX_FORESEEN_OVERRUN: f64 = 10.0;
+
+/// The part of what is left to do that a run is shown to take if nothing is known to follow it.
+const LAST: f64 = 0.9;
+
+/// Runs until the tolerance is reached, or says why not. An answer once there is not lost to a later run that fails.
+///
+/// # Errors
+/// [`Error::Limit`] for limits that do not suffice for a first answer; those of the runs before it.
+pub(super) fn pursue<Q: Question>(
+    mut question: Q,
+    limits: &Limits,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Q::Answer> {
+    let (mut pace, mut done) = (None, 0.0);
+    let stop = loop {
+        let ratio = question.ratio();
+        if ratio.is_some_and(|ratio| ratio <= 1.0) {
+            break Stop::default();
+        }
+        // An answer is not lost to what comes after it.
+        let kept = |text: String, error| match ratio {
+            Some(_) => Ok(Stop::new(text, true)),
+            None => Err(error),
+        };
+        let ended = |error: Error| kept(format!("a finer run ended early: {error}"), error);
+        let (now, then) = match question.next() {
+            Ok(Next::Run { now, then }) => (now, then),
+            Ok(Next::Stop(stop)) => break stop,
+            Err(error) => break ended(error)?,
+        };
+        let (name, end) = match ratio {
+            Some(_) => ("the next refinement".to_owned(), "reaching the tolerance"),
+            None => (question.name(), "a first answer"),
+        };
+        let end = then.map(|then| (then, end));
+        let mut over = [(now, &name[..])].into_iter().chain(end);
+        let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
+        if let Some((what, error)) = over {
+            break kept(what, error)?;
+        }
+        let part = then.map_or(LAST, |then| now.seconds / (now.seconds + then.seconds));
+        let end = done + part * (1.0 - done);
+        let clock = Instant::now();
+        if let Err(error) = question.run(&|x| progress(done + x * (end - done))) {
+            break ended(error)?;
+        }
+        pace = Some(clock.elapsed().as_secs_f64() / now.seconds);
+        done = end;
+    };
+    progress(1.0);
+    let name = question.name();
+    let answer = question.answer(stop);
+    answer.ok_or_else(|| limits.out_of_time(format!("{name} had not ended")))
+}
+
+/// What the limits do not allow of a run, in words and as an error; `pace` is what the last one took over what was
+/// foreseen of it.
+fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<(String, Error)> {
+    let [needed, most] = [work.memory, limits.memory].map(|bytes| bytes as f64);
+    let (seconds, left) = (work.seconds * pace.unwrap_or(1.0), limits.left().max(0.0));
+    if needed > most {
+        let what = format!("{name} would need about {needed:.1e} bytes");
+        let error = Error::Limit {
+            key: "accuracy.max_memory",
+            limit: format!("{:.3} GB", 1e-9 * most),
+            what: what.clone(),
+        };
+        Some((
+            format!("{what}, and accuracy.max_memory = {most:.1e}"),
+            error,
+        ))
+    } else if seconds > pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left) {
+        let what = format!("{name} would take about {seconds:.1e} s");
+        let error = limits.out_of_time(what.clone());
+        let what = format!("{what}, and {left:.1e} s are left of accuracy.max_seconds");
+        Some((what, error))
+    } else {
+        None
+    }
+}

@@ -1,0 +1,146 @@
+//! A run ends within 1.3 times accuracy.max_seconds and a second, whatever it is doing, with numbers or a reason.
+
+use std::process::Command;
+use std::time::Instant;
+
+const HERTZ: &str = "[oscillator]\ncontact = \"hertz\"\n";
+
+/// Name, oscillator and initial condition, then what is asked: every question, where it takes long.
+const SCENES: [(&str, &str, &str); 16] = [
+    (
+        "flow map, a tolerance out of reach",
+        "zeta = 0.005\nh = 2e-3\n[initial]\nmean = [1.0, 0.0]\ndeviation = [0.4, 0.4]\n",
+        "[outputs]\nmoments_at = { every = 0.5, until = 50 }\n[accuracy]\ntolerance = 1e-9\n",
+    ),
+    (
+        "flow map from rest, a long one",
+        "zeta = 1e-4\nh = 2e-3\n[initial]\nkind = \"rest\"\n",
+        "[outputs]\nmoments_at = [1e4]\n[accuracy]\ntolerance = 1e-6\n",
+    ),
+    (
+        "flow map on many cells",
+        "zeta = 0.005\nh = 2e-3\n[initial]\nmean = [1.0, 0.0]\ndeviation = [0.4, 0.4]\n",
+        "[outputs]\nmoments_at = [100]\n[method]\ncells = [1500, 1200]\n[accuracy]\n",
+    ),
+    (
+        "finite volumes, implicit",
+        "zeta = 20\nh = 0.5\n[initial]\nmean = [0.5, 0.0]\ndeviation = [0.1, 0.1]\n",
+        "[outputs]\nmoments_at = [100]\n[method]\ntime = \"implicit\"\n[accuracy]\ntolerance = 1e-7\n",
+    ),
+    (
+        "finite volumes, explicit on many cells",
+        "zeta = 0.5\nh = 0.1\n[initial]\nmean = [0.5, 0.0]\ndeviation = [0.4, 0.4]\n",
+        "[outputs]\nmoments_at = [100]\n[method]\ntransient = \"finite_volume\"\ntime = \"explicit\"\ncells = [900, 700]\n[accuracy]\n",
+    ),
+    (
+        "a start far beyond a law of strong friction",
+        "zeta = 9.448\nh = 0.1049\n[initial]\nmean = [0.3733, -0.3301]\ndeviation = [0.1844, 0.3309]\n",
+        "[outputs]\nmoments_at = [0.0186, 0.0339, 49.5]\n[accuracy]\ntolerance = 1e-6\n",
+    ),
+    (
+        "the same at a low level",
+        "zeta = 7.442\nh = 6.759e-4\n[initial]\nmean = [0.02683, 0.03462]\ndeviation = [0.02365, 0.03229]\n",
+        "[outputs]\nmoments_at = [0.0102, 0.805, 1.49]\n[accuracy]\ntolerance = 1e-6\n",
+    ),
+    (
+        "upwind drift",
+        "zeta = 0.005\nh = 2e-3\n[initial]\nmean = [1.0, 0.0]\ndeviation = [0.4, 0.4]\n",
+        "[outputs]\nmoments_at = [100]\n[method]\ndrift = \"upwind\"\ncells = [900, 700]\n[accuracy]\n",
+    ),
+    (
+        "steady state, upwind",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\nsteady = true\n[method]\ncells = [900, 700]\n[accuracy]\n",
+    ),
+    (
+        "steady state, order 8",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\nsteady = true\n[method]\ndrift = 8\ncells = [240, 180]\n[accuracy]\n",
+    ),
+    (
+        "decay rates, a tolerance out of reach",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\ndecay_rates = 12\n[accuracy]\ntolerance = 1e-10\n",
+    ),
+    (
+        "decay rates at a fine resolution",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\ndecay_rates = 4\n[method]\ncells = [400, 400]\n[accuracy]\n",
+    ),
+    (
+        "spectrum, a tolerance out of reach",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\nspectrum = { until = 4.0 }\n[accuracy]\ntolerance = 1e-9\n",
+    ),
+    (
+        "spectrum at a fine resolution",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\nspectrum = { until = 4.0 }\n[method]\ncells = [500, 300]\n[accuracy]\n",
+    ),
+    (
+        "first passage, a tolerance out of reach",
+        "zeta = 0.005\nh = 3.2e-3\n[initial]\nkind = \"rest\"\n",
+        "[outputs]\nfirst_loss = { until = 200 }\n[accuracy]\ntolerance = 1e-9\n",
+    ),
+    (
+        "first passage where contact is not lost at all",
+        "zeta = 4.16e-4\nh = 7.22e-8\n[initial]\nmean = [0.0427, -0.0494]\ndeviation = [0.0088, 2.8e-4]\n",
+        "[outputs]\nfirst_loss = { until = 2.37 }\n[accuracy]\n",
+    ),
+];
+
+#[test]
+fn a_run_of_any_question_ends_within_its_seconds() {
+    let folder = std::env::temp_dir().join(format!("vibroimpact-limits-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut late = Vec::new();
+    for limit in [2.0, 5.0] {
+        for (name, oscillator, asked) in SCENES {
+            let text = format!("{HERTZ}{oscillator}{asked}max_seconds = {limit:.1}\n");
+            let scene = folder.join("scene.toml");
+            std::fs::write(&scene, text).unwrap();
+            let mut command = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+            command.arg("run").arg(&scene).args(["--force", "--out"]);
+            let clock = Instant::now();
+            let it = command.arg(folder.join("out")).output().unwrap();
+            let seconds = clock.elapsed().as_secs_f64();
+            let error = String::from_utf8_lossy(&it.stderr);
+            println!(
+                "{limit} s: {seconds:5.2} s, status {:?}: {name}; {}",
+                it.status.code().unwrap(),
+                error.trim().replace('\n', " ")
+            );
+            // Numbers within the tolerance, numbers that say by how much not, or the limit by its key.
+            assert!(matches!(it.status.code(), Some(0 | 3)), "{name}: {error}");
+            assert!(!error.contains("method.cells ="), "{name}: {error}");
+            if seconds > 1.3 * limit + 1.0 {
+                late.push(format!("{name}: {seconds:.2} s of {limit}"));
+            }
+        }
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(late.is_empty(), "{late:#?}");
+}
+
+#[test]
+fn a_start_far_beyond_a_law_of_strong_friction_ends_with_its_numbers() {
+    let folder = std::env::temp_dir().join(format!("vibroimpact-falling-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    for (name, oscillator, asked) in &SCENES[5..7] {
+        let scene = folder.join("scene.toml");
+        let asked = asked.replace("1e-6", "1e-2");
+        std::fs::write(&scene, format!("{HERTZ}{oscillator}{asked}")).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+        command.arg("run").arg(&scene).args(["--force", "--out"]);
+        let clock = Instant::now();
+        let it = command.arg(folder.join("out")).output().unwrap();
+        let error = String::from_utf8_lossy(&it.stderr);
+        let table = String::from_utf8_lossy(&it.stdout);
+        println!(
+            "{name}: {:.2} s\n{table}\n{error}",
+            clock.elapsed().as_secs_f64()
+        );
+        assert_eq!(it.status.code(), Some(0), "{name}: {error}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
