@@ -408,7 +408,7 @@ fn the_exponential_scheme_has_order_two_in_the_motion_under_strong_friction() {
                 streams: Streams::new(1, 0),
             };
             let scheme = ExponentialHeun::new(&it, 4.0 / f64::from(steps));
-            scheme.advance(Linear, &mut group, u64::from(steps));
+            scheme.advance(Linear, &mut group, u64::from(steps), &Deaf);
             (group.q[3] - exact.mean[0]).hypot(group.v[3] - exact.mean[1])
         })
         .collect();
