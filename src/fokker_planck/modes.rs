@@ -186,13 +186,13 @@ impl Eigenvalues {
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
-        let unless = match self.edge / FAR_BELOW {
+        let condition = match self.edge / FAR_BELOW {
             f64::NEG_INFINITY => String::new(),
             slow => format!(" where the slowest of all is above {slow:.3}"),
         };
         format!(
             "shift-invert Arnoldi in Hermite functions and spectral elements, three resolutions; {SHIFTS} shifts up \
-             to {:.2}i, and one beside each mode far from them; a real rate must be among them{unless}",
+             to {:.2}i, and one beside each mode far from them; a real rate must be among them{condition}",
             2.0 * self.natural
         )
     }
