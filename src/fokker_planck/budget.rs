@@ -84,12 +84,6 @@ pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) ->
     }
 }
 
-/// Seconds to trace the maps of a flow map, which nothing can stop half way.
-pub(super) fn tracing([nq, nv]: [usize; 2]) -> f64 {
-    const MAPS: f64 = 7.0;
-    on_threads([nq, nv], MAPS * timing::MAP * nq as f64 * nv as f64)
-}
-
 /// Unknowns above which GMRES with the LU of the five-point operator beats the LU of the wide stencil.
 /// Order 8, T = 0.63, seconds of a factorisation and of a step (benches/time.rs; a run of a hundred steps
 /// factors about ten times):

@@ -345,6 +345,19 @@ impl FlowMap {
     /// # Errors
     /// [`Error::Invalid`] for a duration that is negative or not finite, or a density on another mesh.
     pub fn advance(&mut self, density: &mut Density, duration: f64) -> Result<()> {
+        self.advance_watched(density, duration, &|| Ok(()))
+    }
+
+    /// The same, ended by `late`, which is asked before each group of rows that is traced and before each pass.
+    ///
+    /// # Errors
+    /// Those of [`FlowMap::advance`] and of `late`.
+    pub(super) fn advance_watched(
+        &mut self,
+        density: &mut Density,
+        duration: f64,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<()> {
         if !(duration.is_finite() && duration >= 0.0) {
             let accepted = "a finite duration, not negative";
             return Err(Error::invalid("outputs.moments_at", duration, accepted));
@@ -362,14 +375,14 @@ impl FlowMap {
         if duration < 1e-20 {
             return Ok(());
         }
-        self.prepare(duration);
+        self.prepare(duration, late)?;
         self.read(density);
         let before = self.mass();
         if self.shared() {
             // Inside the pool for good: its queues are then the only ones used.
-            rayon::scope(|_| self.run(true));
+            rayon::scope(|_| self.run(true, late))?;
         } else {
-            self.run(false);
+            self.run(false, late)?;
         }
         self.balance(before);
         self.write(density);
@@ -384,9 +397,9 @@ impl FlowMap {
     }
 
     /// The schedule of an interval, and the maps and matrices that it still lacks.
-    fn prepare(&mut self, duration: f64) {
+    fn prepare(&mut self, duration: f64, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
         if self.schedule.duration == duration {
-            return;
+            return Ok(());
         }
         let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
         let tau = duration / steps;
@@ -437,13 +450,14 @@ impl FlowMap {
         }
         let times = &motions[self.maps.len()..];
         if !times.is_empty() {
-            let maps = self.maps(times);
+            let maps = self.maps(times, late)?;
             self.maps.extend(times.iter().copied().zip(maps));
         }
+        Ok(())
     }
 
     /// The flow maps of several times.
-    fn maps(&self, times: &[f64]) -> Vec<Map> {
+    fn maps(&self, times: &[f64], late: &(dyn Fn() -> Result<()> + Sync)) -> Result<Vec<Map>> {
         /// Rows of cells traced together.
         const ROWS: usize = 8;
         let [nq, _] = self.mesh.cells();
@@ -476,6 +490,7 @@ impl FlowMap {
         }
         let motion = Motion::new(&self.contact);
         let trace = |(row, parts): &mut (usize, Vec<Part>)| {
+            late()?;
             let end = (*row + ROWS).min(nq);
             let centres = (self.mesh.q.centres(), self.mesh.v.centres());
             let starts: Vec<[f64; 2]> = (*row..end)
@@ -496,28 +511,31 @@ impl FlowMap {
                     weights,
                 });
             }
+            Ok(())
         };
         if self.shared() {
-            groups.par_iter_mut().for_each(trace);
+            groups.par_iter_mut().try_for_each(trace)?;
         } else {
-            groups.iter_mut().for_each(trace);
+            groups.iter_mut().try_for_each(trace)?;
         }
-        maps
+        Ok(maps)
     }
 
     /// The scheduled interval; from values to values.
-    fn run(&mut self, share: bool) {
+    fn run(&mut self, share: bool, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
         let nv = self.mesh.v.len();
         let (buffers, schedule) = (&mut self.buffers, &self.schedule);
         let rows = (&self.active[..], &self.offsets[..]);
         buffers.average(nv, &self.open, share);
         for &(map, matrix) in &schedule.parts {
+            late()?;
             buffers.carry(nv, &self.maps[map].1, rows, share);
             buffers.average(nv, &self.matrices[matrix].1, share);
         }
         buffers.carry(nv, &self.maps[schedule.last].1, rows, share);
         self.progress.steps += schedule.steps;
         self.progress.passes += schedule.parts.len() + 1;
+        Ok(())
     }
 
     fn read(&mut self, density: &Density) {

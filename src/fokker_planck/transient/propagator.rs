@@ -34,6 +34,8 @@ pub(super) enum Propagator {
         shortest: f64,
         /// Where a density less than `shortest` older than the present one came from.
         anchor: Option<Anchor>,
+        /// Asked within a chunk of steps.
+        late: Late,
     },
 }
 
@@ -59,11 +61,13 @@ impl Propagator {
         oscillator: &Oscillator,
         mesh: &Mesh,
         settings: flow_map::Settings,
+        late: Late,
     ) -> Result<Self> {
         Ok(Self::FlowMap {
             map: Box::new(FlowMap::new(oscillator, mesh, settings)?),
             shortest: 3.0 * FlowMap::shortest_step(oscillator, mesh),
             anchor: None,
+            late,
         })
     }
 
@@ -127,6 +131,7 @@ impl Propagator {
                 map,
                 shortest,
                 anchor,
+                late,
             } => {
                 let (before, since) = match anchor.take() {
                     Some(Anchor { density, since }) => (density, since),
@@ -137,7 +142,7 @@ impl Propagator {
                 let steps = (WORK / map.mesh().len() as f64).clamp(8.0, CHUNK);
                 let chunks = (total / (steps * map.settings().step)).ceil().max(1.0);
                 for k in 1..=chunks as u64 {
-                    map.advance(density, total / chunks)?;
+                    map.advance_watched(density, total / chunks, &**late)?;
                     if !watch(total * k as f64 / chunks - since, density)? {
                         break;
                     }
@@ -202,7 +207,7 @@ pub(super) fn build(
                 return Err(Error::invalid("method.step", automatic.step, accepted));
             }
             automatic.step = automatic.step.max(shortest);
-            Propagator::flow_map(oscillator, mesh, automatic)
+            Propagator::flow_map(oscillator, mesh, automatic, late)
         }
         Scheme::Volumes(time) => {
             let generator = Generator::new(oscillator, mesh, recipe.drift())?;

@@ -160,10 +160,7 @@ impl Task<'_> {
             Scheme::Volumes(_) => budget::memory(cells, recipe.drift(), recipe.scheme.factors()),
         };
         budget::check_memory(needed, cells, given, limits.memory)?;
-        let whole = match recipe.scheme {
-            Scheme::FlowMap => budget::tracing(cells),
-            Scheme::Volumes(_) => budget::factoring(cells, recipe.drift(), recipe.scheme.factors()),
-        };
+        let whole = budget::factoring(cells, recipe.drift(), recipe.scheme.factors());
         limits.room_for(whole, || format!("a mesh of {cells:?} cells"))?;
         let late = move || limits.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
