@@ -111,7 +111,7 @@ impl Moment {
     ];
 
     /// How it is written.
-    pub fn entry(self) -> &'static Entry {
+    pub(crate) fn entry(self) -> &'static Entry {
         &TABLE[self as usize]
     }
 
@@ -126,7 +126,7 @@ impl Moment {
     }
 
     /// Whether it is a ratio of moments that says nothing of sizes: without a deviation there is none.
-    pub fn is_shape(self) -> bool {
+    pub(crate) fn is_shape(self) -> bool {
         matches!(self, Self::SkewnessForce | Self::KurtosisForce)
     }
 }

@@ -352,7 +352,7 @@ fn first_loss(table: &mut Table, results: &Results) {
         let both = [Some(a), b];
         table.line(row(
             &words,
-            &both[..1 + usize::from(sampled.is_some())],
+            &both[..=usize::from(sampled.is_some())],
             true,
         ));
     };
@@ -467,7 +467,7 @@ fn course(table: &mut Table, results: &Results) {
             let both = [here, there];
             table.line(row(
                 &words,
-                &both[..1 + usize::from(sampled.is_some())],
+                &both[..=usize::from(sampled.is_some())],
                 true,
             ));
         }

@@ -72,7 +72,7 @@ pub struct March {
 
 impl March {
     /// `scheme` with steps by `choice`, none longer than its stability allows.
-    pub fn new(scheme: Box<dyn Integrator>, choice: Step) -> Self {
+    pub(crate) fn new(scheme: Box<dyn Integrator>, choice: Step) -> Self {
         let wanted = match choice {
             Step::Fixed(step) => step,
             Step::Error { longest, .. } if scheme.chooses_accuracy() => longest,
