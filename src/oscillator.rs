@@ -298,7 +298,7 @@ impl DisplacementLaw {
 /// tangent to U/T where it is one above its minimum (Devroye, Non-Uniform Random Variate Generation,
 /// 1986, section VII.2).
 #[derive(Debug, Clone)]
-pub struct DisplacementSampler {
+pub(crate) struct DisplacementSampler {
     law: DisplacementLaw,
     low: f64,
     high: f64,

@@ -55,7 +55,7 @@ fn rule(f: &impl Fn(f64) -> f64, a: f64, b: f64) -> (f64, f64, f64) {
 }
 
 /// Nodes and weights of Gauss and Legendre on [-1, 1], degree 2 N - 1, by Newton's method.
-pub fn gauss<const N: usize>() -> [(f64, f64); N] {
+pub(crate) fn gauss<const N: usize>() -> [(f64, f64); N] {
     let n = N as f64;
     std::array::from_fn(|k| {
         let mut x = -((k as f64 + 0.75) / (n + 0.5) * PI).cos();

@@ -69,7 +69,7 @@ const BESIDE: [Entry; 5] = [
 ];
 
 /// How every number of stationary motion is written, the moments first.
-pub fn entries() -> impl Iterator<Item = &'static Entry> {
+pub(crate) fn entries() -> impl Iterator<Item = &'static Entry> {
     Moment::ALL.into_iter().map(Moment::entry).chain(&BESIDE)
 }
 
@@ -223,13 +223,13 @@ fn common((times_a, a): (&[f64], &[Moments]), (times_b, b): (&[f64], &[Moments])
 }
 
 /// |a - b| / sqrt(error_a^2 + error_b^2); None without an error or a number.
-pub fn distance(a: Estimate, b: Estimate) -> Option<f64> {
+pub(crate) fn distance(a: Estimate, b: Estimate) -> Option<f64> {
     let z = (a.value - b.value).abs() / a.error.hypot(b.error);
     z.is_finite().then_some(z)
 }
 
 /// Expected largest of `n` independent |standard normals|: the integral of 1 - erf(x/sqrt 2)^n.
-pub fn expected_largest(n: usize) -> f64 {
+pub(crate) fn expected_largest(n: usize) -> f64 {
     let beyond = |x: f64| 1.0 - libm::erf(x / SQRT_2).powf(n as f64);
     if n == 0 {
         return 0.0;
@@ -454,7 +454,7 @@ impl Results {
 }
 
 /// Largest memory this process held so far, in bytes; None where the system does not tell.
-pub fn peak_memory() -> Option<u64> {
+pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status
         .lines()
@@ -464,7 +464,7 @@ pub fn peak_memory() -> Option<u64> {
 }
 
 /// Widths of cells from their centres, exact for equal cells and of second order for graded ones.
-pub fn widths(centres: &[f64]) -> Vec<f64> {
+pub(crate) fn widths(centres: &[f64]) -> Vec<f64> {
     let n = centres.len();
     (0..n)
         .map(|k| match (k, n) {

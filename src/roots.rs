@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 
 /// A function whose value may not exist.
-pub type Function<'a> = &'a dyn Fn(f64) -> Result<f64>;
+pub(crate) type Function<'a> = &'a dyn Fn(f64) -> Result<f64>;
 
 /// Every root of `f` in [low, high], ascending: `points` equal intervals are searched for a change of sign.
 /// Two roots within one interval are not seen.
@@ -42,7 +42,7 @@ pub fn least(f: Function<'_>, low: f64, high: f64, points: u32) -> Result<f64> {
 ///
 /// # Errors
 /// Those of `f`.
-pub fn golden(f: Function<'_>, mut low: f64, mut high: f64, width: f64) -> Result<f64> {
+pub(crate) fn golden(f: Function<'_>, mut low: f64, mut high: f64, width: f64) -> Result<f64> {
     let share = 0.5 * (5f64.sqrt() - 1.0);
     let mut inner = [high - share * (high - low), low + share * (high - low)];
     let mut at = [f(inner[0])?, f(inner[1])?];
@@ -62,7 +62,7 @@ pub fn golden(f: Function<'_>, mut low: f64, mut high: f64, width: f64) -> Resul
 
 /// The point between `before` and `after`, in either order, where `beyond` turns true, to the last bit that
 /// helps.
-pub fn bisect(mut before: f64, mut after: f64, beyond: impl Fn(f64) -> bool) -> f64 {
+pub(crate) fn bisect(mut before: f64, mut after: f64, beyond: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..200 {
         let middle = 0.5 * (before + after);
         if middle == before || middle == after {

@@ -185,7 +185,7 @@ impl<T: Scalar> Lu<T> {
 }
 
 /// Eigenvalues, and their right eigenvectors as unit columns.
-pub type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
+pub(crate) type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
 
 /// All eigenvalues and right eigenvectors (unit columns) of a small dense matrix.
 ///

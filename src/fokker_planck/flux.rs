@@ -113,7 +113,7 @@ pub fn maxwell(v: f64, temperature: f64) -> f64 {
 }
 
 /// P(a < v < b) of a Gaussian with this mean and deviation, accurate relative to itself in both tails.
-pub fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
+pub(crate) fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
     let (x, y) = (
         (a - mean) / (deviation * SQRT_2),
         (b - mean) / (deviation * SQRT_2),
@@ -148,7 +148,12 @@ impl Weights {
     ///
     /// # Errors
     /// [`Error::Mesh`] if a weight under- or overflows: a box far wider than the law.
-    pub(crate) fn new(measure: &Measure, mesh: &Mesh, temperature: f64, drift: Drift) -> Result<Self> {
+    pub(crate) fn new(
+        measure: &Measure,
+        mesh: &Mesh,
+        temperature: f64,
+        drift: Drift,
+    ) -> Result<Self> {
         let pairs =
             |edges: &[f64]| -> Vec<[f64; 2]> { edges.windows(2).map(|w| [w[0], w[1]]).collect() };
         let centred = |axis: &super::mesh::Axis, f: &dyn Fn(f64) -> f64| -> Vec<f64> {

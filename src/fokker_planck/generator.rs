@@ -35,7 +35,7 @@ use crate::quadrature;
 use std::ops::Range;
 
 /// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
-pub const BANDS: usize = 8;
+pub(crate) const BANDS: usize = 8;
 
 /// Rate of the exchange between neighbours in the rim: a few times the oscillator's own frequency, so
 /// that a rim up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use std::f64::consts::FRAC_2_PI;
 
 /// A spectrum's natural scale is the larger of its value and this part of its peak.
-pub const FLOOR: f64 = 1e-6;
+pub(crate) const FLOOR: f64 = 1e-6;
 
 /// Share of the tolerance left to the reduced model.
 const MODEL: f64 = 0.05;

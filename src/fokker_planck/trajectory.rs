@@ -11,7 +11,7 @@ use crate::contact::ContactLaw;
 
 /// The undamped motion of a contact law.
 #[derive(Debug, Clone, Copy)]
-pub struct Motion<'a> {
+pub(crate) struct Motion<'a> {
     contact: &'a ContactLaw,
 }
 

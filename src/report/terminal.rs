@@ -26,7 +26,7 @@ const TIMES: usize = 6;
 const TOGETHER: char = '\u{a0}';
 
 /// Text broken at blanks into lines of at most `width` columns.
-pub fn wrap(text: &str, width: usize) -> Vec<String> {
+pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split([' ', '\n']).filter(|word| !word.is_empty()) {
         let last = lines.len() - 1;
@@ -350,11 +350,7 @@ fn first_loss(table: &mut Table, results: &Results) {
     let mut put = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
         let words = format!("{symbol:<8} {words}");
         let both = [Some(a), b];
-        table.line(row(
-            &words,
-            &both[..=usize::from(sampled.is_some())],
-            true,
-        ));
+        table.line(row(&words, &both[..=usize::from(sampled.is_some())], true));
     };
     let last = it.times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
@@ -465,11 +461,7 @@ fn course(table: &mut Table, results: &Results) {
             let time = format!("t = {}", brief(t));
             let words = format!("{symbol:<8} {words:<15}{time:>11}");
             let both = [here, there];
-            table.line(row(
-                &words,
-                &both[..=usize::from(sampled.is_some())],
-                true,
-            ));
+            table.line(row(&words, &both[..=usize::from(sampled.is_some())], true));
         }
     }
     if let Some(it) = deterministic {

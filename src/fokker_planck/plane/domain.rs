@@ -164,7 +164,12 @@ impl Domain {
 
     /// The amplitude of a density of this mean and these deviations along either axis, out to where it falls as far
     /// as the stationary law at the edge of this domain, over that of the edge. 1 for the law itself if it is Gaussian.
-    pub(crate) fn amplitude(&self, oscillator: &Oscillator, mean: [f64; 2], deviation: [f64; 2]) -> f64 {
+    pub(crate) fn amplitude(
+        &self,
+        oscillator: &Oscillator,
+        mean: [f64; 2],
+        deviation: [f64; 2],
+    ) -> f64 {
         let contact = oscillator.contact();
         let lowest = contact.lowest_potential().unwrap_or(0.0);
         let width = self.v[1] / oscillator.temperature().sqrt();

@@ -278,7 +278,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn densities(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.transient else {
         return Ok(Vec::new());
     };
@@ -360,7 +360,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn steady(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
     };

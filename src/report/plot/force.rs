@@ -119,7 +119,7 @@ impl ForceCurves {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn force(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
     let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
         return Ok(Vec::new());
     };

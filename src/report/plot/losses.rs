@@ -14,7 +14,7 @@ use crate::results::centres;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn survival(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
     };
@@ -86,7 +86,7 @@ pub fn survival(results: &Results) -> Result<Vec<File>> {
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn flights(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();
     if seen.is_none() && law.is_none() {

@@ -15,7 +15,7 @@ use crate::spectrum::per_hertz;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn spectrum(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results
         .spectrum
         .as_ref()

@@ -14,7 +14,7 @@ use crate::results::Results;
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn moments(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
         return Ok(Vec::new());
     };
@@ -133,7 +133,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 ///
 /// # Errors
 /// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn approach(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
             .filter(|(_, y)| *y > 0.0 && y.is_finite())
