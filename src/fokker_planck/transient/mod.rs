@@ -14,6 +14,7 @@ mod solve;
 pub use decide::{mesh, time_scheme};
 pub use propagator::march;
 #[cfg(test)]
-pub(crate) use recipe::{FirstGrid, Recipe};
+pub(crate) use recipe::FirstGrid;
+pub(crate) use recipe::Recipe;
 pub use report::Transient;
 pub use solve::{transient, transient_cost};
