@@ -59,9 +59,6 @@ impl Density {
     }
 
     /// The start at every centre of a mesh, for the central weights, where there is no generator.
-    ///
-    /// # Errors
-    /// As [`Density::start`].
     pub(crate) fn everywhere(mesh: &Mesh, weights: &Weights, initial: &Initial) -> Result<Self> {
         let cells = match *initial {
             Initial::Rest => return Err(no_mesh_holds_rest()),
@@ -203,11 +200,6 @@ impl Density {
                 0.0
             }
         })
-    }
-
-    /// Sum of w g^2, g = P/w: never grows under the exact equation, nor under the central schemes.
-    pub fn quadratic_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
-        self.sum_active(columns, |i, j, p| p * (p / weights.at(i, j)))
     }
 
     fn sum_active(&self, columns: &[Range<usize>], f: impl Fn(usize, usize, f64) -> f64) -> f64 {

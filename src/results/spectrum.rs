@@ -55,9 +55,6 @@ impl SpectrumNumbers {
     }
 
     /// The same by sampling, and the number of averages. The mean taken off the records is the exact one.
-    ///
-    /// # Errors
-    /// Those of [`crate::monte_carlo::series`].
     pub(crate) fn sample(
         &mut self,
         oscillator: &Oscillator,

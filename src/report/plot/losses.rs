@@ -11,9 +11,6 @@ use crate::results::centres;
 
 /// survival.svg: survival until the first loss of contact, and its density on a logarithmic scale, from
 /// the backward equation and from paths.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
@@ -83,9 +80,6 @@ pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
 
 /// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
 /// it would be without noise and friction in flight, and the law of the first return where it is solved.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
 pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();
