@@ -76,8 +76,12 @@ struct RunOptions {
 /// Where results are written.
 #[derive(Args, Default)]
 pub struct Output {
-    /// Folder for the results [default: results/<scene title>]
-    #[arg(long, value_name = "DIR")]
+    /// `--out`
+    #[arg(
+        long,
+        value_name = "DIR",
+        help = "Folder for the results [default: results/<scene title>]"
+    )]
     pub out: Option<PathBuf>,
     /// Write into a folder that exists, replacing earlier results
     #[arg(long)]

@@ -644,10 +644,8 @@ fn case_l_meets_its_errors() {
     let law = law.after(&oscillator, until).unwrap();
     let exact = |it: &Run| it.error(|q, v| law.density(q, v));
     for rival in [
-        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 1.5), 5e-3),
-        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 1.0), 1.4e-3),
-        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 0.4), 2.8e-4),
-        Rival::new(([64, 64], 1e-6), (Splitting::SixTwo, 0.25), 5.6e-5),
+        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 1.5), 2.5e-4),
+        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 1.0), 9e-5),
     ] {
         rival.race(&oscillator, &start, until, exact);
     }

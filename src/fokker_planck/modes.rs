@@ -186,15 +186,13 @@ impl Eigenvalues {
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
-        let real = if self.edge == f64::NEG_INFINITY {
-            "the slowest real rate is always among them".to_owned()
-        } else {
-            let slow = self.edge / FAR_BELOW;
-            format!("the slowest real rate is among them if the slowest of all is above {slow:.2e}")
+        let condition = match self.edge / FAR_BELOW {
+            f64::NEG_INFINITY => String::new(),
+            slow => format!(" where the slowest of all is above {slow:.3}"),
         };
         format!(
             "shift-invert Arnoldi in Hermite functions and spectral elements, three resolutions; {SHIFTS} shifts up \
-             to {:.2}i, and one beside each mode far from them; {real}",
+             to {:.2}i, and one beside each mode far from them; a real rate must be among them{condition}",
             2.0 * self.natural
         )
     }

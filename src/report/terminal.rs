@@ -86,12 +86,18 @@ impl Table {
     }
 }
 
-/// A row: 26 columns of words, 18 a number, and in 7 how far the first two are apart where both are known.
+/// A row: 26 columns of words, then its numbers.
 fn row(words: &str, numbers: &[Option<Estimate>], compared: bool) -> String {
-    let mut line = format!("{words:<26}");
-    for it in numbers {
-        let _ = write!(line, " {:>17}", cell(*it));
-    }
+    format!("{words:<26} {}", cells(numbers, compared))
+}
+
+/// Numbers in 17 columns each, and in 7 how far the first two are apart where both are known.
+fn cells(numbers: &[Option<Estimate>], compared: bool) -> String {
+    let padded: Vec<String> = numbers
+        .iter()
+        .map(|it| format!("{:>17}", cell(*it)))
+        .collect();
+    let mut line = padded.join(" ");
     if let [Some(a), Some(b)] = numbers
         && let Some(z) = distance(*a, *b).filter(|_| compared)
     {
@@ -459,9 +465,9 @@ fn course(table: &mut Table, results: &Results) {
                 ("", "")
             };
             let time = format!("t = {}", brief(t));
-            let words = format!("{symbol:<8} {words:<15}{time:>11}");
             let both = [here, there];
-            table.line(row(&words, &both[..=usize::from(sampled.is_some())], true));
+            let numbers = cells(&both[..=usize::from(sampled.is_some())], true);
+            table.line(format!("{symbol:<8} {words:<15}{time:>12}{numbers}"));
         }
     }
     if let Some(it) = deterministic {

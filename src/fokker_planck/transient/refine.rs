@@ -478,10 +478,10 @@ impl Question for Refinement<'_> {
             coarse,
             errors,
         } = self.pair?;
-        let mut reason = self.recipe.reason.clone();
-        if self.rounds > 0 {
-            reason += &format!("; refined {} times", self.rounds);
-        }
+        let reason = match self.rounds {
+            0 => self.recipe.reason.clone(),
+            rounds => format!("{}; refined {rounds} times", self.recipe.reason),
+        };
         let task = Task {
             recipe: &self.recipe,
             ..self.task
