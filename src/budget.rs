@@ -92,9 +92,6 @@ impl Limits {
     }
 
     /// Refuses a piece of work of so many seconds that nothing can stop half way.
-    ///
-    /// # Errors
-    /// [`Error::Limit`].
     pub(crate) fn room_for(&self, seconds: f64, what: impl FnOnce() -> String) -> Result<()> {
         if seconds > self.left() {
             let what = format!("{} would take {seconds:.1e} s at one go", what());
@@ -104,9 +101,6 @@ impl Limits {
     }
 
     /// Refuses a computation that would need more bytes than allowed.
-    ///
-    /// # Errors
-    /// [`Error::Limit`].
     pub(crate) fn holds(&self, name: &str, bytes: u64) -> Result<()> {
         if bytes <= self.memory {
             return Ok(());
@@ -120,9 +114,6 @@ impl Limits {
     }
 
     /// Stops a computation that is out of time.
-    ///
-    /// # Errors
-    /// [`Error::Limit`].
     pub(crate) fn in_time(&self, what: impl FnOnce() -> String) -> Result<()> {
         if self.left() < 0.0 {
             return Err(self.out_of_time(what()));

@@ -186,7 +186,7 @@ impl ContactLaw {
     /// The displacement at which the contact carries the force N = G(q) > G(loss point): the inverse
     /// of (26), q = (3/2)[(1 + N)^{2/3} - 1] for Hertz. None below the force of flight, and for a law
     /// without contact.
-    pub fn displacement_at(&self, force: f64) -> Option<f64> {
+    pub(crate) fn displacement_at(&self, force: f64) -> Option<f64> {
         if self
             .loss_point()
             .is_some_and(|loss| force <= self.force(loss))
@@ -235,7 +235,7 @@ impl ContactLaw {
     }
 
     /// Smallest value of U: 0 for the built-in confining laws. None without one.
-    pub fn lowest_potential(&self) -> Option<f64> {
+    pub(crate) fn lowest_potential(&self) -> Option<f64> {
         self.equilibrium().map(|q| self.potential(q))
     }
 

@@ -99,7 +99,7 @@ impl Error {
     }
 
     /// [`Error::NotAvailable`] for a key of the scene format.
-    pub fn not_available(key: impl Into<String>, instead: impl Into<String>) -> Self {
+    pub(crate) fn not_available(key: impl Into<String>, instead: impl Into<String>) -> Self {
         Self::NotAvailable {
             key: key.into(),
             version: env!("CARGO_PKG_VERSION"),

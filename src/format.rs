@@ -4,23 +4,18 @@ use crate::estimate::Estimate;
 use std::fmt;
 
 /// A number as it reads back exactly and as a person would type it: no 300 digits for 1e300.
-pub fn num(x: f64) -> String {
+pub(crate) fn num(x: f64) -> String {
     format!("{x:?}")
 }
 
 /// The same without the ".0" of a whole number: 5, 0.5, 1e-7.
-pub fn bare(x: f64) -> String {
+pub(crate) fn bare(x: f64) -> String {
     let text = num(x);
     text.strip_suffix(".0").unwrap_or(&text).to_owned()
 }
 
-/// To four digits.
-pub fn short(x: f64) -> String {
-    num(rounded(x, 4))
-}
-
 /// As it was typed, or to a few digits if that is long.
-pub fn brief(x: f64) -> String {
+pub(crate) fn brief(x: f64) -> String {
     let exact = num(x);
     if exact.len() <= 8 {
         bare(x)
@@ -34,13 +29,13 @@ pub fn brief(x: f64) -> String {
 }
 
 /// The number nearest to `x` with so many significant digits: to 13 of them, 3 times 0.1 is 0.3.
-pub fn rounded(x: f64, digits: usize) -> f64 {
+pub(crate) fn rounded(x: f64, digits: usize) -> f64 {
     let digits = digits.saturating_sub(1);
     format!("{x:.digits$e}").parse().unwrap_or(x)
 }
 
 /// A count with its noun.
-pub fn many(count: u64, what: &str) -> String {
+pub(crate) fn many(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
@@ -75,7 +70,7 @@ pub fn seconds(seconds: f64) -> String {
 }
 
 /// `value ± error` in 17 columns: the value to the digit after the first of its error.
-pub fn cell(it: Option<Estimate>) -> String {
+pub(crate) fn cell(it: Option<Estimate>) -> String {
     let Some(Estimate { value, error, .. }) = it.filter(|it| it.value.is_finite()) else {
         return "-".into();
     };

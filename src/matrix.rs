@@ -3,7 +3,7 @@
 use ndarray::Array2;
 
 /// e^{A t}: Taylor's series of degree 18 where |A t| < 1/2, to rounding, and squaring.
-pub fn exponential(matrix: &Array2<f64>, t: f64) -> Array2<f64> {
+pub(crate) fn exponential(matrix: &Array2<f64>, t: f64) -> Array2<f64> {
     let m = matrix.nrows();
     let norm = matrix
         .columns()

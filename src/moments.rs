@@ -32,7 +32,7 @@ pub struct Moments {
 
 /// How a number is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// Its name in results.json.
     pub name: &'static str,
     /// Its symbol.
@@ -78,7 +78,7 @@ pub enum Moment {
 }
 
 /// One number a moment, in the order of [`Moment::ALL`].
-pub type PerMoment<T> = [T; Moment::ALL.len()];
+pub(crate) type PerMoment<T> = [T; Moment::ALL.len()];
 
 const TABLE: PerMoment<Entry> = [
     Entry::new("mean_q", "E[q]", "displacement", "u"),
@@ -111,7 +111,7 @@ impl Moment {
     ];
 
     /// How it is written.
-    pub fn entry(self) -> &'static Entry {
+    pub(crate) fn entry(self) -> &'static Entry {
         &TABLE[self as usize]
     }
 
@@ -126,7 +126,7 @@ impl Moment {
     }
 
     /// Whether it is a ratio of moments that says nothing of sizes: without a deviation there is none.
-    pub fn is_shape(self) -> bool {
+    pub(crate) fn is_shape(self) -> bool {
         matches!(self, Self::SkewnessForce | Self::KurtosisForce)
     }
 }

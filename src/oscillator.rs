@@ -72,7 +72,7 @@ impl Oscillator {
     }
 
     /// The time over which the motion forgets: 1/(2 zeta) under weak friction, 2 zeta under strong.
-    pub fn memory(&self) -> f64 {
+    pub(crate) fn memory(&self) -> f64 {
         (0.5 / self.zeta).max(2.0 * self.zeta)
     }
 
@@ -128,7 +128,7 @@ impl Quantity {
     }
 
     /// The name used in scenes and results.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Force => "force",
             Self::Displacement => "displacement",
@@ -211,7 +211,7 @@ impl DisplacementLaw {
     }
 
     /// Relative error of the normaliser, and so of every density.
-    pub fn relative_error(&self) -> f64 {
+    pub(crate) fn relative_error(&self) -> f64 {
         self.normaliser.error / self.normaliser.value
     }
 
@@ -221,7 +221,7 @@ impl DisplacementLaw {
     }
 
     /// As [`DisplacementLaw::expect`], to an error `relative` to E\[|f|\]: for an `f` that is not smooth.
-    pub fn expect_to(&self, relative: f64, f: impl Fn(f64) -> f64) -> Estimate {
+    pub(crate) fn expect_to(&self, relative: f64, f: impl Fn(f64) -> f64) -> Estimate {
         let weighted = |q: f64| f(q) * (-self.level(q)).exp();
         let integral = quadrature::integrate(weighted, &self.breaks, relative);
         let z = self.normaliser.value;
@@ -246,7 +246,7 @@ impl DisplacementLaw {
 
     /// ln P(q < a): the tail below `a`, also where it underflows. In flight the force is constant,
     /// so the tail below the loss point is T p_q/|G|; elsewhere it is integrated.
-    pub fn ln_tail_below(&self, a: f64) -> Estimate {
+    pub(crate) fn ln_tail_below(&self, a: f64) -> Estimate {
         let flight = self.contact.loss_point().is_some_and(|loss| a <= loss);
         if flight {
             let value = self.ln_density(a) + (self.temperature / -self.contact.force(a)).ln();
@@ -277,7 +277,7 @@ impl DisplacementLaw {
     }
 
     /// An exact sampler of q.
-    pub fn sampler(&self) -> DisplacementSampler {
+    pub(crate) fn sampler(&self) -> DisplacementSampler {
         let (left, right) = self
             .contact
             .turning_points(self.temperature)
@@ -298,7 +298,7 @@ impl DisplacementLaw {
 /// tangent to U/T where it is one above its minimum (Devroye, Non-Uniform Random Variate Generation,
 /// 1986, section VII.2).
 #[derive(Debug, Clone)]
-pub struct DisplacementSampler {
+pub(crate) struct DisplacementSampler {
     law: DisplacementLaw,
     low: f64,
     high: f64,
@@ -308,7 +308,7 @@ pub struct DisplacementSampler {
 
 impl DisplacementSampler {
     /// One displacement from the stationary law.
-    pub fn sample(&self, rng: &mut impl Rng) -> f64 {
+    pub(crate) fn sample(&self, rng: &mut impl Rng) -> f64 {
         let (left, right) = (1.0 / self.slope_left, 1.0 / self.slope_right);
         let flat = self.high - self.low;
         loop {
@@ -329,7 +329,7 @@ impl DisplacementSampler {
     }
 
     /// One state (q, v) from the stationary law (21).
-    pub fn sample_state(&self, rng: &mut impl Rng) -> (f64, f64) {
+    pub(crate) fn sample_state(&self, rng: &mut impl Rng) -> (f64, f64) {
         let normal: f64 = StandardNormal.sample(rng);
         (self.sample(rng), normal * self.law.temperature.sqrt())
     }

@@ -842,6 +842,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::approx_constant)] // pi/8, printed to four digits
     fn every_built_in_sample_has_its_recipe() {
         use crate::monte_carlo::Scheme::{self, ExponentialHeun, Splitting42};
         // Scheme, step, paths or records, steps of each.

@@ -55,7 +55,7 @@ fn rule(f: &impl Fn(f64) -> f64, a: f64, b: f64) -> (f64, f64, f64) {
 }
 
 /// Nodes and weights of Gauss and Legendre on [-1, 1], degree 2 N - 1, by Newton's method.
-pub fn gauss<const N: usize>() -> [(f64, f64); N] {
+pub(crate) fn gauss<const N: usize>() -> [(f64, f64); N] {
     let n = N as f64;
     std::array::from_fn(|k| {
         let mut x = -((k as f64 + 0.75) / (n + 0.5) * PI).cos();
@@ -75,12 +75,6 @@ pub fn gauss<const N: usize>() -> [(f64, f64); N] {
         }
         (x, 2.0 / ((1.0 - x * x) * slope * slope))
     })
-}
-
-/// Integral over one short interval on which `f` is smooth, by the 15-point Kronrod rule (degree
-/// 23). For cell masses, where an adaptive rule would cost more than it gains.
-pub fn panel(f: impl Fn(f64) -> f64, a: f64, b: f64) -> f64 {
-    rule(&f, a, b).0
 }
 
 /// The 15 nodes and weights of the Kronrod rule on [-1, 1], for rules built by hand.
@@ -145,14 +139,14 @@ mod tests {
     fn the_panel_rule_is_exact_to_degree_23() {
         for n in 0..=23 {
             let exact = (2f64.powi(n + 1) - (-1f64).powi(n + 1)) / f64::from(n + 1);
-            let got = panel(|x| x.powi(n), -1.0, 2.0);
+            let got = rule(&|x: f64| x.powi(n), -1.0, 2.0).0;
             assert!(
                 (got - exact).abs() <= 1e-13 * exact.abs().max(1.0),
                 "degree {n}: {got} {exact}"
             );
         }
         let exact = (2f64.powi(25) + 1.0) / 25.0;
-        assert!((panel(|x| x.powi(24), -1.0, 2.0) - exact).abs() > 1e-15 * exact);
+        assert!((rule(&|x: f64| x.powi(24), -1.0, 2.0).0 - exact).abs() > 1e-15 * exact);
     }
 
     #[test]

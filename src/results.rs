@@ -69,7 +69,7 @@ const BESIDE: [Entry; 5] = [
 ];
 
 /// How every number of stationary motion is written, the moments first.
-pub fn entries() -> impl Iterator<Item = &'static Entry> {
+pub(crate) fn entries() -> impl Iterator<Item = &'static Entry> {
     Moment::ALL.into_iter().map(Moment::entry).chain(&BESIDE)
 }
 
@@ -83,7 +83,7 @@ pub struct Numbers {
 
 impl Numbers {
     /// All numbers of a stationary law.
-    pub fn stationary(law: &Stationary) -> Self {
+    pub(crate) fn stationary(law: &Stationary) -> Self {
         let logarithm = law.log10_contact_loss_probability();
         Self::law(
             &law.moments(),
@@ -125,7 +125,7 @@ impl Numbers {
     }
 
     /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
-    pub fn crossings(law: &Stationary, time: f64) -> Self {
+    pub(crate) fn crossings(law: &Stationary, time: f64) -> Self {
         Self {
             named: vec![
                 ("loss_rate", law.loss_rate()),
@@ -138,7 +138,7 @@ impl Numbers {
     }
 
     /// Losses of contact as seen in long records.
-    pub fn seen(it: &Crossings, time: f64) -> Self {
+    pub(crate) fn seen(it: &Crossings, time: f64) -> Self {
         Self {
             named: vec![
                 ("loss_rate", Some(it.loss_rate)),
@@ -182,11 +182,6 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Agreement of two sets of moments at times; None where nothing can be compared.
-    pub fn of(a: (&[f64], &[Moments]), b: (&[f64], &[Moments])) -> Option<Self> {
-        Self::over(common(a, b))
-    }
-
     /// Agreement of pairs of numbers, each with its name and time.
     fn over(pairs: impl IntoIterator<Item = Pair>) -> Option<Self> {
         let mut worst: Option<(f64, &'static str, Option<f64>)> = None;
@@ -228,13 +223,13 @@ fn common((times_a, a): (&[f64], &[Moments]), (times_b, b): (&[f64], &[Moments])
 }
 
 /// |a - b| / sqrt(error_a^2 + error_b^2); None without an error or a number.
-pub fn distance(a: Estimate, b: Estimate) -> Option<f64> {
+pub(crate) fn distance(a: Estimate, b: Estimate) -> Option<f64> {
     let z = (a.value - b.value).abs() / a.error.hypot(b.error);
     z.is_finite().then_some(z)
 }
 
 /// Expected largest of `n` independent |standard normals|: the integral of 1 - erf(x/sqrt 2)^n.
-pub fn expected_largest(n: usize) -> f64 {
+pub(crate) fn expected_largest(n: usize) -> f64 {
     let beyond = |x: f64| 1.0 - libm::erf(x / SQRT_2).powf(n as f64);
     if n == 0 {
         return 0.0;
@@ -259,7 +254,7 @@ pub struct RunRecord {
 
 impl Results {
     /// Nothing computed yet.
-    pub fn empty(scene: &Scene) -> Self {
+    pub(crate) fn empty(scene: &Scene) -> Self {
         Self {
             scene: scene.clone(),
             stationary: None,
@@ -299,7 +294,7 @@ impl Results {
 
     /// Whether the records obey the exact identities that control variates rest on: white noise, and a
     /// scheme whose stationary law is exact.
-    pub fn controlled(&self) -> bool {
+    pub(crate) fn controlled(&self) -> bool {
         let white = |it: &crate::scene::MonteCarlo| it.noise == Noise::White;
         let exact =
             |it: &RecordResult| matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62);
@@ -308,7 +303,7 @@ impl Results {
     }
 
     /// The stationary numbers of the long records.
-    pub fn sampled_stationary(&self) -> Option<Numbers> {
+    pub(crate) fn sampled_stationary(&self) -> Option<Numbers> {
         let it = self.records.as_ref()?;
         let moments = if self.controlled() {
             &it.controlled
@@ -319,14 +314,14 @@ impl Results {
     }
 
     /// The crossings of the long records, if they are asked for and the scheme sees them.
-    pub fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
+    pub(crate) fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
         let time = self.scene.crossings_window()?;
         let it = self.records.as_ref()?.crossings.as_ref()?;
         Some((it, Numbers::seen(it, time)))
     }
 
     /// The time of flight in the long records, once a flight has been seen from loss to return.
-    pub fn sampled_flights(&self) -> Option<&Histogram> {
+    pub(crate) fn sampled_flights(&self) -> Option<&Histogram> {
         let (seen, _) = self.sampled_crossings()?;
         let flown = seen.mean_flight.value.is_finite();
         flown.then_some(&seen.flight_time)
@@ -401,7 +396,7 @@ impl Results {
     }
 
     /// The same numbers from long records, those of the rig itself left out.
-    pub fn physical_sampled(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
+    pub(crate) fn physical_sampled(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
         let law = self.sampled_stationary();
         let crossings = self.sampled_crossings().map(|(_, numbers)| numbers);
         let of = |name: &str| {
@@ -459,7 +454,7 @@ impl Results {
 }
 
 /// Largest memory this process held so far, in bytes; None where the system does not tell.
-pub fn peak_memory() -> Option<u64> {
+pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status
         .lines()
@@ -469,7 +464,7 @@ pub fn peak_memory() -> Option<u64> {
 }
 
 /// Widths of cells from their centres, exact for equal cells and of second order for graded ones.
-pub fn widths(centres: &[f64]) -> Vec<f64> {
+pub(crate) fn widths(centres: &[f64]) -> Vec<f64> {
     let n = centres.len();
     (0..n)
         .map(|k| match (k, n) {
@@ -508,11 +503,11 @@ mod tests {
         };
         let a = [at(0.0, 3.0), at(1.0, 3.0), at(9.0, 3.0)];
         let b = [at(0.0, 4.0), at(11.0, 4.0)];
-        let it = Agreement::of((&[1.0, 2.0, 3.0], &a), (&[1.0, 2.0], &b)).unwrap();
+        let it = Agreement::over(common((&[1.0, 2.0, 3.0], &a), (&[1.0, 2.0], &b))).unwrap();
         assert_eq!(
             (it.worst, it.worst_of, it.t, it.compared),
             (2.0, "mean_q", Some(2.0), 2)
         );
-        assert!(Agreement::of((&[1.0], &a[..1]), (&[5.0], &b[..1])).is_none());
+        assert!(common((&[1.0], &a[..1]), (&[5.0], &b[..1])).is_empty());
     }
 }

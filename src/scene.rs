@@ -25,7 +25,7 @@ use crate::format::{num, rounded};
 use crate::initial::Initial;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
-pub use crate::oscillator::Quantity;
+pub(crate) use crate::oscillator::Quantity;
 use crate::rig::Rig;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -97,11 +97,6 @@ impl Outputs {
             crossings: None,
         }
     }
-
-    /// Whether anything evolves in time.
-    pub fn transient(&self) -> bool {
-        !self.moments_at.is_empty() || !self.density_at.is_empty()
-    }
 }
 
 /// Output times.
@@ -120,17 +115,17 @@ pub enum Times {
 
 impl Times {
     /// More times than this are refused: a results file is meant to be read.
-    pub const MOST: usize = 20_000;
+    pub(crate) const MOST: usize = 20_000;
     /// The latest time accepted.
-    pub const LATEST: f64 = 1e9;
+    pub(crate) const LATEST: f64 = 1e9;
 
     /// No times.
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self::List(Vec::new())
     }
 
     /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         matches!(self, Self::List(times) if times.is_empty())
     }
 
@@ -148,7 +143,7 @@ impl Times {
     }
 
     /// The last time; 0 without one.
-    pub fn last(&self) -> f64 {
+    pub(crate) fn last(&self) -> f64 {
         self.list().last().copied().unwrap_or(0.0)
     }
 
@@ -232,7 +227,7 @@ pub struct MonteCarlo {
 
 impl MonteCarlo {
     /// Length of long records unless the scene says otherwise: the paper's 1e5 periods.
-    pub const DURATION: f64 = TAU * 1e5;
+    pub(crate) const DURATION: f64 = TAU * 1e5;
 }
 
 impl Default for MonteCarlo {
@@ -314,13 +309,13 @@ impl Scene {
     }
 
     /// Whether moments of an ensemble of paths are asked for.
-    pub fn wants_paths(&self) -> bool {
+    pub(crate) fn wants_paths(&self) -> bool {
         self.monte_carlo.is_some() && !self.outputs.moments_at.is_empty()
     }
 
     /// Whether long records are asked for: by Monte Carlo without times, for crossings, or by their
     /// duration. First losses and spectra have samples of their own.
-    pub fn wants_records(&self) -> bool {
+    pub(crate) fn wants_records(&self) -> bool {
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
         let outputs = &self.outputs;
@@ -329,13 +324,8 @@ impl Scene {
         it.is_some_and(|it| asked(it) || stationary)
     }
 
-    /// Whether the spectrum is asked for by sampling too.
-    pub fn wants_series(&self) -> bool {
-        self.monte_carlo.is_some() && self.outputs.spectrum.is_some()
-    }
-
     /// The window of [`Outputs::crossings`] as a dimensionless time.
-    pub fn crossings_window(&self) -> Option<f64> {
+    pub(crate) fn crossings_window(&self) -> Option<f64> {
         let window = self.outputs.crossings?;
         Some(self.rig.map_or(window, |rig| rig.time(window)))
     }
@@ -555,7 +545,7 @@ impl Scene {
 
     /// The scene with every default filled in, section by section: in results.json, and as TOML by
     /// [`Scene::to_toml`].
-    pub fn resolved(&self) -> Value {
+    pub(crate) fn resolved(&self) -> Value {
         let mut initial = json!({ "kind": self.initial.name() });
         if let Initial::Gaussian { mean, deviation } = self.initial {
             initial["mean"] = json!(mean);
@@ -640,7 +630,7 @@ impl Scene {
 
     /// A folder name made from the title: letters, digits, '.', '_' and '-' stay, everything else
     /// becomes '-'.
-    pub fn folder(&self) -> String {
+    pub(crate) fn folder(&self) -> String {
         let mut name = String::new();
         for c in self.title.chars() {
             if c.is_alphanumeric() || matches!(c, '.' | '_') {
@@ -741,8 +731,8 @@ mod tests {
 
     #[test]
     fn scenes_know_every_scheme_by_the_name_it_gives_itself() {
-        for it in Scheme::ALL {
-            assert!(SCHEMES.contains(&(it.name(), it)), "{it}");
+        for (name, it) in SCHEMES {
+            assert_eq!(*name, it.name());
         }
         for (name, it) in TIME {
             assert_eq!(*name, it.name());

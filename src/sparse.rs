@@ -111,7 +111,7 @@ impl<T: Scalar> Lu<T> {
     ///
     /// # Errors
     /// [`Error::Linear`] for another pattern or values that are not finite.
-    pub fn refactor(&mut self, matrix: CsMat<T>) -> Result<()> {
+    pub(crate) fn refactor(&mut self, matrix: CsMat<T>) -> Result<()> {
         if matrix.indptr() != self.matrix.indptr() || matrix.indices() != self.matrix.indices() {
             let what = "another sparsity pattern than the first matrix".to_string();
             return Err(Error::Linear {
@@ -143,13 +143,8 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// The number of unknowns.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.matrix.rows()
-    }
-
-    /// Whether there are no unknowns; never true of a factored matrix.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// Overwrites the right-hand side with the solution of A x = b and returns its backward error
@@ -190,7 +185,7 @@ impl<T: Scalar> Lu<T> {
 }
 
 /// Eigenvalues, and their right eigenvectors as unit columns.
-pub type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
+pub(crate) type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
 
 /// All eigenvalues and right eigenvectors (unit columns) of a small dense matrix.
 ///

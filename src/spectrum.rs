@@ -29,12 +29,12 @@ pub fn linear(oscillator: &Oscillator, omega: f64) -> f64 {
 
 /// What a dimensionless one-sided density of the force becomes per hertz: N^2/Hz, G(f) = F_s^2
 /// G(omega)/f_0, so that the integral over f is the variance in N^2.
-pub fn per_hertz(rig: &Rig) -> f64 {
+pub(crate) fn per_hertz(rig: &Rig) -> f64 {
     rig.newtons(1.0).powi(2) / rig.frequency()
 }
 
 /// The same for the displacement: micrometres^2/Hz.
-pub fn displacement_per_hertz(rig: &Rig) -> f64 {
+pub(crate) fn displacement_per_hertz(rig: &Rig) -> f64 {
     let micrometre = 1e6 * (rig.compression(1.0) - rig.compression(0.0));
     micrometre.powi(2) / rig.frequency()
 }

@@ -124,9 +124,6 @@ pub fn flow_map_memory([nq, nv]: [usize; 2]) -> u64 {
 
 /// Refuses cells that need more bytes than allowed: by their key where the scene gave them, else by the
 /// limit.
-///
-/// # Errors
-/// [`Error::Invalid`] or [`Error::Limit`].
 pub(super) fn check_memory(
     needed: u64,
     cells: [usize; 2],

@@ -34,7 +34,7 @@ pub struct Snapshot {
 impl Density {
     /// Narrowest Gaussian a central scheme can hold, in cells: sampled at 1.5 cells per deviation the
     /// sum of a Gaussian is exact to exp(-2 pi^2 1.5^2) = 5e-20, and its derivative of order 8 to 1e-2.
-    pub const NARROWEST: f64 = 1.5;
+    pub(crate) const NARROWEST: f64 = 1.5;
 
     /// The start, on the unknowns of `generator`: what lies outside of them is left out.
     ///
@@ -59,10 +59,7 @@ impl Density {
     }
 
     /// The start at every centre of a mesh, for the central weights, where there is no generator.
-    ///
-    /// # Errors
-    /// As [`Density::start`].
-    pub fn everywhere(mesh: &Mesh, weights: &Weights, initial: &Initial) -> Result<Self> {
+    pub(crate) fn everywhere(mesh: &Mesh, weights: &Weights, initial: &Initial) -> Result<Self> {
         let cells = match *initial {
             Initial::Rest => return Err(no_mesh_holds_rest()),
             Initial::Stationary => products(&weights.q, &weights.v),
@@ -164,7 +161,7 @@ impl Density {
     }
 
     /// p at the cell centres.
-    pub fn snapshot(&self, t: f64) -> Snapshot {
+    pub(crate) fn snapshot(&self, t: f64) -> Snapshot {
         let Mesh { q, v } = &self.mesh;
         let p = Array2::from_shape_fn((q.len(), v.len()), |(i, j)| {
             self.cells[i * v.len() + j] / (q.slopes()[i] * v.slopes()[j])
@@ -190,12 +187,12 @@ impl Density {
     }
 
     /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
-    pub fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
+    pub(crate) fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
         self.sum_active(columns, |i, j, p| (p - weights.at(i, j)).abs())
     }
 
     /// Relative entropy, the sum of P ln(P/w) over the positive cells: falls to 0 at the stationary law.
-    pub fn relative_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
+    pub(crate) fn relative_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
         self.sum_active(columns, |i, j, p| {
             if p > 0.0 {
                 p * (p / weights.at(i, j)).ln()
@@ -203,11 +200,6 @@ impl Density {
                 0.0
             }
         })
-    }
-
-    /// Sum of w g^2, g = P/w: never grows under the exact equation, nor under the central schemes.
-    pub fn quadratic_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
-        self.sum_active(columns, |i, j, p| p * (p / weights.at(i, j)))
     }
 
     fn sum_active(&self, columns: &[Range<usize>], f: impl Fn(usize, usize, f64) -> f64) -> f64 {

@@ -72,7 +72,7 @@ impl Default for Settings {
 impl Settings {
     /// Longest useful step: a quarter of a period, beyond which the trapezoidal rule no longer sees the
     /// second harmonic of the motion.
-    pub const LONGEST: f64 = 1.5;
+    pub(crate) const LONGEST: f64 = 1.5;
 
     /// Order 8 and even steps for an L1 error of about `tolerance` from the splitting, at any time, for
     /// a start about as wide as half the stationary law; a narrower start needs a shorter step.
@@ -103,7 +103,7 @@ fn error_constants(oscillator: &Oscillator) -> (f64, f64) {
 impl Settings {
     /// The L1 error of the splitting with these steps, as [`Settings::to`] takes it; up to
     /// [`Settings::LONGEST`].
-    pub fn splitting_error(&self, oscillator: &Oscillator) -> f64 {
+    pub(crate) fn splitting_error(&self, oscillator: &Oscillator) -> f64 {
         let (ends, second) = error_constants(oscillator);
         ends * self.step.powi(5) + second * self.step.powi(3)
     }
@@ -300,7 +300,7 @@ impl FlowMap {
     }
 
     /// The settings.
-    pub fn settings(&self) -> &Settings {
+    pub(crate) fn settings(&self) -> &Settings {
         &self.settings
     }
 

@@ -28,7 +28,7 @@ pub enum Drift {
 
 impl Drift {
     /// For tables: "upwind", "order 2" to "order 8".
-    pub fn name(self) -> String {
+    pub(crate) fn name(self) -> String {
         match self {
             Self::Upwind => "upwind".to_string(),
             central => format!("order {}", central.order()),
@@ -91,7 +91,7 @@ impl Measure {
     }
 
     /// Its factor in q at a point.
-    pub fn density_q(&self, q: f64) -> f64 {
+    pub(crate) fn density_q(&self, q: f64) -> f64 {
         match self {
             Self::Gibbs(law) => law.density(q),
             Self::Liouville => 1.0,
@@ -99,7 +99,7 @@ impl Measure {
     }
 
     /// Its factor in v at a point.
-    pub fn density_v(&self, v: f64, temperature: f64) -> f64 {
+    pub(crate) fn density_v(&self, v: f64, temperature: f64) -> f64 {
         match self {
             Self::Gibbs(_) => maxwell(v, temperature),
             Self::Liouville => 1.0,
@@ -113,7 +113,7 @@ pub fn maxwell(v: f64, temperature: f64) -> f64 {
 }
 
 /// P(a < v < b) of a Gaussian with this mean and deviation, accurate relative to itself in both tails.
-pub fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
+pub(crate) fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
     let (x, y) = (
         (a - mean) / (deviation * SQRT_2),
         (b - mean) / (deviation * SQRT_2),
@@ -148,7 +148,12 @@ impl Weights {
     ///
     /// # Errors
     /// [`Error::Mesh`] if a weight under- or overflows: a box far wider than the law.
-    pub fn new(measure: &Measure, mesh: &Mesh, temperature: f64, drift: Drift) -> Result<Self> {
+    pub(crate) fn new(
+        measure: &Measure,
+        mesh: &Mesh,
+        temperature: f64,
+        drift: Drift,
+    ) -> Result<Self> {
         let pairs =
             |edges: &[f64]| -> Vec<[f64; 2]> { edges.windows(2).map(|w| [w[0], w[1]]).collect() };
         let centred = |axis: &super::mesh::Axis, f: &dyn Fn(f64) -> f64| -> Vec<f64> {
@@ -212,12 +217,12 @@ impl Weights {
 
     /// The same weights for a scheme without a cut stream function: p_s everywhere, no rim.
     #[must_use]
-    pub fn without_rim(self) -> Self {
+    pub(crate) fn without_rim(self) -> Self {
         Self { cut: 0.0, ..self }
     }
 
     /// Whether cell (i, j) lies in the rim, p_s <= p_cut: no streamline passes it.
-    pub fn in_rim(&self, i: usize, j: usize) -> bool {
+    pub(crate) fn in_rim(&self, i: usize, j: usize) -> bool {
         self.q[i] * self.v[j] <= self.cut * self.area[0][i] * self.area[1][j]
     }
 

@@ -35,7 +35,7 @@ use crate::quadrature;
 use std::ops::Range;
 
 /// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
-pub const BANDS: usize = 8;
+pub(crate) const BANDS: usize = 8;
 
 /// Rate of the exchange between neighbours in the rim: a few times the oscillator's own frequency, so
 /// that a rim up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.
@@ -146,7 +146,7 @@ impl Generator {
     }
 
     /// How g is carried.
-    pub fn drift(&self) -> Drift {
+    pub(crate) fn drift(&self) -> Drift {
         self.drift
     }
 
@@ -176,12 +176,12 @@ impl Generator {
     }
 
     /// w over the weight of the Maxwell measure per v cell: friction and diffusion act on g times it.
-    pub fn tilt(&self) -> &[f64] {
+    pub(crate) fn tilt(&self) -> &[f64] {
         &self.tilt
     }
 
     /// Whether no probability leaves: the weights are then the stationary law.
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         self.open.is_empty() && self.leaving.is_empty()
     }
 
@@ -300,7 +300,7 @@ impl Generator {
 
     /// A bound on the spectral radius of the transport and of the friction and diffusion, each the
     /// largest row sum of the symmetrised matrix |w^-1/2 K w^-1/2|: (transport, diffusion), 1/time.
-    pub fn rates(&self) -> (f64, f64) {
+    pub(crate) fn rates(&self) -> (f64, f64) {
         let mut sums = [vec![0.0; self.mesh.len()], vec![0.0; self.mesh.len()]];
         self.entries(|part, n, m, value| {
             let scale = (self.inverse[n] * self.inverse[m]).sqrt();

@@ -90,9 +90,6 @@ impl Layout {
     }
 
     /// A mesh `finer` times as fine as laid out.
-    ///
-    /// # Errors
-    /// As [`Layout::count`].
     pub(super) fn mesh(&self, oscillator: &Oscillator, finer: f64) -> Result<Mesh> {
         let cells = self.count(oscillator, finer)?;
         let (contact, domain) = (oscillator.contact(), self.domain);
@@ -113,9 +110,6 @@ impl Layout {
     }
 
     /// As [`Layout::count`], if the arrays and what is factored fit the memory allowed.
-    ///
-    /// # Errors
-    /// As [`Layout::count`]; those of [`budget::check_memory`].
     pub(super) fn count_within(
         &self,
         oscillator: &Oscillator,
@@ -130,9 +124,6 @@ impl Layout {
     }
 
     /// As [`Layout::mesh`], if the arrays and what is factored fit the memory allowed.
-    ///
-    /// # Errors
-    /// As [`Layout::count`]; those of [`budget::check_memory`].
     pub(super) fn mesh_within(
         &self,
         oscillator: &Oscillator,
@@ -160,9 +151,6 @@ pub(super) fn neglected(tolerance: f64) -> f64 {
 
 /// The domain closed by one energy level, and the probability that it was asked to leave out: as much as keeps its
 /// part of every error estimate within its share.
-///
-/// # Errors
-/// Those of [`Domain::closed`].
 pub(super) fn truncated(
     oscillator: &Oscillator,
     initial: &Initial,

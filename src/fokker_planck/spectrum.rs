@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use std::f64::consts::FRAC_2_PI;
 
 /// A spectrum's natural scale is the larger of its value and this part of its peak.
-pub const FLOOR: f64 = 1e-6;
+pub(crate) const FLOOR: f64 = 1e-6;
 
 /// Share of the tolerance left to the reduced model.
 const MODEL: f64 = 0.05;
@@ -66,7 +66,7 @@ impl Spectrum {
     }
 
     /// The largest error over the natural scale, and the frequency where it is.
-    pub fn worst(&self) -> (f64, f64) {
+    pub(crate) fn worst(&self) -> (f64, f64) {
         let peak = self.density.iter().map(|it| it.value).fold(0.0, f64::max);
         let relative = |it: &Estimate| it.error / it.value.abs().max(FLOOR * peak);
         let errors = self.omega.iter().zip(&self.density);

@@ -11,13 +11,13 @@ use crate::contact::ContactLaw;
 
 /// The undamped motion of a contact law.
 #[derive(Debug, Clone, Copy)]
-pub struct Motion<'a> {
+pub(crate) struct Motion<'a> {
     contact: &'a ContactLaw,
 }
 
 impl<'a> Motion<'a> {
     /// The motion of `contact`.
-    pub fn new(contact: &'a ContactLaw) -> Self {
+    pub(crate) fn new(contact: &'a ContactLaw) -> Self {
         Self { contact }
     }
 
@@ -27,7 +27,7 @@ impl<'a> Motion<'a> {
     ///
     /// # Panics
     /// If `ends` is shorter than the answer.
-    pub fn after(&self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
+    pub(crate) fn after(self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
         assert!(ends.len() >= starts.len() * times.len());
         debug_assert!(times.windows(2).all(|w| w[0] <= w[1]));
         if times.is_empty() {
@@ -61,7 +61,7 @@ impl<'a> Motion<'a> {
     ///
     /// # Panics
     /// As [`Motion::after`].
-    pub fn before(&self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
+    pub(crate) fn before(self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
         let reversed: Vec<[f64; 2]> = starts.iter().map(|[q, v]| [*q, -v]).collect();
         self.after(&reversed, times, ends);
         for end in &mut ends[..starts.len() * times.len()] {

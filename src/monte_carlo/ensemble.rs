@@ -85,9 +85,6 @@ pub(crate) struct Ensemble {
 
 impl Ensemble {
     /// The recipe of an ensemble.
-    ///
-    /// # Errors
-    /// As [`run`], but for a missing stationary law and the limit of time.
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,

@@ -58,5 +58,6 @@ pub use records::{RecordResult, records};
 pub use scheme::Scheme;
 pub(crate) use series::Series;
 pub use series::{Samples, series};
-pub use settings::{MOST_COSINES, Noise, Sampling};
+pub(crate) use settings::MOST_COSINES;
+pub use settings::{Noise, Sampling};
 pub(crate) use walk::Cost;

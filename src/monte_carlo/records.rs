@@ -102,9 +102,6 @@ pub(crate) struct Records {
 
 impl Records {
     /// The recipe of long records.
-    ///
-    /// # Errors
-    /// As [`records`], but for a missing stationary law and the limit of time.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Sampling) -> Result<Self> {
         let duration = positive("monte_carlo.duration", settings.duration)?;
         let walk = Walk::of(oscillator, &Initial::Stationary, settings)?;

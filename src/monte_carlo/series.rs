@@ -65,9 +65,6 @@ pub(crate) struct Series {
 
 impl Series {
     /// The recipe of sampled records.
-    ///
-    /// # Errors
-    /// As [`series`], but for a missing stationary law and the limit of time.
     pub(crate) fn of(oscillator: &Oscillator, asked: Samples, settings: &Sampling) -> Result<Self> {
         let spacing = positive("spacing", asked.spacing)?;
         let mut walk = Walk::of(oscillator, &Initial::Stationary, settings)?;

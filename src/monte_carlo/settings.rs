@@ -47,7 +47,7 @@ impl Sampling {
 }
 
 /// Most cosines of a noise: the cost of a step is in proportion to them.
-pub const MOST_COSINES: u32 = 10_000;
+pub(crate) const MOST_COSINES: u32 = 10_000;
 
 /// The random excitation f of (9).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

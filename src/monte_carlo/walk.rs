@@ -75,9 +75,6 @@ impl Walk {
     }
 
     /// The same by a scheme that locates losses of contact, under white noise.
-    ///
-    /// # Errors
-    /// As [`Walk::of`], and for a scheme or a noise under which losses are not located.
     pub(super) fn locating(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -237,9 +234,6 @@ pub(super) fn tasks(paths: u64) -> Vec<Range<u64>> {
 }
 
 /// Refuses an ensemble without a standard error, and times out of order, by `key`.
-///
-/// # Errors
-/// [`Error::Invalid`].
 pub(super) fn check_ensemble(paths: u64, times: &[f64], key: &'static str) -> Result<()> {
     if paths < 2 {
         let accepted = "at least 2, so that there is a standard error";

@@ -43,9 +43,6 @@ pub(super) fn fields(it: Option<Estimate>) -> String {
 }
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
-///
-/// # Errors
-/// Where there is no stationary law.
 pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     let Some(numbers) = &results.stationary else {
         return Ok(Vec::new());
@@ -112,9 +109,6 @@ fn moments_csv(
 }
 
 /// Files of the transient: moments, and the densities asked for.
-///
-/// # Errors
-/// [`Error::Io`] for an array that cannot be packed.
 pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.transient else {
         return Ok(Vec::new());
@@ -142,9 +136,6 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
 }
 
 /// Files of the steady state on the mesh.
-///
-/// # Errors
-/// [`Error::Io`] for an array that cannot be packed.
 pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
@@ -229,9 +220,6 @@ pub(super) fn crossings(results: &Results) -> Vec<File> {
 }
 
 /// Files of the spectrum: as a table and as arrays.
-///
-/// # Errors
-/// [`Error::Io`] for an array that cannot be packed.
 pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.spectrum else {
         return Ok(Vec::new());

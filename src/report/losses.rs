@@ -7,9 +7,6 @@ use crate::results::Results;
 use std::fmt::Write;
 
 /// first_loss.csv and first_loss.npz: survival and density of the first loss, beside the paths.
-///
-/// # Errors
-/// [`crate::Error::Io`] for an array that cannot be packed.
 pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
@@ -40,9 +37,6 @@ pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
 }
 
 /// flight_law.csv and flight_law.npz: the density of the time of flight.
-///
-/// # Errors
-/// [`crate::Error::Io`] for an array that cannot be packed.
 pub(super) fn flights(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.flights else {
         return Ok(Vec::new());

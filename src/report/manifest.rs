@@ -165,7 +165,7 @@ fn numbers(results: &Results) -> File {
 
 /// What stands in the folder before the first stage: the scene, to be run again, and a results.json
 /// that says nothing has ended yet.
-pub fn at_the_start(results: &Results) -> Vec<File> {
+pub(crate) fn at_the_start(results: &Results) -> Vec<File> {
     let mut results = results.clone();
     let warning = "unfinished: no stage had ended yet".to_string();
     results.run.warnings.push(warning.into());

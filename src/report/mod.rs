@@ -10,4 +10,5 @@ pub mod plot;
 pub mod terminal;
 
 pub use file::File;
-pub use manifest::{after, at_the_end, at_the_start};
+pub(crate) use manifest::at_the_start;
+pub use manifest::{after, at_the_end};

@@ -26,7 +26,7 @@ const TIMES: usize = 6;
 const TOGETHER: char = '\u{a0}';
 
 /// Text broken at blanks into lines of at most `width` columns.
-pub fn wrap(text: &str, width: usize) -> Vec<String> {
+pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split([' ', '\n']).filter(|word| !word.is_empty()) {
         let last = lines.len() - 1;

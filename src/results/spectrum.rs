@@ -40,7 +40,7 @@ pub struct SampledSpectrum {
 
 impl SpectrumNumbers {
     /// Of a solved spectrum.
-    pub fn of(oscillator: &Oscillator, solved: Spectrum) -> Self {
+    pub(crate) fn of(oscillator: &Oscillator, solved: Spectrum) -> Self {
         Self {
             linear: solved
                 .omega
@@ -55,9 +55,6 @@ impl SpectrumNumbers {
     }
 
     /// The same by sampling, and the number of averages. The mean taken off the records is the exact one.
-    ///
-    /// # Errors
-    /// Those of [`crate::monte_carlo::series`].
     pub(crate) fn sample(
         &mut self,
         oscillator: &Oscillator,
@@ -93,7 +90,7 @@ impl SpectrumNumbers {
 
     /// Expectation and estimate at every frequency. The standard error is taken at the expectation: that
     /// of the estimate follows its fluctuations, and low values would seem too sure.
-    pub fn pairs(&self) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
         let sampled = self.sampled.as_ref();
         let values = sampled.into_iter().flat_map(|it| {
             let both = it.expectation.iter().zip(&it.density);

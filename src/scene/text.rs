@@ -37,7 +37,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
 ];
 
 /// The text of a built-in scene.
-pub fn built_in(name: &str) -> Option<&'static str> {
+pub(crate) fn built_in(name: &str) -> Option<&'static str> {
     BUILT_IN
         .iter()
         .find(|(it, _)| *it == name)
@@ -964,7 +964,7 @@ fn parse_bytes(text: &str) -> Option<u64> {
 }
 
 /// The one of `names` that is most likely meant, if any is likely.
-pub fn nearest<'a>(text: &str, names: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(text: &str, names: &[&'a str]) -> Option<&'a str> {
     let close = |name: &&str| strsim::jaro_winkler(&text.to_lowercase(), name);
     names
         .iter()

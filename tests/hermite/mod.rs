@@ -235,10 +235,8 @@ impl Hermite {
                     lagrange(&self.nodes, k, x(q)) * (-0.5 * y * y).exp() / (sq * TAU.sqrt())
                 };
                 let width = (high - low) / panels as f64;
-                load[at + k] += (0..panels)
-                    .map(|n| low + n as f64 * width)
-                    .map(|from| quadrature::panel(f, from, from + width))
-                    .sum::<f64>();
+                let breaks: Vec<f64> = (0..=panels).map(|n| low + n as f64 * width).collect();
+                load[at + k] += quadrature::integrate(f, &breaks, 1e-13).value;
             }
         }
         for (i, load) in load.iter().enumerate() {
@@ -405,10 +403,8 @@ fn payoffs(
                     let basis = lagrange(nodes, k, (2.0 * q - a - b) / (b - a));
                     2.0 * x * basis * weight * payoff(q)
                 };
-                (0..4)
-                    .map(|n| 0.25 * f64::from(n) * width)
-                    .map(|from| quadrature::panel(f, from, from + 0.25 * width))
-                    .sum::<f64>()
+                let breaks = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| part * width);
+                quadrature::integrate(f, &breaks, 1e-13).value
             };
             let force = |q: f64| contact.force(q);
             let values = [

@@ -29,7 +29,7 @@ pub struct FlightLaw {
 
 impl FlightLaw {
     /// What is missing to the tolerance, relative to the largest density.
-    pub fn shortfall(&self, tolerance: f64) -> Option<Shortfall> {
+    pub(crate) fn shortfall(&self, tolerance: f64) -> Option<Shortfall> {
         let most = |f: &dyn Fn(&Estimate) -> f64| self.density.iter().map(f).fold(0.0, f64::max);
         let ratio = most(&|it| it.error) / (tolerance * most(&|it| it.value));
         (ratio > 1.0).then(|| Shortfall {

@@ -29,8 +29,8 @@ const END: [(f64, f64); 2] = [
 const REPLACED: usize = 2;
 
 impl Splitting {
-    /// Every choice.
-    pub const ALL: [Self; 3] = [Self::FourTwo, Self::SixTwo, Self::EvenFive];
+    #[cfg(test)]
+    pub(super) const ALL: [Self; 3] = [Self::FourTwo, Self::SixTwo, Self::EvenFive];
 
     /// Nodes and weights, in units of tau, on an interval of `steps` steps.
     pub(super) fn quadrature(self, steps: usize) -> (Vec<f64>, Vec<f64>) {

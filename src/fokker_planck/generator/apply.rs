@@ -34,7 +34,7 @@ impl Generator {
 
     /// The part of [`Generator::apply`] that couples cells along q: transport, with the exchange in the
     /// rim and what leaves through open edges.
-    pub fn apply_transport(&self, g: &[f64], rate: &mut [f64]) {
+    pub(crate) fn apply_transport(&self, g: &[f64], rate: &mut [f64]) {
         self.in_shares(rate, |columns, rate| self.transport_to(columns, g, rate));
     }
 
@@ -44,7 +44,7 @@ impl Generator {
     }
 
     /// The part of [`Generator::apply`] that couples cells along v alone: friction and diffusion.
-    pub fn apply_diffusion(&self, g: &[f64], rate: &mut [f64]) {
+    pub(crate) fn apply_diffusion(&self, g: &[f64], rate: &mut [f64]) {
         self.in_shares(rate, |columns, rate| {
             rate.fill(0.0);
             self.part::<false, true>(columns, g, rate);

@@ -15,7 +15,7 @@ pub(super) enum Part {
 impl Generator {
     /// S^T k S of one q-column over its factor of the weights, which friction and diffusion are -1/w_m
     /// times: symmetric, per active cell its diagonal and the entries left of it, nearest first.
-    pub fn diffusion_bands(&self, i: usize) -> Vec<[f64; BANDS]> {
+    pub(crate) fn diffusion_bands(&self, i: usize) -> Vec<[f64; BANDS]> {
         let column = &self.active[i];
         let mut bands = vec![[0.0; BANDS]; column.len()];
         for j in column.start + 1..column.end {
@@ -41,7 +41,7 @@ impl Generator {
     /// A five-point neighbour of L on the same unknowns, by columns: the mass flux between neighbours
     /// upwind, friction and diffusion of order 2. No scheme of its own, since its flux is not free of
     /// divergence; its LU preconditions that of a wide stencil.
-    pub fn five_point(&self) -> CsMat<f64> {
+    pub(crate) fn five_point(&self) -> CsMat<f64> {
         let MassFlux::Centres { q: a, v: b } = &self.flux else {
             return self.matrix();
         };

@@ -24,7 +24,7 @@ impl BackwardEuler {
     }
 
     /// The same, ended by `late`.
-    pub fn watched(generator: &Generator, late: Late) -> Self {
+    pub(crate) fn watched(generator: &Generator, late: Late) -> Self {
         let system = System::new(generator, Solver::Direct, late);
         Self {
             resolvent: Resolvent::new(&system),

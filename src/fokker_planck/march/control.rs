@@ -6,7 +6,7 @@ use crate::fokker_planck::density::Density;
 
 /// What decides about the length of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Step {
+pub(crate) enum Step {
     /// Every step as long as given, or shorter so as to land.
     Fixed(f64),
     /// Such that the errors of the steps, in the L1 norm of p, leave less than `total` at any time.
@@ -72,7 +72,7 @@ pub struct March {
 
 impl March {
     /// `scheme` with steps by `choice`, none longer than its stability allows.
-    pub fn new(scheme: Box<dyn Integrator>, choice: Step) -> Self {
+    pub(crate) fn new(scheme: Box<dyn Integrator>, choice: Step) -> Self {
         let wanted = match choice {
             Step::Fixed(step) => step,
             Step::Error { longest, .. } if scheme.chooses_accuracy() => longest,

@@ -31,10 +31,12 @@ mod system;
 pub use additive::Additive;
 pub use backward_euler::BackwardEuler;
 pub use chebyshev::Chebyshev;
-pub use control::{March, Step};
+pub use control::March;
+pub(crate) use control::Step;
 pub use integrator::Integrator;
 pub use radau::Radau;
-pub use system::{Late, Solver, never};
+pub use system::Solver;
+pub(crate) use system::{Late, never};
 
 #[cfg(test)]
 mod tests {

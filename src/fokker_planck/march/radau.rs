@@ -47,7 +47,7 @@ impl Radau {
     }
 
     /// The same, ended by `late`.
-    pub fn watched(generator: &Generator, solver: Solver, late: Late) -> Self {
+    pub(crate) fn watched(generator: &Generator, solver: Solver, late: Late) -> Self {
         let system = System::new(generator, solver, late);
         let n = system.cells.len();
         Self {

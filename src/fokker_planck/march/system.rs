@@ -16,10 +16,10 @@ pub enum Solver {
 }
 
 /// Asked before every piece of a long solve; its error ends the solve.
-pub type Late = Arc<dyn Fn() -> Result<()> + Send + Sync>;
+pub(crate) type Late = Arc<dyn Fn() -> Result<()> + Send + Sync>;
 
 /// Nobody waits.
-pub fn never() -> Late {
+pub(crate) fn never() -> Late {
     Arc::new(|| Ok(()))
 }
 

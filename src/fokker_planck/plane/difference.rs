@@ -1,7 +1,7 @@
 //! Difference and interpolation coefficients on a uniform coordinate with unit spacing.
 
 /// Central first derivative of order 2k: f'_i = sum_l c_l (f_{i+l} - f_{i-l}), l = 1..k.
-pub fn central(half_width: usize) -> &'static [f64] {
+pub(crate) fn central(half_width: usize) -> &'static [f64] {
     match half_width {
         1 => &[1.0 / 2.0],
         2 => &[2.0 / 3.0, -1.0 / 12.0],
@@ -12,7 +12,7 @@ pub fn central(half_width: usize) -> &'static [f64] {
 
 /// Staggered first derivative of order 2k, from centres to the face between them:
 /// f'_{i+1/2} = sum_l s_l (f_{i+l} - f_{i+1-l}), l = 1..k.
-pub fn staggered(half_width: usize) -> &'static [f64] {
+pub(crate) fn staggered(half_width: usize) -> &'static [f64] {
     match half_width {
         1 => &[1.0],
         2 => &[9.0 / 8.0, -1.0 / 24.0],

@@ -21,7 +21,7 @@ pub struct Domain {
 impl Domain {
     /// What a neglected probability weighs in a second moment, in natural scales: the square of the
     /// energy at the edge of the box over T.
-    pub fn tail_weight(&self, temperature: f64) -> f64 {
+    pub(crate) fn tail_weight(&self, temperature: f64) -> f64 {
         let energy = 0.5 * self.v[1].powi(2) / temperature;
         (energy * energy).max(100.0)
     }
@@ -32,7 +32,7 @@ impl Domain {
     /// force, and each of these counts with its derivative.
     ///
     /// [`Moments::named`]: crate::moments::Moments::named
-    pub fn tail_weights(&self, oscillator: &Oscillator) -> [f64; 11] {
+    pub(crate) fn tail_weights(&self, oscillator: &Oscillator) -> [f64; 11] {
         let t = oscillator.temperature();
         let usual = [self.tail_weight(t); 11];
         let Ok(law) = oscillator.displacement_law() else {
@@ -150,7 +150,7 @@ impl Domain {
 
     /// This domain of the stationary law, so many times as far along v and as high in amplitude.
     #[must_use]
-    pub fn enlarged(self, oscillator: &Oscillator, times: f64) -> Self {
+    pub(crate) fn enlarged(self, oscillator: &Oscillator, times: f64) -> Self {
         let reach = times * self.v[1];
         match oscillator.contact().turning_points(0.5 * reach * reach) {
             Some((left, right)) => Self {
@@ -164,7 +164,12 @@ impl Domain {
 
     /// The amplitude of a density of this mean and these deviations along either axis, out to where it falls as far
     /// as the stationary law at the edge of this domain, over that of the edge. 1 for the law itself if it is Gaussian.
-    pub fn amplitude(&self, oscillator: &Oscillator, mean: [f64; 2], deviation: [f64; 2]) -> f64 {
+    pub(crate) fn amplitude(
+        &self,
+        oscillator: &Oscillator,
+        mean: [f64; 2],
+        deviation: [f64; 2],
+    ) -> f64 {
         let contact = oscillator.contact();
         let lowest = contact.lowest_potential().unwrap_or(0.0);
         let width = self.v[1] / oscillator.temperature().sqrt();
@@ -181,7 +186,7 @@ impl Domain {
     /// stationary law needs the level L, the start needs (r e^{-zeta t} + sqrt(2 L (1 - e^{-2 zeta
     /// t})))^2/2, at most r^2/2 + L.
     #[must_use]
-    pub fn raised(self, oscillator: &Oscillator, initial: &Initial, until: f64) -> Self {
+    pub(crate) fn raised(self, oscillator: &Oscillator, initial: &Initial, until: f64) -> Self {
         let Initial::Gaussian {
             mean: [q, v],
             deviation,

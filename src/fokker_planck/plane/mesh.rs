@@ -162,17 +162,13 @@ impl Axis {
     }
 
     /// Number of cells.
+    #[expect(clippy::len_without_is_empty)] // what was built has cells
     pub fn len(&self) -> usize {
         self.centres.len()
     }
 
-    /// Whether there are no cells; never true of an axis that was built.
-    pub fn is_empty(&self) -> bool {
-        self.centres.is_empty()
-    }
-
     /// The n + 1 cell edges.
-    pub fn edges(&self) -> &[f64] {
+    pub(crate) fn edges(&self) -> &[f64] {
         &self.edges
     }
 
@@ -187,7 +183,7 @@ impl Axis {
     }
 
     /// (x, dx/dxi) at any xi.
-    pub fn at(&self, xi: f64) -> (f64, f64) {
+    pub(crate) fn at(&self, xi: f64) -> (f64, f64) {
         let (x, slope) = self.grading.at(self.start + self.width * xi);
         (x, slope * self.width)
     }
@@ -253,13 +249,9 @@ impl Mesh {
     }
 
     /// Number of cells.
+    #[expect(clippy::len_without_is_empty)] // what was built has cells
     pub fn len(&self) -> usize {
         self.q.len() * self.v.len()
-    }
-
-    /// Whether there are no cells; never true of a mesh that was built.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// q_lo, q_hi, v_lo, v_hi.

@@ -2,5 +2,5 @@
 
 pub mod difference;
 pub mod domain;
-pub mod interpolation;
+pub(crate) mod interpolation;
 pub mod mesh;

@@ -275,10 +275,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
 }
 
 /// `density_<t>.svg` for every density asked for, and snapshots.svg with up to nine of them on one sheet.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn densities(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.transient else {
         return Ok(Vec::new());
     };
@@ -357,10 +354,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
 }
 
 /// steady.svg: the steady state on the mesh.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn steady(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
     };

@@ -116,10 +116,7 @@ impl ForceCurves {
 }
 
 /// force.svg: p_N on a linear and a logarithmic scale, the Dirac mass drawn and stated.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn force(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
     let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
         return Ok(Vec::new());
     };

@@ -11,10 +11,7 @@ use crate::results::centres;
 
 /// survival.svg: survival until the first loss of contact, and its density on a logarithmic scale, from
 /// the backward equation and from paths.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn survival(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
     };
@@ -83,10 +80,7 @@ pub fn survival(results: &Results) -> Result<Vec<File>> {
 
 /// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
 /// it would be without noise and friction in flight, and the law of the first return where it is solved.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn flights(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();
     if seen.is_none() && law.is_none() {

@@ -13,8 +13,8 @@ mod spectrum;
 mod transient;
 
 pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log};
-pub use density::{densities, steady};
-pub use force::force;
-pub use losses::{flights, survival};
-pub use spectrum::spectrum;
-pub use transient::{approach, moments};
+pub(crate) use density::{densities, steady};
+pub(crate) use force::force;
+pub(crate) use losses::{flights, survival};
+pub(crate) use spectrum::spectrum;
+pub(crate) use transient::{approach, moments};

@@ -12,10 +12,7 @@ use crate::spectrum::per_hertz;
 
 /// spectrum.svg: the one-sided spectrum, logarithmic, against omega or hertz; from the resolvent, by
 /// Welch's method with its 95 % band, and of the linear oscillator.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn spectrum(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn spectrum(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results
         .spectrum
         .as_ref()

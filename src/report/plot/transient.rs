@@ -11,10 +11,7 @@ use crate::report::File;
 use crate::results::Results;
 
 /// moments.svg: moments against time with error bands, and Monte Carlo points.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn moments(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
     let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
         return Ok(Vec::new());
     };
@@ -130,10 +127,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 
 /// approach.svg: the distance to the stationary law against time, with the slowest decay rate's line,
 /// and the marching to the steady state beside it.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn approach(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
             .filter(|(_, y)| *y > 0.0 && y.is_finite())

@@ -5,6 +5,7 @@
 //! measurements but the scatter of the residuals: a fit has one standard error from it, and a bootstrap over
 //! the levels says what their disagreement leaves open.
 
+use super::roots;
 use crate::rows::{Row, rows};
 use std::f64::consts::LN_10;
 use std::fs;
@@ -14,7 +15,6 @@ use vibroimpact::error::{Error, Result};
 use vibroimpact::estimate::{Estimate, Origin};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::rig::Rig;
-use vibroimpact::roots;
 use vibroimpact::stationary::Stationary;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

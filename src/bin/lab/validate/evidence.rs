@@ -4,6 +4,7 @@
 use super::cosines::{Draws, Procedure, statistics};
 use super::damping;
 use super::item::{Paper, Row};
+use super::roots;
 use super::run::Run;
 use super::spectra::Spectra;
 use std::cell::RefCell;
@@ -17,7 +18,6 @@ use vibroimpact::moments::{Moment, Moments};
 use vibroimpact::monte_carlo::{self, Noise, Sampling, Scheme};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::rig::Rig;
-use vibroimpact::roots;
 use vibroimpact::stationary::Stationary;
 
 /// Answers names of the label `computed`: a kind, a point, which of its numbers, then `KEY=VALUE` words.

@@ -14,5 +14,6 @@ pub mod item;
 pub mod numbers;
 mod pictures;
 pub mod readme;
+mod roots;
 mod run;
 pub mod spectra;
