@@ -24,6 +24,8 @@ pub struct Plan {
     settings: Settings,
     recipes: Recipes,
     stages: Vec<Stage>,
+    /// Seconds that it took to make, which a run counts as its own: many cells of a scene take some.
+    planning: f64,
 }
 
 /// How each question will be answered: decided once, printed and executed.
@@ -179,6 +181,7 @@ impl Plan {
     /// Whatever [`Scene::check`] finds, and sizes beyond the memory the scene allows.
     pub fn of(scene: &Scene) -> Result<Self> {
         scene.check()?;
+        let start = Instant::now();
         let mut plan = Self {
             scene: scene.clone(),
             settings: Settings {
@@ -194,6 +197,7 @@ impl Plan {
             },
             recipes: Recipes::default(),
             stages: Vec::new(),
+            planning: 0.0,
         };
         for (part, keys) in asked(scene) {
             let keys = keys.into_iter().filter(|(_, asked)| *asked);
@@ -212,6 +216,7 @@ impl Plan {
                 cost,
             });
         }
+        plan.planning = start.elapsed().as_secs_f64();
         Ok(plan)
     }
 
@@ -630,10 +635,11 @@ impl Plan {
     /// `watch`.
     pub fn run(&self, watch: &dyn Watch) -> Result<Results> {
         let start = Instant::now();
+        let spent = || self.planning + start.elapsed().as_secs_f64();
         let mut results = Results::empty(&self.scene);
         for (k, stage) in self.stages.iter().enumerate() {
             let limit = self.scene.accuracy.max_seconds;
-            results.run.wall_seconds = start.elapsed().as_secs_f64();
+            results.run.wall_seconds = spent();
             // What little is left to do is done: a stage before it may have overrun its part of the time.
             let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
             if results.run.wall_seconds > limit && end > OVERRUN * limit {
@@ -666,7 +672,7 @@ impl Plan {
                 .run
                 .stages
                 .push((part.name(), begin.elapsed().as_secs_f64()));
-            results.run.wall_seconds = start.elapsed().as_secs_f64();
+            results.run.wall_seconds = spent();
             results.run.peak_memory_bytes = peak_memory();
             let open: Vec<&str> = self.stages[k + 1..]
                 .iter()

@@ -50,7 +50,7 @@ const SCENES: [(&str, &str, &str); 16] = [
     (
         "steady state, upwind",
         "zeta = 0.005\nh = 2e-3\n",
-        "[outputs]\nsteady = true\n[method]\ncells = [900, 700]\n[accuracy]\n",
+        "[outputs]\nsteady = true\n[method]\ncells = [600, 450]\n[accuracy]\n",
     ),
     (
         "steady state, order 8",
