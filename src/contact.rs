@@ -62,6 +62,12 @@ pub trait Restoring: fmt::Debug + Send + Sync {
 
 /// The restoring force of the contact, in units of the static load, against the dimensionless
 /// displacement q of (6). Equilibrium at q = 0 with unit stiffness for every built-in law that confines.
+///
+/// ```
+/// use vibroimpact::contact::ContactLaw;
+/// assert_eq!(ContactLaw::Hertz.force(0.0), 0.0);
+/// assert_eq!(ContactLaw::Hertz.loss_point(), Some(-1.5)); // beyond it, flight: G = -1
+/// ```
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum ContactLaw {

@@ -18,6 +18,15 @@ use std::f64::consts::PI;
 use std::time::Instant;
 
 /// The stages of a scene: optional parts, each there only because an output needs it.
+///
+/// ```
+/// use vibroimpact::{contact::ContactLaw, oscillator::Oscillator, plan::{Part, Plan}, scene::Scene};
+/// let mut scene = Scene::new(Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?);
+/// scene.outputs.decay_rates = 4;
+/// let plan = Plan::of(&scene)?; // computes nothing yet
+/// assert!(plan.has(Part::DecayRates) && !plan.has(Part::Transient));
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Plan {
     scene: Scene,

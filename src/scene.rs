@@ -221,7 +221,7 @@ pub struct MonteCarlo {
     /// Time step; None is an automatic choice.
     pub step: Option<f64>,
     /// Length of long records, dimensionless, all together, and of those of Welch's method; None is
-    /// [`MonteCarlo::DURATION`] for the former, and 400 averages for the latter if there are no others.
+    /// the paper's 1e5 periods for the former, and 400 averages for the latter if there are no others.
     pub duration: Option<f64>,
 }
 

@@ -29,12 +29,12 @@ pub fn linear(oscillator: &Oscillator, omega: f64) -> f64 {
 
 /// What a dimensionless one-sided density of the force becomes per hertz: N^2/Hz, G(f) = F_s^2
 /// G(omega)/f_0, so that the integral over f is the variance in N^2.
-pub(crate) fn per_hertz(rig: &Rig) -> f64 {
+pub fn per_hertz(rig: &Rig) -> f64 {
     rig.newtons(1.0).powi(2) / rig.frequency()
 }
 
 /// The same for the displacement: micrometres^2/Hz.
-pub(crate) fn displacement_per_hertz(rig: &Rig) -> f64 {
+pub fn displacement_per_hertz(rig: &Rig) -> f64 {
     let micrometre = 1e6 * (rig.compression(1.0) - rig.compression(0.0));
     micrometre.powi(2) / rig.frequency()
 }
@@ -50,6 +50,14 @@ pub(crate) fn displacement_per_hertz(rig: &Rig) -> f64 {
 ///
 /// One-sided per circular frequency. For any record, the sum over all k = 0 to M - 1 times pi/(M step)
 /// is sum w^2 x^2/sum w^2 (Parseval).
+///
+/// ```
+/// let record: Vec<f64> = (0..512).map(|n| (0.25 * n as f64).sin()).collect();
+/// let welch = vibroimpact::spectrum::Welch::new(256, 128, 1.0)?;
+/// let variance = welch.record(&record).density.iter().sum::<f64>() * welch.spacing();
+/// assert!((variance - 0.5).abs() < 0.01);
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Welch {
     step: f64,

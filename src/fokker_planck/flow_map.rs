@@ -323,7 +323,7 @@ impl FlowMap {
     /// A start at the cell centres.
     ///
     /// # Errors
-    /// As [`Density::everywhere`].
+    /// As [`Density::start`].
     pub fn start(&self, initial: &Initial) -> Result<Density> {
         Density::everywhere(&self.mesh, &self.weights, initial)
     }

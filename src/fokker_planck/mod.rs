@@ -1,4 +1,19 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
+//!
+//! ```
+//! use vibroimpact::fokker_planck::{Settings, spectrum, transient};
+//! use vibroimpact::{contact::ContactLaw, initial::Initial, oscillator::*, spectrum::linear};
+//!
+//! let oscillator = Oscillator::new(ContactLaw::Linear, 0.05, 0.02)?;
+//! let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4])?;
+//! let settings = Settings::default();
+//! let course = transient(&oscillator, &start, &[0.5], &[], &settings, &|_done| ())?;
+//! let mean = course.moments[0].mean_q; // free decay from 1
+//! assert!((mean.value - 0.8796).abs() < 1e-3);
+//! let seen = spectrum(&oscillator, Quantity::Displacement, &[0.9], &settings, &|_done| ())?;
+//! assert!((seen.density[0].value / linear(&oscillator, 0.9) - 1.0).abs() < 1e-3);
+//! # Ok::<(), vibroimpact::Error>(())
+//! ```
 
 mod adaptive;
 pub mod budget;
