@@ -180,15 +180,6 @@ impl ContactLaw {
         }
     }
 
-    /// Mean of G over [a, b], exactly: a potential difference, so a kink inside costs nothing.
-    pub fn mean_force(&self, a: f64, b: f64) -> f64 {
-        if a == b {
-            self.force(a)
-        } else {
-            (self.potential(b) - self.potential(a)) / (b - a)
-        }
-    }
-
     /// The displacement at which the contact carries the force N = G(q) > G(loss point): the inverse
     /// of (26), q = (3/2)[(1 + N)^{2/3} - 1] for Hertz. None below the force of flight, and for a law
     /// without contact.
