@@ -283,7 +283,6 @@ impl DisplacementLaw {
         Estimate::new(value, error + 4.0 * f64::EPSILON * base, Origin::Quadrature)
     }
 
-    /// An exact sampler of q.
     pub(crate) fn sampler(&self) -> DisplacementSampler {
         let (left, right) = self
             .contact

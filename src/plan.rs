@@ -122,7 +122,6 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// What a computation on a mesh will take.
     fn on_mesh(it: fokker_planck::Cost, method: String) -> Self {
         Self {
             method,
@@ -133,7 +132,6 @@ impl Cost {
         }
     }
 
-    /// What a sample will take.
     fn of_sample(it: monte_carlo::Cost, method: String) -> Self {
         Self {
             method,
@@ -405,7 +403,6 @@ impl Plan {
         (RESERVED * seconds.iter().sum::<f64>()).clamp(0.1 * left, 0.5 * left)
     }
 
-    /// Compute one part into `results`.
     #[allow(clippy::too_many_lines)] // One arm a part.
     fn compute(
         &self,

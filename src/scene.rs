@@ -119,12 +119,10 @@ impl Times {
     /// The latest time accepted.
     pub(crate) const LATEST: f64 = 1e9;
 
-    /// No times.
     pub(crate) fn none() -> Self {
         Self::List(Vec::new())
     }
 
-    /// Whether there are none.
     pub(crate) fn is_empty(&self) -> bool {
         matches!(self, Self::List(times) if times.is_empty())
     }

@@ -142,7 +142,6 @@ impl<T: Scalar> Lu<T> {
         }
     }
 
-    /// The number of unknowns.
     pub(crate) fn len(&self) -> usize {
         self.matrix.rows()
     }

@@ -299,7 +299,6 @@ impl FlowMap {
         &self.active
     }
 
-    /// The settings.
     pub(crate) fn settings(&self) -> &Settings {
         &self.settings
     }

@@ -145,7 +145,6 @@ impl Generator {
         &self.mesh
     }
 
-    /// How g is carried.
     pub(crate) fn drift(&self) -> Drift {
         self.drift
     }
