@@ -456,8 +456,7 @@ impl Results {
         all.into_iter().filter_map(there).collect()
     }
 
-    /// The contact law of the scene.
-    pub fn contact(&self) -> &ContactLaw {
+    pub(crate) fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
     }
 }

@@ -49,11 +49,8 @@ pub use march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, So
 pub(crate) use modes::Eigenvalues;
 pub use modes::{DecayRate, DecayRates, decay_rates};
 pub use observables::Observables;
-pub use plane::difference;
-pub use plane::domain::Domain;
-pub(crate) use plane::interpolation;
-pub use plane::mesh::{Axis, Mesh};
-pub(crate) use plane::{domain, mesh};
+pub use plane::{difference, domain::Domain, mesh::Axis, mesh::Mesh};
+pub(crate) use plane::{domain, interpolation, mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
