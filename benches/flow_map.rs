@@ -4,10 +4,8 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings, Splitting};
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
+use vibroimpact::fokker_planck::{Axis, Density, Domain, Mesh};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 

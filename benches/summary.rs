@@ -7,12 +7,11 @@ use std::hint::black_box;
 use std::io::Write;
 use std::time::Instant;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::march::{Additive, Integrator, Radau, Solver};
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::{Drift, Settings, first_loss, spectrum, steady};
+use vibroimpact::fokker_planck::{
+    Additive, Axis, Density, Drift, Generator, Integrator, Mesh, Radau, Settings, Solver,
+    first_loss, spectrum, steady,
+};
 use vibroimpact::initial::Initial;
 use vibroimpact::monte_carlo::{self, Sampling, Scheme};
 use vibroimpact::oscillator::{Oscillator, Quantity};

@@ -7,12 +7,10 @@ use std::alloc::System;
 use std::hint::black_box;
 use std::time::Duration;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::march::{Integrator, Radau, Solver};
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::transient::{march, time_scheme};
-use vibroimpact::fokker_planck::{Drift, TimeScheme};
+use vibroimpact::fokker_planck::{
+    Axis, Density, Drift, Generator, Integrator, Mesh, Radau, Solver, TimeScheme,
+};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 

@@ -265,7 +265,6 @@ fn read(scene: Option<&Path>, set: &[String]) -> std::result::Result<SceneText, 
     SceneText::parse(&name, &text, set).map_err(Stop::scene)
 }
 
-/// A scene file as text.
 fn read_text(path: &Path) -> std::result::Result<String, Stop> {
     /// Far above any scene, far below what hurts.
     const MOST: u64 = 10_000_000;

@@ -62,6 +62,12 @@ pub trait Restoring: fmt::Debug + Send + Sync {
 
 /// The restoring force of the contact, in units of the static load, against the dimensionless
 /// displacement q of (6). Equilibrium at q = 0 with unit stiffness for every built-in law that confines.
+///
+/// ```
+/// use vibroimpact::contact::ContactLaw;
+/// assert_eq!(ContactLaw::Hertz.force(0.0), 0.0);
+/// assert_eq!(ContactLaw::Hertz.loss_point(), Some(-1.5)); // beyond it, flight: G = -1
+/// ```
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum ContactLaw {
@@ -171,15 +177,6 @@ impl ContactLaw {
             Self::Bilinear => Some(-1.0),
             Self::Linear | Self::Free => None,
             Self::Custom(law) => law.loss_point(),
-        }
-    }
-
-    /// Mean of G over [a, b], exactly: a potential difference, so a kink inside costs nothing.
-    pub fn mean_force(&self, a: f64, b: f64) -> f64 {
-        if a == b {
-            self.force(a)
-        } else {
-            (self.potential(b) - self.potential(a)) / (b - a)
         }
     }
 

@@ -10,6 +10,13 @@ use std::sync::OnceLock;
 
 /// q'' + 2 zeta q' + G(q) = f(t), white noise f of two-sided spectral density h, E f(t)f(0) =
 /// 2 pi h delta(t). (9)-(11), (16). All quantities are dimensionless, (6)-(8).
+///
+/// ```
+/// use vibroimpact::{contact::ContactLaw, oscillator::Oscillator};
+/// let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?;
+/// assert!((oscillator.temperature() - 0.628).abs() < 1e-3); // T = pi h/(2 zeta)
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Oscillator {
     contact: ContactLaw,
@@ -276,7 +283,6 @@ impl DisplacementLaw {
         Estimate::new(value, error + 4.0 * f64::EPSILON * base, Origin::Quadrature)
     }
 
-    /// An exact sampler of q.
     pub(crate) fn sampler(&self) -> DisplacementSampler {
         let (left, right) = self
             .contact

@@ -18,6 +18,15 @@ use std::f64::consts::PI;
 use std::time::Instant;
 
 /// The stages of a scene: optional parts, each there only because an output needs it.
+///
+/// ```
+/// use vibroimpact::{contact::ContactLaw, oscillator::Oscillator, plan::{Part, Plan}, scene::Scene};
+/// let mut scene = Scene::new(Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?);
+/// scene.outputs.decay_rates = 4;
+/// let plan = Plan::of(&scene)?; // computes nothing yet
+/// assert!(plan.has(Part::DecayRates) && !plan.has(Part::Transient));
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Plan {
     scene: Scene,
@@ -115,7 +124,6 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// What a computation on a mesh will take.
     fn on_mesh(it: fokker_planck::Cost, method: String) -> Self {
         Self {
             method,
@@ -126,7 +134,6 @@ impl Cost {
         }
     }
 
-    /// What a sample will take.
     fn of_sample(it: monte_carlo::Cost, method: String) -> Self {
         Self {
             method,
@@ -401,7 +408,6 @@ impl Plan {
         (RESERVED * seconds.iter().sum::<f64>()).clamp(0.1 * left, 0.5 * left)
     }
 
-    /// Compute one part into `results`.
     #[allow(clippy::too_many_lines)] // One arm a part.
     fn compute(
         &self,

@@ -20,6 +20,15 @@ use serde::Serialize;
 use std::f64::consts::{LN_10, SQRT_2};
 
 /// The answers of a run. What was not asked for is None.
+///
+/// ```
+/// use vibroimpact::{contact::ContactLaw, oscillator::Oscillator, plan::Plan, scene::Scene};
+/// let scene = Scene::new(Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3)?);
+/// let results = Plan::of(&scene)?.run_quietly()?;
+/// let rate = results.stationary.unwrap().get("loss_rate").unwrap();
+/// assert!(rate.value > 0.0 && rate.error < 1e-9 && results.transient.is_none());
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Results {
     /// The scene that was run.
@@ -447,8 +456,7 @@ impl Results {
         all.into_iter().filter_map(there).collect()
     }
 
-    /// The contact law of the scene.
-    pub fn contact(&self) -> &ContactLaw {
+    pub(crate) fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
     }
 }

@@ -48,28 +48,3 @@ impl Scales {
         })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::contact::ContactLaw;
-
-    #[test]
-    fn the_scales_of_the_linear_oscillator_are_powers_of_its_temperature() {
-        let it = Oscillator::new(ContactLaw::Linear, 0.1, 0.02).unwrap();
-        let t = it.temperature();
-        let s = t.sqrt();
-        let expected = [s, t, s, t, t, s, s, 1.0, 1.0, t, 1.0];
-        for (got, expected) in Scales::of(&it)
-            .each(&Moments::default())
-            .iter()
-            .zip(expected)
-        {
-            assert!((got / expected - 1.0).abs() < 1e-12);
-        }
-        let free = Oscillator::new(ContactLaw::Free, 0.1, 0.02).unwrap();
-        let mut moments = Moments::default();
-        moments.mean_q.value = -7.0;
-        assert_eq!(Scales::of(&free).each(&moments)[0], 7.0);
-    }
-}

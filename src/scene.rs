@@ -119,12 +119,10 @@ impl Times {
     /// The latest time accepted.
     pub(crate) const LATEST: f64 = 1e9;
 
-    /// No times.
     pub(crate) fn none() -> Self {
         Self::List(Vec::new())
     }
 
-    /// Whether there are none.
     pub(crate) fn is_empty(&self) -> bool {
         matches!(self, Self::List(times) if times.is_empty())
     }
@@ -221,7 +219,7 @@ pub struct MonteCarlo {
     /// Time step; None is an automatic choice.
     pub step: Option<f64>,
     /// Length of long records, dimensionless, all together, and of those of Welch's method; None is
-    /// [`MonteCarlo::DURATION`] for the former, and 400 averages for the latter if there are no others.
+    /// the paper's 1e5 periods for the former, and 400 averages for the latter if there are no others.
     pub duration: Option<f64>,
 }
 

@@ -49,7 +49,7 @@ impl Scalar for Complex<f64> {
 }
 
 /// A factored sparse matrix A, P A Q = L U (faer, COLAMD ordering, partial pivoting). The pattern is
-/// analysed once; [`Lu::refactor`] takes new values on the same pattern.
+/// analysed once; `refactor` takes new values on the same pattern.
 pub struct Lu<T: Scalar> {
     matrix: CsMat<T>,
     columns: Vec<usize>,
@@ -142,7 +142,6 @@ impl<T: Scalar> Lu<T> {
         }
     }
 
-    /// The number of unknowns.
     pub(crate) fn len(&self) -> usize {
         self.matrix.rows()
     }

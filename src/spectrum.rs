@@ -29,12 +29,12 @@ pub fn linear(oscillator: &Oscillator, omega: f64) -> f64 {
 
 /// What a dimensionless one-sided density of the force becomes per hertz: N^2/Hz, G(f) = F_s^2
 /// G(omega)/f_0, so that the integral over f is the variance in N^2.
-pub(crate) fn per_hertz(rig: &Rig) -> f64 {
+pub fn per_hertz(rig: &Rig) -> f64 {
     rig.newtons(1.0).powi(2) / rig.frequency()
 }
 
 /// The same for the displacement: micrometres^2/Hz.
-pub(crate) fn displacement_per_hertz(rig: &Rig) -> f64 {
+pub fn displacement_per_hertz(rig: &Rig) -> f64 {
     let micrometre = 1e6 * (rig.compression(1.0) - rig.compression(0.0));
     micrometre.powi(2) / rig.frequency()
 }
@@ -50,6 +50,14 @@ pub(crate) fn displacement_per_hertz(rig: &Rig) -> f64 {
 ///
 /// One-sided per circular frequency. For any record, the sum over all k = 0 to M - 1 times pi/(M step)
 /// is sum w^2 x^2/sum w^2 (Parseval).
+///
+/// ```
+/// let record: Vec<f64> = (0..512).map(|n| (0.25 * n as f64).sin()).collect();
+/// let welch = vibroimpact::spectrum::Welch::new(256, 128, 1.0)?;
+/// let variance = welch.record(&record).density.iter().sum::<f64>() * welch.spacing();
+/// assert!((variance - 0.5).abs() < 0.01);
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Welch {
     step: f64,
@@ -222,69 +230,5 @@ impl Welch {
             .iter()
             .map(|term| scale * term.re)
             .collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Numbers without structure, by the golden ratio.
-    fn record(n: usize) -> Vec<f64> {
-        (0..n)
-            .map(|k| ((k * k) as f64 * 0.618_033_988_749_894_9).fract() - 0.5)
-            .collect()
-    }
-
-    #[test]
-    fn the_squares_of_a_record_are_the_integral_of_its_spectrum() {
-        let welch = Welch::new(64, 32, 0.3).unwrap();
-        let record = record(64 + 3 * 32);
-        let it = welch.record(&record);
-        assert_eq!(it.segments, 4);
-        let inner: f64 = it.density[1..32].iter().sum();
-        // Both halves of the circle; the ends belong to one.
-        let integral = welch.spacing() * (inner + 0.5 * (it.density[0] + it.density[32]));
-        let weighted: f64 = (0..4)
-            .flat_map(|s| (0..64).map(move |n| (s, n)))
-            .map(|(s, n)| (welch.window[n] * record[s * 32 + n]).powi(2))
-            .sum();
-        let expected = weighted / (4.0 * welch.power());
-        assert!(
-            (integral / expected - 1.0).abs() < 1e-13,
-            "{integral} {expected}"
-        );
-    }
-
-    #[test]
-    fn a_sine_of_amplitude_a_has_the_rms_magnitude_a_over_root_two() {
-        let welch = Welch::new(256, 256, 0.1).unwrap();
-        let wave: Vec<f64> = (0..256)
-            .map(|n| 3.0 * (TAU * 20.0 * f64::from(n) / 256.0).cos())
-            .collect();
-        let got = welch.magnitude(welch.record(&wave).density[20]);
-        assert!((got - 3.0 / 2f64.sqrt()).abs() < 1e-12, "{got}");
-        assert!((welch.noise_bandwidth() - 1.5).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_expectation_of_white_samples_is_flat_and_that_of_a_cosine_is_its_own_periodogram() {
-        let welch = Welch::new(32, 16, 0.5).unwrap();
-        for g in welch.expectation(&[2.0]) {
-            assert!((g - 2.0 * 0.5 / PI).abs() < 1e-13);
-        }
-        // x = a cos(w t) + b sin(w t) with independent unit a, b has R = cos(w t).
-        let (w, n) = (1.3, 32);
-        let wave = |phase: f64| {
-            (0..n)
-                .map(|k| (w * 0.5 * f64::from(k) - phase).cos())
-                .collect::<Vec<_>>()
-        };
-        let (cosine, sine) = (welch.record(&wave(0.0)), welch.record(&wave(PI / 2.0)));
-        let correlation: Vec<f64> = (0..n).map(|k| (w * 0.5 * f64::from(k)).cos()).collect();
-        for (k, g) in welch.expectation(&correlation).iter().enumerate() {
-            let sum = cosine.density[k] + sine.density[k];
-            assert!((g - sum).abs() < 1e-13 * 32.0, "{k}: {g} {sum}");
-        }
     }
 }

@@ -4,13 +4,9 @@
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings as FlowMapSettings};
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
 use vibroimpact::fokker_planck::transient::march;
-use vibroimpact::fokker_planck::{Drift, TimeScheme};
+use vibroimpact::fokker_planck::{Axis, Density, Domain, Drift, Generator, Mesh, TimeScheme};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 

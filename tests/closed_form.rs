@@ -1,10 +1,17 @@
-//! Contact laws and the stationary law in closed form, against references, identities and asymptotics.
+//! Contact laws, the stationary law, moments, units and the linear oscillator's Gaussian in closed form, against
+//! references, identities and asymptotics.
 
 #![allow(clippy::print_stdout, missing_docs)]
 
 use std::f64::consts::{LN_10, TAU};
 use vibroimpact::contact::{ContactLaw, Restoring};
+use vibroimpact::estimate::Estimate;
+use vibroimpact::gaussian::Gaussian;
+use vibroimpact::initial::Initial;
+use vibroimpact::moments::{Moment, Moments, RawMoments};
 use vibroimpact::oscillator::Oscillator;
+use vibroimpact::rig::Rig;
+use vibroimpact::scales::Scales;
 use vibroimpact::stationary::Stationary;
 use vibroimpact::{Error, quadrature};
 
@@ -46,14 +53,6 @@ fn the_hertz_potential_keeps_its_digits_near_equilibrium() {
     let law = ContactLaw::Hertz;
     assert!((law.potential(low) - law.potential(high)).abs() < 1e-14);
     assert!((law.potential(-1.5) - 0.9).abs() < 1e-15);
-}
-
-#[test]
-fn the_mean_force_over_an_interval_is_exact_across_the_loss_of_contact() {
-    let law = ContactLaw::Bilinear;
-    // Force -1 on [-2, -1], then from -1 to 0 on [-1, 0].
-    assert!((law.mean_force(-2.0, 0.0) + 0.75).abs() < 1e-15);
-    assert_eq!(law.mean_force(0.3, 0.3), 0.3);
 }
 
 #[test]
@@ -268,4 +267,150 @@ fn a_law_without_a_stationary_law_says_so() {
     let error = Stationary::of(&oscillator).unwrap_err();
     assert!(matches!(error, Error::NoStationaryLaw { .. }), "{error}");
     assert!(error.to_string().contains("free"));
+}
+
+#[test]
+fn the_linear_oscillator_from_rest_has_the_textbook_variance() {
+    let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
+    let start = Gaussian::of(&it, &Initial::Rest).unwrap();
+    let (z, t, temperature): (f64, f64, f64) = (0.05, 7.3, it.temperature());
+    let now = start.after(&it, t).unwrap();
+    // Caughey and Stumpf 1961: var v and cov of the oscillator switched on at rest.
+    let w = (1.0 - z * z).sqrt();
+    let (s, c) = ((w * t).sin(), (w * t).cos());
+    let decay = (-2.0 * z * t).exp();
+    let var_q =
+        temperature * (1.0 - decay * (1.0 + 2.0 * z * z / (w * w) * s * s + 2.0 * z / w * s * c));
+    assert!(
+        (now.covariance[0][0] - var_q).abs() < 1e-14,
+        "{now:?} {var_q}"
+    );
+    let half = 0.5
+        * (start.after(&it, t + 1e-4).unwrap().covariance[0][0]
+            - start.after(&it, t - 1e-4).unwrap().covariance[0][0])
+        / 2e-4;
+    assert!((now.covariance[0][1] - half).abs() < 1e-8);
+    let late = start.after(&it, 4e3).unwrap();
+    assert!((late.covariance[1][1] - temperature).abs() < 1e-12);
+}
+
+#[test]
+fn free_flight_falls_and_spreads() {
+    let it = Oscillator::new(ContactLaw::Free, 0.05, 0.01).unwrap();
+    let start = Initial::Gaussian {
+        mean: [1.0, 0.5],
+        deviation: [0.1, 0.2],
+    };
+    let t = 3.0;
+    let now = Gaussian::of(&it, &start).unwrap().after(&it, t).unwrap();
+    let f = 0.1;
+    let (e, terminal) = ((-f * t).exp(), 1.0 / f);
+    assert!((now.mean[1] - (terminal + (0.5 - terminal) * e)).abs() < 1e-13);
+    let var_v = 0.04 * e * e + it.temperature() * (1.0 - e * e);
+    assert!((now.covariance[1][1] - var_v).abs() < 1e-13);
+    let mean_q = 1.0 + terminal * t + (0.5 - terminal) * (1.0 - e) / f;
+    assert!((now.mean[0] - mean_q).abs() < 1e-12);
+    assert!(Gaussian::of(&it, &Initial::Stationary).is_err());
+    let hertz = Oscillator::new(ContactLaw::Hertz, 0.05, 0.01).unwrap();
+    assert!(now.after(&hertz, 1.0).is_err());
+}
+
+#[test]
+fn a_moment_is_found_under_its_own_name() {
+    let close = |value: f64| Estimate::closed_form(value);
+    let moments = Moments {
+        mean_q: close(1.0),
+        std_force: close(2.0),
+        ..Moments::default()
+    };
+    assert_eq!(moments.get(Moment::MeanQ), Some(close(1.0)));
+    assert_eq!(moments.get(Moment::StdForce), Some(close(2.0)));
+    assert_eq!(moments.get(Moment::ContactLossProbability), None);
+    for (k, it) in Moment::ALL.into_iter().enumerate() {
+        let name: String = it.name().chars().filter(|c| *c != '_').collect();
+        assert_eq!((k, name), (it as usize, format!("{it:?}").to_lowercase()));
+    }
+}
+
+#[test]
+fn raw_expectations_of_a_two_point_law_give_its_moments() {
+    // q = 2 with probability 1/4, q = -1 with 3/4, v = q, N = q (linear law).
+    let raw = RawMoments {
+        mass: 2.0,
+        q: -0.5,
+        qq: 3.5,
+        v: -0.5,
+        vv: 3.5,
+        qv: 3.5,
+        force: [-0.5, 3.5, 2.5, 9.5],
+        potential: 1.75,
+        lost: 0.0,
+    };
+    let m = raw.moments(&ContactLaw::Linear);
+    let close = |x: Estimate, y: f64| assert!((x.value - y).abs() < 1e-14, "{} {y}", x.value);
+    close(m.mean_q, -0.25);
+    close(m.var_q, 1.6875);
+    close(m.cov_qv, 1.6875);
+    close(m.std_force, 1.6875f64.sqrt());
+    // Bernoulli(1/4): skewness (1-2p)/sqrt(pq), kurtosis 3 + (1-6pq)/pq.
+    close(m.skewness_force, 0.5 / 0.1875f64.sqrt());
+    close(m.kurtosis_force, 3.0 + (1.0 - 6.0 * 0.1875) / 0.1875);
+    close(m.mean_energy, 1.75);
+    assert!(m.contact_loss_probability.is_none());
+}
+
+#[test]
+fn the_paper_s_force_densities_give_the_paper_s_levels() {
+    // Sections 4.1 and 4.2: G_0 in N^2/Hz and the corresponding h, printed to one or two digits.
+    for (g0, h, digits) in [
+        (1e-4, 1e-6, 0.05),
+        (4.5e-3, 4.5e-5, 0.05),
+        (30e-3, 3e-4, 0.05),
+        (6e-2, 6e-4, 0.05),
+        (0.17, 1.7e-3, 0.05),
+        (0.25, 2.5e-3, 0.05),
+    ] {
+        let ours = Rig::default().level_from_force_psd(g0);
+        assert!((ours / h - 1.0).abs() < digits, "{g0}: {ours} {h}");
+    }
+}
+
+#[test]
+fn every_conversion_has_its_inverse() {
+    let rig = Rig::new(95.0, 410.0, 3.2e-6).unwrap();
+    for x in [-2.3, 0.0, 1e-3, 7.0] {
+        assert!((rig.displacement(rig.compression(x)) - x).abs() < 1e-13);
+        assert!((rig.time(rig.seconds(x)) - x).abs() < 1e-13);
+        assert!((rig.omega(rig.hertz(x)) - x).abs() < 1e-13);
+        assert!((rig.level_from_force_psd(rig.force_psd_from_level(x)) - x).abs() < 1e-13);
+    }
+    assert!(
+        rig.compression(-1.5).abs() < 1e-20,
+        "loss of contact is zero compression, (15)"
+    );
+}
+
+#[test]
+fn the_moving_mass_carries_its_own_weight() {
+    // Section 2: F_s = m g = 110 N; (2), (3) with (4), (5) must give the same mass.
+    assert!((Rig::default().mass() * 9.81 / 110.0 - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn the_scales_of_the_linear_oscillator_are_powers_of_its_temperature() {
+    let it = Oscillator::new(ContactLaw::Linear, 0.1, 0.02).unwrap();
+    let t = it.temperature();
+    let s = t.sqrt();
+    let expected = [s, t, s, t, t, s, s, 1.0, 1.0, t, 1.0];
+    for (got, expected) in Scales::of(&it)
+        .each(&Moments::default())
+        .iter()
+        .zip(expected)
+    {
+        assert!((got / expected - 1.0).abs() < 1e-12);
+    }
+    let free = Oscillator::new(ContactLaw::Free, 0.1, 0.02).unwrap();
+    let mut moments = Moments::default();
+    moments.mean_q.value = -7.0;
+    assert_eq!(Scales::of(&free).each(&moments)[0], 7.0);
 }

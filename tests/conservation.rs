@@ -8,14 +8,10 @@ use mesh_modes::slowest;
 use runge_kutta::RungeKutta4;
 use sprs::CsMat;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::domain::Domain;
-use vibroimpact::fokker_planck::flux::{Drift, MassFlux, Measure, maxwell};
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::march::BackwardEuler;
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::steady::null_vector;
-use vibroimpact::fokker_planck::{Settings, TransientMethod, steady, transient};
+use vibroimpact::fokker_planck::{
+    Axis, BackwardEuler, Density, Domain, Drift, Generator, MassFlux, Measure, Mesh, Settings,
+    TransientMethod, maxwell, null_vector, steady, transient,
+};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::stationary::Stationary;

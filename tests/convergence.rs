@@ -4,13 +4,9 @@ mod runge_kutta;
 
 use runge_kutta::RungeKutta4;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::domain::Domain;
-use vibroimpact::fokker_planck::flux::Drift;
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::observables::Observables;
-use vibroimpact::fokker_planck::{Settings, transient};
+use vibroimpact::fokker_planck::{
+    Axis, Density, Domain, Drift, Generator, Mesh, Observables, Settings, transient,
+};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moments, RawMoments};

@@ -6,11 +6,9 @@ mod mesh_modes;
 use mesh_modes::slowest;
 use num_complex::Complex;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::domain::Domain;
-use vibroimpact::fokker_planck::flux::Drift;
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::{DecayRate, DecayRates, Settings, decay_rates};
+use vibroimpact::fokker_planck::{
+    Axis, DecayRate, DecayRates, Domain, Drift, Generator, Mesh, Settings, decay_rates,
+};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 

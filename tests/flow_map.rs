@@ -2,13 +2,9 @@
 
 use std::time::Instant;
 use vibroimpact::contact::{ContactLaw, Restoring};
-use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::difference::lagrange;
-use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings, Splitting};
-use vibroimpact::fokker_planck::flux::Drift;
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::observables::Observables;
+use vibroimpact::fokker_planck::{Axis, Density, Domain, Drift, Mesh, Observables};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::Moments;

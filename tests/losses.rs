@@ -6,8 +6,7 @@
 use std::f64::consts::PI;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::estimate::Estimate;
-use vibroimpact::fokker_planck::flight::{Flight, flight_law};
-use vibroimpact::fokker_planck::{FirstLoss, Settings, first_loss};
+use vibroimpact::fokker_planck::{FirstLoss, Flight, Settings, first_loss, flight_law};
 use vibroimpact::initial::Initial;
 use vibroimpact::monte_carlo::{self, Sampling, Scheme};
 use vibroimpact::oscillator::Oscillator;

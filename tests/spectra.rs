@@ -2,12 +2,10 @@
 
 use num_complex::Complex;
 use rustfft::FftPlanner;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::domain::Domain;
 use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::{Settings, Spectrum, spectrum};
+use vibroimpact::fokker_planck::{Axis, Domain, Mesh, Settings, Spectrum, spectrum};
 use vibroimpact::initial::Initial;
 use vibroimpact::monte_carlo::{Samples, Sampling, series};
 use vibroimpact::oscillator::{Oscillator, Quantity};
@@ -364,5 +362,66 @@ fn the_spectrum_of_an_exponential_correlation_is_a_lorentzian() {
     for (w, g) in omega.iter().zip(&density).take_while(|(w, _)| **w < 4.0) {
         let exact = 2.0 / PI / (1.0 + w * w);
         assert!((g / exact - 1.0).abs() < 1e-4, "{w}: {g} {exact}");
+    }
+}
+
+/// Numbers without structure, by the golden ratio.
+fn record(n: usize) -> Vec<f64> {
+    (0..n)
+        .map(|k| ((k * k) as f64 * 0.618_033_988_749_894_9).fract() - 0.5)
+        .collect()
+}
+
+#[test]
+fn the_squares_of_a_record_are_the_integral_of_its_spectrum() {
+    let welch = Welch::new(64, 32, 0.3).unwrap();
+    let record = record(64 + 3 * 32);
+    let it = welch.record(&record);
+    assert_eq!(it.segments, 4);
+    let inner: f64 = it.density[1..32].iter().sum();
+    // Both halves of the circle; the ends belong to one.
+    let integral = welch.spacing() * (inner + 0.5 * (it.density[0] + it.density[32]));
+    let window = |n: usize| (PI * n as f64 / 64.0).sin().powi(2);
+    let weighted: f64 = (0..4)
+        .flat_map(|s| (0..64).map(move |n| (s, n)))
+        .map(|(s, n)| (window(n) * record[s * 32 + n]).powi(2))
+        .sum();
+    let power: f64 = (0..64).map(|n| window(n).powi(2)).sum();
+    let expected = weighted / (4.0 * power);
+    assert!(
+        (integral / expected - 1.0).abs() < 1e-13,
+        "{integral} {expected}"
+    );
+}
+
+#[test]
+fn a_sine_of_amplitude_a_has_the_rms_magnitude_a_over_root_two() {
+    let welch = Welch::new(256, 256, 0.1).unwrap();
+    let wave: Vec<f64> = (0..256)
+        .map(|n| 3.0 * (TAU * 20.0 * f64::from(n) / 256.0).cos())
+        .collect();
+    let got = welch.magnitude(welch.record(&wave).density[20]);
+    assert!((got - 3.0 / 2f64.sqrt()).abs() < 1e-12, "{got}");
+    assert!((welch.noise_bandwidth() - 1.5).abs() < 1e-12);
+}
+
+#[test]
+fn the_expectation_of_white_samples_is_flat_and_that_of_a_cosine_is_its_own_periodogram() {
+    let welch = Welch::new(32, 16, 0.5).unwrap();
+    for g in welch.expectation(&[2.0]) {
+        assert!((g - 2.0 * 0.5 / PI).abs() < 1e-13);
+    }
+    // x = a cos(w t) + b sin(w t) with independent unit a, b has R = cos(w t).
+    let (w, n) = (1.3, 32);
+    let wave = |phase: f64| {
+        (0..n)
+            .map(|k| (w * 0.5 * f64::from(k) - phase).cos())
+            .collect::<Vec<_>>()
+    };
+    let (cosine, sine) = (welch.record(&wave(0.0)), welch.record(&wave(PI / 2.0)));
+    let correlation: Vec<f64> = (0..n).map(|k| (w * 0.5 * f64::from(k)).cos()).collect();
+    for (k, g) in welch.expectation(&correlation).iter().enumerate() {
+        let sum = cosine.density[k] + sine.density[k];
+        assert!((g - sum).abs() < 1e-13 * 32.0, "{k}: {g} {sum}");
     }
 }

@@ -2,15 +2,11 @@
 
 use std::time::Instant;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::march::{
-    Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver,
-};
-use vibroimpact::fokker_planck::mesh::{Axis, Mesh};
-use vibroimpact::fokker_planck::observables::Observables;
 use vibroimpact::fokker_planck::transient::{march, time_scheme};
-use vibroimpact::fokker_planck::{Drift, TimeScheme};
+use vibroimpact::fokker_planck::{
+    Additive, Axis, BackwardEuler, Chebyshev, Density, Drift, Generator, Integrator, March, Mesh,
+    Observables, Radau, Solver, TimeScheme,
+};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;

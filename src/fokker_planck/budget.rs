@@ -27,7 +27,6 @@ pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     }
 }
 
-/// What a run is foreseen to take.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Work {
     /// Seconds.

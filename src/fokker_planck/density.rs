@@ -39,7 +39,7 @@ impl Density {
     /// The start, on the unknowns of `generator`: what lies outside of them is left out.
     ///
     /// # Errors
-    /// [`Error::Mesh`] if a Gaussian is narrower than [`Density::NARROWEST`] cells of a central scheme;
+    /// [`Error::Mesh`] if a Gaussian is narrower than 1.5 cells of a central scheme;
     /// [`Error::NotAvailable`] for a start at rest, which no mesh can hold.
     pub fn start(generator: &Generator, initial: &Initial) -> Result<Self> {
         let mesh = generator.mesh();

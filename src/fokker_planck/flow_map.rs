@@ -299,7 +299,6 @@ impl FlowMap {
         &self.active
     }
 
-    /// The settings.
     pub(crate) fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -323,7 +322,7 @@ impl FlowMap {
     /// A start at the cell centres.
     ///
     /// # Errors
-    /// As [`Density::everywhere`].
+    /// As [`Density::start`].
     pub fn start(&self, initial: &Initial) -> Result<Density> {
         Density::everywhere(&self.mesh, &self.weights, initial)
     }

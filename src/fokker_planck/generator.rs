@@ -145,7 +145,6 @@ impl Generator {
         &self.mesh
     }
 
-    /// How g is carried.
     pub(crate) fn drift(&self) -> Drift {
         self.drift
     }
@@ -258,8 +257,7 @@ impl Generator {
     /// The spectral radius of the antisymmetric part of the generator, which is transport, and of its
     /// symmetric part, which is all that dissipates, by Lanczos' method with a margin of 2 %, 1/time.
     /// The numerical range in the inner product of the weights lies in the box \[-second, 0\] +
-    /// i \[-first, first\]. For upwind drift, whose transport dissipates, from the
-    /// bounds of [`Generator::rates`].
+    /// i \[-first, first\]. For upwind drift, whose transport dissipates, from the row sums.
     pub fn radii(&self) -> (f64, f64) {
         let MassFlux::Centres { .. } = self.flux else {
             let (transport, diffusion) = self.rates();

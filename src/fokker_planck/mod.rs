@@ -1,43 +1,60 @@
 //! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
+//!
+//! ```
+//! use vibroimpact::fokker_planck::{Settings, spectrum, transient};
+//! use vibroimpact::{contact::ContactLaw, initial::Initial, oscillator::*, spectrum::linear};
+//!
+//! let oscillator = Oscillator::new(ContactLaw::Linear, 0.05, 0.02)?;
+//! let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4])?;
+//! let settings = Settings::default();
+//! let course = transient(&oscillator, &start, &[0.5], &[], &settings, &|_done| ())?;
+//! let mean = course.moments[0].mean_q; // free decay from 1
+//! assert!((mean.value - 0.8796).abs() < 1e-3);
+//! let seen = spectrum(&oscillator, Quantity::Displacement, &[0.9], &settings, &|_done| ())?;
+//! assert!((seen.density[0].value / linear(&oscillator, 0.9) - 1.0).abs() < 1e-3);
+//! # Ok::<(), vibroimpact::Error>(())
+//! ```
 
 mod adaptive;
 pub mod budget;
-pub mod density;
+mod density;
 mod first_passage;
 pub mod flow_map;
-pub mod flux;
-pub mod generator;
+mod flux;
+mod generator;
 mod hermite;
 mod layout;
-pub mod march;
-pub(crate) mod modes;
+mod march;
+mod modes;
 mod moving_frame;
-pub mod observables;
+mod observables;
 mod ornstein_uhlenbeck;
 mod plane;
 mod radius;
 mod reduced;
 mod settings;
-pub mod spectrum;
-pub mod steady;
-pub(crate) mod trajectory;
+mod spectrum;
+mod steady;
+mod trajectory;
 pub mod transient;
 
 pub use budget::Cost;
-pub use density::Snapshot;
+pub use density::{Density, Snapshot};
 pub(crate) use first_passage::first_loss::FirstPassage;
 pub use first_passage::first_loss::{FirstLoss, first_loss};
-pub use first_passage::flight;
-pub use first_passage::flight::{FlightLaw, flight_law};
-pub use flux::Drift;
+pub use first_passage::flight::{Flight, FlightLaw, flight_law};
+pub use flux::{Drift, MassFlux, Measure, maxwell};
+pub use generator::Generator;
+pub use march::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver};
 pub(crate) use modes::Eigenvalues;
 pub use modes::{DecayRate, DecayRates, decay_rates};
-pub(crate) use plane::interpolation;
-pub use plane::{difference, domain, mesh};
+pub use observables::Observables;
+pub use plane::{difference, domain::Domain, mesh::Axis, mesh::Mesh};
+pub(crate) use plane::{domain, interpolation, mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
 pub(crate) use steady::SteadyState;
-pub use steady::{Steady, steady};
+pub use steady::{Steady, null_vector, steady};
 pub(crate) use transient::Recipe;
 pub use transient::{Transient, transient, transient_cost};

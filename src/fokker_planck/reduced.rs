@@ -94,12 +94,10 @@ impl Reduced {
         }
     }
 
-    /// Dimension of the model.
     pub(super) fn dimension(&self) -> usize {
         self.matrix.nrows()
     }
 
-    /// The value at a frequency.
     pub(super) fn at(&self, omega: f64) -> Answer {
         let c = self.solve(C::new(0.0, omega));
         let size = self.variance.sqrt();

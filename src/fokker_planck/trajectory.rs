@@ -16,7 +16,6 @@ pub(crate) struct Motion<'a> {
 }
 
 impl<'a> Motion<'a> {
-    /// The motion of `contact`.
     pub(crate) fn new(contact: &'a ContactLaw) -> Self {
         Self { contact }
     }

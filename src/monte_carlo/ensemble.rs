@@ -84,7 +84,6 @@ pub(crate) struct Ensemble {
 }
 
 impl Ensemble {
-    /// The recipe of an ensemble.
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,

@@ -15,7 +15,6 @@ pub struct Histogram {
     pub dirac: Option<Estimate>,
 }
 
-/// Equal bins.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bins {
     low: f64,
@@ -34,7 +33,6 @@ impl Bins {
         self.count + 2
     }
 
-    /// The slot of a value.
     #[inline(always)]
     pub(super) fn slot(self, x: f64) -> usize {
         let place = (x - self.low) / self.width;

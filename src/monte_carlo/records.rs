@@ -101,7 +101,6 @@ pub(crate) struct Records {
 }
 
 impl Records {
-    /// The recipe of long records.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Sampling) -> Result<Self> {
         let duration = positive("monte_carlo.duration", settings.duration)?;
         let walk = Walk::of(oscillator, &Initial::Stationary, settings)?;
@@ -162,7 +161,6 @@ impl Records {
         format!("{} records, {}", self.records(), self.walk.words())
     }
 
-    /// How many.
     pub(crate) fn records(&self) -> u64 {
         self.groups * LANES as u64
     }

@@ -371,7 +371,6 @@ fn ornstein_uhlenbeck(oscillator: &Oscillator, time: f64) -> (f64, f64) {
     (exponent.exp(), variance.sqrt())
 }
 
-/// [`Scheme::Baoab`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Baoab {
     step: f64,
@@ -414,7 +413,6 @@ impl Kernel for Baoab {
     }
 }
 
-/// [`Scheme::EulerMaruyama`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EulerMaruyama {
     step: f64,

@@ -64,7 +64,6 @@ pub(crate) struct Series {
 }
 
 impl Series {
-    /// The recipe of sampled records.
     pub(crate) fn of(oscillator: &Oscillator, asked: Samples, settings: &Sampling) -> Result<Self> {
         let spacing = positive("spacing", asked.spacing)?;
         let mut walk = Walk::of(oscillator, &Initial::Stationary, settings)?;

@@ -40,7 +40,6 @@ impl Default for Sampling {
 }
 
 impl Sampling {
-    /// The limits, from now on.
     pub(super) fn limits(&self) -> Limits {
         Limits::from_now(self.max_seconds, self.max_memory)
     }

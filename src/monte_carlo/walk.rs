@@ -49,7 +49,6 @@ impl Walk {
         Self::by((scheme, why), oscillator, it, frequency)
     }
 
-    /// By this scheme for this reason.
     fn by(
         (scheme, why): (Scheme, &str),
         oscillator: &Oscillator,

@@ -28,7 +28,6 @@ pub(super) fn field(x: f64) -> String {
     if x.is_finite() { num(x) } else { String::new() }
 }
 
-/// A line of a table.
 fn line(numbers: &[f64]) -> String {
     let fields: Vec<String> = numbers.iter().copied().map(field).collect();
     fields.join(",") + "\n"
@@ -135,7 +134,6 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Files of the steady state on the mesh.
 pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
@@ -151,7 +149,6 @@ pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// The decay rates.
 pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     let Some(it) = &results.decay_rates else {
         return Vec::new();
@@ -163,7 +160,6 @@ pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     vec![File::text("decay_rates.csv", table)]
 }
 
-/// The moments of the ensemble.
 pub(super) fn monte_carlo(results: &Results) -> Vec<File> {
     let table = |it: &EnsembleResult| {
         let table = moments_csv(&it.times, &it.moments, &[]);

@@ -39,7 +39,6 @@ pub struct SampledSpectrum {
 }
 
 impl SpectrumNumbers {
-    /// Of a solved spectrum.
     pub(crate) fn of(oscillator: &Oscillator, solved: Spectrum) -> Self {
         Self {
             linear: solved

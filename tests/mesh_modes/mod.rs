@@ -5,8 +5,7 @@ use ndarray::Array2;
 use num_complex::Complex;
 use sprs::CsMat;
 use vibroimpact::error::Result;
-use vibroimpact::fokker_planck::DecayRate;
-use vibroimpact::fokker_planck::generator::Generator;
+use vibroimpact::fokker_planck::{DecayRate, Generator};
 use vibroimpact::sparse::{Lu, eigen};
 
 type C = Complex<f64>;

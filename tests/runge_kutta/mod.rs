@@ -1,8 +1,7 @@
 //! The classical Runge-Kutta scheme of order 4 on the matrix-free generator: the textbook, as a reference for the
 //! schemes of the library.
 
-use vibroimpact::fokker_planck::density::Density;
-use vibroimpact::fokker_planck::generator::Generator;
+use vibroimpact::fokker_planck::{Density, Generator};
 
 /// Its step is bound by the transport and by the diffusion across a cell.
 pub(crate) struct RungeKutta4 {

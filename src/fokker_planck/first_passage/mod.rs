@@ -2,5 +2,5 @@
 
 pub(crate) mod absorbed;
 pub(crate) mod first_loss;
-pub mod flight;
+pub(crate) mod flight;
 pub(crate) mod pontryagin;

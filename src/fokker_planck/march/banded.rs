@@ -35,7 +35,6 @@ struct Block {
 }
 
 impl Banded {
-    /// Factors for one a.
     pub(super) fn new(generator: &Generator, a: f64) -> Result<Self> {
         let [nq, nv] = generator.mesh().cells();
         let weights = generator.weights();

@@ -28,14 +28,11 @@ mod radau;
 mod resolvent;
 mod system;
 
-pub use additive::Additive;
-pub use backward_euler::BackwardEuler;
-pub use chebyshev::Chebyshev;
-pub use control::March;
+pub use self::{
+    additive::Additive, backward_euler::BackwardEuler, chebyshev::Chebyshev, control::March,
+    integrator::Integrator, radau::Radau, system::Solver,
+};
 pub(crate) use control::Step;
-pub use integrator::Integrator;
-pub use radau::Radau;
-pub use system::Solver;
 pub(crate) use system::{Late, never};
 
 #[cfg(test)]

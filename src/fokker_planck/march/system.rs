@@ -73,14 +73,12 @@ impl System {
         })
     }
 
-    /// The unknowns out of the cells.
     pub(super) fn gather(&self, cells: &[f64], unknowns: &mut [f64]) {
         for (x, cell) in unknowns.iter_mut().zip(&self.cells) {
             *x = cells[*cell];
         }
     }
 
-    /// The unknowns back into the cells.
     pub(super) fn scatter(&self, unknowns: &[f64], cells: &mut [f64]) {
         for (x, cell) in unknowns.iter().zip(&self.cells) {
             cells[*cell] = *x;

@@ -13,7 +13,6 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// The frame of a mean and covariance.
     pub(crate) fn of(mean: [f64; 2], covariance: [[f64; 2]; 2]) -> Self {
         let [[qq, qv], [_, vv]] = covariance;
         let first = qq.max(0.0).sqrt();

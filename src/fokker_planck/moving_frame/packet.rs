@@ -171,17 +171,14 @@ impl Packet {
         Ok(it)
     }
 
-    /// The time it has come to.
     pub(crate) fn time(&self) -> f64 {
         self.time
     }
 
-    /// Steps taken.
     pub(crate) fn steps(&self) -> u64 {
         self.steps
     }
 
-    /// Longest step.
     pub(crate) fn step(&self) -> f64 {
         self.fineness.step
     }
@@ -202,12 +199,10 @@ impl Packet {
         self.defect
     }
 
-    /// The frame.
     pub(crate) fn frame(&self) -> &Frame {
         &self.frame
     }
 
-    /// Whether it is still a point.
     pub(crate) fn is_point(&self) -> bool {
         self.frame.area() == 0.0
     }
@@ -249,7 +244,6 @@ impl Packet {
         self.time = t;
     }
 
-    /// Takes one step.
     pub(crate) fn advance(&mut self, tau: f64) {
         self.longest = self.longest.max(tau);
         let x = self.zeta * tau;

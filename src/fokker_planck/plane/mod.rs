@@ -1,6 +1,6 @@
 //! The plane of q and v: truncated domain, mesh, stencils and splines on it.
 
 pub mod difference;
-pub mod domain;
+pub(crate) mod domain;
 pub(crate) mod interpolation;
-pub mod mesh;
+pub(crate) mod mesh;

@@ -53,7 +53,6 @@ pub(super) const MANY: [RGBColor; 12] = [
     GREY,
 ];
 
-/// A colour.
 pub(super) type Colour = RGBColor;
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub(super) type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;

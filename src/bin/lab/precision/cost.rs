@@ -5,11 +5,10 @@ use super::entry::Effort;
 use std::time::Instant;
 use vibroimpact::error::{Error, Result};
 use vibroimpact::fokker_planck::budget::{self, Factors};
-use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::mesh::Mesh;
-use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, transient};
+use vibroimpact::fokker_planck::{
+    Density, Drift, Generator, Mesh, Settings, TimeScheme, transient,
+};
 use vibroimpact::initial::Initial;
 
 /// What is timed; finite volumes, or the flow map.

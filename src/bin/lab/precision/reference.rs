@@ -6,10 +6,9 @@ use super::method::{Level, Method};
 use super::solve::{Answer, solve};
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
-use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::difference::lagrange;
 use vibroimpact::fokker_planck::flow_map::Splitting;
-use vibroimpact::fokker_planck::{Drift, TimeScheme};
+use vibroimpact::fokker_planck::{Density, Drift, TimeScheme};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::moments::Moments;
 
@@ -261,10 +260,7 @@ fn l1(reference: &Shape, density: &Density) -> f64 {
 const POINTS: usize = 8;
 
 /// First cell and weights that interpolate at x; None outside the axis.
-fn stencil(
-    axis: &vibroimpact::fokker_planck::mesh::Axis,
-    x: f64,
-) -> Option<(usize, [f64; POINTS])> {
+fn stencil(axis: &vibroimpact::fokker_planck::Axis, x: f64) -> Option<(usize, [f64; POINTS])> {
     let xi = axis.locate(x);
     let n = axis.len();
     if !(xi >= 0.0 && xi <= n as f64) || n < POINTS {

@@ -4,12 +4,10 @@ use super::case::Case;
 use super::method::{Level, Method};
 use vibroimpact::error::Result;
 use vibroimpact::fokker_planck::budget::{self, Factors};
-use vibroimpact::fokker_planck::density::Density;
 use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
-use vibroimpact::fokker_planck::generator::Generator;
-use vibroimpact::fokker_planck::mesh::Mesh;
-use vibroimpact::fokker_planck::observables::Observables;
-use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme, transient};
+use vibroimpact::fokker_planck::{
+    Density, Drift, Generator, Mesh, Observables, Settings, TimeScheme, transient,
+};
 use vibroimpact::moments::Moments;
 use vibroimpact::monte_carlo::{self, Sampling, Scheme};
 

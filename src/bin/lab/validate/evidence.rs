@@ -428,11 +428,8 @@ fn density_distance(run: &Run) -> Result<Option<[Estimate; 2]>> {
         let inside = law.distribution_force(ends[1]) - law.distribution_force(ends[0]);
         // The jump of the distribution at the force of flight is the Dirac mass, which is apart.
         let jump = law.contact_loss_probability().map_or(0.0, |it| it.value);
-        let flight = run
-            .results
-            .contact()
-            .loss_point()
-            .map(|q| run.results.contact().force(q));
+        let contact = run.results.scene.oscillator.contact();
+        let flight = contact.loss_point().map(|q| contact.force(q));
         let holds = flight.is_some_and(|n| ends[0] < n && n <= ends[1]);
         let exact = (inside - if holds { jump } else { 0.0 }) / (ends[1] - ends[0]);
         let z = (p.value - exact) / p.error;
