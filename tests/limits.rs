@@ -20,7 +20,7 @@ const SCENES: [(&str, &str, &str); 16] = [
     (
         "flow map on many cells",
         "zeta = 0.005\nh = 2e-3\n[initial]\nmean = [1.0, 0.0]\ndeviation = [0.4, 0.4]\n",
-        "[outputs]\nmoments_at = [100]\n[method]\ncells = [1500, 1200]\n[accuracy]\n",
+        "[outputs]\nmoments_at = [100]\n[method]\ncells = [1000, 800]\n[accuracy]\n",
     ),
     (
         "finite volumes, implicit",
