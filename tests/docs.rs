@@ -151,6 +151,28 @@ fn every_command_printed_is_accepted() {
     assert!(tried > 5);
 }
 
+#[test]
+fn every_test_and_bench_named_is_there() {
+    let mut named = 0;
+    for (name, page) in pages() {
+        let words: Vec<&str> = page.split_whitespace().collect();
+        for pair in words.windows(2) {
+            let target = pair[1].trim_matches('`');
+            let file = match pair[0] {
+                "--test" => format!("tests/{target}.rs"),
+                "--bench" => format!("benches/{target}.rs"),
+                "--bin" if target == "vibroimpact" => "src/main.rs".into(),
+                "--bin" => format!("src/bin/{target}/main.rs"),
+                _ => continue,
+            };
+            assert!(root().join(&file).exists(), "{}: {file}", name.display());
+            named += 1;
+        }
+    }
+    println!("{named} targets");
+    assert!(named > 5);
+}
+
 /// Words that only this project would use, where the field has its own: `docs/conventions.md` has those.
 const PRIVATE: &[&str] = &[
     "bar",

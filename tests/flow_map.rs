@@ -622,7 +622,8 @@ fn case_h_meets_its_errors() {
     let reference = fine.moments(&oscillator);
     assert!((reference.var_v.value + reference.mean_v.value.powi(2) - 0.296_67).abs() < 1e-5);
     for rival in [
-        Rival::new(([64, 48], 1e-5), (Splitting::EvenFive, 1.1), 7e-5),
+        Rival::new(([52, 38], 1e-4), (Splitting::FourTwo, 1.5), 1.6e-4),
+        Rival::new(([56, 42], 1e-4), (Splitting::EvenFive, 1.1), 6e-5),
         Rival::new(([100, 76], 1e-6), (Splitting::EvenFive, 0.6), 5e-6),
     ] {
         rival.race(&oscillator, &start, 50.0, |it| it.distance(&fine));
@@ -640,8 +641,8 @@ fn case_l_meets_its_errors() {
     let law = law.after(&oscillator, until).unwrap();
     let exact = |it: &Run| it.error(|q, v| law.density(q, v));
     for rival in [
-        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 1.5), 2.5e-4),
-        Rival::new(([46, 46], 1e-5), (Splitting::FourTwo, 1.0), 9e-5),
+        Rival::new(([42, 42], 1e-6), (Splitting::FourTwo, 1.0), 5.4e-5),
+        Rival::new(([54, 54], 1e-6), (Splitting::FourTwo, 0.7), 1.5e-5),
     ] {
         rival.race(&oscillator, &start, until, exact);
     }
