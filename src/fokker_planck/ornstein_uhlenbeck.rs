@@ -88,6 +88,16 @@ struct Gauss<'a> {
     row: &'a mut [f64],
 }
 
+/// Adds so much of the spline at xi to a row. A function: a closure of several callers stays outside the dispatch.
+#[inline(always)]
+fn spread(row: &mut [f64], spline: &Spline, n: usize, xi: f64, weight: f64) {
+    let (first, place) = Spline::place(xi, n);
+    let weights = spline.weights(place);
+    for (x, w) in row[first..].iter_mut().zip(&weights[..POINTS]) {
+        *x = weight.mul_add(*w, *x);
+    }
+}
+
 impl pulp::WithSimd for Gauss<'_> {
     type Output = ();
 
@@ -104,13 +114,7 @@ impl pulp::WithSimd for Gauss<'_> {
         let n = axis.len();
         let centres = axis.centres();
         let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
-        let mut add = |xi: f64, weight: f64| {
-            let (first, place) = Spline::place(xi, n);
-            let weights = spline.weights(place);
-            for (x, w) in row[first..].iter_mut().zip(&weights[..POINTS]) {
-                *x = weight.mul_add(*w, *x);
-            }
-        };
+        let mut add = |xi: f64, weight: f64| spread(row, spline, n, xi, weight);
         if clamped {
             let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
             if low < centres[0] {
