@@ -157,7 +157,7 @@ fn every_test_and_bench_named_is_there() {
     for (name, page) in pages() {
         let words: Vec<&str> = page.split_whitespace().collect();
         for pair in words.windows(2) {
-            let target = pair[1].trim_matches('`');
+            let target = pair[1].split('`').next().unwrap();
             let file = match pair[0] {
                 "--test" => format!("tests/{target}.rs"),
                 "--bench" => format!("benches/{target}.rs"),
