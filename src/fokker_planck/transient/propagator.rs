@@ -8,7 +8,7 @@ use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
 use crate::fokker_planck::flux::Weights;
 use crate::fokker_planck::generator::Generator;
-use crate::fokker_planck::march::{
+use crate::fokker_planck::integrators::{
     Additive, BackwardEuler, Chebyshev, Integrator, Late, March, Radau, Solver, Step, never,
 };
 use crate::fokker_planck::mesh::{Axis, Mesh};

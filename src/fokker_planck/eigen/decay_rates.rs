@@ -17,12 +17,12 @@
 //! a half-line without gaps. No eigenvalue beyond its edge is slowest: where none lies above it, distances to
 //! the stationary law fall as t^{-3/2} e^{-f^2 t/(8 zeta T)} (f = 1 for the built-in laws).
 
-use super::adaptive::{self, Next, Question, Stop};
-use super::budget::{Cost, Limits, Work};
-use super::hermite::{DEGREE, Factored, Hierarchy, Resolution};
-use super::settings::Settings;
 use crate::error::Result;
 use crate::estimate::Shortfall;
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::{Cost, Limits, Work};
+use crate::fokker_planck::hermite::{DEGREE, Factored, Hierarchy, Resolution};
+use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use crate::sparse::eigen;
 use ndarray::Array2;

@@ -1,16 +1,16 @@
 //! The steady state: the null vector of the generator, by sparse LU and by marching.
 
-use super::adaptive::{self, Next, Question, Stop};
-use super::budget::{self, Cost, Factors, Limits, timing};
-use super::density::{Density, Snapshot};
-use super::flux::Drift;
-use super::generator::Generator;
-use super::layout::{self, Cells, Layout};
-use super::march::BackwardEuler;
-use super::observables::Observables;
-use super::settings::{Method, Settings};
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::{self, Cost, Factors, Limits, timing};
+use crate::fokker_planck::density::{Density, Snapshot};
+use crate::fokker_planck::flux::Drift;
+use crate::fokker_planck::generator::Generator;
+use crate::fokker_planck::integrators::BackwardEuler;
+use crate::fokker_planck::layout::{self, Cells, Layout};
+use crate::fokker_planck::observables::Observables;
+use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;

@@ -1,0 +1,9 @@
+//! Eigenvectors of the Fokker-Planck operator: the stationary density and the slowest rates of decay.
+
+mod decay_rates;
+mod steady;
+
+pub(crate) use decay_rates::Eigenvalues;
+pub use decay_rates::{DecayRate, DecayRates, decay_rates};
+pub(crate) use steady::SteadyState;
+pub use steady::{Steady, null_vector, steady};
