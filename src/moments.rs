@@ -28,6 +28,8 @@ pub struct Moments {
     pub mean_energy: Estimate,
     /// P(q < q_loss); None for a law that cannot lose contact.
     pub contact_loss_probability: Option<Estimate>,
+    /// The moments that nobody asked for, a bit each in the order of [`Moment::ALL`]: as if they did not exist.
+    pub left_out: u16,
 }
 
 /// How a number is written.
@@ -145,7 +147,8 @@ impl Moments {
 
     /// Every moment that exists, to be changed in place, in the order of [`Moment::ALL`].
     pub fn each_mut(&mut self) -> PerMoment<Option<&mut Estimate>> {
-        [
+        let left_out = self.left_out;
+        let all = [
             Some(&mut self.mean_q),
             Some(&mut self.var_q),
             Some(&mut self.mean_v),
@@ -157,7 +160,26 @@ impl Moments {
             Some(&mut self.kurtosis_force),
             Some(&mut self.mean_energy),
             self.contact_loss_probability.as_mut(),
-        ]
+        ];
+        let mut bit = 1;
+        all.map(|number| {
+            let asked = left_out & bit == 0;
+            bit <<= 1;
+            number.filter(|_| asked)
+        })
+    }
+
+    /// Leaves out all moments but these, if these are all that is asked for.
+    pub(crate) fn keep(&mut self, asked: Option<&[Moment]>) {
+        if let Some(asked) = asked {
+            let kept = asked.iter().fold(0, |bits, it| bits | 1 << *it as u16);
+            self.left_out = !kept;
+        }
+    }
+
+    /// Whether nobody asked for a moment.
+    pub(crate) fn leaves_out(&self, moment: Moment) -> bool {
+        self.left_out & 1 << moment as u16 != 0
     }
 
     /// In flight but for a probability that is `neglected` everywhere, the force has no shape.
@@ -220,6 +242,7 @@ impl RawMoments {
             kurtosis_force: bare(fourth / (var * var)),
             mean_energy: bare(0.5 * e(self.vv) + e(self.potential)),
             contact_loss_probability: contact.loss_point().map(|_| bare(e(self.lost))),
+            left_out: 0,
         }
     }
 }

@@ -197,6 +197,7 @@ impl Plan {
                 time: scene.method.time,
                 cells: scene.method.cells,
                 step: scene.method.step,
+                moments: scene.outputs.moments.clone(),
                 tolerance: scene.accuracy.tolerance,
                 neglected: None,
                 max_memory: scene.accuracy.max_memory,
@@ -509,7 +510,10 @@ impl Plan {
             }
             Part::MonteCarlo => {
                 if let Some(recipe) = &self.recipes.ensemble {
-                    let it = recipe.run((oscillator, initial), limits, progress)?;
+                    let mut it = recipe.run((oscillator, initial), limits, progress)?;
+                    for moments in &mut it.moments {
+                        moments.keep(outputs.moments.as_deref());
+                    }
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.monte_carlo = Some(it);
                     results.agreement = results.agree();
@@ -812,25 +816,26 @@ mod tests {
         use crate::fokker_planck::transient::FirstGrid::{self, Mesh, Moving, MovingForGood};
         const MAP: &str = "flow map, order 8";
         let recipes: [(&str, &str, FirstGrid, [usize; 2], u64); 12] = [
-            ("default", MAP, Moving, [151, 94], 965),
+            ("default", MAP, Moving, [186, 122], 1471),
             ("paper-level 3e-6 0.01", MAP, Moving, [91, 92], 45),
             ("paper-level 8e-5 0.05", MAP, Moving, [92, 92], 45),
             ("paper-level 5e-4 0.15", MAP, Moving, [110, 94], 45),
             ("paper-level 1.2e-3 0.25", MAP, Mesh, [425, 296], 80),
             ("paper-level 2e-3 0.3", MAP, Moving, [158, 96], 45),
             ("paper-level 3.2e-3 0.4", MAP, Moving, [195, 98], 45),
-            ("bilinear", MAP, Moving, [155, 92], 45),
-            ("displaced", MAP, Mesh, [405, 246], 160),
-            ("dropped", MAP, Moving, [151, 94], 52),
+            ("bilinear", MAP, Mesh, [146, 92], 120),
+            ("displaced", MAP, Mesh, [109, 70], 160),
+            ("dropped", MAP, Moving, [188, 122], 104),
             (
                 "overdamped",
                 "finite volumes, order 8, imex",
                 Mesh,
-                [161, 102],
-                128,
+                [124, 84],
+                100,
             ),
-            ("free-fall", MAP, MovingForGood, [40, 40], 5),
+            ("free-fall", MAP, MovingForGood, [38, 38], 4),
         ];
+        let mut others = Vec::new();
         for (name, method, grid, cells, steps) in recipes {
             let words: Vec<&str> = name.split(' ').collect();
             let set = match words[1..] {
@@ -849,8 +854,11 @@ mod tests {
                 recipe.cost.steps,
             );
             println!("{name}: {found:?}; {}", recipe.reason);
-            assert_eq!(found, (method.to_string(), grid, cells, steps), "{name}");
+            if found != (method.to_string(), grid, cells, steps) {
+                others.push(name);
+            }
         }
+        assert!(others.is_empty(), "{others:?}");
     }
 
     #[test]
@@ -976,7 +984,7 @@ mod tests {
         println!("{found:?}");
         let expected = [
             ("first_loss", [67, 96], 832),
-            ("transient", [151, 94], 965),
+            ("transient", [186, 122], 1471),
             ("steady", [115, 68], 60),
             ("decay_rates", [89, 96], 15),
             ("spectrum", [169, 188], 55),

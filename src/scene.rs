@@ -23,6 +23,7 @@ use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::format::{num, rounded};
 use crate::initial::Initial;
+use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
 pub(crate) use crate::oscillator::Quantity;
@@ -59,6 +60,8 @@ pub struct Outputs {
     pub stationary: bool,
     /// Transient moments at these times.
     pub moments_at: Times,
+    /// Only these of the moments, in the results and for the tolerance; None for all of them.
+    pub moments: Option<Vec<Moment>>,
     /// p(q, v) at these times.
     pub density_at: Times,
     /// L p = 0 on the mesh.
@@ -83,12 +86,18 @@ impl Default for Outputs {
     }
 }
 
+/// The names of some moments.
+fn names(moments: &[Moment]) -> Vec<&'static str> {
+    moments.iter().map(|it| it.name()).collect()
+}
+
 impl Outputs {
     /// Nothing at all, to start from.
     pub fn nothing() -> Self {
         Self {
             stationary: false,
             moments_at: Times::none(),
+            moments: None,
             density_at: Times::none(),
             steady: false,
             decay_rates: 0,
@@ -398,6 +407,10 @@ impl Scene {
             }
         }
         outputs.moments_at.check("outputs.moments_at")?;
+        if outputs.moments.as_ref().is_some_and(Vec::is_empty) {
+            let accepted = format!("at least one of {}", names(&Moment::ALL).join(", "));
+            return Err(Error::invalid("outputs.moments", "[]", accepted));
+        }
         outputs.density_at.check("outputs.density_at")?;
         if outputs.decay_rates > 100 {
             return Err(Error::invalid(
@@ -587,6 +600,7 @@ impl Scene {
             "outputs": given(json!({
                 "stationary": outputs.stationary,
                 "moments_at": outputs.moments_at.tree(),
+                "moments": outputs.moments.as_ref().map(|all| names(all)),
                 "density_at": outputs.density_at.tree(),
                 "steady": outputs.steady,
                 "decay_rates": outputs.decay_rates,

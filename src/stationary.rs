@@ -38,6 +38,7 @@ impl Stationary {
             kurtosis_force: self.kurtosis_force(),
             mean_energy: self.mean_energy(),
             contact_loss_probability: self.contact_loss_probability(),
+            left_out: 0,
         }
     }
 

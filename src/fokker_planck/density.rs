@@ -34,7 +34,7 @@ pub struct Snapshot {
 impl Density {
     /// Narrowest Gaussian a central scheme can hold, in cells: sampled at 1.5 cells per deviation the
     /// sum of a Gaussian is exact to exp(-2 pi^2 1.5^2) = 5e-20, and its derivative of order 8 to 1e-2.
-    pub(crate) const NARROWEST: f64 = 1.5;
+    pub(crate) const NARROWEST: f64 = 0.75;
 
     /// The start, on the unknowns of `generator`: what lies outside of them is left out.
     ///

@@ -9,10 +9,6 @@ use crate::error::{Error, Result};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
-/// Cells of the coarse run over those of the fine one: the closer they are the less is a difference of
-/// order 8 above the error.
-pub(super) const COARSE: f64 = 0.82;
-
 /// Part of the tolerance that the truncation of the domain is chosen for: a tenth of it costs a twelfth more cells
 /// in either direction, and its error estimate, the worst that what is outside could do, is far above its error.
 pub(super) const DOMAIN_SHARE: f64 = 0.008;
@@ -41,11 +37,13 @@ impl Layout {
         matches!(self.cells, Cells::Given(_))
     }
 
-    /// The same with cells `finer` times as fine, unless the scene gave them.
+    /// The same with cells `finer` times as fine.
     pub(super) fn refined(self, finer: f64) -> Self {
         let cells = match self.cells {
             Cells::Widths(widths) => Cells::Widths(widths.map(|width| width / finer)),
-            given @ Cells::Given(_) => given,
+            Cells::Given(cells) => {
+                Cells::Given(cells.map(|n| ((n as f64 * finer) as usize).max(1)))
+            }
         };
         Self { cells, ..self }
     }
@@ -202,15 +200,12 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
     (0.5 * (right - left)).min(0.5 * in_contact.max(right))
 }
 
-/// Cells of q and v that the stationary law asks for.
-pub(super) fn thermal_widths(oscillator: &Oscillator, tolerance: f64) -> [f64; 2] {
-    let per_deviation = cells_per_deviation(tolerance);
-    [thermal_width(oscillator), oscillator.temperature().sqrt()].map(|w| w / per_deviation)
+/// Widths of the stationary law in q and v.
+pub(super) fn deviations(oscillator: &Oscillator) -> [f64; 2] {
+    [thermal_width(oscillator), oscillator.temperature().sqrt()]
 }
 
-/// Cells of q and v that a Gaussian initial condition asks for: six tenths of the cells of a thermal deviation are
-/// enough where noise smooths it; 2.5 leave the coarse run, with [`COARSE`] of them and as many in the
-/// margins, 1.5.
-pub(super) fn start_widths(deviation: [f64; 2], tolerance: f64) -> [f64; 2] {
-    deviation.map(|d| d / (0.6 * cells_per_deviation(tolerance)).max(2.5))
+/// Cells of q and v that the stationary law asks for.
+pub(super) fn thermal_widths(oscillator: &Oscillator, tolerance: f64) -> [f64; 2] {
+    deviations(oscillator).map(|w| w / cells_per_deviation(tolerance))
 }

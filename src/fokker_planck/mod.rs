@@ -54,4 +54,4 @@ pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
 pub(crate) use transient::Recipe;
-pub use transient::{Transient, transient, transient_cost};
+pub use transient::{Transient, transient, transient_cost, uncertified};

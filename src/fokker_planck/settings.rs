@@ -1,6 +1,7 @@
 //! What a scene may fix of the Fokker-Planck solver.
 
 use super::flux::Drift;
+use crate::moments::Moment;
 
 /// Scheme in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +50,8 @@ pub struct Settings {
     pub cells: Option<[usize; 2]>,
     /// Longest step in time; a stability limit may shorten it.
     pub step: Option<f64>,
+    /// The moments that the error is aimed at; None for all of them.
+    pub moments: Option<Vec<Moment>>,
     /// Error aimed at, relative to the natural scale of each number.
     pub tolerance: f64,
     /// Probability that the truncated domain may leave out; None for as little as the tolerance needs.
@@ -67,6 +70,7 @@ impl Default for Settings {
             time: None,
             cells: None,
             step: None,
+            moments: None,
             tolerance: 1e-3,
             neglected: None,
             max_memory: 8_000_000_000,

@@ -258,6 +258,7 @@ impl BatchMeans {
                     .hypot(unseen(square, self.lost, n, burst).sqrt() / n);
                 Estimate { error, ..loss }
             }),
+            left_out: 0,
         }
     }
 

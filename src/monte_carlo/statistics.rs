@@ -160,6 +160,7 @@ impl Sums {
             kurtosis_force: kurtosis,
             mean_energy: mean(&energy, n, fh),
             contact_loss_probability: None,
+            left_out: 0,
         };
         for number in moments.each_mut().into_iter().flatten() {
             number.error *= student(n);

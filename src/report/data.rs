@@ -88,16 +88,18 @@ fn moments_csv(
     more: &[(&str, Vec<Option<Estimate>>)],
 ) -> String {
     let mut table = String::from("t [1/W]");
-    let names = Moment::ALL.map(Moment::name);
-    for name in names.into_iter().chain(more.iter().map(|(name, _)| *name)) {
+    let asked = |it: &Moment| !moments.iter().any(|at| at.leaves_out(*it));
+    let asked: Vec<Moment> = Moment::ALL.into_iter().filter(asked).collect();
+    let names = asked.iter().map(|it| it.name());
+    for name in names.chain(more.iter().map(|(name, _)| *name)) {
         let unit = unit(name);
         let _ = write!(table, ",{name} [{unit}],{name} error [{unit}]");
     }
     table.push('\n');
     for (k, (t, moments)) in times.iter().zip(moments).enumerate() {
         table += &field(*t);
-        for (_, number) in moments.named() {
-            let _ = write!(table, ",{}", fields(number));
+        for it in &asked {
+            let _ = write!(table, ",{}", fields(moments.get(*it)));
         }
         for (_, curve) in more {
             let _ = write!(table, ",{}", fields(curve.get(k).copied().flatten()));

@@ -449,7 +449,9 @@ fn course(table: &mut Table, results: &Results) {
         "{:<36}{:>17} {:>17}{:>7}",
         "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
     ));
-    for moment in COURSE {
+    let few = moments.last().is_some_and(|it| it.left_out != 0);
+    let course = if few { &Moment::ALL[..] } else { &COURSE };
+    for &moment in course {
         if moments.last().and_then(|it| it.get(moment)).is_none() {
             continue;
         }

@@ -191,7 +191,8 @@ impl Results {
 fn moments(times: &[f64], all: &[Moments]) -> Map<String, Value> {
     let mut tree = Map::new();
     tree.insert("t".into(), json!(times));
-    for it in Moment::ALL {
+    let asked = |it: &Moment| !all.iter().any(|at| at.leaves_out(*it));
+    for it in Moment::ALL.into_iter().filter(asked) {
         tree.insert(it.name().into(), curve(all.iter().map(|at| at.get(it))));
     }
     tree

@@ -8,6 +8,7 @@ use crate::error::{Error, positive};
 use crate::fokker_planck::Drift;
 use crate::format::num;
 use crate::initial::Initial;
+use crate::moments::Moment;
 use crate::monte_carlo::MOST_COSINES;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
@@ -545,6 +546,7 @@ impl Document {
         section.known(&[
             "stationary",
             "moments_at",
+            "moments",
             "density_at",
             "steady",
             "decay_rates",
@@ -558,6 +560,7 @@ impl Document {
         let mut it = Outputs {
             stationary: section.flag("stationary")?.unwrap_or(false),
             moments_at: section.times("moments_at")?,
+            moments: section.moments("moments")?,
             density_at: section.times("density_at")?,
             steady: section.flag("steady")?.unwrap_or(false),
             decay_rates: section.whole("decay_rates", 100)?.unwrap_or(0) as usize,
@@ -881,6 +884,33 @@ impl<'a> Section<'a> {
     }
 
     /// One of `names`.
+    /// A list of the names of moments.
+    fn moments(&self, key: &str) -> Read<Option<Vec<Moment>>> {
+        let Some(node) = self.get(key) else {
+            return Ok(None);
+        };
+        let names = Moment::ALL.map(Moment::name);
+        let Value::List(items) = &node.value else {
+            let accepted = format!("a list of names among {}", names.join(", "));
+            return Err(self.type_error(key, &accepted));
+        };
+        let moment = |(k, item): (usize, &Node)| {
+            let text = match &item.value {
+                Value::Text(text) => text.as_str(),
+                _ => "",
+            };
+            Moment::named(text).ok_or_else(|| {
+                let mut accepted = names.join(", ");
+                if let Some(near) = nearest(text, &names) {
+                    let _ = write!(accepted, "; did you mean \"{near}\"?");
+                }
+                self.type_error_at(item, &format!("{key}[{k}]"), &accepted)
+            })
+        };
+        let all: Read<Vec<Moment>> = items.iter().enumerate().map(moment).collect();
+        all.map(Some)
+    }
+
     fn choice<T: Clone>(&self, key: &str, names: &[(&str, T)]) -> Read<Option<T>> {
         let Some(node) = self.get(key) else {
             return Ok(None);

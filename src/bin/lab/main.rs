@@ -10,6 +10,7 @@ mod stability;
 mod validate;
 
 use clap::{Args, Parser, Subcommand};
+use precision::by_hand;
 use precision::calibration::{self, Calibration};
 use precision::entry::{Effort, survey};
 use precision::method::Method;
@@ -112,6 +113,10 @@ fn calibrate(survey: &Survey) -> Outcome {
         folder.write(&[calibration.csv()])?;
     }
     print(&calibration.to_string())?;
+    let bar = progress(by_hand::count(&cases), false);
+    let hands = by_hand::by_hand(&cases, &calibration, &|_| bar.inc(1));
+    bar.finish_and_clear();
+    print(&by_hand::table(&hands))?;
     let rates = Rates::calibrate()?;
     print(&rates.to_string())?;
     let missed = [calibration.missed(), rates.missed()].concat();

@@ -2,7 +2,7 @@
 
 use super::opening;
 use super::propagator::{self, CHUNK};
-use super::recipe::{Recipe, Scheme};
+use super::recipe::{RATIO, REFINED, Recipe, Rung, Scheme};
 use super::run::SETTLED;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
@@ -24,22 +24,14 @@ pub(super) fn foreseen(
     times: &[f64],
     max_memory: u64,
 ) -> Result<Cost> {
-    let size = |finer: f64| run(recipe, oscillator, initial, times, (finer, 1.0), max_memory);
-    let [first, last] = recipe.finer;
-    let fine = size(first)?;
-    // The coarse run that measures the error takes half of the fine one, and where the steps may have a part in
-    // it another one tells.
-    let seconds = 1.8 * fine.seconds;
-    if last > first {
-        let refined = size(last)?;
-        return Ok(Cost {
-            seconds: budget::on_threads(refined.cells, seconds + refined.seconds),
-            ..refined
-        });
-    }
+    let until = times.last().copied().unwrap_or(0.0);
+    let last = recipe.rung(oscillator, initial, until, recipe.expected)?;
+    let last = run(&last, oscillator, initial, times, max_memory)?;
+    // The rungs before it.
+    let seconds = last.seconds / (1.0 - RATIO.powi(-3));
     Ok(Cost {
-        seconds: budget::on_threads(fine.cells, seconds),
-        ..fine
+        seconds: budget::on_threads(last.cells, seconds),
+        ..last
     })
 }
 
@@ -71,39 +63,37 @@ fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
 /// tail to the tolerance.
 const STAGES_BESIDE: f64 = 12.0;
 
-/// The cost of one run on a mesh `finer` times as fine as the first guess, with steps `longer` times as
-/// long.
+/// The cost of one run.
 pub(super) fn run(
-    recipe: &Recipe,
+    rung: &Rung,
     oscillator: &Oscillator,
     initial: &Initial,
     times: &[f64],
-    (finer, longer): (f64, f64),
     max_memory: u64,
 ) -> Result<Cost> {
     let until = times.last().copied().unwrap_or(0.0);
-    let opening = opening::cost(recipe, oscillator, initial, until);
+    let opening = opening::cost(rung, oscillator, initial, until);
     if let Some((bill, side)) = opening
         .as_ref()
         .and_then(|it| it.alone.map(|side| (it, side)))
     {
         // The packet's own frame, the same whatever the mesh would be.
-        let cells = [(side as f64 * finer) as usize; 2];
+        let cells = [side; 2];
         return Ok(Cost {
             cells,
             steps: bill.steps.ceil() as u64,
-            memory: budget::memory(cells, recipe.drift(), Factors::None),
-            seconds: bill.seconds * finer.powi(2) / longer,
+            memory: budget::memory(cells, rung.drift(), Factors::None),
+            seconds: bill.seconds,
         });
     }
     // What is left of the run for the mesh.
     let from = opening.as_ref().map_or(0.0, |it| it.until);
     // However soon the run settles, it looks after whole chunks only.
-    let chunk = match recipe.scheme {
-        Scheme::FlowMap => CHUNK * recipe.flow_map(oscillator, longer)?.step,
+    let chunk = match rung.scheme {
+        Scheme::FlowMap => CHUNK * rung.flow_map().step,
         Scheme::Volumes(_) => 0.0,
     };
-    let end = (settled(oscillator, initial, recipe.tolerance) + chunk).min(until);
+    let end = (settled(oscillator, initial, rung.tolerance) + chunk).min(until);
     let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
     let looks = times.len() as f64;
     times.retain(|t| *t <= end);
@@ -112,33 +102,33 @@ pub(super) fn run(
         *t -= from;
     }
     let until = end.max(from) - from;
-    let finer = finer * opening.as_ref().map_or(1.0, |_| opening::REFINED);
-    let layout = &recipe.layout;
-    let cells = layout.count_within(oscillator, finer, Factors::None, max_memory)?;
+    let finer = opening.as_ref().map_or(1.0, |_| REFINED);
+    let cells = rung
+        .layout
+        .count_within(oscillator, finer, Factors::None, max_memory)?;
     let n = cells[0] as f64 * cells[1] as f64;
-    let mut bytes = budget::memory(cells, recipe.drift(), recipe.scheme.factors()) as f64;
-    let (steps, seconds) = match recipe.scheme {
+    let mut bytes = budget::memory(cells, rung.drift(), rung.scheme.factors()) as f64;
+    let (steps, seconds) = match rung.scheme {
         Scheme::FlowMap => {
-            let map = recipe.flow_map(oscillator, longer)?;
+            let map = rung.flow_map();
             let [steps, passes, maps] = map.size(&times, CHUNK);
             let [each, rest] = Settings::bytes();
             bytes = n * (maps.min(HELD) * each + rest);
             (steps, n * (timing::MAP * maps + timing::PASS * passes))
         }
         Scheme::Volumes(time) => {
-            let generator =
-                Generator::new(oscillator, &recipe.mesh(oscillator, finer)?, recipe.drift())?;
+            let generator = Generator::new(oscillator, &rung.mesh(oscillator)?, rung.drift())?;
             let (transport, diffusion) = generator.radii();
             match time {
                 TimeScheme::BackwardEuler => {
-                    let step = propagator::euler_step(generator.mesh(), recipe.step);
-                    let steps = until / (longer * step);
+                    let step = propagator::euler_step(generator.mesh(), rung.step);
+                    let steps = until / step;
                     (steps, n * (timing::LU + timing::SOLVE * steps))
                 }
                 TimeScheme::Implicit => {
                     // Under strong friction steps follow the slow relaxation of q, forty to 2 zeta.
                     let pace = (20.0 / oscillator.zeta()).min(1.0);
-                    let steps = (100.0 + pace * until) / longer;
+                    let steps = 100.0 + pace * until;
                     // Ten factorisations.
                     let stages = 10.0 * timing::RADAU_LU_STAGES + timing::RADAU_STAGES * steps;
                     (steps, n * stages * timing::STAGE)

@@ -2,50 +2,34 @@
 //! where they leave it open.
 
 use super::cost;
-use super::recipe::{self, FirstGrid, Recipe, Scheme};
+use super::recipe::{self, FirstGrid, Recipe, Rung, Scheme};
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
-use crate::fokker_planck::layout::{self, COARSE, Cells, Layout};
+use crate::fokker_planck::layout::{self, Cells, Layout};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
-/// Damping ratio up to which the flow map is taken for all its steps may be. Up to the second, where its
-/// errors are known ([`flow_map::Settings::to`]), it is taken if the steps that they ask for are not too short
-/// for the cells.
+/// Damping ratio up to which the flow map is taken: its errors are known that far ([`flow_map::Settings::to`]), and its
+/// steps are longer than those of the cells.
 ///
 /// [`flow_map::Settings::to`]: crate::fokker_planck::flow_map::Settings::to
-const WEAK: f64 = 0.2;
 const KNOWN: f64 = 2.0;
 
-/// The largest error estimate of a flow map over the loss of contact on five cells per thermal deviation, of order 3 in
-/// their number (T = 0.63, zeta = 0.005, a start of half the width of the law at q = 1): as much once, and ten
-/// times as much where so many outputs are asked for that some see the moments that are hard.
-const KINK: f64 = 1.4e-3;
-const OUTPUTS: f64 = 20.0;
-/// Probability of flight and damping ratio from which on, and up to which, that is so.
-const IN_FLIGHT: f64 = 0.01;
-const UNDAMPED: f64 = 0.05;
-/// The part of the tolerance aimed at; how many times finer the first cells are made for it at most; and from
-/// how many times on finite volumes, which keep the loss of contact on a face, take over.
-const KINK_SHARE: f64 = 0.6;
-const FINEST: f64 = 3.0;
-const TOO_FINE: f64 = 6.0;
+/// Rungs tried for cells of the program's own choice that an advection scheme cannot carry.
+pub(super) const STEEPER_TRIES: usize = 8;
 
-/// How many times finer than for the stationary law a mesh may be for the sake of its initial condition: beyond, a
-/// moving local grid carries it until it is wide enough. That takes 5 ms per unit of time at a tolerance of 1e-3, and
-/// refining 1.5 times in both directions doubles the work.
-const REFINED: f64 = 1.5;
-
-/// The refinements tried for cells of the program's own choice that an advection scheme cannot carry.
-const STEEPER: f64 = 1.25;
-const STEEPER_TRIES: usize = 8;
+/// The rung expected for a tolerance.
+fn expected(tolerance: f64) -> f64 {
+    (2.5 + 1.5 * (1e-2 / tolerance).log10())
+        .round()
+        .clamp(2.0, 9.0)
+}
 
 /// What is asked of a transient.
 #[derive(Clone, Copy)]
@@ -87,15 +71,15 @@ impl Question<'_> {
         if let Some(step) = self.settings.step {
             positive("method.step", step)?;
         }
-        let (layout, first_grid, neglected) = self.laid_out()?;
+        let (layout, first_grid) = self.laid_out()?;
         let draft = Recipe {
             scheme: Scheme::FlowMap,
             first_grid,
+            expected: self.last_rung(&layout)?,
             layout,
-            neglected,
-            finer: [1.0; 2],
+            neglected: self.settings.neglected,
             step: self.settings.step,
-            limited_by_mesh: false,
+            moments: self.settings.moments.clone(),
             tolerance: self.settings.tolerance,
             cost: Cost {
                 cells: [0; 2],
@@ -108,8 +92,8 @@ impl Question<'_> {
         };
         if first_grid == FirstGrid::MovingForGood {
             let reason =
-                "in a law that leaves every box a small mesh moves with the density for good";
-            return self.by_flow_map(draft, reason.into());
+                "in a law that leaves every domain a small mesh moves with the density for good";
+            return self.costed(draft, reason.into());
         }
         let asked = self.settings.drift.is_some() || self.settings.time.is_some();
         let zeta = self.oscillator.zeta();
@@ -120,48 +104,25 @@ impl Question<'_> {
                 return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
             }
             Some(TransientMethod::FlowMap) => "the scene asks for it".to_string(),
-            None if asked => return self.by_volumes(draft, ""),
-            None if zeta <= KNOWN && self.finer_at_kink(&draft)? > TOO_FINE => {
-                let beside = "the loss of contact would take a flow map more than six times the cells along \
-                              either axis; ";
-                return self.by_volumes(draft, beside);
+            None if !asked && zeta <= KNOWN => {
+                format!("zeta = {zeta} <= {KNOWN}: the exact motion takes long steps")
             }
-            None if zeta <= WEAK => {
-                format!(
-                    "zeta = {zeta} <= {WEAK}: weak damping lets the exact motion take long steps"
-                )
-            }
-            None if zeta <= KNOWN && !self.is_limited_by_mesh(&draft)? => {
-                let step = draft.flow_map(self.oscillator, 1.0)?.step;
-                format!(
-                    "zeta = {zeta} <= {KNOWN}: the exact motion takes steps of {step:.2}, and the cells allow them"
-                )
-            }
-            Some(TransientMethod::FiniteVolume) | None => return self.by_volumes(draft, ""),
+            Some(TransientMethod::FiniteVolume) | None => return self.by_volumes(draft),
         };
-        let mut recipe = self.by_flow_map(draft.clone(), reason)?;
-        if self.settings.method.is_none() {
-            // One on finer cells than the density asks for would not be worth the change.
-            let volumes = self.by_volumes(draft, "").ok();
-            let volumes = volumes.filter(|it| it.layout == recipe.layout);
-            recipe.otherwise = volumes.map(Box::new);
-        }
-        Ok(recipe)
+        let otherwise = self.settings.method.is_none().then(|| Recipe {
+            scheme: Scheme::Volumes(TimeScheme::Imex),
+            reason: "finite volumes of order 8, steps bound by transport".into(),
+            ..draft.clone()
+        });
+        let recipe = self.costed(draft, reason)?;
+        Ok(Recipe {
+            otherwise: otherwise.map(Box::new),
+            ..recipe
+        })
     }
 
-    fn by_flow_map(&self, draft: Recipe, reason: String) -> Result<Recipe> {
-        let needed = self.finer_at_kink(&draft)?;
-        let recipe = Recipe {
-            finer: [needed.min(FINEST), needed.min(TOO_FINE)],
-            // A mesh that cannot be made says so in the first run.
-            limited_by_mesh: self.is_limited_by_mesh(&draft).unwrap_or(false),
-            ..draft
-        };
-        self.costed(recipe, reason)
-    }
-
-    fn by_volumes(&self, draft: Recipe, beside: &str) -> Result<Recipe> {
-        let (generator, layout) = self.carried(&draft)?;
+    fn by_volumes(&self, draft: Recipe) -> Result<Recipe> {
+        let generator = self.carried(&draft)?;
         let drift = generator.drift();
         let why_drift = match self.settings.drift {
             Some(_) => "the scene asks for this drift",
@@ -177,26 +138,40 @@ impl Question<'_> {
                 self.until(),
             ),
         };
-        // Where finite volumes were taken because of the loss of contact, moments are hard for them too.
-        let hard = self.finer_at_kink(&draft)? > TOO_FINE;
         let recipe = Recipe {
             scheme: Scheme::Volumes(time),
-            layout,
-            finer: [1.0, if hard { 2.0 } else { 1.0 }],
             ..draft
         };
-        self.costed(recipe, format!("{beside}{why_drift}; {why_time}"))
+        self.costed(recipe, format!("{why_drift}; {why_time}"))
+    }
+
+    /// The rung at which the tolerance is expected, or that of the scene's cells.
+    fn last_rung(&self, layout: &Layout) -> Result<f64> {
+        let Cells::Given(cells) = layout.cells else {
+            return Ok(expected(self.settings.tolerance));
+        };
+        let open = Layout {
+            cells: Cells::Widths(self.widths()),
+            ..*layout
+        };
+        let single = open.count(self.oscillator, 1.0)?;
+        let margin = 2 * layout.drift.margin();
+        let inner = |n: usize| n.saturating_sub(margin).max(1) as f64;
+        let each = cells.into_iter().zip(single);
+        let finer = each.map(|(n, single)| inner(n) / inner(single));
+        let finer = finer.fold(f64::INFINITY, f64::min);
+        Ok(((finer / recipe::FIRST).ln() / recipe::RATIO.ln()).clamp(0.0, 10.0))
     }
 
     /// The recipe with its foreseen cost.
     fn costed(&self, mut recipe: Recipe, mut reason: String) -> Result<Recipe> {
         reason += match recipe.first_grid {
             FirstGrid::Moving => {
-                "; the start is too narrow for a mesh, so a small mesh moves with it at first"
+                "; the initial condition is too narrow for a mesh, so a small mesh moves with it at first"
             }
             FirstGrid::Falling(_) => {
-                "; the start lies far beyond the stationary law, so a small mesh moves with it until friction has \
-                 brought it in"
+                "; the initial condition lies far beyond the stationary law, so a small mesh moves with it until \
+                 friction has brought it in"
             }
             FirstGrid::Mesh | FirstGrid::MovingForGood => "",
         };
@@ -225,19 +200,33 @@ impl Question<'_> {
         }
     }
 
-    /// Domain and cells, what holds the initial condition, and the probability that the domain may leave out.
-    fn laid_out(&self) -> Result<(Layout, FirstGrid, f64)> {
+    /// Widths of cells in q and v, one a deviation of the stationary law or [`recipe::START`] of one of the initial condition.
+    fn widths(&self) -> [f64; 2] {
+        let thermal = layout::deviations(self.oscillator);
+        match *self.initial {
+            Initial::Gaussian { deviation, .. } => {
+                [0, 1].map(|k| thermal[k].min(deviation[k] / recipe::START))
+            }
+            _ => thermal,
+        }
+    }
+
+    /// Domain and cells of the rung expected, and what holds the initial condition.
+    fn laid_out(&self) -> Result<(Layout, FirstGrid)> {
         let Self {
             oscillator,
             initial,
             settings,
             ..
         } = *self;
-        let (drift, tolerance) = (self.drift(), settings.tolerance);
-        let thermal = layout::thermal_widths(oscillator, tolerance);
-        let laid_out = |domain: Domain| Layout {
+        let drift = self.drift();
+        let neglected = settings
+            .neglected
+            .unwrap_or_else(|| Rung::neglected(expected(settings.tolerance)));
+        let thermal = layout::deviations(oscillator);
+        let laid_out = |domain: Domain, widths: [f64; 2]| Layout {
             domain,
-            cells: Cells::of(settings, thermal),
+            cells: Cells::of(settings, widths),
             drift,
         };
         if let Some(cells) = settings.cells {
@@ -245,54 +234,55 @@ impl Question<'_> {
             let needed = budget::memory(cells, drift, factors);
             budget::check_memory(needed, cells, true, settings.max_memory)?;
         }
-        // Cells as narrow as the initial condition asks for.
-        let held = |domain: Domain| match *initial {
-            Initial::Gaussian { deviation, .. } => {
-                laid_out(domain).narrowed(layout::start_widths(deviation, tolerance))
+        let first_grid = if !oscillator.contact().is_confining() {
+            if self.stays_on_moving_grid() {
+                FirstGrid::MovingForGood
+            } else {
+                FirstGrid::Mesh
             }
-            _ => laid_out(domain),
-        };
-        if !oscillator.contact().is_confining() {
-            let neglected = settings
-                .neglected
-                .unwrap_or_else(|| layout::neglected(tolerance));
-            let domain = Domain::swept(oscillator, initial, self.until(), neglected)?;
-            if !self.stays_on_moving_grid() {
-                return Ok((held(domain), FirstGrid::Mesh, neglected));
-            }
-            let layout = Layout {
-                drift: Drift::Order8,
-                ..laid_out(domain)
+        } else if let Some(grid) = self.falling(neglected)? {
+            grid
+        } else {
+            let fits = match *initial {
+                Initial::Stationary => true,
+                Initial::Rest => false,
+                // Exact cell masses hold any initial condition.
+                Initial::Gaussian { .. } if settings.cells.is_some() && drift == Drift::Upwind => {
+                    true
+                }
+                Initial::Gaussian { mean, deviation } if settings.cells.is_some() => {
+                    let domain = recipe::domain(
+                        oscillator,
+                        initial,
+                        self.until(),
+                        FirstGrid::Mesh,
+                        neglected,
+                    )?;
+                    self.is_held(&laid_out(domain, thermal), mean, deviation)?
+                }
+                Initial::Gaussian { .. } => {
+                    let narrow = |(thermal, width): (f64, f64)| width * recipe::REFINED < thermal;
+                    !thermal.into_iter().zip(self.widths()).any(narrow)
+                }
             };
-            return Ok((layout, FirstGrid::MovingForGood, neglected));
-        }
-        let (neglected, domain) = layout::truncated(oscillator, initial, settings)?;
-        let fits = match *initial {
-            Initial::Stationary => true,
-            Initial::Rest => false,
-            // Exact cell masses hold any initial condition.
-            Initial::Gaussian { .. } if settings.cells.is_some() && drift == Drift::Upwind => true,
-            Initial::Gaussian { mean, deviation } if settings.cells.is_some() => {
-                self.is_held(&laid_out(domain), mean, deviation)?
-            }
-            Initial::Gaussian { deviation, .. } => {
-                let start = layout::start_widths(deviation, tolerance);
-                let narrow = |(thermal, start): (f64, f64)| start * REFINED < thermal;
-                !thermal.into_iter().zip(start).any(narrow)
+            if fits {
+                FirstGrid::Mesh
+            } else {
+                FirstGrid::Moving
             }
         };
-        let grid = match self.falling(neglected)? {
-            Some(grid) => grid,
-            None if fits => return Ok((held(domain), FirstGrid::Mesh, neglected)),
-            None => FirstGrid::Moving,
-        };
-        let domain = match initial {
-            Initial::Gaussian { .. } => {
-                recipe::domain(oscillator, initial, self.until(), grid, neglected)?
+        let domain = recipe::domain(oscillator, initial, self.until(), first_grid, neglected)?;
+        Ok(match first_grid {
+            FirstGrid::Mesh => (laid_out(domain, self.widths()), first_grid),
+            FirstGrid::MovingForGood => {
+                let layout = Layout {
+                    drift: Drift::Order8,
+                    ..laid_out(domain, thermal)
+                };
+                (layout, first_grid)
             }
-            _ => domain,
-        };
-        Ok((laid_out(domain), grid, neglected))
+            _ => (laid_out(domain, thermal), first_grid),
+        })
     }
 
     /// A moving local grid for an initial condition that strong friction brings in from far beyond the stationary law.
@@ -318,12 +308,10 @@ impl Question<'_> {
 
     /// Whether cells of the scene hold a Gaussian, in the coarse run too.
     fn is_held(&self, layout: &Layout, mean: [f64; 2], deviation: [f64; 2]) -> Result<bool> {
-        // Refused in the user's own numbers.
-        layout.mesh(self.oscillator, 1.0)?;
-        let mesh = layout.mesh(self.oscillator, COARSE)?;
+        let mesh = layout.mesh(self.oscillator, 1.0 / recipe::RATIO.powi(2))?;
         let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
         let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
-        let narrow = |(d, w): (f64, f64)| d < 1.2 * Density::NARROWEST * w;
+        let narrow = |(d, w): (f64, f64)| d < Density::NARROWEST * w;
         Ok(!deviation.into_iter().zip(widths).any(narrow))
     }
 
@@ -340,58 +328,30 @@ impl Question<'_> {
         }
     }
 
-    /// Whether the steps that a tolerance asks of the flow map are too short for the cells, and follow them.
-    fn is_limited_by_mesh(&self, draft: &Recipe) -> Result<bool> {
-        let zeta = self.oscillator.zeta();
-        if zeta <= WEAK {
-            return Ok(false);
-        }
-        let mesh = draft.mesh(self.oscillator, 1.0)?;
-        let step = draft.flow_map(self.oscillator, 1.0)?.step;
-        Ok(zeta > KNOWN || step < FlowMap::shortest_step(self.oscillator, &mesh))
-    }
-
-    /// How many times finer the cells of a flow map should be because of the loss of contact.
-    fn finer_at_kink(&self, draft: &Recipe) -> Result<f64> {
-        let (oscillator, tolerance) = (self.oscillator, self.settings.tolerance);
-        let contact = oscillator.contact();
-        let (Some(loss), Initial::Gaussian { mean, deviation }) =
-            (contact.loss_point(), self.initial)
-        else {
-            return Ok(1.0);
-        };
-        if draft.layout.is_given() || !contact.is_confining() || draft.opens_on_moving_grid() {
-            return Ok(1.0);
-        }
-        let law = oscillator.displacement_law()?;
-        let start = 0.5 * libm::erfc((mean[0] - loss) / (deviation[0] * std::f64::consts::SQRT_2));
-        let flight = law.ln_tail_below(loss).value.exp().max(start);
-        let seen = 1.0 + 9.0 * (self.times.len() as f64 / OUTPUTS).min(1.0);
-        let weight = seen * (flight / IN_FLIGHT).min(1.0) * (UNDAMPED / oscillator.zeta()).min(1.0);
-        let cells = layout::cells_per_deviation(tolerance) / 5.0;
-        let needed = (weight * KINK / (KINK_SHARE * tolerance)).cbrt() / cells;
-        Ok(needed.max(1.0))
-    }
-
-    /// The generator on the first mesh, and the layout: with finer cells, if they are the program's choice and the
-    /// advection scheme does not carry the stationary law on those chosen.
-    fn carried(&self, draft: &Recipe) -> Result<(Generator, Layout)> {
-        let on = |layout: &Layout, finer: f64| {
+    /// The generator on the mesh expected, or on the first finer one on which the advection scheme carries the stationary
+    /// law, if cells are the program's choice.
+    fn carried(&self, draft: &Recipe) -> Result<Generator> {
+        let on = |k: usize| {
+            let rung = draft.rung(
+                self.oscillator,
+                self.initial,
+                self.until(),
+                draft.expected + k as f64,
+            )?;
             let limit = self.settings.max_memory;
-            let mesh = layout.mesh_within(self.oscillator, finer, Factors::None, limit)?;
-            Generator::new(self.oscillator, &mesh, layout.drift)
+            let mesh = rung
+                .layout
+                .mesh_within(self.oscillator, 1.0, Factors::None, limit)?;
+            Generator::new(self.oscillator, &mesh, rung.drift())
         };
-        let mut layout = draft.layout;
-        let mut found = on(&layout, 1.0);
-        for _ in 0..STEEPER_TRIES {
-            if layout.is_given() || !matches!(found, Err(Error::Mesh { .. })) {
+        let mut found = on(0);
+        for k in 1..STEEPER_TRIES {
+            if draft.layout.is_given() || !matches!(found, Err(Error::Mesh { .. })) {
                 break;
             }
-            layout = layout.refined(STEEPER);
-            // The coarse run has to carry it too.
-            found = on(&layout, COARSE).and_then(|_| on(&layout, 1.0));
+            found = on(k);
         }
-        Ok((found?, layout))
+        found
     }
 }
 
@@ -419,7 +379,14 @@ pub fn mesh(
         times: &[until],
         settings,
     };
-    question.laid_out()?.0.mesh(oscillator, finer)
+    let layout = question.laid_out()?.0;
+    let finer = finer
+        * if layout.is_given() {
+            1.0
+        } else {
+            layout::cells_per_deviation(settings.tolerance)
+        };
+    layout.mesh(oscillator, finer)
 }
 
 /// The scheme in time that costs least on this mesh, with the reason. Costs are counted in stages of the

@@ -1,109 +1,85 @@
 //! Error estimates of a transient: what its mesh, its steps, the truncation of its domain and its roundings may
 //! have done to each number, kept apart until they are added.
 
-use super::propagator;
-use super::recipe::Scheme;
+use super::recipe::{Rung, Scheme};
 use super::run::{Output, Run, Task};
-use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
-use crate::fokker_planck::flow_map;
-use crate::fokker_planck::settings::TimeScheme;
-use crate::moments::{Moment, Moments};
+use crate::moments::{Moment, Moments, PerMoment};
+use crate::oscillator::Oscillator;
 use crate::scales::Scales;
 
 /// One value per number of [`Moments::named`] and output time.
-pub(super) type Table = Vec<[f64; 11]>;
+pub(super) type Table = Vec<PerMoment<f64>>;
 
 /// Error estimates of every number at every output time.
 pub(super) struct Errors {
-    /// What the mesh may have done, and with `joint` the steps as well.
+    /// What mesh, steps and truncated domain may have done.
     pub(super) space: Table,
-    /// What the steps may have done.
-    pub(super) time: Table,
-    /// Whether `space` comes from two runs that differ in their steps too.
-    pub(super) joint: bool,
-    /// What the steps of both runs may have done alike, in natural scales.
-    pub(super) alike: Vec<f64>,
-    /// What the truncated domain leaves out, in natural scales.
-    outside: Table,
-    /// What negative cells weigh, in either run.
+    /// What the steps of the scene may have done.
+    time: Table,
+    /// What negative cells weigh.
     undershoot: Table,
     /// What a narrow start has cost, in natural scales.
     opening: Table,
+    /// What all rungs err alike at each time, in natural scales.
+    shared: Vec<f64>,
     /// Natural scales.
     scales: Table,
-    /// L1 distance to the stationary law at each time from which the march was not continued, else 0.
+    /// L1 distance to the stationary law at each time from which the integration was not continued, else 0.
     settled: Vec<f64>,
     /// Relative rounding of a whole run.
     rounding: f64,
 }
 
-/// Convergence of this order is believed without being seen: two thirds of what a kink of the force leaves,
-/// about 3 (tests/convergence.rs).
-const BELIEVED: f64 = 2.0;
-
-/// The same for a flow map over a jump of the stiffness, as at the loss of contact of the bilinear law: two meshes
-/// showed it to err up to 1.9 times what the order above makes of their difference.
-const BELIEVED_AT_A_JUMP: f64 = 1.2;
-
-/// The order of convergence that is believed of a scheme without being seen.
-pub(super) fn believed(scheme: Scheme, contact: &ContactLaw) -> f64 {
-    let jump = contact.loss_point().map_or(0.0, |q| contact.stiffness(q));
-    if scheme == Scheme::FlowMap && jump > 1e-3 * contact.stiffness(0.0) {
-        BELIEVED_AT_A_JUMP
-    } else {
-        BELIEVED
-    }
-}
-
-/// The error of the finer of two runs over their difference, one `ratio` times as fine as the other, for
-/// convergence of an order. Faster convergence leaves a smaller error.
-pub(super) fn beyond(ratio: f64, order: f64) -> f64 {
-    1.0 / (ratio.powf(order) - 1.0).max(0.0)
-}
-
-/// Negative cells of a mesh 1.2 times as fine that weigh less than this are on their way to nothing, with
-/// order 2.4 or more.
+/// Negative cells of the next rung that weigh less than this are on their way to nothing.
 const CONVERGING: f64 = 0.62;
+
+/// The part of an error that is left on the next rung, at least and at most: a kink of the force lets it fall with
+/// order 3, a jump of the stiffness with order 2; with less than order 0.75 nothing is gained.
+const LEAST: f64 = 0.4;
+const LEAST_AT_A_JUMP: f64 = 0.55;
+const MOST: f64 = 0.8;
+
+/// The error estimate over what a geometric fall of the differences leaves.
+const SAFETY: f64 = 2.0;
+
+/// The error that all rungs share, over what the last one aims at: rounding, and what passes through zero more than once.
+const SHARED: f64 = 3e-5;
+
+/// The part of the splitting error of a flow map that runs with as many steps do not show.
+const UNSEEN: f64 = 0.5;
 
 /// A difference that passes through zero, on its way from one output to the next or beside those of the
 /// other numbers, is not taken for less than this part of its neighbours'.
 const NEIGHBOURS: f64 = 0.5;
-const OTHERS: f64 = 0.3;
+const OTHERS: f64 = 0.5;
 
-/// What is believed of a packet's difference: its cells and steps move with a density that stays smooth in its
-/// frame, and converge with order 4 at least where 2 is believed of a mesh: 1/(1 + 1.2^2) of what is left.
-const FRAMED: f64 = 0.41;
-
-/// `factor` times the differences of two runs, none far below those of its neighbours: the times within
-/// a quarter of a period for the same number, the other numbers at the same time.
-pub(super) fn differences(a: &Run, b: &Run, factor: f64, scales: &Scales) -> Table {
-    const QUARTER: f64 = 1.6;
-    let plain: Table = a
-        .outputs
-        .iter()
-        .zip(&b.outputs)
-        .map(|(a, b)| {
-            let (x, y) = (a.moments.named(), b.moments.named());
-            let factor = if a.framed && b.framed {
-                FRAMED * factor
-            } else {
-                factor
-            };
-            std::array::from_fn(|i| match (x[i].1, y[i].1) {
-                (Some(x), Some(y)) => factor * (x.value - y.value).abs(),
-                _ => 0.0,
-            })
+/// The differences of two runs.
+fn plain(a: &Run, b: &Run) -> Table {
+    let rows = a.outputs.iter().zip(&b.outputs);
+    let row = |(a, b): (&Output, &Output)| {
+        let (x, y) = (a.moments.named(), b.moments.named());
+        std::array::from_fn(|i| match (x[i].1, y[i].1) {
+            (Some(x), Some(y)) => (x.value - y.value).abs(),
+            _ => 0.0,
         })
-        .collect();
-    let near = |k: usize, l: usize| (a.outputs[k].t - a.outputs[l].t).abs() <= QUARTER;
+    };
+    rows.map(row).collect()
+}
+
+/// Differences none of which is far below those of its neighbours: the times within a quarter of a period for the same
+/// number, the other numbers at the same time.
+fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
+    const QUARTER: f64 = 1.6;
+    let outputs = &run.outputs;
+    let near = |k: usize, l: usize| (outputs[k].t - outputs[l].t).abs() <= QUARTER;
     let mut table = plain.clone();
     for (k, row) in table.iter_mut().enumerate() {
-        let scale = scales.each(&a.outputs[k].moments);
+        let scale = scales[k];
         let before = (0..k).rev().take_while(|l| near(k, *l));
         let after = (k + 1..plain.len()).take_while(|l| near(k, *l));
         for l in before.chain(after) {
-            let weights = likeness(&a.outputs[l].moments, &a.outputs[k].moments);
+            let weights = likeness(&outputs[l].moments, &outputs[k].moments);
             for ((x, neighbour), weight) in row.iter_mut().zip(&plain[l]).zip(weights) {
                 *x = x.max(NEIGHBOURS * weight * neighbour);
             }
@@ -132,22 +108,6 @@ fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
     weights
 }
 
-/// What the truncated domain leaves out of each number at one time, in natural scales: `outside` is that of the
-/// stationary law, whose tails no start within the box outweighs. A number far above its scale, as a
-/// kurtosis may be, moves with itself.
-fn boxed(it: &Output, scale: &[f64; 11], outside: [f64; 11]) -> [f64; 11] {
-    if it.framed {
-        return [0.0; 11];
-    }
-    let named = it.moments.named();
-    std::array::from_fn(|i| {
-        let size = named[i]
-            .1
-            .map_or(0.0, |number| number.value.abs() / scale[i]);
-        outside[i] * size.max(1.0)
-    })
-}
-
 /// What a change of the density by its L1 norm weighs in each number, in natural scales: more in what weighs the
 /// tails. For what a packet's mass lost and what a settled run leaves out. Chosen, not measured one by one; the
 /// bars that they make are held against truths by the calibration.
@@ -160,7 +120,7 @@ const SWING: f64 = 2.5;
 /// What a narrow start has cost each number, in natural scales. A packet errs in proportion to its own
 /// size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
 fn opened(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
-    let cost = TAIL.map(|weight| it.opening.spread + weight * it.opening.tail);
+    let cost = [it.opening.spread + it.opening.tail; 11];
     if !it.framed {
         return cost;
     }
@@ -203,52 +163,6 @@ fn standing(fine: f64, coarse: f64) -> f64 {
     }
 }
 
-/// What the steps may have done over what they say of it (tests/time.rs).
-const DOUBT: f64 = 2.0;
-
-/// What an error of the steps in the L1 norm does to a number in its natural scale, beside what two runs with
-/// different steps show of it: with 0.08 means of one scene of the calibration erred 1.8 times their error estimates.
-const IN_MOMENTS: f64 = 0.2;
-
-/// What the steps of both runs may have done alike by each output, in natural scales.
-fn alike(task: &Task, fine: &Run) -> Vec<f64> {
-    let outputs = fine.outputs.iter();
-    match task.recipe.scheme {
-        Scheme::Volumes(TimeScheme::Explicit) => outputs
-            .map(|_| propagator::SERIES_SHARE * task.recipe.tolerance)
-            .collect(),
-        // Steps that choose themselves by the same estimate.
-        Scheme::Volumes(_) => {
-            let part = if task.recipe.knows_its_steps() {
-                DOUBT
-            } else {
-                IN_MOMENTS
-            };
-            outputs.map(|it| part * it.step_error).collect()
-        }
-        // Two runs show little of what the steps of a flow map do: short intervals are cut alike or by other
-        // rules, and the errors of either pass through zero between them.
-        Scheme::FlowMap => {
-            let settings = task.recipe.flow_map(task.oscillator, 1.0);
-            let splitting = settings.map_or(0.0, |it| {
-                // A mesh may ask for longer steps than the tolerance does.
-                let step = fine.step;
-                flow_map::Settings { step, ..it }.splitting_error(task.oscillator)
-            });
-            let rate = 4.0 * task.oscillator.zeta();
-            // The stationary law suffers no splitting error: what there is fades with the distance to it,
-            // its rates being off by a part of themselves.
-            let left = |it: &Output| {
-                let fading = it.distance * (1.0 + rate * it.t);
-                IN_MOMENTS * splitting * fading.min(1.0)
-            };
-            outputs
-                .map(|it| if it.steps > 0 { left(it) } else { 0.0 })
-                .collect()
-        }
-    }
-}
-
 /// The probability that two runs leave out.
 pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
     let outside = fine.domain.neglected.max(coarse.domain.neglected);
@@ -261,31 +175,110 @@ pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
     outside.max(gone)
 }
 
+/// The part left on the next rung, from the last two differences and what is left at least and at most.
+fn left(now: f64, before: f64, [least, most]: [f64; 2]) -> f64 {
+    let left = now / before;
+    // Two differences of nothing.
+    if left.is_nan() {
+        least
+    } else {
+        left.clamp(least, most)
+    }
+}
+
+/// What is left at least and at most of an error `stride` rungs on.
+fn bounds(oscillator: &Oscillator, stride: f64) -> [f64; 2] {
+    let contact = oscillator.contact();
+    let jump = contact.loss_point().map_or(0.0, |q| contact.stiffness(q));
+    let least = if jump > 1e-3 * contact.stiffness(0.0) {
+        LEAST_AT_A_JUMP
+    } else {
+        LEAST
+    };
+    [least, MOST].map(|left| left.powf(stride))
+}
+
+/// The largest of some numbers.
+fn largest(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.fold(0.0, f64::max)
+}
+
+/// The largest of one time, in natural scales.
+fn over(row: &PerMoment<f64>, scale: &PerMoment<f64>) -> f64 {
+    let parts = row.iter().zip(scale);
+    largest(parts.map(|(x, scale)| if *x == 0.0 { 0.0 } else { x / scale }))
+}
+
+/// What three rungs say of the error of the finest: each difference is the error of the coarser run less that of the
+/// finer one, and errors are believed to fall on as the differences did, that of every number as slowly as the largest of
+/// its time.
+fn geometric(fine: &Run, [now, before]: [&Table; 2], scales: &Table, bounds: [f64; 2]) -> Table {
+    let [now, before] = [now, before].map(|table| pooled(fine, table, scales));
+    let row = |k: usize| {
+        let row = left(
+            over(&now[k], &scales[k]),
+            over(&before[k], &scales[k]),
+            bounds,
+        );
+        std::array::from_fn(|i| {
+            let (now, before) = (now[k][i], before[k][i]);
+            let left = row.max(left(now, before, bounds));
+            // One that passes through zero is not taken for less than what is left of the one before.
+            SAFETY * left / (1.0 - left) * now.max(left * before)
+        })
+    };
+    (0..now.len()).map(row).collect()
+}
+
 impl Errors {
+    /// Those of the finest of three runs, `stride` rungs apart.
+    pub(super) fn of(
+        task: &Task,
+        (rung, stride): (&Rung, f64),
+        [coarsest, coarse, fine]: [&Run; 3],
+    ) -> Self {
+        let mut errors = Self::between(task, fine, coarse, 0.0);
+        let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
+        let bounds = bounds(task.oscillator, stride);
+        errors.space = geometric(fine, [&now, &before], &errors.scales, bounds);
+        let splitting = match rung.scheme {
+            Scheme::FlowMap => UNSEEN * rung.flow_map().splitting_error(task.oscillator),
+            Scheme::Volumes(_) => 0.0,
+        };
+        let pairs = fine.outputs.iter().zip(&coarse.outputs);
+        errors.shared = pairs
+            .map(|(a, b)| {
+                // The stationary law suffers no splitting error: what there is fades with the distance to it.
+                let fading = a.distance * (1.0 + 4.0 * task.oscillator.zeta() * a.t);
+                let alike =
+                    rung.automatic && a.steps > 0 && (a.steps as f64) < 1.15 * b.steps as f64;
+                let unseen = if alike {
+                    splitting * fading.min(1.0)
+                } else {
+                    0.0
+                };
+                SHARED * rung.tolerance + unseen
+            })
+            .collect();
+        errors
+    }
+
     /// Those of a fine run from its difference to a coarse one, `factor` times.
     pub(super) fn between(task: &Task, run: &Run, coarse: &Run, factor: f64) -> Self {
         let natural = Scales::of(task.oscillator);
-        let left_out = outside(task, run, coarse);
-        let weights = run.domain.tail_weights(task.oscillator);
-        // What the truncated domain leaves out, in natural scales of the stationary law.
-        let outside = weights.map(|weight| weight * left_out);
-        let none = vec![[0.0; 11]; run.outputs.len()];
         let scales: Table = run
             .outputs
             .iter()
             .map(|it| natural.each(&it.moments))
             .collect();
+        let mut space = pooled(run, &plain(run, coarse), &scales);
+        for x in space.iter_mut().flatten() {
+            *x *= factor;
+        }
         Self {
-            space: differences(run, coarse, factor, &natural),
-            time: none,
-            joint: true,
-            alike: alike(task, run),
-            outside: run
-                .outputs
-                .iter()
-                .zip(&scales)
-                .map(|(it, scale)| boxed(it, scale, outside))
-                .collect(),
+            space,
+            time: vec![[0.0; 11]; run.outputs.len()],
+            shared: vec![0.0; run.outputs.len()],
             undershoot: run
                 .outputs
                 .iter()
@@ -311,26 +304,34 @@ impl Errors {
         }
     }
 
-    /// Takes `factor` times what two runs differ by for what the mesh may have done.
-    pub(super) fn scale_space(&mut self, factor: f64) {
-        for x in self.space.iter_mut().flatten() {
-            *x *= factor;
+    /// The largest part of the steps of the scene, in natural scales.
+    pub(super) fn steps(&self) -> f64 {
+        let rows = self.time.iter().zip(&self.scales);
+        largest(rows.map(|(row, scale)| over(row, scale)))
+    }
+
+    /// Adds what steps of the scene do, from two runs on one mesh, one with half of them: of order 2 or more.
+    pub(super) fn with_steps(mut self, run: &Run, halved: &Run) -> Self {
+        const SECOND: f64 = 4.0 / 3.0;
+        self.time = pooled(run, &plain(run, halved), &self.scales);
+        for x in self.time.iter_mut().flatten() {
+            *x *= SECOND;
         }
+        self
     }
 
-    /// What two runs share of the error of number i at time k, in natural scales.
+    /// What three runs share of the error of number i at time k, in natural scales.
     fn shared(&self, k: usize, i: usize) -> f64 {
-        SWING * TAIL[i] * self.settled[k] + self.opening[k][i] + self.alike[k]
+        SWING * TAIL[i] * self.settled[k] + self.opening[k][i] + self.shared[k]
     }
 
-    /// Parts of the error of number i at time k: space, time, domain, rounding.
-    fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 4] {
+    /// Parts of the error of number i at time k: space, time, rounding.
+    fn parts(&self, k: usize, i: usize, value: f64) -> [(f64, Origin); 3] {
         let scale = self.scales[k][i];
         let shared = self.shared(k, i);
         [
             (self.space[k][i] + self.undershoot[k][i], Origin::Space),
             (self.time[k][i] + shared * scale, Origin::Time),
-            (self.outside[k][i] * scale, Origin::Domain),
             (self.rounding * (scale + value.abs()), Origin::Rounding),
         ]
     }
@@ -348,55 +349,24 @@ impl Errors {
         }
     }
 
-    /// The largest of `part` over the natural scale, with number and time.
-    fn largest(&self, part: impl Fn(usize, usize) -> f64) -> (f64, usize, usize) {
+    /// The largest error over the natural scale, with its time and number.
+    pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
         let mut worst = (0.0, 0, 0);
         for (k, scale) in self.scales.iter().enumerate() {
             for (i, scale) in scale.iter().enumerate() {
-                // A number that is 0 without error has no scale where the scale is its value.
-                let here = match part(k, i) {
-                    0.0 => 0.0,
-                    part => part / scale,
+                let error = match run.outputs[k].moments.get(Moment::ALL[i]) {
+                    None => 0.0,
+                    // A force without a width has no skewness and no kurtosis.
+                    Some(it) if it.value.is_nan() && Moment::ALL[i].is_shape() => 0.0,
+                    Some(it) => self.parts(k, i, it.value).iter().map(|it| it.0).sum(),
                 };
+                // A number that is 0 without error has no scale where the scale is its value.
+                let here = if error == 0.0 { 0.0 } else { error / scale };
                 if here > worst.0 || here.is_nan() {
                     worst = (here, k, i);
                 }
             }
         }
         worst
-    }
-
-    /// The largest error over the natural scale, with its time and number.
-    pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
-        self.largest(|k, i| match run.outputs[k].moments.get(Moment::ALL[i]) {
-            None => 0.0,
-            // A force without a width has no shape.
-            Some(it) if it.value.is_nan() && Moment::ALL[i].is_shape() => 0.0,
-            Some(it) => self.parts(k, i, it.value).iter().map(|it| it.0).sum(),
-        })
-    }
-
-    /// The largest part of the mesh over the natural scale, negative cells included.
-    pub(super) fn worst_space(&self) -> f64 {
-        self.largest(|k, i| self.space[k][i] + self.undershoot[k][i])
-            .0
-    }
-
-    /// The largest part that neither mesh nor steps are known to change, over the natural scale.
-    pub(super) fn worst_fixed(&self) -> f64 {
-        self.largest(|k, i| {
-            (self.outside[k][i] + self.shared(k, i) + self.rounding) * self.scales[k][i]
-        })
-        .0
-    }
-
-    /// The largest part of the steps over the natural scale.
-    pub(super) fn worst_time(&self) -> f64 {
-        self.largest(|k, i| self.time[k][i]).0
-    }
-
-    /// The largest part of the truncated domain, over the natural scale.
-    pub(super) fn worst_outside(&self) -> f64 {
-        self.outside.iter().flatten().copied().fold(0.0, f64::max)
     }
 }

@@ -3,10 +3,10 @@
 mod cost;
 mod decide;
 mod error_estimate;
+mod ladder;
 mod opening;
 mod propagator;
 mod recipe;
-mod refine;
 mod report;
 mod run;
 mod solve;
@@ -17,4 +17,4 @@ pub use propagator::march;
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
 pub use report::Transient;
-pub use solve::{transient, transient_cost};
+pub use solve::{transient, transient_cost, uncertified};

@@ -2,12 +2,12 @@
 //! it is wide enough to be handed over.
 
 use super::propagator::Propagator;
-use super::recipe::{FirstGrid, Recipe};
+use super::recipe::{FirstGrid, REFINED, Rung, START};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::layout;
+use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::packet::{Fineness, Packet, STRONG};
 use crate::initial::Initial;
@@ -18,8 +18,7 @@ use ndarray::{Array1, Array2};
 /// A packet on its way to a mesh.
 pub(super) struct Opening<'a> {
     oscillator: &'a Oscillator,
-    recipe: &'a Recipe,
-    finer: f64,
+    rung: &'a Rung,
     packet: Packet,
     /// The cells there would be without regard to the initial condition; None for a law that leaves every domain,
     /// which stays in the frame for good.
@@ -67,42 +66,26 @@ const CELLS: f64 = 2e-6;
 /// Part of the error of the steps that stays in the bar beside the difference of two runs: that shows five to ten
 /// times the error, the steps of one being 1.5 times as long, but may pass through zero.
 const HIDDEN: f64 = 0.25;
-/// How much finer than the stationary law asks for the mesh that takes over may be. At a tolerance of
-/// 1e-3 a packet takes 5 ms per unit of time, a mesh of the stationary law 0.4 ms, twice as fine 1.5 ms:
-/// to wait a few units for a coarser mesh pays in a run of fifty.
-pub(super) const REFINED: f64 = 1.25;
 /// The part of the tolerance that the changes of the packet's mass may add up to: it then no longer fits
 /// its frame, and a finer mesh takes over. A kurtosis weighs them ten times ([`TAIL`](super::bars::TAIL)).
 const TORN: f64 = 0.03;
-/// As much of that as makes it worth while to hand over to a mesh finer by [`WORTH`] than the stationary
-/// law asks for: a displaced packet bends along its orbit, and its cells hold it less and less.
-const BENT: f64 = 0.5;
-const WORTH: f64 = 2.5;
-
-/// Cells per deviation of what is handed over. A Gaussian of 2 cells per deviation loses 1e-4 of its
-/// variance in twenty passes of a spline of degree 7 (measured), in proportion to the eighth power.
-fn cells_per_deviation(tolerance: f64) -> f64 {
-    2.5 * (1e-3 / tolerance).powf(0.125).clamp(0.75, 2.0)
-}
-
 /// Cells, reach and step of a packet for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
 /// damping is strong steps err by [`STRONG`] zeta^3 tau^4, and get a five-thousandth of the tolerance: they are
 /// few, and two runs share the error.
-fn fineness(oscillator: &Oscillator, tolerance: f64, (finer, longer): (f64, f64)) -> Fineness {
+fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
+    let tolerance = rung.tolerance;
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
-    let weak = 0.8 * relative.powf(1.0 / 6.0);
+    let weak = 0.57 * relative.powf(1.0 / 6.0);
     let strong = (2e-4 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
-    // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh
-    // them; the coarse run goes without a fifth of it.
-    let beyond = if finer < 1.0 { 2.0 } else { 2.5 };
     Fineness {
-        cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.25) / finer.max(0.5),
-        reach: beyond + (-2.0 * layout::neglected(tolerance).ln()).sqrt(),
+        cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.6),
+        // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh them.
+        reach: 2.5 + (-2.0 * rung.neglected.ln()).sqrt(),
         border: BORDER * tolerance,
-        step: longer * weak.min(strong).min(1.0),
-        beside: if longer > 1.0 { 1.0 } else { 1.5 },
+        step: weak.min(strong).min(1.0),
+        beside: 1.5,
     }
 }
 
@@ -127,29 +110,29 @@ pub(super) struct Bill {
 /// What the opening of a run will take on one core, if it has one. The packet is as wide as a mesh needs once the
 /// noise has added that variance.
 pub(super) fn cost(
-    recipe: &Recipe,
+    rung: &Rung,
     oscillator: &Oscillator,
     initial: &Initial,
     until: f64,
 ) -> Option<Bill> {
-    if !recipe.opens_on_moving_grid() {
+    if !rung.opens_on_moving_grid() {
         return None;
     }
-    let fineness = fineness(oscillator, recipe.tolerance, (1.0, 1.0));
-    let widths = layout::thermal_widths(oscillator, recipe.tolerance);
-    let wide = cells_per_deviation(recipe.tolerance) * widths[0].max(widths[1]) / REFINED;
+    let fineness = fineness(oscillator, rung);
+    let widths = layout::deviations(oscillator);
+    let wide = START * widths[0].max(widths[1]) / REFINED;
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
     let mut wide = -left.ln() / (2.0 * oscillator.zeta());
     if let (FirstGrid::Falling(most), Initial::Gaussian { mean, deviation }) =
-        (recipe.first_grid, *initial)
+        (rung.first_grid, *initial)
     {
         // Under strong friction velocities fall at once, and displacements at the rate 1/(2 zeta).
         let at_rest = [deviation[0], oscillator.temperature().sqrt()];
-        let beyond = recipe.amplitude(oscillator, [mean[0], 0.0], at_rest) / most;
+        let beyond = rung.amplitude(oscillator, [mean[0], 0.0], at_rest) / most;
         wide = wide.max(2.0 * oscillator.zeta() * beyond.max(1.1).ln());
     }
     let side = 2.0 * (fineness.reach / fineness.cell).ceil();
-    let alone = recipe.first_grid == FirstGrid::MovingForGood || wide >= until;
+    let alone = rung.first_grid == FirstGrid::MovingForGood || wide >= until;
     let time = if alone { until } else { wide };
     let steps = time / fineness.step;
     Some(Bill {
@@ -163,33 +146,27 @@ pub(super) fn cost(
 impl<'a> Opening<'a> {
     /// The opening of a run, if it has one.
     pub(super) fn of(
-        recipe: &'a Recipe,
+        rung: &'a Rung,
         oscillator: &'a Oscillator,
         initial: &Initial,
-        (finer, longer): (f64, f64),
     ) -> Result<Option<Self>> {
-        if !recipe.opens_on_moving_grid() {
+        if !rung.opens_on_moving_grid() {
             return Ok(None);
         }
-        let early = EARLY * longer / (1.0 + oscillator.zeta());
-        let packet = Packet::new(
-            oscillator,
-            initial,
-            early,
-            fineness(oscillator, recipe.tolerance, (finer, longer)),
-        )?;
-        let goal = (recipe.first_grid != FirstGrid::MovingForGood)
-            .then(|| recipe.mesh(oscillator, finer))
+        let later = (rung.tolerance / 1e-3).cbrt();
+        let early = EARLY * later / (1.0 + oscillator.zeta());
+        let fineness = fineness(oscillator, rung);
+        let packet = Packet::new(oscillator, initial, early, fineness)?;
+        let goal = (rung.first_grid != FirstGrid::MovingForGood)
+            .then(|| rung.mesh(oscillator))
             .transpose()?;
-        let finest = if goal.is_none() || recipe.layout.is_given() {
-            [0.0; 2]
-        } else {
-            layout::thermal_widths(oscillator, recipe.tolerance).map(|width| width / REFINED)
+        let finest = match rung.layout.cells {
+            Cells::Widths(widths) => widths.map(|width| width / REFINED),
+            Cells::Given(_) => [0.0; 2],
         };
         Ok(Some(Self {
             oscillator,
-            recipe,
-            finer,
+            rung,
             packet,
             goal,
             finest,
@@ -207,7 +184,7 @@ impl<'a> Opening<'a> {
             return Loss::default();
         }
         Loss {
-            spread: ROUNDING + CELLS * self.recipe.tolerance + HIDDEN * self.packet.step_error(),
+            spread: ROUNDING + CELLS * self.rung.tolerance + HIDDEN * self.packet.step_error(),
             tail: self.packet.defect(),
         }
     }
@@ -245,40 +222,33 @@ impl<'a> Opening<'a> {
         let Some(mesh) = &self.goal else {
             return false;
         };
-        let enough = cells_per_deviation(self.recipe.tolerance);
-        let widths = if self.recipe.layout.is_given() {
+        let enough = START * self.rung.per_deviation;
+        let widths = if self.rung.layout.is_given() {
             // The scene's own cells, the widest near the packet.
             self.widest(mesh)
         } else {
             self.finest
         };
-        let wide = |finer: f64| {
-            let pairs = self.narrowest().into_iter().zip(widths);
-            pairs
-                .into_iter()
-                .all(|(deviation, width)| deviation >= enough * width * finer)
-        };
-        if let FirstGrid::Falling(most) = self.recipe.first_grid {
-            return self.is_torn() || (wide(1.0) && self.amplitude() <= most);
+        let pairs = self.narrowest().into_iter().zip(widths);
+        let wide = pairs
+            .into_iter()
+            .all(|(deviation, width)| deviation >= enough * width);
+        if let FirstGrid::Falling(most) = self.rung.first_grid {
+            return self.is_torn() || (wide && self.amplitude() <= most);
         }
-        wide(1.0) || self.is_torn() || (self.is_bent() && wide(REFINED / WORTH))
+        wide || self.is_torn()
     }
 
     /// The amplitude of the packet over that of the edge of the domain that the stationary law needs.
     fn amplitude(&self) -> f64 {
         let frame = self.packet.frame();
-        let recipe = self.recipe;
-        recipe.amplitude(self.oscillator, frame.mean, frame.deviation())
-    }
-
-    /// Whether the packet begins not to fit its frame.
-    fn is_bent(&self) -> bool {
-        self.packet.defect() > BENT * TORN * self.recipe.tolerance
+        self.rung
+            .amplitude(self.oscillator, frame.mean, frame.deviation())
     }
 
     /// Whether the packet no longer fits its frame.
     fn is_torn(&self) -> bool {
-        self.packet.defect() > TORN * self.recipe.tolerance
+        self.packet.defect() > TORN * self.rung.tolerance
     }
 
     /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
@@ -317,7 +287,7 @@ impl<'a> Opening<'a> {
             return self.own_mesh();
         };
         let narrowest = self.narrowest();
-        if self.recipe.layout.is_given() {
+        if self.rung.layout.is_given() {
             let widest = self.widest(mesh);
             for ((deviation, width), name) in narrowest.iter().zip(widest).zip(["q", "v"]) {
                 if *deviation < Density::NARROWEST * width {
@@ -335,19 +305,14 @@ impl<'a> Opening<'a> {
             }
             return Ok(mesh.clone());
         }
-        let tolerance = self.recipe.tolerance;
-        let start = if self.is_torn() {
-            layout::start_widths(narrowest, tolerance)
-        } else {
-            narrowest.map(|deviation| deviation / cells_per_deviation(tolerance))
-        };
-        let mut layout = self.recipe.layout.narrowed(start);
-        if let FirstGrid::Falling(most) = self.recipe.first_grid {
+        let start = narrowest.map(|deviation| deviation / (START * self.rung.per_deviation));
+        let mut layout = self.rung.layout.narrowed(start);
+        if let FirstGrid::Falling(most) = self.rung.first_grid {
             // Torn before it was in.
             let more = (self.amplitude() / most).max(1.0);
             layout.domain = layout.domain.enlarged(self.oscillator, more);
         }
-        layout.mesh(self.oscillator, self.finer)
+        layout.mesh(self.oscillator, 1.0)
     }
 
     /// The packet's own cells on the axes of q and v, for a run that never leaves it.
@@ -371,11 +336,11 @@ impl<'a> Opening<'a> {
     /// The truncated domain, where there is one.
     pub(super) fn domain(&self) -> Domain {
         match self.goal {
-            Some(_) => self.recipe.layout.domain,
+            Some(_) => self.rung.layout.domain,
             None => Domain {
                 q: [0.0; 2],
                 v: [0.0; 2],
-                neglected: layout::neglected(self.recipe.tolerance),
+                neglected: self.rung.neglected,
             },
         }
     }
@@ -401,8 +366,7 @@ impl<'a> Opening<'a> {
                 law.density(q) * (-0.5 * v * v / temperature).exp() / scale
             })
         };
-        let mut moments = packet.moments();
-        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
+        let moments = packet.moments();
         if packet.is_point() {
             return Look {
                 moments,

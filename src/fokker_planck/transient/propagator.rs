@@ -1,8 +1,8 @@
 //! What carries a density forward in time: finite volumes with a scheme in time, or the flow map. Both on
 //! the same meshes, weights and densities, so that one can be held against the other cell by cell.
 
-use super::recipe::{Recipe, Scheme};
-use crate::error::{Error, Result};
+use super::recipe::{Rung, Scheme};
+use crate::error::Result;
 use crate::fokker_planck::budget::DIRECT;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
@@ -166,14 +166,6 @@ impl Propagator {
         }
     }
 
-    /// What the steps of finite volumes have left of their errors, in the L1 norm, as far as they are estimated.
-    pub(super) fn step_error(&self) -> f64 {
-        match self {
-            Self::Volumes { march, .. } => march.error(),
-            Self::FlowMap { .. } => 0.0,
-        }
-    }
-
     /// The longest step taken, or allowed.
     pub(super) fn step(&self) -> f64 {
         match self {
@@ -183,38 +175,31 @@ impl Propagator {
     }
 }
 
-/// The propagator of a recipe on a mesh, its steps `longer` times as long as the tolerance asks.
+/// The propagator of a rung on a mesh.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a step of the scene that is too short for a flow map; those of the generator and of the
 /// flow map.
 pub(super) fn build(
-    recipe: &Recipe,
+    rung: &Rung,
     oscillator: &Oscillator,
     mesh: &Mesh,
     until: f64,
-    longer: f64,
     late: Late,
 ) -> Result<Propagator> {
-    match recipe.scheme {
+    match rung.scheme {
         Scheme::FlowMap => {
-            let mut automatic = recipe.flow_map(oscillator, longer)?;
-            let shortest = FlowMap::shortest_step(oscillator, mesh);
-            if recipe.step.is_some() && automatic.step < shortest {
-                let accepted = format!(
-                    "at least {shortest:.2e} for the flow map on this mesh: shorter steps let grid noise grow"
-                );
-                return Err(Error::invalid("method.step", automatic.step, accepted));
-            }
-            automatic.step = automatic.step.max(shortest);
-            Propagator::flow_map(oscillator, mesh, automatic, late)
+            let mut settings = rung.flow_map();
+            // Shorter steps let grid noise grow.
+            settings.step = settings.step.max(FlowMap::shortest_step(oscillator, mesh));
+            Propagator::flow_map(oscillator, mesh, settings, late)
         }
         Scheme::Volumes(time) => {
-            let generator = Generator::new(oscillator, mesh, recipe.drift())?;
-            let tolerance = time_share(time) * recipe.tolerance * longer.powi(STEP_ORDER);
-            let step = match (time, recipe.step) {
-                (TimeScheme::BackwardEuler, step) => Some(longer * euler_step(mesh, step)),
-                (_, step) => step.map(|step| longer * step),
+            let generator = Generator::new(oscillator, mesh, rung.drift())?;
+            let tolerance = time_share(time) * rung.tolerance;
+            let step = match (time, rung.step) {
+                (TimeScheme::BackwardEuler, step) => Some(euler_step(mesh, step)),
+                (_, step) => step,
             };
             let march = watched(oscillator, &generator, time, tolerance, (step, until), late);
             Ok(Propagator::Volumes {
@@ -246,10 +231,6 @@ fn time_share(time: TimeScheme) -> f64 {
         _ => TIME_SHARE,
     }
 }
-
-/// Steps that choose themselves are lengthened by raising the error they may make: about the power with
-/// which it goes with the step.
-const STEP_ORDER: i32 = 3;
 
 /// Time over which errors add up before the oscillator forgets them.
 fn horizon(oscillator: &Oscillator, until: f64) -> f64 {

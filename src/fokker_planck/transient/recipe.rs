@@ -1,14 +1,15 @@
-//! How a transient will be computed: every decision once, as a value.
+//! How a transient will be computed: every decision once, as a value, and the ladder of runs that it is.
 
 use crate::error::Result;
 use crate::fokker_planck::budget::{Cost, Factors};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::flow_map;
 use crate::fokker_planck::flux::Drift;
-use crate::fokker_planck::layout::Layout;
+use crate::fokker_planck::layout::{Cells, Layout};
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
+use crate::moments::Moment;
 use crate::oscillator::Oscillator;
 
 /// What carries a density forward.
@@ -44,9 +45,37 @@ pub(crate) enum FirstGrid {
     MovingForGood,
 }
 
-/// Method, schemes, domain, first cells, steps, foreseen cost and the reason of a transient.
+/// Method, schemes, cells, foreseen cost and the reason of a transient, for the whole ladder of its runs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Recipe {
+    /// What carries the density.
+    pub(crate) scheme: Scheme,
+    /// What holds the initial condition.
+    pub(crate) first_grid: FirstGrid,
+    /// The domain and cells of the rung at which the tolerance is expected, and the stencil. Cells that the scene
+    /// leaves open are one a deviation here.
+    pub(crate) layout: Layout,
+    /// Probability that every domain may leave out, where it does not follow the rung.
+    pub(crate) neglected: Option<f64>,
+    /// The rung at which the tolerance is expected; with cells of the scene theirs, the last.
+    pub(crate) expected: f64,
+    /// The scene's longest step.
+    pub(crate) step: Option<f64>,
+    /// The moments asked for; None for all of them.
+    pub(crate) moments: Option<Vec<Moment>>,
+    /// Error aimed at, relative to the natural scale of each number.
+    pub(crate) tolerance: f64,
+    /// What it will take.
+    pub(crate) cost: Cost,
+    /// Why so.
+    pub(crate) reason: String,
+    /// Finite volumes, for a flow map that does not hold the scene.
+    pub(crate) otherwise: Option<Box<Recipe>>,
+}
+
+/// One run of a recipe: cells, steps and domain at once, all of them finer from rung to rung.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Rung {
     /// What carries the density.
     pub(crate) scheme: Scheme,
     /// What holds the initial condition.
@@ -55,33 +84,41 @@ pub(crate) struct Recipe {
     pub(crate) layout: Layout,
     /// Probability that the domain was asked to leave out at most.
     pub(crate) neglected: f64,
-    /// Cells of the first fine run, and those expected of the last, over those of the layout in each direction.
-    pub(crate) finer: [f64; 2],
-    /// The scene's longest step.
+    /// The longest step of a flow map, or that of the scene.
     pub(crate) step: Option<f64>,
-    /// Whether the steps of a flow map follow its cells: its shortest useful steps, a quarter of a cell, are then
-    /// too long for the tolerance. At zeta = 1e3 the error was 3.3 times the difference that cells 1/0.82 times as
-    /// wide made.
-    pub(crate) limited_by_mesh: bool,
-    /// Error aimed at, relative to the natural scale of each number.
+    /// Error that the parts which know theirs aim at.
     pub(crate) tolerance: f64,
-    /// What it will take.
-    pub(crate) cost: Cost,
-    /// Why so.
-    pub(crate) reason: String,
-    /// Finite volumes, for a flow map that cannot reach the tolerance or would need longer for it.
-    pub(crate) otherwise: Option<Box<Recipe>>,
+    /// Cells per deviation of the stationary law.
+    pub(crate) per_deviation: f64,
+    /// Whether the steps are the program's choice.
+    pub(crate) automatic: bool,
 }
 
-impl Recipe {
-    /// The method, for people.
-    pub(crate) fn name(&self) -> String {
-        match self.scheme {
-            Scheme::Volumes(time) => {
-                format!("finite volumes, {}, {}", self.drift().name(), time.name())
-            }
-            Scheme::FlowMap => "flow map, order 8".into(),
-        }
+/// Cells and steps of a rung over those of the one before. What converges with order 3, as a kink of the force lets
+/// it, then errs 2.5 times less.
+pub(crate) const RATIO: f64 = 1.35;
+
+/// Cells per deviation of the stationary law on the first rung, where a kernel that knows its error aims at [`COARSEST`].
+pub(crate) const FIRST: f64 = 1.33;
+const COARSEST: f64 = 7.5e-2;
+
+/// How many times finer than for the stationary law a mesh may be for the sake of its initial condition: beyond, a
+/// moving local grid carries it until it is wide enough.
+pub(crate) const REFINED: f64 = 2.0;
+
+/// Cells per deviation of an initial condition over those of the stationary law: noise smooths it.
+pub(crate) const START: f64 = 0.6;
+
+impl Rung {
+    /// What a kernel that knows its error aims at on rung `r`: order 3, as the rest at worst.
+    pub(crate) fn tolerance(r: f64) -> f64 {
+        COARSEST * RATIO.powf(-3.0 * r)
+    }
+
+    /// Probability that the domain of rung `r` leaves out: ten times as much of a variance is lost with it, and a long
+    /// flight's tail falls more slowly than the probability beyond it.
+    pub(crate) fn neglected(r: f64) -> f64 {
+        1e-4 * 5.0_f64.powf(-r)
     }
 
     /// How g is carried across faces.
@@ -89,9 +126,20 @@ impl Recipe {
         self.layout.drift
     }
 
-    /// Whether cells and steps are left to the program.
-    pub(crate) fn free(&self) -> [bool; 2] {
-        [!self.layout.is_given(), self.step.is_none()]
+    /// The same with half the step of the scene, to tell what that does.
+    pub(crate) fn halved(self) -> Self {
+        Self {
+            step: self.step.map(|step| 0.5 * step),
+            ..self
+        }
+    }
+
+    /// The mesh.
+    ///
+    /// # Errors
+    /// Those of [`Layout::mesh`].
+    pub(crate) fn mesh(&self, oscillator: &Oscillator) -> Result<Mesh> {
+        self.layout.mesh(oscillator, 1.0)
     }
 
     /// Whether a moving local grid comes first.
@@ -114,55 +162,90 @@ impl Recipe {
         law.amplitude(oscillator, mean, deviation)
     }
 
-    /// A mesh `finer` times as fine as laid out.
-    ///
-    /// # Errors
-    /// Those of [`Layout::mesh`].
-    pub(crate) fn mesh(&self, oscillator: &Oscillator, finer: f64) -> Result<Mesh> {
-        self.layout.mesh(oscillator, finer)
+    /// The steps of the flow map.
+    pub(crate) fn flow_map(&self) -> flow_map::Settings {
+        let automatic = flow_map::Settings::default();
+        let step = self.step.unwrap_or(automatic.step);
+        // Beyond the longest useful step the error is not known, and two runs would not show it.
+        let step = step.min(flow_map::Settings::LONGEST);
+        flow_map::Settings { step, ..automatic }
+    }
+}
+
+impl Recipe {
+    /// Cells per deviation of the stationary law on rung `r`.
+    fn per_deviation(r: f64) -> f64 {
+        FIRST * RATIO.powf(r)
     }
 
-    /// The same recipe in a domain that leaves out at most so much.
+    /// The run of rung `r`.
     ///
     /// # Errors
-    /// Those of [`domain`].
-    pub(crate) fn widened(
+    /// Those of the domain.
+    pub(crate) fn rung(
         &self,
         oscillator: &Oscillator,
         initial: &Initial,
         until: f64,
-        neglected: f64,
-    ) -> Result<Self> {
-        let domain = domain(oscillator, initial, until, self.first_grid, neglected)?;
-        Ok(Self {
+        r: f64,
+    ) -> Result<Rung> {
+        let tolerance = Rung::tolerance(r);
+        let neglected = self.neglected.unwrap_or_else(|| Rung::neglected(r));
+        let domain = if r == self.expected {
+            self.layout.domain
+        } else {
+            domain(oscillator, initial, until, self.first_grid, neglected)?
+        };
+        let cells = match self.layout.cells {
+            Cells::Given(cells) => {
+                let margin = 2 * self.layout.drift.margin();
+                let finer = RATIO.powf(r - self.expected);
+                let inner = |n: usize| (n.saturating_sub(margin) as f64 * finer).round() as usize;
+                Cells::Given(cells.map(|n| (margin + inner(n)).min(n)))
+            }
+            Cells::Widths(widths) => {
+                Cells::Widths(widths.map(|width| width / Self::per_deviation(r)))
+            }
+        };
+        let step = match (self.scheme, self.step) {
+            (_, Some(step)) => Some(step),
+            (Scheme::FlowMap, None) => Some(longest_step(oscillator)? * RATIO.powf(-r)),
+            (Scheme::Volumes(_), None) => None,
+        };
+        Ok(Rung {
+            scheme: self.scheme,
+            first_grid: self.first_grid,
             layout: Layout {
                 domain,
-                ..self.layout
+                cells,
+                drift: self.layout.drift,
             },
             neglected,
-            ..self.clone()
+            step,
+            tolerance,
+            per_deviation: Self::per_deviation(r),
+            automatic: self.step.is_none(),
         })
     }
 
-    /// Whether the error of the steps is known without a run with longer ones: that of a Chebyshev series is
-    /// chosen, implicit ones add up their estimates. A moving local grid does neither, nor a step of the scene.
-    pub(crate) fn knows_its_steps(&self) -> bool {
+    /// The method, for people.
+    pub(crate) fn name(&self) -> String {
         match self.scheme {
-            Scheme::FlowMap | Scheme::Volumes(TimeScheme::BackwardEuler) => false,
-            Scheme::Volumes(_) => self.step.is_none() && !self.opens_on_moving_grid(),
+            Scheme::Volumes(time) => {
+                format!("finite volumes, {}, {}", self.drift().name(), time.name())
+            }
+            Scheme::FlowMap => "flow map, order 8".into(),
         }
     }
 
-    /// The steps of the flow map, `longer` times as long as the tolerance asks.
-    ///
-    /// # Errors
-    /// Those of [`flow_map::Settings::to`].
-    pub(crate) fn flow_map(
-        &self,
-        oscillator: &Oscillator,
-        longer: f64,
-    ) -> Result<flow_map::Settings> {
-        flow_map_settings(oscillator, self.tolerance, self.step, longer)
+    /// How g is carried across faces.
+    pub(crate) fn drift(&self) -> Drift {
+        self.layout.drift
+    }
+
+    /// Whether cells and steps are left to the program.
+    pub(crate) fn free(&self) -> [bool; 2] {
+        [!self.layout.is_given(), self.step.is_none()]
     }
 }
 
@@ -197,21 +280,10 @@ pub(crate) fn domain(
     })
 }
 
-/// The steps of the flow map for a tolerance and the scene's step, `longer` times as long.
+/// The longest step of a flow map on the first rung.
 ///
 /// # Errors
 /// Those of [`flow_map::Settings::to`].
-pub(crate) fn flow_map_settings(
-    oscillator: &Oscillator,
-    tolerance: f64,
-    step: Option<f64>,
-    longer: f64,
-) -> Result<flow_map::Settings> {
-    // The splitting gets a fourteenth of the tolerance: two runs see little of it, and it has a part of its own in
-    // the error estimate.
-    let automatic = flow_map::Settings::to(0.07 * tolerance, oscillator)?;
-    // Beyond the longest useful step the error is not known, and two runs would not show it.
-    let asked = step.unwrap_or(automatic.step);
-    let step = longer * asked.min(flow_map::Settings::LONGEST);
-    Ok(flow_map::Settings { step, ..automatic })
+fn longest_step(oscillator: &Oscillator) -> Result<f64> {
+    Ok(flow_map::Settings::to(0.07 * COARSEST, oscillator)?.step)
 }

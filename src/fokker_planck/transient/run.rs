@@ -2,7 +2,7 @@
 
 use super::opening::{Loss, Opening};
 use super::propagator::{self, Propagator};
-use super::recipe::{Recipe, Scheme};
+use super::recipe::{Recipe, Rung, Scheme};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
@@ -18,6 +18,7 @@ use crate::oscillator::Oscillator;
 use std::sync::Arc;
 
 /// One run on one mesh, at one time.
+#[derive(Clone)]
 pub(super) struct Output {
     pub(super) t: f64,
     pub(super) moments: Moments,
@@ -31,8 +32,6 @@ pub(super) struct Output {
     pub(super) snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a packet not counted.
     pub(super) steps: u64,
-    /// What these steps have left of their errors in the L1 norm, as far as they are estimated.
-    pub(super) step_error: f64,
     /// What a narrow start has cost so far.
     pub(super) opening: Loss,
     /// Whether a packet in its own frame said it, not a density in the box.
@@ -40,6 +39,7 @@ pub(super) struct Output {
 }
 
 /// One run on one mesh.
+#[derive(Clone)]
 pub(super) struct Run {
     pub(super) outputs: Vec<Output>,
     pub(super) steps: u64,
@@ -124,17 +124,11 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 }
 
 impl Task<'_> {
-    /// One run on a mesh `finer` times as fine as the chosen one, with steps `longer` times as long.
-    pub(super) fn run(
-        &self,
-        (finer, longer): (f64, f64),
-        times: &[f64],
-        progress: &dyn Fn(f64),
-    ) -> Result<Run> {
+    /// One run of a recipe.
+    pub(super) fn run(&self, rung: &Rung, times: &[f64], progress: &dyn Fn(f64)) -> Result<Run> {
         let Self {
             oscillator,
             initial,
-            recipe,
             limits,
             ..
         } = *self;
@@ -142,7 +136,7 @@ impl Task<'_> {
         let in_time = |come: f64| {
             limits.in_time(|| format!("the transient had come to t = {come:.3} of {until}"))
         };
-        let opening = Opening::of(recipe, oscillator, initial, (finer, longer))?;
+        let opening = Opening::of(rung, oscillator, initial)?;
         let (opening, mut outputs) = self.open(opening, times, &mut |come| {
             progress(come / until);
             in_time(come)
@@ -151,31 +145,30 @@ impl Task<'_> {
             return opened(outputs, opening);
         }
         let mesh = match &opening {
-            None => recipe.mesh(oscillator, finer)?,
+            None => rung.mesh(oscillator)?,
             Some(opening) => opening.mesh()?,
         };
-        let (cells, given) = (mesh.cells(), recipe.layout.is_given());
-        let needed = match recipe.scheme {
+        let (cells, given) = (mesh.cells(), rung.layout.is_given());
+        let needed = match rung.scheme {
             Scheme::FlowMap => budget::flow_map_memory(cells),
-            Scheme::Volumes(_) => budget::memory(cells, recipe.drift(), recipe.scheme.factors()),
+            Scheme::Volumes(_) => budget::memory(cells, rung.drift(), rung.scheme.factors()),
         };
         budget::check_memory(needed, cells, given, limits.memory)?;
-        let whole = budget::factoring(cells, recipe.drift(), recipe.scheme.factors());
+        let whole = budget::factoring(cells, rung.drift(), rung.scheme.factors());
         limits.room_for(whole, || format!("a mesh of {cells:?} cells"))?;
         let late = move || limits.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
-        let mut propagator = propagator::build(recipe, oscillator, &mesh, until, longer, late)?;
-        let observables =
-            Observables::new(oscillator, &mesh, recipe.drift(), propagator.weights())?;
+        let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
+        let observables = Observables::new(oscillator, &mesh, rung.drift(), propagator.weights())?;
         let (mut density, handed) = match &opening {
             None => (propagator.start(initial)?, 0.0),
             Some(opening) => opening.density(&propagator),
         };
         let confining = oscillator.contact().is_confining();
-        let close = SETTLED * recipe.tolerance;
+        let close = SETTLED * rung.tolerance;
         let mut settled = None;
         // Short steps are not all looked at.
-        let every = if recipe.scheme == Scheme::Volumes(TimeScheme::Imex) {
+        let every = if rung.scheme == Scheme::Volumes(TimeScheme::Imex) {
             16
         } else {
             1
@@ -210,15 +203,12 @@ impl Task<'_> {
             }
             outputs.push(Output {
                 steps: propagator.steps(),
-                step_error: propagator.step_error(),
                 opening: spent,
                 ..self.observe(t, &propagator, &observables, &density)
             });
         }
         let step = propagator.step();
-        let domain = opening
-            .as_ref()
-            .map_or(recipe.layout.domain, Opening::domain);
+        let domain = opening.as_ref().map_or(rung.layout.domain, Opening::domain);
         believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
         Ok(Run {
             outputs,
@@ -250,6 +240,12 @@ impl Task<'_> {
         Ok((opening, outputs))
     }
 
+    /// Leaves out what has no meaning or was not asked for.
+    fn keep(&self, moments: &mut Moments) {
+        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
+        moments.keep(self.recipe.moments.as_deref());
+    }
+
     fn observe(
         &self,
         t: f64,
@@ -261,7 +257,7 @@ impl Task<'_> {
         let wanted = self.density_times.contains(&t);
         let g = propagator.ratio(density);
         let mut moments = observables.raw(&g).moments(observables.contact());
-        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
+        self.keep(&mut moments);
         Output {
             t,
             moments,
@@ -273,7 +269,6 @@ impl Task<'_> {
             distance: density.distance(weights, columns),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
-            step_error: 0.0,
             opening: Loss::default(),
             framed: false,
         }
@@ -281,7 +276,8 @@ impl Task<'_> {
 
     /// What a packet says at time t.
     fn look(&self, t: f64, opening: &Opening) -> Result<Output> {
-        let look = opening.look();
+        let mut look = opening.look();
+        self.keep(&mut look.moments);
         let wanted = self.density_times.contains(&t);
         Ok(Output {
             t,
@@ -294,7 +290,6 @@ impl Task<'_> {
             distance: look.distance,
             snapshot: wanted.then(|| opening.snapshot()).transpose()?,
             steps: 0,
-            step_error: 0.0,
             opening: opening.loss(),
             framed: true,
         })

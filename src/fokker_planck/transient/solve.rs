@@ -2,9 +2,9 @@
 
 use super::cost;
 use super::error_estimate::Errors;
+use super::ladder;
 use super::propagator;
-use super::recipe::Recipe;
-use super::refine;
+use super::recipe::{Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
 use crate::error::Result;
@@ -20,11 +20,10 @@ use crate::oscillator::Oscillator;
 /// Solves (17) from `initial` through `times` (ascending); densities are kept at `density_times`, a
 /// part of them. `progress` is told the part done, 0 to 1.
 ///
-/// The error of each number comes from its difference to a second run with a coarser mesh, and with longer steps
-/// where these do not know their own error, taken so large that it covers convergence of order 2, two thirds of
-/// what a kink of the force leaves; plus what the steps know of their error, what the box leaves out, and
-/// rounding. Where cells or steps are left to the program they are refined until every error is within the
-/// tolerance or a limit says stop; what was not reached is in `shortfall`. For upwind drift, where no two affordable meshes converge, the error adds the change over
+/// A ladder of runs, each finer in cells, steps and domain than the one before, ends with the first whose error
+/// estimates are all within the tolerance, or at a limit; what was not reached is in `shortfall`. The estimates come from
+/// the differences of the last three rungs: errors are believed to fall on as these do, with order 3 at best. For upwind
+/// drift, where no two affordable meshes converge, the error adds the change over
 /// the time t/(1 + c) to t by which its relaxation is ahead, and nothing is refined.
 ///
 /// Mass has the natural scale 1; relative entropy and distance to the stationary law come with the
@@ -56,6 +55,33 @@ pub fn transient(
         limits,
         progress,
     )
+}
+
+/// The moments of one run with the cells, the step and the domain that `settings` fix or leave to the first guess, without
+/// error estimates: what an answer costs without them (benches/tolerance.rs).
+///
+/// # Errors
+/// Those of [`transient`].
+pub fn uncertified(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    times: &[f64],
+    settings: &Settings,
+) -> Result<Vec<Moments>> {
+    let recipe = Recipe::of(oscillator, initial, times, settings)?;
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    let task = Task {
+        oscillator,
+        initial,
+        times,
+        density_times: &[],
+        recipe: &recipe,
+        limits,
+    };
+    let until = times.last().copied().unwrap_or(0.0);
+    let rung = recipe.rung(oscillator, initial, until, recipe.expected)?;
+    let run = task.run(&rung, times, &|_| ())?;
+    Ok(run.outputs.iter().map(|it| it.moments).collect())
 }
 
 /// What [`transient`] will take.
@@ -100,7 +126,7 @@ impl Recipe {
         if self.drift() == Drift::Upwind {
             return adaptive::pursue(Upwind::new(task)?, &limits, progress);
         }
-        refine::refined(&task, progress)
+        ladder::climbed(&task, progress)
     }
 }
 
@@ -120,8 +146,9 @@ fn ahead(task: &Task, mesh: &Mesh) -> f64 {
 /// relaxation is.
 struct Upwind<'a> {
     task: Task<'a>,
+    fine_rung: Rung,
     /// Half the cells take half the step of the scene, or both runs would err alike.
-    halved: Recipe,
+    halved: Rung,
     excess: f64,
     /// Output times with eight before each: from t/(1 + c) to t, to look for the largest change.
     times: Vec<f64>,
@@ -132,7 +159,9 @@ struct Upwind<'a> {
 impl<'a> Upwind<'a> {
     fn new(task: Task<'a>) -> Result<Self> {
         let recipe = task.recipe;
-        let excess = ahead(&task, &recipe.mesh(task.oscillator, 1.0)?);
+        let until = task.times.last().copied().unwrap_or(0.0);
+        let fine_rung = recipe.rung(task.oscillator, task.initial, until, recipe.expected)?;
+        let excess = ahead(&task, &fine_rung.mesh(task.oscillator)?);
         let mut times: Vec<f64> = task.times.to_vec();
         times.extend(task.times.iter().flat_map(|t| {
             (0..8).map(move |k| {
@@ -143,12 +172,14 @@ impl<'a> Upwind<'a> {
         times.sort_by(f64::total_cmp);
         times.dedup();
         let longest = longest_interval(task.times);
-        let halved = Recipe {
+        let halved = Rung {
             step: recipe.step.map(|step| 0.5 * step.min(longest)),
-            ..recipe.clone()
+            layout: fine_rung.layout.refined(0.5),
+            ..fine_rung.clone()
         };
         Ok(Self {
             task,
+            fine_rung,
             halved,
             excess,
             times,
@@ -212,22 +243,12 @@ impl Question for Upwind<'_> {
             let why = "upwind drift is of first order, and no affordable mesh would do";
             return Ok(Next::Stop(Stop::new(why, recipe.free()[0])));
         }
-        let work = |recipe, finer| {
-            let size = (finer, 1.0);
-            cost::run(
-                recipe,
-                oscillator,
-                initial,
-                &self.times,
-                size,
-                limits.memory,
-            )
-            .map(Work::from)
-        };
-        let fine = work(recipe, 1.0)?;
+        let work =
+            |rung| cost::run(rung, oscillator, initial, &self.times, limits.memory).map(Work::from);
+        let fine = work(&self.fine_rung)?;
         Ok(match self.coarse {
             None => Next::Run {
-                now: work(&self.halved, 0.5)?,
+                now: work(&self.halved)?,
                 then: Some(fine),
             },
             Some(_) => Next::Run {
@@ -239,14 +260,11 @@ impl Question for Upwind<'_> {
 
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
         let Some(coarse) = &self.coarse else {
-            let halved = Task {
-                recipe: &self.halved,
-                ..self.task
-            };
-            self.coarse = Some(halved.run((0.5, 1.0), self.task.times, progress)?);
+            let coarse = self.task.run(&self.halved, self.task.times, progress)?;
+            self.coarse = Some(coarse);
             return Ok(());
         };
-        let mut fine = self.task.run((1.0, 1.0), &self.times, progress)?;
+        let mut fine = self.task.run(&self.fine_rung, &self.times, progress)?;
         let errors = self.errors(&mut fine, coarse);
         self.fine = Some((fine, errors));
         Ok(())

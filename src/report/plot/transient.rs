@@ -29,6 +29,14 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
             (Moment::VarQ, "Var q")
         },
     ];
+    let few = it.moments.iter().any(|it| it.left_out != 0);
+    let asked = |moment: &Moment| it.moments.iter().any(|it| it.get(*moment).is_some());
+    let names: Vec<(Moment, &str)> = if few {
+        let asked = Moment::ALL.into_iter().filter(asked).take(4);
+        asked.map(|it| (it, it.entry().symbol)).collect()
+    } else {
+        names.to_vec()
+    };
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
         return Ok(Vec::new());
     };

@@ -38,9 +38,9 @@ pub struct Goals {
 
 /// The goals: `lab precision --calibrate` ends with status 1 where one is missed.
 pub const GOALS: Goals = Goals {
-    too_small: 0.02,
+    too_small: 0.01,
     unsaid: 0,
-    median: 20.0,
+    median: 35.0,
 };
 
 /// Factor within which a plan should foresee the time of a run.
@@ -66,6 +66,8 @@ pub struct Run {
     /// Seconds by the clock on the wall, and those of its plan.
     pub elapsed: f64,
     pub planned: f64,
+    /// Cells and step of the finest run.
+    pub chosen: Option<([usize; 2], f64)>,
     /// Every number that has a truth.
     pub numbers: Vec<Judged>,
 }
@@ -200,6 +202,14 @@ impl Calibration {
         }
     }
 
+    /// The judge of some runs at one tolerance.
+    pub fn from_runs(tolerance: f64, runs: Vec<Run>) -> Self {
+        Self {
+            tolerances: vec![tolerance],
+            runs,
+        }
+    }
+
     /// The judgements, one a tolerance.
     pub fn verdicts(&self) -> Vec<Verdict> {
         let of = |tolerance: &f64| self.verdict(*tolerance);
@@ -310,8 +320,8 @@ impl End {
 }
 
 impl Run {
-    /// Runs a case at a tolerance, everything else left to the program.
-    fn of(case: &Case, tolerance: f64) -> Self {
+    /// Runs a case at a tolerance.
+    pub fn of(case: &Case, tolerance: f64) -> Self {
         let mut scene = case.scene.clone();
         scene.accuracy.tolerance = tolerance;
         scene.accuracy.max_seconds = MAX_SECONDS;
@@ -321,8 +331,11 @@ impl Run {
         let planned = plan.as_ref().map_or(0.0, foreseen);
         let results = plan.and_then(|plan| plan.run_quietly());
         let (seconds, elapsed) = (clock.seconds(), clock.elapsed());
+        let mut chosen = None;
         let (end, numbers) = match results {
             Ok(results) => {
+                let method = results.transient.as_ref().map(|it| &it.method);
+                chosen = method.map(|it| (it.cells, it.step));
                 let end = if results.falls_short() {
                     End::Short
                 } else {
@@ -340,6 +353,7 @@ impl Run {
             seconds,
             elapsed,
             planned,
+            chosen,
             numbers,
         }
     }

@@ -2,6 +2,7 @@
 //! another method, with set-up included in every time. And error bars against stored truths:
 //! [`calibration`].
 
+pub mod by_hand;
 pub mod calibration;
 pub mod case;
 mod clock;

@@ -300,6 +300,7 @@ fn start_moments(law: &Gaussian) -> Moments {
         kurtosis_force: unknown,
         mean_energy: unknown,
         contact_loss_probability: None,
+        left_out: 0,
     }
 }
 

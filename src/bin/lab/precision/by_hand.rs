@@ -1,0 +1,98 @@
+//! Are error estimates true where the scene takes the wheel? Every case of the calibration once more, with cells, steps or
+//! schemes given.
+
+use super::calibration::{Calibration, End, Judged, Run};
+use super::truths::Case;
+use std::fmt::Write;
+use vibroimpact::fokker_planck::{Drift, TimeScheme, TransientMethod};
+use vibroimpact::scene::MethodChoice;
+
+/// The tolerance of the runs, and of the free ones that cells and steps are taken from.
+pub const TOLERANCE: f64 = 1e-3;
+
+/// What a scene gives: its name, and how, from cells and steps that the program chose.
+type Given = (&'static str, fn(&mut MethodChoice, ([usize; 2], f64)));
+
+const ALL: [Given; 8] = [
+    ("cells", |it, (cells, _)| it.cells = Some(cells)),
+    ("step", |it, (_, step)| it.step = Some(step)),
+    ("cells and step", |it, (cells, step)| {
+        (it.cells, it.step) = (Some(cells), Some(step));
+    }),
+    ("transient = \"finite_volume\"", |it, _| {
+        it.transient = Some(TransientMethod::FiniteVolume);
+    }),
+    ("drift = 4, time = \"explicit\"", |it, _| {
+        (it.drift, it.time) = (Some(Drift::Order4), Some(TimeScheme::Explicit));
+    }),
+    ("drift = 8, time = \"imex\"", |it, _| {
+        (it.drift, it.time) = (Some(Drift::Order8), Some(TimeScheme::Imex));
+    }),
+    ("drift = 8, time = \"implicit\"", |it, _| {
+        (it.drift, it.time) = (Some(Drift::Order8), Some(TimeScheme::Implicit));
+    }),
+    ("drift = 8, time = \"backward_euler\"", |it, _| {
+        (it.drift, it.time) = (Some(Drift::Order8), Some(TimeScheme::BackwardEuler));
+    }),
+];
+
+/// The runs of every case by each way to give something, after the free ones of `calibration`; `watch` is told each run.
+pub fn by_hand(
+    cases: &[Case],
+    calibration: &Calibration,
+    watch: &dyn Fn(&Run),
+) -> Vec<(&'static str, Calibration)> {
+    let free = |number: usize| {
+        let mut runs = calibration.runs.iter();
+        let run = runs.find(|it| it.scene == number && it.tolerance == TOLERANCE);
+        run.and_then(|it| it.chosen)
+    };
+    let of = |(name, give): Given| {
+        let runs = cases.iter().filter_map(|case| {
+            let mut case = case.clone();
+            give(&mut case.scene.method, free(case.number)?);
+            let run = Run::of(&case, TOLERANCE);
+            watch(&run);
+            Some(run)
+        });
+        (name, Calibration::from_runs(TOLERANCE, runs.collect()))
+    };
+    ALL.map(of).into()
+}
+
+/// How many runs [`by_hand`] makes.
+pub fn count(cases: &[Case]) -> usize {
+    ALL.len() * cases.len()
+}
+
+/// The table.
+pub fn table(all: &[(&str, Calibration)]) -> String {
+    let mut text = format!(
+        "\nGiven by hand, tolerance {TOLERANCE:e}\n{:<38}  answers  numbers  beyond their estimate  at most  median\n",
+        ""
+    );
+    for (name, it) in all {
+        let numbers = || {
+            it.runs
+                .iter()
+                .flat_map(|run| &run.numbers)
+                .filter(|it| it.counts(TOLERANCE))
+        };
+        let beyond = numbers().filter(|it| it.too_small()).count();
+        let over = |it: &Judged| (it.error() - it.doubt()) / it.bar;
+        let most = numbers().map(over).fold(0.0, f64::max);
+        let answers = it
+            .runs
+            .iter()
+            .filter(|it| matches!(it.end, End::Met | End::Short))
+            .count();
+        let share = 100.0 * beyond as f64 / numbers().count().max(1) as f64;
+        let median = it.verdicts().first().map_or(0.0, |it| it.median);
+        let _ = writeln!(
+            text,
+            "{name:<38}  {answers:>7}  {:>7}  {beyond:>11} = {share:>5.2} %  {most:>7.1}  {median:>6.1}",
+            numbers().count()
+        );
+    }
+    text
+}

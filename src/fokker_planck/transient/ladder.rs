@@ -1,0 +1,266 @@
+//! From a tolerance to cells and steps: a ladder of runs, each finer than the one before in cells, steps and domain at
+//! once, until three of them show that every number is within the tolerance or a limit says stop. The rungs are the same
+//! for every tolerance: a looser one ends earlier.
+
+use super::cost;
+use super::decide::STEEPER_TRIES;
+use super::error_estimate::Errors;
+use super::recipe::{Recipe, Rung};
+use super::report::Transient;
+use super::run::{Run, Task};
+use crate::error::{Error, Result};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::Work;
+
+/// Rungs that show an error: one difference may pass through zero, two say how it falls.
+const RUNGS: usize = 3;
+
+/// How often rungs below the cells of the scene are brought nearer to them, by half.
+const HALVINGS: usize = 2;
+
+/// What is left of an error from rung to rung at best: order 8.
+const BEST: f64 = 0.1;
+
+/// Solves the task to its tolerance, or as far as its limits allow. Where the method is free, finite volumes take over
+/// from a flow map that does not hold the scene.
+///
+/// # Errors
+/// Those of the first runs; later ones end the ladder. Cells that the program chose itself are
+/// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
+pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
+    let first = adaptive::pursue(Ladder::new(*task), &task.limits, progress);
+    match (first, task.recipe.otherwise.as_deref()) {
+        (Err(error), Some(volumes)) if is_unfit(&error) => {
+            let reason = format!("the flow map could not: {error}; {}", volumes.reason);
+            let volumes = Recipe {
+                reason,
+                ..volumes.clone()
+            };
+            let task = Task {
+                recipe: &volumes,
+                ..*task
+            };
+            let it = adaptive::pursue(Ladder::new(task), &task.limits, progress);
+            it.map_err(|error| unfit(error, &volumes))
+        }
+        (it, _) => it.map_err(|error| unfit(error, task.recipe)),
+    }
+}
+
+/// Whether it is the mesh that does not hold the scene.
+fn is_unfit(error: &Error) -> bool {
+    match error {
+        Error::Mesh { .. } | Error::Linear { .. } => true,
+        Error::Invalid { key, .. } => key == "method.cells",
+        Error::Limit { key, .. } => *key == "accuracy.max_memory",
+        _ => false,
+    }
+}
+
+/// Cells of the program's own choice are no mistake of the scene's.
+fn unfit(error: Error, recipe: &Recipe) -> Error {
+    match error {
+        error @ Error::Limit { .. } => error,
+        error if recipe.layout.is_given() || !is_unfit(&error) => error,
+        Error::Mesh { what, .. } => Error::Unresolved { what },
+        error => Error::Unresolved {
+            what: error.to_string(),
+        },
+    }
+}
+
+/// The runs so far.
+struct Ladder<'a> {
+    task: Task<'a>,
+    /// Rungs by their number.
+    laid_out: Vec<(f64, Rung)>,
+    /// The rung to be run next, and whether with half the step of the scene.
+    next: (f64, bool),
+    /// Rungs from one run to the next.
+    stride: f64,
+    /// The last three runs, the finest last.
+    runs: Vec<Run>,
+    /// The first of them with half the step of the scene.
+    halved: Option<Run>,
+    /// The same rung with its whole.
+    first: Option<Run>,
+    /// First rungs whose cells did not hold the scene.
+    skipped: usize,
+    errors: Option<Errors>,
+    /// The largest error estimates so far, over the tolerance.
+    ratios: Vec<f64>,
+}
+
+impl<'a> Ladder<'a> {
+    fn new(task: Task<'a>) -> Self {
+        let recipe = task.recipe;
+        let first = if recipe.layout.is_given() {
+            recipe.expected - (RUNGS - 1) as f64
+        } else {
+            0.0
+        };
+        Self {
+            task,
+            laid_out: Vec::new(),
+            next: (first, recipe.step.is_some()),
+            stride: 1.0,
+            runs: Vec::new(),
+            halved: None,
+            first: None,
+            skipped: 0,
+            errors: None,
+            ratios: Vec::new(),
+        }
+    }
+
+    /// Rung `r`, laid out once.
+    fn rung(&mut self, (r, halved): (f64, bool)) -> Result<Rung> {
+        let Task {
+            oscillator,
+            initial,
+            times,
+            recipe,
+            ..
+        } = self.task;
+        let known = self.laid_out.iter().find(|(known, _)| *known == r);
+        let rung = match known {
+            Some((_, rung)) => rung.clone(),
+            None => {
+                let until = times.last().copied().unwrap_or(0.0);
+                let rung = recipe.rung(oscillator, initial, until, r)?;
+                self.laid_out.push((r, rung.clone()));
+                rung
+            }
+        };
+        Ok(if halved { rung.halved() } else { rung })
+    }
+
+    /// What a rung is foreseen to take.
+    fn work(&mut self, which: (f64, bool)) -> Result<Work> {
+        let rung = self.rung(which)?;
+        let Task {
+            oscillator,
+            initial,
+            times,
+            limits,
+            ..
+        } = self.task;
+        cost::run(&rung, oscillator, initial, times, limits.memory).map(Work::from)
+    }
+
+    /// Whether finer cells may hold what those of a first rung do not: begins again with the next, or nearer to the cells
+    /// of the scene.
+    fn skips(&mut self, error: &Error) -> bool {
+        let recipe = self.task.recipe;
+        let given = recipe.layout.is_given();
+        let most = if given { HALVINGS } else { STEEPER_TRIES };
+        let again = is_unfit(error) && self.ratios.is_empty() && self.skipped < most;
+        if again {
+            self.skipped += 1;
+            let first = if given {
+                self.stride *= 0.5;
+                recipe.expected - (RUNGS - 1) as f64 * self.stride
+            } else {
+                self.next.0 + self.stride
+            };
+            self.next = (first, recipe.step.is_some());
+            self.runs.clear();
+        }
+        again
+    }
+
+    /// Whether the last three error estimates are hardly below those before.
+    fn stalled(&self) -> bool {
+        let least = |ratios: &[f64]| ratios.iter().copied().fold(f64::INFINITY, f64::min);
+        let (before, last) = self
+            .ratios
+            .split_at(self.ratios.len().saturating_sub(RUNGS));
+        !before.is_empty() && least(last) > 0.7 * least(before)
+    }
+}
+
+impl Question for Ladder<'_> {
+    type Answer = Transient;
+
+    fn name(&self) -> String {
+        self.task.recipe.name()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        self.ratios.last().copied()
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let recipe = self.task.recipe;
+        let (r, halved) = self.next;
+        let stop = |text: &str, free| Ok(Next::Stop(Stop::new(text, free)));
+        let Some(ratio) = self.ratio() else {
+            return match self.work((r, halved)) {
+                Err(error) if self.skips(&error) => self.next(),
+                now => Ok(Next::Run {
+                    now: now?,
+                    then: None,
+                }),
+            };
+        };
+        if recipe.layout.is_given() {
+            return stop("cells are those of the scene", false);
+        }
+        if let Some(errors) = &self.errors
+            && errors.steps() > recipe.tolerance
+        {
+            return stop("method.step is that of the scene", false);
+        }
+        if self.stalled() {
+            return stop("finer meshes change it no more", recipe.step.is_none());
+        }
+        let more = (ratio.ln() / -BEST.ln()).max(0.0).floor();
+        Ok(Next::Run {
+            now: self.work((r, halved))?,
+            then: Some(self.work((r + more, false))?),
+        })
+    }
+
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let recipe = self.task.recipe;
+        let (r, halved) = self.next;
+        let rung = self.rung(self.next)?;
+        let run = match self.task.run(&rung, self.task.times, progress) {
+            Err(error) if self.skips(&error) => return Ok(()),
+            it => it?,
+        };
+        if halved {
+            self.halved = Some(run);
+            self.next = (r, false);
+            return Ok(());
+        }
+        self.next = (r + self.stride, false);
+        if self.halved.is_some() && self.first.is_none() {
+            self.first = Some(run.clone());
+        }
+        self.runs.push(run);
+        if self.runs.len() > RUNGS {
+            self.runs.remove(0);
+        }
+        if let [coarsest, coarse, fine] = &self.runs[..] {
+            let mut errors = Errors::of(&self.task, (&rung, self.stride), [coarsest, coarse, fine]);
+            if let (Some(halved), Some(first)) = (&self.halved, &self.first) {
+                errors = errors.with_steps(first, halved);
+            }
+            self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
+            self.errors = Some(errors);
+        }
+        Ok(())
+    }
+
+    fn answer(mut self, stop: Stop) -> Option<Transient> {
+        let fine = self.runs.pop()?;
+        let coarse = self.runs.pop()?;
+        let errors = self.errors?;
+        let reason = self.task.recipe.reason.clone();
+        let it = self
+            .task
+            .report(fine, &coarse, &errors, reason, stop, Vec::new());
+        Some(it)
+    }
+}
