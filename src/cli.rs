@@ -13,7 +13,6 @@ use std::ffi::OsString;
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Random vibration of a preloaded Hertzian contact that now and then loses contact.
 ///
@@ -154,10 +153,7 @@ impl From<Error> for Stop {
 /// 2 for what the user can mend in scene or command line, 3 for a limit, 1 for the rest.
 fn status(error: &Error) -> u8 {
     match error {
-        Error::Invalid { .. }
-        | Error::NotAvailable { .. }
-        | Error::NoStationaryLaw { .. }
-        | Error::Mesh { .. } => 2,
+        error if error.is_refusal() => 2,
         Error::Limit { .. } | Error::Unresolved { .. } => 3,
         _ => 1,
     }
@@ -313,28 +309,18 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     };
     let plan = Plan::of(text.scene()).map_err(explain)?;
     let folder = options.output.folder(&text.scene().folder())?;
-    folder.write(&report::at_the_start(&Results::empty(text.scene())))?;
+    let path = folder.path().to_owned();
     let observer = Observer {
-        folder: &folder,
-        ended: AtomicBool::new(false),
         bar: Mutex::new(ProgressBar::hidden()),
         quiet: options.quiet,
     };
-    let results = plan.run(&observer);
+    let results = report::run_into(&plan, folder, &observer);
     observer.clear();
     let results = match results {
         Ok(results) => results,
         Err(error @ Error::Io { .. }) => return Err(error.into()),
-        Err(error) => {
-            let stop = explain(error);
-            // A scene that is refused before its first result leaves nothing behind.
-            if stop.status == 2 && !observer.ended.into_inner() {
-                folder.discard();
-            }
-            return Err(stop);
-        }
+        Err(error) => return Err(explain(error)),
     };
-    folder.write(&report::at_the_end(&results)?)?;
     let status = if results.falls_short() { 3 } else { 0 };
     if options.quiet {
         // Only errors are printed, and this is one.
@@ -344,7 +330,7 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         return Ok(status);
     }
     let table = terminal::table(&results, colour(&io::stdout()));
-    print(&format!("{table}files: {}\n", folder.path().display()))?;
+    print(&format!("{table}files: {}\n", path.display()))?;
     Ok(status)
 }
 
@@ -369,16 +355,13 @@ fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Watches a run: a progress bar, and each stage's files as soon as it has ended.
-struct Observer<'a> {
-    folder: &'a Folder,
-    /// Whether any stage has ended.
-    ended: AtomicBool,
+/// Watches a run: a progress bar.
+struct Observer {
     bar: Mutex<ProgressBar>,
     quiet: bool,
 }
 
-impl Observer<'_> {
+impl Observer {
     fn clear(&self) {
         if let Ok(bar) = self.bar.lock() {
             bar.finish_and_clear();
@@ -386,7 +369,7 @@ impl Observer<'_> {
     }
 }
 
-impl Watch for Observer<'_> {
+impl Watch for Observer {
     fn begins(&self, part: Part) {
         let template = "{msg:<12} {bar:40} {percent:>3} %  {eta} left";
         let bar = bar(1000, self.quiet, template).with_message(part.name());
@@ -404,10 +387,9 @@ impl Watch for Observer<'_> {
         }
     }
 
-    fn ends(&self, part: Part, results: &Results) -> Result<()> {
+    fn ends(&self, _: Part, _: &Results) -> Result<()> {
         self.clear();
-        self.ended.store(true, Ordering::Relaxed);
-        self.folder.write(&report::after(part, results)?)
+        Ok(())
     }
 }
 

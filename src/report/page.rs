@@ -21,6 +21,20 @@ pub(super) fn page(results: &Results, pictures: &[(File, &str)]) -> String {
          <title>{title} - vibroimpact</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
          <h1>{title}</h1>\n"
     );
+    page += &content(results, pictures);
+    let scene = escaped(&results.scene.to_toml());
+    let _ = writeln!(
+        page,
+        "<h2>The scene, every default filled in</h2>\n<pre>{scene}</pre>\n\
+         <p>Save it as scene.toml and run it again with <code>vibroimpact run scene.toml</code>. \
+         Every number, with its error, stands in {RESULTS}.</p>\n</body>\n</html>"
+    );
+    page
+}
+
+/// Warnings, table and pictures.
+pub(super) fn content(results: &Results, pictures: &[(File, &str)]) -> String {
+    let mut page = String::new();
     for warning in &results.run.warnings {
         let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(&warning.text));
     }
@@ -34,13 +48,6 @@ pub(super) fn page(results: &Results, pictures: &[(File, &str)]) -> String {
             "<figure>{svg}<figcaption>{words} ({name})</figcaption></figure>"
         );
     }
-    let scene = escaped(&results.scene.to_toml());
-    let _ = writeln!(
-        page,
-        "<h2>The scene, every default filled in</h2>\n<pre>{scene}</pre>\n\
-         <p>Save it as scene.toml and run it again with <code>vibroimpact run scene.toml</code>. \
-         Every number, with its error, stands in {RESULTS}.</p>\n</body>\n</html>"
-    );
     page
 }
 

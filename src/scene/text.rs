@@ -100,6 +100,37 @@ struct Wrong {
     help: Option<String>,
     source: miette::NamedSource<String>,
     span: Option<Range<usize>>,
+    /// The key and the value that the message is about.
+    key: Option<String>,
+    value: Option<String>,
+}
+
+impl SceneError {
+    /// The same, about a key and what stands under it.
+    fn about(mut self, key: impl Into<String>, value: Option<String>) -> Self {
+        self.0.key = Some(key.into());
+        self.0.value = value;
+        self
+    }
+
+    /// The key of the scene that is wrong; None where no single one is.
+    pub fn key(&self) -> Option<&str> {
+        self.0.key.as_deref()
+    }
+
+    /// Its value; None where it is missing.
+    pub fn value(&self) -> Option<&str> {
+        self.0.value.as_deref()
+    }
+
+    /// What would have been accepted.
+    pub fn accepted(&self) -> Option<&str> {
+        let help = self.0.help.as_deref()?;
+        let after = help
+            .strip_prefix("accepted")
+            .and_then(|it| it.split_once(": "));
+        Some(after.map_or(help, |(_, accepted)| accepted))
+    }
 }
 
 impl fmt::Display for SceneError {
@@ -335,6 +366,8 @@ impl Document {
             help: help.map(str::to_owned),
             source: miette::NamedSource::new(name, text.clone()).with_language("toml"),
             span: at.map(|at| at.span.clone()),
+            key: None,
+            value: None,
         }))
     }
 
@@ -378,6 +411,7 @@ impl Document {
                 let at = place(key);
                 let help = format!("accepted: {accepted}");
                 self.wrong(&message, "here", Some(&help), at)
+                    .about(key, Some(value.clone()))
             }
             Error::NotAvailable {
                 key,
@@ -385,11 +419,13 @@ impl Document {
                 instead,
             } => {
                 let message = format!("{key} is not available yet in version {version}");
+                let value = self.find(key).map(|node| node.value.shown());
                 self.wrong(&message, "not available yet", Some(instead), place(key))
+                    .about(key, value)
             }
-            Error::Limit { key, .. } => {
-                self.wrong(&error.to_string(), "this limit", None, place(key))
-            }
+            Error::Limit { key, limit, .. } => self
+                .wrong(&error.to_string(), "this limit", None, place(key))
+                .about(*key, Some(limit.clone())),
             other => self.wrong(&other.to_string(), "", None, None),
         }
     }
@@ -435,7 +471,9 @@ impl Document {
             let message =
                 "a scene without [outputs] asks for the stationary law, and this has none";
             let help = "accepted: [outputs] with moments_at or density_at";
-            return Err(self.wrong(message, "never confines the motion", Some(help), at));
+            let wrong = self.wrong(message, "never confines the motion", Some(help), at);
+            let law = self.find("oscillator.contact").map(|it| it.value.shown());
+            return Err(wrong.about("oscillator.contact", law));
         }
         scene.accuracy = Self::accuracy(&root)?;
         scene.method = Self::method(&root)?;
@@ -473,7 +511,8 @@ impl Document {
         section.known(&["contact", "zeta", "h", "force_psd"])?;
         if section.table.is_none() {
             let help = "accepted: [oscillator] with zeta and h, as zeta = 0.005 and h = 2e-3";
-            return Err(self.wrong("[oscillator] is missing", "", Some(help), None));
+            let wrong = self.wrong("[oscillator] is missing", "", Some(help), None);
+            return Err(wrong.about("oscillator", None));
         }
         let contact = section
             .choice("contact", CONTACTS)?
@@ -753,14 +792,18 @@ impl<'a> Section<'a> {
             let help = format!("accepted {place}: {}", keys.join(", "));
             return Err(self
                 .document
-                .wrong(&message, &label, Some(&help), Some(&node.key)));
+                .wrong(&message, &label, Some(&help), Some(&node.key))
+                .about(self.full(key), Some(node.value.shown())));
         }
         Ok(())
     }
 
     fn refuse(&self, key: &str, message: &str, help: &str) -> SceneError {
-        let at = self.get(key).map(|node| &node.at);
-        self.document.wrong(message, "here", Some(help), at)
+        let node = self.get(key);
+        let wrong = self
+            .document
+            .wrong(message, "here", Some(help), node.map(|it| &it.at));
+        wrong.about(self.full(key), node.map(|it| it.value.shown()))
     }
 
     fn type_error_at(&self, node: &Node, key: &str, accepted: &str) -> SceneError {
@@ -772,6 +815,7 @@ impl<'a> Section<'a> {
         let help = format!("accepted: {accepted}");
         self.document
             .wrong(&message, "here", Some(&help), Some(&node.at))
+            .about(key, Some(node.value.shown()))
     }
 
     fn type_error(&self, key: &str, accepted: &str) -> SceneError {
@@ -788,6 +832,7 @@ impl<'a> Section<'a> {
             let at = self.document.find(&self.path).map(|node| &node.key);
             self.document
                 .wrong(&message, "in this table", Some(&help), at)
+                .about(self.full(key), None)
         })
     }
 

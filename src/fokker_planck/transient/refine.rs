@@ -76,7 +76,7 @@ struct Level {
 pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
     let volumes = task.recipe.otherwise.as_deref();
     let first = Refinement::new(*task, volumes);
-    let (best, why) = match (adaptive::pursue(first, &task.limits, progress), volumes) {
+    let (best, why) = match (adaptive::pursue(first, task.limits, progress), volumes) {
         (Ok((best, None)), _) => return Ok(best),
         (Ok((best, Some(why))), _) => (Ok(best), why),
         (Err(error), Some(_)) if is_unfit(&error) => {
@@ -91,7 +91,7 @@ pub(super) fn refined(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
     let volumes = Task { recipe, ..*task };
     let mut second = Refinement::new(volumes, None);
     second.recipe.reason = format!("{why}; {}", recipe.reason);
-    match (adaptive::pursue(second, &task.limits, progress), best) {
+    match (adaptive::pursue(second, task.limits, progress), best) {
         (Ok((second, _)), Ok(best)) => {
             let ratio = |it: &Transient| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
             let better = ratio(&second) <= ratio(&best) || ratio(&best).is_nan();

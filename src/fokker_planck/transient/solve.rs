@@ -53,7 +53,7 @@ pub fn transient(
     recipe.solve(
         (oscillator, initial),
         (times, density_times),
-        limits,
+        &limits,
         progress,
     )
 }
@@ -86,7 +86,7 @@ impl Recipe {
         &self,
         (oscillator, initial): (&Oscillator, &Initial),
         (times, density_times): (&[f64], &[f64]),
-        limits: Limits,
+        limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
         let task = Task {
@@ -98,7 +98,7 @@ impl Recipe {
             limits,
         };
         if self.drift() == Drift::Upwind {
-            return adaptive::pursue(Upwind::new(task)?, &limits, progress);
+            return adaptive::pursue(Upwind::new(task)?, limits, progress);
         }
         refine::refined(&task, progress)
     }
