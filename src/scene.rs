@@ -543,7 +543,7 @@ impl Scene {
 
     /// The scene with every default filled in, section by section: in results.json, and as TOML by
     /// [`Scene::to_toml`].
-    pub(crate) fn resolved(&self) -> Value {
+    pub fn resolved(&self) -> Value {
         let mut initial = json!({ "kind": self.initial.name() });
         if let Initial::Gaussian { mean, deviation } = self.initial {
             initial["mean"] = json!(mean);
