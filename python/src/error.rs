@@ -79,7 +79,7 @@ pub(crate) fn of(py: Python<'_>, error: &Error) -> PyErr {
 fn raise(py: Python<'_>, error: &SceneError, class: Class) -> PyErr {
     let mut shown = String::new();
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor());
-    let message = match handler.with_width(100).render_report(&mut shown, error) {
+    let message = match handler.with_width(100_000).render_report(&mut shown, error) {
         Ok(()) => shown
             // A key of the command line's is a call of Python's.
             .replace("\u{256d}\u{2500}[--set:", "\u{256d}\u{2500}[replace:")
