@@ -162,7 +162,7 @@ ENDLESS = {
     "monte_carlo": HERTZ + "[outputs]\nstationary = true\nmoments_at = [1]\n[monte_carlo]\npaths = 10000000000\n",
     "transient": HERTZ + "[outputs]\nstationary = true\nmoments_at = [1e5]\n[method]\ncells = [400, 300]\nstep = 0.1\n",
     "decay_rates": "[oscillator]\nzeta = 0.005\nh = 1e-6\n[outputs]\nstationary = true\ndecay_rates = 100\n[accuracy]\ntolerance = 1e-12\n",
-    "first_loss": "[oscillator]\nzeta = 0.005\nh = 3.2e-3\n[outputs]\nstationary = true\nfirst_loss = { until = 200 }\n[accuracy]\ntolerance = 1e-9\n",
+    "first_loss": "[oscillator]\nzeta = 0.005\nh = 3.2e-3\n[outputs]\nstationary = true\nfirst_loss = { until = 200 }\n[accuracy]\ntolerance = 1e-5\n",
     "spectrum": HERTZ + "[outputs]\nstationary = true\nspectrum = { until = 4.0 }\n[accuracy]\ntolerance = 1e-9\n",
     "steady": HERTZ + "[outputs]\nstationary = true\nsteady = true\n[method]\ndrift = 8\ncells = [300, 240]\n",
 }

@@ -67,7 +67,8 @@ def test_a_folder_that_exists_is_refused_unless_forced(tmp_path: Path) -> None:
 def test_sections_are_numbers_curves_and_arrays(computed: vi.Results) -> None:
     r = computed
     loss = r["stationary"]["contact_loss_probability"]
-    assert isinstance(loss, vi.Number) and 0 < float(loss) < 1 and loss.error < 1e-9
+    assert isinstance(loss, vi.Number) and 0 < float(loss) < 1
+    assert loss.error < 1e-9
     t, mean = r["transient"]["t"], r["transient"]["mean_q"]
     assert isinstance(t, np.ndarray) and t.tolist() == [1, 2, 5]
     assert mean.value.dtype == mean.error.dtype == np.float64 and mean.value.shape == t.shape == (len(mean),)
@@ -100,7 +101,8 @@ def test_a_density_is_an_array_that_looks_into_the_results(computed: vi.Results)
         d.p[0, 0] = 1
     saved = np.load(io.BytesIO(r.files()["density_5.npz"]))
     assert np.array_equal(saved["p"], d.p) and np.array_equal(saved["q"], d.q) and np.array_equal(saved["v"], d.v)
-    assert abs(np.trapezoid(np.trapezoid(d.p, d.v), d.q) - 1 if hasattr(np, "trapezoid") else 0) < 1e-3
+    mass = (d.p * np.gradient(d.q)[:, None] * np.gradient(d.v)).sum()
+    assert abs(mass - 1) < 1e-3
     with pytest.raises(vi.SceneError, match="one of 2, 5, inf"):
         r.density(3)
     with pytest.raises(vi.SceneError):
@@ -173,9 +175,8 @@ def test_pictures_by_matplotlib(computed: vi.Results) -> None:
 
 
 def test_a_tolerance_not_reached_is_warned_of() -> None:
-    asked = {"outputs": {"first_loss": {"until": 200}}, "accuracy": {"tolerance": 1e-9, "max_seconds": 3}}
-    scene = vi.Scene({"oscillator": {"zeta": 0.005, "h": 3.2e-3}, **asked})
-    with pytest.warns(vi.ToleranceWarning, match="first_loss"):
+    scene = vi.Scene({**QUICK, "outputs": {"decay_rates": 12}, "accuracy": {"tolerance": 1e-10, "max_seconds": 3}})
+    with pytest.warns(vi.ToleranceWarning, match="decay_rates: the tolerance 1e-10 is not met"):
         r = vi.run(scene)
     assert not r.reached_tolerance
 

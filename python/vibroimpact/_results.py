@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,29 +73,40 @@ class Density:
         return ax
 
 
+class _State(TypedDict):
+    """What a pickle keeps of results: the answers of `_native.Results`."""
+
+    tree: dict[str, Any]
+    table: str
+    html: str
+    files: list[tuple[str, bytes]]
+    shortfalls: list[str]
+    times: list[float]
+
+
 class _Stored:
     """Results after a pickle: the same answers as `_native.Results` gives, from what was written."""
 
-    def __init__(self, state: dict[str, Any]) -> None:
-        self.state = state
+    def __init__(self, state: _State) -> None:
+        self._state = state
 
     def tree(self) -> dict[str, Any]:
-        return self._get("tree")
+        return self._state["tree"]
 
     def table(self) -> str:
-        return self._get("table")
+        return self._state["table"]
 
     def html(self) -> str:
-        return self._get("html")
+        return self._state["html"]
 
     def files(self) -> list[tuple[str, bytes]]:
-        return self._get("files")
+        return self._state["files"]
 
     def shortfalls(self) -> list[str]:
-        return self._get("shortfalls")
+        return self._state["shortfalls"]
 
     def times(self) -> list[float]:
-        return self._get("times")
+        return self._state["times"]
 
     def density(self, place: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         arrays = [data for name, data in self.files() if name.endswith(".npz")]
@@ -107,9 +118,6 @@ class _Stored:
                         it.flags.writeable = False
                     return p, q, v
         raise IndexError(place)
-
-    def _get(self, name: str) -> Any:
-        return self.state[name]
 
 
 class Results(Mapping[str, Any]):
@@ -240,7 +248,7 @@ class Results(Mapping[str, Any]):
 
     def __reduce__(self) -> Any:
         it = self._native
-        state = {
+        state: _State = {
             "tree": self._plain(),
             "table": it.table(),
             "html": it.html(),
@@ -280,7 +288,7 @@ class _Panel:
             ax.set_yscale("log")
 
 
-def _restored(state: dict[str, Any], scene: Scene) -> Results:
+def _restored(state: _State, scene: Scene) -> Results:
     return Results(_Stored(state), scene)
 
 

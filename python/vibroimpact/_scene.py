@@ -55,8 +55,6 @@ class Scene:
         SceneError: an unknown key, or a value that is not accepted: with ``key``, ``value``, ``accepted``.
     """
 
-    _native: _native.Scene
-
     def __init__(self, sections: Mapping[str, Any]) -> None:
         if not isinstance(sections, Mapping):
             accepted = "a dict of sections; Scene.from_toml takes text or a file, vi.scene the name of a built-in one"
