@@ -12,9 +12,14 @@ fn root() -> &'static Path {
 
 /// Every page for readers, by its path from the root.
 fn pages() -> Vec<(PathBuf, String)> {
-    let mut names: Vec<PathBuf> = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"]
-        .map(PathBuf::from)
-        .to_vec();
+    let mut names: Vec<PathBuf> = [
+        "README.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "python/README.md",
+    ]
+    .map(PathBuf::from)
+    .to_vec();
     for entry in fs::read_dir(root().join("docs")).unwrap() {
         names.push(Path::new("docs").join(entry.unwrap().file_name()));
     }

@@ -62,9 +62,9 @@ for h in PAPER:
 # %%
 for h in (8e-5, 5e-4):
     law = ours[h]
-    mean, deviation = law["mean_q"].value, float(np.sqrt(law["var_q"].value))
-    print(f"h = {h:.0e}: E[q] = {mean:.6f}, deviation of q = {deviation:.4f}; printed for N: {PAPER[h][:2]}")
-    assert abs(mean - PAPER[h][0]) < 5e-5 and abs(deviation - PAPER[h][1]) < 5e-3
+    mean_q, deviation = law["mean_q"].value, float(np.sqrt(law["var_q"].value))
+    print(f"h = {h:.0e}: E[q] = {mean_q:.6f}, deviation of q = {deviation:.4f}; printed for N: {PAPER[h][:2]}")
+    assert abs(mean_q - PAPER[h][0]) < 5e-5 and abs(deviation - PAPER[h][1]) < 5e-3
     assert PAPER[h][2] < 0 < law["skewness_force"].value
 assert abs(10 * ours[3e-6]["mean_q"].value - PAPER[3e-6][0]) < 5e-6
 

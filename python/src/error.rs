@@ -83,7 +83,9 @@ fn raise(py: Python<'_>, error: &SceneError, class: Class) -> PyErr {
         Ok(()) => shown
             // A key of the command line's is a call of Python's.
             .replace("\u{256d}\u{2500}[--set:", "\u{256d}\u{2500}[replace:")
-            .trim().trim_start_matches(['×', ' ']).to_owned(),
+            .trim()
+            .trim_start_matches(['×', ' '])
+            .to_owned(),
         Err(_) => error.to_string(),
     };
     class.raise(py, message, [error.key(), error.value(), error.accepted()])

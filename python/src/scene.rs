@@ -17,12 +17,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    fn read(
-        py: Python<'_>,
-        name: String,
-        toml: String,
-        overrides: Vec<String>,
-    ) -> PyResult<Self> {
+    fn read(py: Python<'_>, name: String, toml: String, overrides: Vec<String>) -> PyResult<Self> {
         match SceneText::parse(&name, &toml, &overrides) {
             Ok(text) => Ok(Self {
                 text,
