@@ -12,3 +12,4 @@ pub mod terminal;
 pub use file::File;
 pub(crate) use manifest::at_the_start;
 pub use manifest::{after, at_the_end};
+pub(crate) use page::{escaped, html};
