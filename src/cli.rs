@@ -432,7 +432,10 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
     watch.bar.finish_and_clear();
     let tally = tally?;
     if !options.quiet {
-        print(&format!("{tally}lines: {}\n", options.out.join(part.file()).display()))?;
+        print(&format!(
+            "{tally}lines: {}\n",
+            options.out.join(part.file()).display()
+        ))?;
     }
     Ok(if tally.failed + tally.short > 0 { 3 } else { 0 })
 }
@@ -459,7 +462,12 @@ impl map::Watch for MapWatch {
             && told.elapsed().as_secs() >= PAUSE
         {
             *told = std::time::Instant::now();
-            let _ = writeln!(io::stderr(), "{}/{} points  {words}", it.computed, it.points);
+            let _ = writeln!(
+                io::stderr(),
+                "{}/{} points  {words}",
+                it.computed,
+                it.points
+            );
         }
     }
 }
@@ -472,7 +480,11 @@ fn collect(dir: &Path, draw: &[String], quiet: bool) -> Outcome {
     } else if it.missing() + it.failed + it.short > 0 {
         let _ = write!(io::stderr(), "{it}");
     }
-    Ok(if it.missing() + it.failed + it.short > 0 { 3 } else { 0 })
+    Ok(if it.missing() + it.failed + it.short > 0 {
+        3
+    } else {
+        0
+    })
 }
 
 /// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is

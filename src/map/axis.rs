@@ -57,7 +57,8 @@ const MOST: usize = 10_000_000;
 /// Digits of a computed value: so many are the same from every library of elementary functions.
 const DIGITS: usize = 12;
 
-const ACCEPTED: &str = "KEY=log:a:b:n, KEY=lin:a:b:n or KEY=[x, y, ...], as oscillator.h=log:1e-4:1e-2:40";
+const ACCEPTED: &str =
+    "KEY=log:a:b:n, KEY=lin:a:b:n or KEY=[x, y, ...], as oscillator.h=log:1e-4:1e-2:40";
 
 impl Axis {
     /// An axis from `KEY=RANGE`: `log:a:b:n`, `lin:a:b:n`, or a list `[x, y, ...]` in TOML.
@@ -85,13 +86,25 @@ impl Axis {
         };
         let end = |text: &str| text.parse::<f64>().ok().filter(|it| it.is_finite());
         let (Some(low), Some(high)) = (end(a), end(b)) else {
-            return Err(refused(key, range, "ends that are numbers, as log:1e-4:1e-2:40"));
+            return Err(refused(
+                key,
+                range,
+                "ends that are numbers, as log:1e-4:1e-2:40",
+            ));
         };
         if spacing == Spacing::Logarithmic && !(low > 0.0 && high > 0.0) {
-            return Err(refused(key, range, "log:a:b:n with ends a and b above 0; lin:a:b:n else"));
+            return Err(refused(
+                key,
+                range,
+                "log:a:b:n with ends a and b above 0; lin:a:b:n else",
+            ));
         }
         if low == high {
-            return Err(refused(key, range, "two different ends, or a list of one value, as [0.1]"));
+            return Err(refused(
+                key,
+                range,
+                "two different ends, or a list of one value, as [0.1]",
+            ));
         }
         let count = n.parse::<usize>().ok().filter(|n| (2..=MOST).contains(n));
         let Some(count) = count else {

@@ -9,6 +9,7 @@ use super::part::{Part, place};
 use super::run::MAP;
 use super::table::{Column, Table, bracketed, plain, shown, walk};
 use crate::error::{Error, Result};
+use crate::format::num;
 use crate::report::folder;
 use crate::report::plot::{self, Field, Ruler};
 use serde_json::Value;
@@ -186,7 +187,10 @@ fn read(dir: &Path) -> Result<Collected> {
     };
     missing.sort_unstable_by_key(|it| it.0);
     Ok(Collected {
-        title: map["scene"]["title"].as_str().unwrap_or_default().to_owned(),
+        title: map["scene"]["title"]
+            .as_str()
+            .unwrap_or_default()
+            .to_owned(),
         points,
         failed,
         short,
@@ -228,9 +232,14 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
     };
     let numbers = |it: &Value| {
         let mut all = Vec::new();
-        walk(&it["results"], &mut String::new(), None, &mut |name, place, value, error| {
-            all.push((shown(name, place), value, error));
-        });
+        walk(
+            &it["results"],
+            &mut String::new(),
+            None,
+            &mut |name, place, value, error| {
+                all.push((shown(name, place), value, error));
+            },
+        );
         all
     };
     let (first, second) = (line(a).unwrap_or_default(), line(b).unwrap_or_default());
@@ -241,13 +250,17 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
     });
     let what = match other {
         Some((a, b)) if a.0 == b.0 => {
-            format!("{} is {} +- {} in one and {} +- {} in the other", a.0, a.1, a.2, b.1, b.2)
+            let [a1, a2, b1, b2] = [a.1, a.2, b.1, b.2].map(num);
+            format!("{} is {a1} ± {a2} in one and {b1} ± {b2} in the other", a.0)
         }
         _ => ["name", "error", "warnings", "shortfalls"]
             .into_iter()
             .find(|key| first[*key] != second[*key])
             .map_or("the numbers they have are others".into(), |key| {
-                format!("{key} is {} in one and {} in the other", first[key], second[key])
+                format!(
+                    "{key} is {} in one and {} in the other",
+                    first[key], second[key]
+                )
             }),
     };
     let values = place(axes, head.index);
@@ -334,7 +347,7 @@ fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate
             _ => None,
         };
         Some(Field {
-            label: format!("{}{}", shown(&it.name, place), bracketed(&it.name)),
+            label: shown(&it.name, place) + bracketed(&it.name).replace(" [1]", "").as_str(),
             values: all(|it| &it.values),
             errors: all(|it| &it.errors),
             level: it.level,

@@ -68,10 +68,18 @@ impl fmt::Display for Collected {
             many(self.parts.len() as u64, "part")
         )?;
         if self.short > 0 {
-            writeln!(f, "{} missed the tolerance: status in map.csv", many(self.short as u64, "point"))?;
+            writeln!(
+                f,
+                "{} missed the tolerance: status in map.csv",
+                many(self.short as u64, "point")
+            )?;
         }
         if self.failed > 0 {
-            writeln!(f, "{} failed: message in map.csv", many(self.failed as u64, "point"))?;
+            writeln!(
+                f,
+                "{} failed: message in map.csv",
+                many(self.failed as u64, "point")
+            )?;
             for index in self.ended(Some(Ending::Failed)).take(3) {
                 writeln!(f, "  {}", self.called(index))?;
             }

@@ -200,9 +200,7 @@ impl Map {
 
     /// What the map is, as map.json says it: two parts belong together where it is the same.
     pub(super) fn identity(&self) -> Checked<Value> {
-        let axis = |it: &Axis| {
-            json!({ "key": it.key(), "spacing": it.spacing().name(), "values": it.values() })
-        };
+        let axis = |it: &Axis| json!({ "key": it.key(), "spacing": it.spacing().name(), "values": it.values() });
         let first = self.text(0).map_err(|error| match error {
             MapError::Other(error) => error,
             MapError::Scene(error) => Error::invalid("scene", error, "a scene"),
@@ -230,9 +228,7 @@ pub(super) enum Ending {
 
 /// What a reader of the line should know beside its numbers.
 fn put_notes(line: &mut Object<String, Value>, results: &Results) -> Ending {
-    let short = |(stage, it): &(&str, crate::estimate::Shortfall)| {
-        json!({ "stage": stage, "number": it.number, "ratio": it.ratio, "free": it.free })
-    };
+    let short = |(stage, it): &(&str, crate::estimate::Shortfall)| json!({ "stage": stage, "number": it.number, "ratio": it.ratio, "free": it.free });
     if !results.shortfalls.is_empty() {
         let all = results.shortfalls.iter().map(short).collect();
         line.insert("shortfalls".into(), all);
@@ -278,6 +274,9 @@ pub(super) fn name(scene: &Scene) -> String {
         pairs.shift_remove("title");
     }
     let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    let hash = resolved.to_string().bytes().fold(0xcbf2_9ce4_8422_2325, step);
+    let hash = resolved
+        .to_string()
+        .bytes()
+        .fold(0xcbf2_9ce4_8422_2325, step);
     format!("{hash:016x}")
 }

@@ -74,7 +74,9 @@ impl Keep {
 /// Whether a name with its sections is that of a curve, or of what one runs over.
 pub(super) fn is_curve(name: &str) -> bool {
     CURVES.iter().any(|(section, over, curves)| {
-        let last = name.strip_prefix(section).and_then(|it| it.strip_prefix('.'));
+        let last = name
+            .strip_prefix(section)
+            .and_then(|it| it.strip_prefix('.'));
         last.is_some_and(|it| it == *over || curves.contains(&it))
     })
 }
@@ -122,7 +124,10 @@ mod tests {
             of(&tree, &keep)
         };
         let none = kept(&[]);
-        assert_eq!(none["spectrum"], json!({ "peaks": tree["spectrum"]["peaks"] }));
+        assert_eq!(
+            none["spectrum"],
+            json!({ "peaks": tree["spectrum"]["peaks"] })
+        );
         assert_eq!(none["monte_carlo"]["first_loss"], json!({ "mean_time": 2 }));
         assert_eq!(none["transient"], tree["transient"]);
         assert!(none.get("scene").is_none());

@@ -45,7 +45,10 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
     if let Some(picture) = picture {
         let svg = String::from_utf8_lossy(&picture.bytes);
         let name = &picture.name;
-        let _ = writeln!(body, "<figure>{svg}<figcaption>{name}</figcaption></figure>");
+        let _ = writeln!(
+            body,
+            "<figure>{svg}<figcaption>{name}</figcaption></figure>"
+        );
     }
     let _ = writeln!(
         body,
@@ -65,7 +68,10 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
 /// What each number spans.
 fn spans(it: &Collected) -> String {
     let columns = it.table.groups().filter(|it| it.len() <= 20).flatten();
-    let mut text = format!("{:<50} {:>12} {:>12} {:>10}\n", "", "lowest", "highest", "error");
+    let mut text = format!(
+        "{:<50} {:>12} {:>12} {:>10}\n",
+        "", "lowest", "highest", "error"
+    );
     let row = |column: &Column| -> Option<String> {
         let there = || column.values.iter().copied().filter(|x| x.is_finite());
         let (low, high) = (there().reduce(f64::min)?, there().reduce(f64::max)?);
@@ -73,7 +79,9 @@ fn spans(it: &Collected) -> String {
         let error = errors.reduce(f64::max);
         let error = error.map_or(String::new(), |it| format!("{it:.0e}"));
         let name = shown(&column.name, column.place) + &bracketed(&column.name);
-        Some(format!("{name:<50} {low:>12.5e} {high:>12.5e} {error:>10}\n"))
+        Some(format!(
+            "{name:<50} {low:>12.5e} {high:>12.5e} {error:>10}\n"
+        ))
     };
     columns.filter_map(row).for_each(|row| text += &row);
     text

@@ -105,10 +105,17 @@ impl fmt::Display for Tally {
         }
         let rate = self.computed as f64 / self.seconds.max(1e-9);
         let took = seconds(self.seconds);
-        writeln!(f, "{} computed in {took}, {rate:.3} points/s", self.computed)?;
+        writeln!(
+            f,
+            "{} computed in {took}, {rate:.3} points/s",
+            self.computed
+        )?;
         for (count, what) in [
             (self.dropped, "torn or foreign lines were dropped"),
-            (self.short, "points missed the tolerance: their lines say by how much"),
+            (
+                self.short,
+                "points missed the tolerance: their lines say by how much",
+            ),
             (self.failed, "points failed: their lines hold the message"),
             (self.missing(), "points were not begun"),
         ] {

@@ -61,10 +61,15 @@ impl Table {
             self.messages.insert(index, message.to_owned());
         }
         let mut order = 0;
-        walk(&line["results"], &mut String::new(), None, &mut |name, place, value, error| {
-            order += 1;
-            self.number((index, order), (name, place), (value, error));
-        });
+        walk(
+            &line["results"],
+            &mut String::new(),
+            None,
+            &mut |name, place, value, error| {
+                order += 1;
+                self.number((index, order), (name, place), (value, error));
+            },
+        );
     }
 
     fn number(
@@ -137,7 +142,11 @@ impl Table {
         for axis in axes {
             let _ = write!(text, ",{}", quoted(axis.key()));
         }
-        let columns: Vec<&Column> = self.columns.iter().filter(|it| !is_curve(&it.name)).collect();
+        let columns: Vec<&Column> = self
+            .columns
+            .iter()
+            .filter(|it| !is_curve(&it.name))
+            .collect();
         let with_errors: Vec<bool> = columns.iter().map(|it| it.has_errors()).collect();
         for (column, errors) in columns.iter().zip(&with_errors) {
             let (name, unit) = (self.title(column), bracketed(&column.name));
@@ -176,7 +185,9 @@ impl Table {
 
     /// The heading of a column: its time, or its place in a list.
     fn title(&self, column: &Column) -> String {
-        let time = column.place.and_then(|k| self.times(&column.name)?.get(k).copied());
+        let time = column
+            .place
+            .and_then(|k| self.times(&column.name)?.get(k).copied());
         match time {
             Some(t) if !column.name.ends_with(".t") => format!("{} at t = {t}", column.name),
             _ => shown(&column.name, column.place),
@@ -251,7 +262,12 @@ pub(super) fn walk(
             (None, Some(Value::Number(e))) => {
                 for (key, x) in pairs.iter().filter(|(key, _)| *key != "error") {
                     if let Some(x) = x.as_f64() {
-                        visit(&format!("{path}.{key}"), place, x, error(&Value::Number(e.clone())));
+                        visit(
+                            &format!("{path}.{key}"),
+                            place,
+                            x,
+                            error(&Value::Number(e.clone())),
+                        );
                     }
                 }
             }
@@ -299,7 +315,9 @@ fn field(x: f64) -> String {
 
 /// A value of an axis as text.
 pub(super) fn plain(value: &Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// A field of CSV.

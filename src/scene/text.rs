@@ -103,11 +103,7 @@ impl Draft {
     ///
     /// # Errors
     /// Those of [`SceneText::parse`].
-    pub(crate) fn with(
-        &self,
-        option: &str,
-        overrides: &[String],
-    ) -> Result<SceneText, SceneError> {
+    pub(crate) fn with(&self, option: &str, overrides: &[String]) -> Result<SceneText, SceneError> {
         let mut document = self.0.clone();
         for text in overrides {
             document.set(option, text)?;
@@ -214,7 +210,9 @@ impl Value {
         use serde_json::json;
         match self {
             Self::Table(table) => {
-                let pairs = table.iter().map(|(key, it)| (key.clone(), it.value.plain()));
+                let pairs = table
+                    .iter()
+                    .map(|(key, it)| (key.clone(), it.value.plain()));
                 serde_json::Value::Object(pairs.collect())
             }
             Self::List(items) => items.iter().map(|it| it.value.plain()).collect(),

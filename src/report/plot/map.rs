@@ -6,7 +6,7 @@ use super::canvas::{
 };
 use super::contours::{self, between, level_line, locate};
 use crate::error::Result;
-use crate::format::bare;
+use crate::format::{bare, rounded};
 use crate::report::File;
 
 /// An axis as it is drawn.
@@ -92,12 +92,31 @@ fn marks((low, high): (f64, f64), log: bool, count: usize) -> Vec<(f64, String)>
             .map(|k| (k as f64, format!("10{}", superscript(k))))
             .collect();
     }
-    let parts = powers().flat_map(|k| [1.0, 2.0, 5.0].map(|m: f64| (k, m)));
+    let some = digits((low, high), &[1.0, 2.0, 5.0]);
+    if some.len() > 2 {
+        return some;
+    }
+    digits((low, high), &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+}
+
+/// The numbers of a logarithmic scale that begin with one of some digits.
+fn digits((low, high): (f64, f64), first: &[f64]) -> Vec<(f64, String)> {
+    let margin = 1e-9 * (high - low);
+    let powers = low.floor() as i64..=high.ceil() as i64;
+    let parts = powers.flat_map(|k| first.iter().map(move |m| (k, *m)));
     let all = parts.map(|(k, m)| {
-        let x = m * 10f64.powi(k as i32);
-        (x.log10(), bare(crate::format::rounded(x, 3)))
+        let x = rounded(m * 10f64.powi(k as i32), 3);
+        let text = if (-3..4).contains(&k) {
+            bare(x)
+        } else if m == 1.0 {
+            format!("10{}", superscript(k))
+        } else {
+            format!("{m}\u{b7}10{}", superscript(k))
+        };
+        (x.log10(), text)
     });
-    all.filter(|(x, _)| within(*x)).collect()
+    all.filter(|(x, _)| *x >= low - margin && *x <= high + margin)
+        .collect()
 }
 
 /// Grid, numbers and words of both axes; words are left out where they are empty.
@@ -105,14 +124,24 @@ fn axes(area: &Area<'_>, panel: &Panel, x: (&Ruler, &str), y: (&Ruler, &str)) ->
     for (x, text) in x.0.marks(panel.x, panel.width) {
         let (px, _) = panel.at(x, panel.y.0);
         line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
-        line(area, &[(px, panel.bottom()), (px, panel.bottom() + 4.0)], INK, 1.0)?;
+        line(
+            area,
+            &[(px, panel.bottom()), (px, panel.bottom() + 4.0)],
+            INK,
+            1.0,
+        )?;
         write(area, &text, (px, panel.bottom() + 13.0), CENTRED)?;
     }
     for (y, text) in y.0.marks(panel.y, panel.height * 1.4) {
         let (_, py) = panel.at(panel.x.0, y);
         line(area, &[(panel.left, py), (panel.right(), py)], FAINT, 0.75)?;
         line(area, &[(panel.left - 4.0, py), (panel.left, py)], INK, 1.0)?;
-        write(area, &text, (panel.left - 7.0, py), (13.0, Hang::Right, INK))?;
+        write(
+            area,
+            &text,
+            (panel.left - 7.0, py),
+            (13.0, Hang::Right, INK),
+        )?;
     }
     panel.labels(area, x.1, y.1)
 }
@@ -167,8 +196,16 @@ impl Scale {
 
     /// Levels between colours, with their words; the first colour lies below the first level.
     fn levels(&self) -> Vec<(f64, String)> {
-        let mut all = marks(self.range, self.log, MOST - 2);
-        all.retain(|(x, _)| *x > self.range.0 && *x < self.range.1);
+        let within = |mut all: Vec<(f64, String)>| {
+            all.retain(|(x, _)| *x > self.range.0 && *x < self.range.1);
+            all
+        };
+        // The finest division that the colours can tell apart.
+        let divisions: [&[f64]; 3] = [&[1.0, 2.0, 5.0], &[1.0, 3.0], &[1.0]];
+        let fine = divisions.into_iter().filter(|_| self.log);
+        let mut fine = fine.map(|it| within(digits(self.range, it)));
+        let fine = fine.find(|it| (3..MOST).contains(&it.len()));
+        let mut all = fine.unwrap_or_else(|| within(marks(self.range, self.log, MOST - 2)));
         all.truncate(MOST - 1);
         all
     }
@@ -272,7 +309,13 @@ fn curves(x: &Ruler, fields: &[Field]) -> Result<Option<File>> {
             }
             panel.frame(area)?;
         }
-        legend(area, (92.0, 18.0), BLUE, Mark::Line, "value, band: its error")
+        legend(
+            area,
+            (92.0, 18.0),
+            BLUE,
+            Mark::Line,
+            "value, band: its error",
+        )
     })
     .map(Some)
 }
@@ -298,7 +341,11 @@ fn plane(
     let shared = scales.len() == 1 && sheets.len() > 1;
     let columns = sheets.len().min(if shared { 3 } else { 2 });
     let rows = sheets.len().div_ceil(columns);
-    let (width, height) = if shared { (236.0, 190.0) } else { (330.0, 250.0) };
+    let (width, height) = if shared {
+        (236.0, 190.0)
+    } else {
+        (330.0, 250.0)
+    };
     let (key_each, key_last) = if shared { (0.0, 96.0) } else { (96.0, 0.0) };
     let (across, down) = (width + 92.0 + key_each, height + 84.0);
     let top = if heading.is_empty() { 40.0 } else { 66.0 };
@@ -317,12 +364,16 @@ fn plane(
             ];
             let panel = Panel::new(place, range_x, range_y);
             let scale = if shared { &scales[0] } else { &scales[k] };
-            sheet.draw(area, &panel, (x, y), scale)?;
             let first_of_row = k % columns == 0;
             let lowest = k + columns >= sheets.len();
             let x_label = if shared && !lowest { "" } else { &x.label };
-            let y_label = if shared && !first_of_row { "" } else { &y.label };
+            let y_label = if shared && !first_of_row {
+                ""
+            } else {
+                &y.label
+            };
             axes(area, &panel, (x, x_label), (y, y_label))?;
+            sheet.draw(area, &panel, (x, y), scale)?;
             panel.frame(area)?;
             let above = (panel.left, panel.top - 13.0);
             write(area, &sheet.title, above, (13.5, Hang::Left, INK))?;
@@ -375,11 +426,25 @@ impl Sheet<'_> {
         for sign in [-1.0, 1.0] {
             let moved = |i: usize, j: usize| scale.place(number(i, j) + sign * error(i, j));
             let grid = (&xs[..], &ys[..]);
-            level_line(area, panel, grid, moved, scale.place(level), (VERMILION, 0.75))?;
+            level_line(
+                area,
+                panel,
+                grid,
+                moved,
+                scale.place(level),
+                (VERMILION, 0.75),
+            )?;
         }
         let exact = |i: usize, j: usize| scale.place(number(i, j));
         let grid = (&xs[..], &ys[..]);
-        level_line(area, panel, grid, exact, scale.place(level), (VERMILION, 2.0))
+        level_line(
+            area,
+            panel,
+            grid,
+            exact,
+            scale.place(level),
+            (VERMILION, 2.0),
+        )
     }
 }
 
@@ -390,7 +455,12 @@ fn key(area: &Area<'_>, (x, y): (f64, f64), scale: &Scale, sheet: &Sheet<'_>) ->
     let colours = colours(levels.len());
     for (k, colour) in colours.iter().rev().enumerate() {
         let top = y + STEP * k as f64;
-        rectangle(area, [(x, top), (x + 18.0, top + STEP)], *colour, Some(GREY))?;
+        rectangle(
+            area,
+            [(x, top), (x + 18.0, top + STEP)],
+            *colour,
+            Some(GREY),
+        )?;
     }
     for (k, (_, text)) in levels.iter().rev().enumerate() {
         let at = (x + 24.0, y + STEP * (k + 1) as f64);
@@ -403,7 +473,12 @@ fn key(area: &Area<'_>, (x, y): (f64, f64), scale: &Scale, sheet: &Sheet<'_>) ->
         at += STEP;
     }
     if sheet.values.iter().any(|it| it.is_nan()) {
-        rectangle(area, [(x, at - 6.0), (x + 18.0, at + 6.0)], FAINT, Some(GREY))?;
+        rectangle(
+            area,
+            [(x, at - 6.0), (x + 18.0, at + 6.0)],
+            FAINT,
+            Some(GREY),
+        )?;
         write(area, "none", (x + 24.0, at), (11.5, Hang::Left, INK))?;
     }
     Ok(())
@@ -463,10 +538,15 @@ mod tests {
 
     #[test]
     fn every_number_of_axes_has_its_picture_and_holes_stay_empty() {
-        let (x, y) = (ruler("h", &[1e-3, 1e-2, 1e-1], true), ruler("z", &[1.0, 2.0], false));
+        let (x, y) = (
+            ruler("h", &[1e-3, 1e-2, 1e-1], true),
+            ruler("z", &[1.0, 2.0], false),
+        );
         let field = |n: usize| Field {
             label: "P".into(),
-            values: (0..n).map(|k| if k == 1 { f64::NAN } else { 1e-3 * k as f64 }).collect(),
+            values: (0..n)
+                .map(|k| if k == 1 { f64::NAN } else { 1e-3 * k as f64 })
+                .collect(),
             errors: vec![1e-4; n],
             level: Some(2e-3),
         };
@@ -480,7 +560,10 @@ mod tests {
             let text = String::from_utf8(file.bytes).unwrap();
             assert!(text.starts_with("<svg") && !text.contains("NaN"));
         }
-        let nothing = Field { values: vec![f64::NAN; 3], ..field(3) };
+        let nothing = Field {
+            values: vec![f64::NAN; 3],
+            ..field(3)
+        };
         assert!(map(&[x], &[nothing]).unwrap().is_none());
     }
 }
