@@ -77,6 +77,16 @@ pub enum Error {
         /// How far it had come.
         what: String,
     },
+    /// Two answers to one question that are not the same.
+    #[error("point {point} differs in {a} and {b}: {what}", a = files[0], b = files[1])]
+    Disagree {
+        /// The question.
+        point: String,
+        /// Where the answers stand.
+        files: [String; 2],
+        /// In what they differ.
+        what: String,
+    },
     /// A file or folder that cannot be read or written.
     #[error("{path} cannot be read or written: {source}", path = path.display())]
     Io {

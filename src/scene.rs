@@ -648,7 +648,8 @@ impl Scene {
     }
 }
 
-fn toml_value(value: &Value) -> String {
+/// A value as TOML writes it.
+pub(crate) fn toml_value(value: &Value) -> String {
     match value {
         Value::Object(pairs) => {
             let pairs = pairs.iter();

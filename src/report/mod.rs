@@ -12,4 +12,5 @@ pub mod terminal;
 
 pub use file::File;
 pub use manifest::{after, all, at_the_end, fragment};
+pub(crate) use page::{escaped, html};
 pub use run::run_into;

@@ -68,14 +68,7 @@ impl SceneText {
     /// [`SceneError`] for text that is not TOML, an unknown key, a value of the wrong type or out of its
     /// range, or a key that this version cannot compute.
     pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Self, SceneError> {
-        let mut document = Document::parse(name, text)?;
-        for text in overrides {
-            document.set(text)?;
-        }
-        let scene = document.scene()?;
-        let it = Self { scene, document };
-        it.scene.check().map_err(|error| it.explain(&error))?;
-        Ok(it)
+        Draft::parse(name, text, overrides)?.with("--set", &[])
     }
 
     /// The scene.
@@ -86,6 +79,49 @@ impl SceneText {
     /// Show `error` in the line of the scene that caused it, where it names one.
     pub fn explain(&self, error: &Error) -> SceneError {
         self.document.explain(error)
+    }
+}
+
+/// A scene's text before its values are read: a scene of every point of a map, and the text is parsed once.
+#[derive(Debug, Clone)]
+pub(crate) struct Draft(Document);
+
+impl Draft {
+    /// TOML `text` with overrides `KEY=VALUE` on top of it.
+    ///
+    /// # Errors
+    /// [`SceneError`] for text that is not TOML.
+    pub(crate) fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Self, SceneError> {
+        let mut document = Document::parse(name, text)?;
+        for text in overrides {
+            document.set("--set", text)?;
+        }
+        Ok(Self(document))
+    }
+
+    /// The scene with more overrides, which `option` of the command line gave.
+    ///
+    /// # Errors
+    /// Those of [`SceneText::parse`].
+    pub(crate) fn with(&self, option: &str, overrides: &[String]) -> Result<SceneText, SceneError> {
+        let mut document = self.0.clone();
+        for text in overrides {
+            document.set(option, text)?;
+        }
+        let scene = document.scene()?;
+        let it = SceneText { scene, document };
+        it.scene.check().map_err(|error| it.explain(&error))?;
+        Ok(it)
+    }
+}
+
+/// The items of a list written in TOML; None for anything else.
+pub(crate) fn items(text: &str) -> Option<Vec<serde_json::Value>> {
+    let text = format!("it = {text}");
+    let table = entries(DeTable::parse(&text).ok()?.get_ref(), 0);
+    match (table.len(), table.get("it").map(|it| &it.value)) {
+        (1, Some(Value::List(items))) => Some(items.iter().map(|it| it.value.plain()).collect()),
+        _ => None,
     }
 }
 
@@ -200,6 +236,24 @@ impl Value {
         }
     }
 
+    /// As JSON; dates as text.
+    fn plain(&self) -> serde_json::Value {
+        use serde_json::json;
+        match self {
+            Self::Table(table) => {
+                let pairs = table
+                    .iter()
+                    .map(|(key, it)| (key.clone(), it.value.plain()));
+                serde_json::Value::Object(pairs.collect())
+            }
+            Self::List(items) => items.iter().map(|it| it.value.plain()).collect(),
+            Self::Text(text) | Self::Date(text) => json!(text),
+            Self::Whole(n) => i64::try_from(*n).map_or_else(|_| json!(*n as f64), |n| json!(n)),
+            Self::Number(x) => json!(x),
+            Self::Flag(flag) => json!(flag),
+        }
+    }
+
     /// As in a message; long values are cut.
     fn shown(&self) -> String {
         let text = match self {
@@ -296,10 +350,10 @@ impl Document {
         }
     }
 
-    /// Put an override `KEY=VALUE` on top.
-    fn set(&mut self, text: &str) -> Read<()> {
+    /// Put an override `KEY=VALUE` of an option of the command line on top.
+    fn set(&mut self, option: &str, text: &str) -> Read<()> {
         let source = self.sources.len();
-        self.sources.push(("--set".into(), text.to_owned()));
+        self.sources.push((option.into(), text.to_owned()));
         let all = Place {
             source,
             span: 0..text.len(),
