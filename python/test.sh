@@ -16,7 +16,7 @@ trap 'rm -rf "$room"' EXIT
 "$python" -m venv "$room/venv"
 bin="$room/venv/bin"
 "$bin/python" -m pip install --quiet --disable-pip-version-check \
-    'maturin>=1.9,<2' numpy matplotlib mypy pytest tqdm uncertainties
+    'maturin>=1.9,<2' numpy distributed matplotlib mypy pytest tqdm uncertainties
 
 # The program that the wheel's numbers are held against.
 cargo build --release --locked --manifest-path ../Cargo.toml --bin vibroimpact

@@ -23,15 +23,11 @@ h = np.geomspace(2e-4, 2e-2, 25)
 zeta = np.geomspace(2e-3, 5e-2, 21)
 
 base = vi.Scene({"oscillator": {"zeta": zeta[0], "h": h[0]}})
-loss = np.empty((len(h), len(zeta)))
-error = np.empty_like(loss)
-for i, level in enumerate(h):
-    for k, damping in enumerate(zeta):
-        scene = base.replace("oscillator.h", level).replace("oscillator.zeta", damping)
-        number = vi.run(scene)["stationary"]["contact_loss_probability"]
-        loss[i, k], error[i, k] = number.value, number.error
+m = vi.map(base, over={"oscillator.h": h, "oscillator.zeta": zeta})
+loss, error = m["stationary.contact_loss_probability"].value, m["stationary.contact_loss_probability"].error
+print(m)
 print(f"{loss.size} scenes; the largest error is {error.max():.0e}")
-assert error.max() < 1e-9
+assert loss.shape == (len(h), len(zeta)) and error.max() < 1e-9
 
 # %% [markdown]
 # It grows with the level and falls with the damping:

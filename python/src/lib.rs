@@ -2,6 +2,7 @@
 //! Python stands in the package's own files, which wrap this module.
 
 mod error;
+mod map;
 mod plan;
 mod pool;
 mod results;
@@ -28,6 +29,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(scene::built_in, module)?)?;
     module.add_function(wrap_pyfunction!(plan::plan, module)?)?;
     module.add_function(wrap_pyfunction!(run::run, module)?)?;
+    module.add_class::<map::Map>()?;
+    module.add_function(wrap_pyfunction!(map::map, module)?)?;
     module.add_function(wrap_pyfunction!(results::save, module)?)?;
     module.add_function(wrap_pyfunction!(main, module)?)
 }

@@ -14,20 +14,20 @@ use vibroimpact::report::folder::Folder;
 
 /// What has happened since somebody asked, as name and fraction of a stage; told from any thread.
 #[derive(Clone, Default)]
-struct Observer {
+pub(crate) struct Observer {
     news: Arc<Mutex<Vec<(&'static str, f64)>>>,
-    stop: StopFlag,
+    pub(crate) stop: StopFlag,
 }
 
 impl Observer {
-    fn tell(&self, part: Part, fraction: f64) {
+    pub(crate) fn tell(&self, name: &'static str, fraction: f64) {
         let Ok(mut news) = self.news.lock() else {
             return;
         };
         match news.last_mut() {
             // Of one stage the latest is enough, and none runs backwards.
-            Some((name, done)) if *name == part.name() => *done = done.max(fraction),
-            _ => news.push((part.name(), fraction)),
+            Some((last, done)) if *last == name => *done = done.max(fraction),
+            _ => news.push((name, fraction)),
         }
     }
 
@@ -35,19 +35,28 @@ impl Observer {
         let news = self.news.lock();
         news.map_or_else(|_| Vec::new(), |mut it| std::mem::take(&mut *it))
     }
+
+    /// Tells a Python function the news.
+    pub(crate) fn hand_on(&self, progress: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let Some(progress) = progress else {
+            return Ok(());
+        };
+        let mut news = self.news().into_iter();
+        news.try_for_each(|it| progress.call1(it).map(drop))
+    }
 }
 
 impl Watch for Observer {
     fn begins(&self, part: Part) {
-        self.tell(part, 0.0);
+        self.tell(part.name(), 0.0);
     }
 
     fn progress(&self, part: Part, fraction: f64) {
-        self.tell(part, fraction.clamp(0.0, 1.0));
+        self.tell(part.name(), fraction.clamp(0.0, 1.0));
     }
 
     fn ends(&self, part: Part, _: &vibroimpact::results::Results) -> vibroimpact::Result<()> {
-        self.tell(part, 1.0);
+        self.tell(part.name(), 1.0);
         Ok(())
     }
 
@@ -79,13 +88,7 @@ pub(crate) fn run(
         let folder = Folder::open(&path, results::existing(force))?;
         report::run_into(&plan, folder, &watch)
     };
-    let tell = |_: Python<'_>| {
-        let Some(progress) = progress else {
-            return Ok(());
-        };
-        let mut news = observer.news().into_iter();
-        news.try_for_each(|it| progress.call1(it).map(|_| ()))
-    };
+    let tell = |_: Python<'_>| observer.hand_on(progress);
     match pool::compute(py, threads, &observer.stop, tell, job)? {
         Ok(results) => Ok(Results::new(results)),
         Err(wrong) => Err(error::of_scene(py, &scene.text, &wrong)),

@@ -17,6 +17,11 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
+    /// Its name, its text and what was replaced in it.
+    pub(crate) fn source(&self) -> (String, String, Vec<String>) {
+        (self.name.clone(), self.toml.clone(), self.overrides.clone())
+    }
+
     fn read(py: Python<'_>, name: String, toml: String, overrides: Vec<String>) -> PyResult<Self> {
         match SceneText::parse(&name, &toml, &overrides) {
             Ok(text) => Ok(Self {

@@ -11,6 +11,7 @@ load; a scene with ``rig`` has its results in newtons, micrometres, hertz and se
 """
 
 from ._errors import LimitError, SceneError, ToleranceWarning, VibroimpactError
+from ._map import Map, map
 from ._number import Curve, Number
 from ._plan import Plan, Stage, plan
 from ._results import Density, Results
@@ -22,6 +23,7 @@ __all__ = [
     "Curve",
     "Density",
     "LimitError",
+    "Map",
     "Number",
     "Plan",
     "Results",
@@ -31,6 +33,7 @@ __all__ = [
     "ToleranceWarning",
     "VibroimpactError",
     "__version__",
+    "map",
     "plan",
     "run",
     "scene",

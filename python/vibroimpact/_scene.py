@@ -13,27 +13,27 @@ import numpy as np
 from . import _native
 from ._errors import SceneError, not_accepted
 
-__all__ = ["Scene", "as_scene", "scene", "scenes"]
+__all__ = ["Scene", "as_scene", "plain", "scene", "scenes"]
 
 _MOST_BYTES = 10_000_000
 
 
-def _plain(key: str, value: Any) -> Any:
+def plain(key: str, value: Any) -> Any:
     """Plain values of mappings, sequences and NumPy's numbers and arrays; what is None is left out."""
     if isinstance(value, Mapping):
-        inner = {name: _plain(f"{key}.{name}" if key else str(name), it) for name, it in value.items()}
+        inner = {name: plain(f"{key}.{name}" if key else str(name), it) for name, it in value.items()}
         for name in inner:
             if not isinstance(name, str):
                 raise not_accepted(f"{key or 'a key'}", name, "keys that are text")
         return {name: it for name, it in inner.items() if it is not None}
     if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(key, value.tolist())
+        return plain(key, value.tolist())
     several = value if isinstance(value, (list, tuple)) else [value]
     if key == "oscillator.contact" and any(callable(it) for it in several):
         instead = "a law by its name; laws from Python functions are not available yet"
         raise not_accepted(key, value, f"{instead}: in Rust, contact::Restoring takes a law of your own")
     if isinstance(value, (list, tuple, range)):
-        items = [_plain(f"{key}[{k}]", it) for k, it in enumerate(value)]
+        items = [plain(f"{key}[{k}]", it) for k, it in enumerate(value)]
         if None in items:
             raise not_accepted(f"{key}[{items.index(None)}]", None, "a value")
         return items
@@ -59,7 +59,7 @@ class Scene:
         if not isinstance(sections, Mapping):
             accepted = "a dict of sections; Scene.from_toml takes text or a file, vi.scene the name of a built-in one"
             raise not_accepted("sections", sections, accepted)
-        self._native = _native.Scene.of("untitled", _plain("", sections))
+        self._native = _native.Scene.of("untitled", plain("", sections))
 
     @classmethod
     def _of(cls, native: _native.Scene) -> Scene:
@@ -94,7 +94,7 @@ class Scene:
         Raises:
             SceneError: as for a new scene.
         """
-        value = _plain(key, value)
+        value = plain(key, value)
         if value is None:
             raise not_accepted(key, value, "a value; to leave a key out, take it out of to_dict()")
         return self._of(self._native.replace(key, value))
