@@ -121,7 +121,8 @@ def _numbers(tree: Any, name: str) -> Iterator[tuple[str, Any, Any]]:
 @functools.lru_cache(maxsize=1)
 def _made(toml: str, over: str, keep: tuple[str, ...]) -> _native.Map:
     """The map in a process that works for an executor: its points are checked once."""
-    return _native.map(_native.Scene.parse("untitled", toml), json.loads(over), keep)
+    axes = [(key, values) for key, values in json.loads(over)]
+    return _native.map(_native.Scene.parse("untitled", toml), axes, keep)
 
 
 def _lines(toml: str, over: str, keep: tuple[str, ...], indices: Sequence[int], threads: int) -> list[str]:
