@@ -85,7 +85,7 @@ impl Map {
             keep: Keep::of(keep)?,
             len,
         };
-        it.title = it.text(0)?.scene().title.clone();
+        it.title.clone_from(&it.text(0)?.scene().title);
         if len <= CHECKED {
             (0..len)
                 .into_par_iter()

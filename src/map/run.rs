@@ -349,10 +349,14 @@ impl Run<'_> {
     }
 
     fn point(&self, job: &Job) {
-        let written = self.map.text(job.index).and_then(|text| {
-            let (line, ending) = self
-                .map
-                .line_of(job.index, text.scene(), job.plan.as_deref());
+        let ended = match job.plan.as_deref() {
+            Some(plan) => Ok(self.map.line_of(job.index, plan.scene(), Some(plan))),
+            None => {
+                let text = self.map.text(job.index);
+                text.map(|text| self.map.line_of(job.index, text.scene(), None))
+            }
+        };
+        let written = ended.and_then(|(line, ending)| {
             self.lines.write(line)?;
             Ok(ending)
         });
