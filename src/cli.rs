@@ -433,6 +433,11 @@ struct MapWatch {
     told: Mutex<std::time::Instant>,
 }
 
+impl MapWatch {
+    /// Seconds between lines in the log of a batch job.
+    const PAUSE: u64 = 60;
+}
+
 impl map::Watch for MapWatch {
     fn progress(&self, it: &map::Progress) {
         let left = it.left().map_or("-".into(), seconds);
@@ -440,12 +445,10 @@ impl map::Watch for MapWatch {
         self.bar.set_length(it.points as u64);
         self.bar.set_position(it.computed as u64);
         self.bar.set_message(words.clone());
-        /// Between lines in the log of a batch job.
-        const PAUSE: u64 = 60;
         if let Ok(mut told) = self.told.lock()
             && !self.quiet
             && self.bar.is_hidden()
-            && told.elapsed().as_secs() >= PAUSE
+            && told.elapsed().as_secs() >= Self::PAUSE
         {
             *told = std::time::Instant::now();
             let _ = writeln!(

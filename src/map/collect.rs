@@ -7,7 +7,7 @@ use super::lines::{Head, each, io};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
-use super::table::{Column, Table, bracketed, plain, shown, walk};
+use super::table::{Column, Table, bracketed, is_time, plain, shown, walk};
 use crate::error::{Error, Result};
 use crate::format::num;
 use crate::report::folder;
@@ -301,7 +301,7 @@ fn chosen(table: &Table, draw: &[Drawn]) -> Result<Vec<Drawn>> {
     let mut main: Vec<Drawn> = main.map(|it| Drawn::plain(it)).collect();
     if main.is_empty() {
         let names = table.groups().map(|it| it[0].name.as_str());
-        let own = names.filter(|it| !it.starts_with("oscillator.") && !it.ends_with(".t"));
+        let own = names.filter(|it| !it.starts_with("oscillator.") && !is_time(it));
         main = own.map(Drawn::plain).collect();
     }
     main.truncate(4);

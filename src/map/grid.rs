@@ -85,7 +85,7 @@ impl Map {
             keep: Keep::of(keep)?,
             len,
         };
-        it.title = it.text(0)?.scene().title.clone();
+        it.title.clone_from(&it.text(0)?.scene().title);
         if len <= CHECKED {
             (0..len)
                 .into_par_iter()
@@ -167,16 +167,24 @@ impl Map {
     /// [`Error::Invalid`] for a number that no point has; what is wrong with the scene.
     pub fn line(&self, index: usize) -> Result<String> {
         let text = self.text(index)?;
-        Ok(self.line_of(index, text.scene()).0)
+        Ok(self.line_of(index, text.scene(), None).0)
     }
 
-    /// The line of a point, and how it ended.
-    pub(super) fn line_of(&self, index: usize, scene: &Scene) -> (String, Ending) {
+    /// The line of a point, and how it ended; with its plan, if it is made already.
+    pub(super) fn line_of(
+        &self,
+        index: usize,
+        scene: &Scene,
+        plan: Option<&Plan>,
+    ) -> (String, Ending) {
         let mut line = Object::new();
         line.insert("index".into(), json!(index));
         line.insert("name".into(), json!(name(scene)));
         line.insert("over".into(), self.over(index).into());
-        let run = || Plan::of(scene)?.run_quietly();
+        let run = || match plan {
+            Some(plan) => plan.run_quietly(),
+            None => Plan::of(scene)?.run_quietly(),
+        };
         // A panic is a bug of ours, and of one point: the others are computed.
         let ended = catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|panic| {
             let what = panic.downcast_ref::<String>().map(String::as_str);

@@ -97,7 +97,7 @@ impl fmt::Display for Part {
 fn spread(len: usize) -> usize {
     let near = (len as f64 * 0.618_033_988_749_894_9) as usize;
     let prime = |step: &usize| gcd(*step, len) == 1;
-    (near.max(1)..).find(prime).unwrap_or(1)
+    (near.max(1)..=len).find(prime).unwrap_or(1)
 }
 
 fn gcd(a: usize, b: usize) -> usize {
@@ -128,7 +128,9 @@ mod tests {
                 for number in 1..=of {
                     let points: Vec<usize> = Part::new(number, of).unwrap().points(len).collect();
                     sizes.push(points.len());
-                    points.into_iter().for_each(|index| seen[index] += 1);
+                    for index in points {
+                        seen[index] += 1;
+                    }
                 }
                 assert!(seen.iter().all(|it| *it == 1), "{len} in {of}");
                 let (low, high) = (sizes.iter().min().unwrap(), sizes.iter().max().unwrap());

@@ -20,6 +20,9 @@ use std::time::Instant;
 /// Points of a part at most: what is kept of each takes some 100 bytes.
 const MOST: usize = 10_000_000;
 
+/// Plans are kept in parts of at most so many points: one takes some 10 kB.
+const KEPT: usize = 10_000;
+
 /// The file that says what the map is.
 pub(super) const MAP: &str = "map.json";
 
@@ -128,7 +131,7 @@ impl fmt::Display for Tally {
 }
 
 /// A point still to be computed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone)]
 struct Job {
     index: usize,
     /// Foreseen.
@@ -136,6 +139,8 @@ struct Job {
     bytes: u64,
     /// The memory that its scene allows.
     allowed: u64,
+    /// Kept, as it takes a third of the time of a short transient; None where it is made when it is its turn.
+    plan: Option<Box<Plan>>,
 }
 
 impl Map {
@@ -184,7 +189,8 @@ impl Map {
             wanted
         })?;
         tally.dropped = lines.dropped;
-        let jobs = |index: &usize| self.job(*index);
+        let keep = missing.len() <= KEPT;
+        let jobs = |index: &usize| self.job(*index, keep);
         let jobs: Result<Vec<Job>> = pool.install(|| {
             let missing = points.par_iter().filter(|it| missing.contains_key(it));
             missing.map(jobs).collect()
@@ -253,7 +259,7 @@ impl Map {
     }
 
     /// What the plan of a point foresees; a point without a plan is refused when it is its turn.
-    fn job(&self, index: usize) -> Result<Job> {
+    fn job(&self, index: usize, keep: bool) -> Result<Job> {
         let text = self.text(index)?;
         let plan = Plan::of(text.scene());
         let stages = plan.iter().flat_map(Plan::stages);
@@ -265,6 +271,7 @@ impl Map {
             seconds,
             bytes,
             allowed: text.scene().accuracy.max_memory,
+            plan: plan.ok().filter(|_| keep).map(Box::new),
         })
     }
 }
@@ -287,17 +294,16 @@ fn in_order(mut jobs: Vec<Job>, threads: usize) -> (Vec<Job>, Vec<Job>) {
         return (Vec::new(), jobs);
     }
     let heavy = |it: &Job| it.bytes.saturating_mul(threads as u64) > it.allowed;
-    let (mut large, small): (Vec<Job>, Vec<Job>) = jobs.into_iter().partition(heavy);
+    let (mut large, mut small): (Vec<Job>, Vec<Job>) = jobs.into_iter().partition(heavy);
     let mut left: f64 = small.iter().map(|it| it.seconds).sum();
     let others = (threads - 1) as f64;
     let long = small.iter().take_while(|it| {
         left -= it.seconds;
         it.seconds * others > left.max(0.0)
     });
-    let long = long.count();
-    let (long, rest) = small.split_at(long);
-    large.extend(long);
-    (large, rest.to_vec())
+    let rest = small.split_off(long.count());
+    large.append(&mut small);
+    (large, rest)
 }
 
 /// A part on its way.
@@ -343,8 +349,14 @@ impl Run<'_> {
     }
 
     fn point(&self, job: &Job) {
-        let written = self.map.text(job.index).and_then(|text| {
-            let (line, ending) = self.map.line_of(job.index, text.scene());
+        let ended = match job.plan.as_deref() {
+            Some(plan) => Ok(self.map.line_of(job.index, plan.scene(), Some(plan))),
+            None => {
+                let text = self.map.text(job.index);
+                text.map(|text| self.map.line_of(job.index, text.scene(), None))
+            }
+        };
+        let written = ended.and_then(|(line, ending)| {
             self.lines.write(line)?;
             Ok(ending)
         });
@@ -403,6 +415,7 @@ mod tests {
             seconds: *seconds,
             bytes: 1,
             allowed: 100,
+            plan: None,
         };
         seconds.iter().enumerate().map(job).collect()
     }

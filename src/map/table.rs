@@ -189,7 +189,7 @@ impl Table {
             .place
             .and_then(|k| self.times(&column.name)?.get(k).copied());
         match time {
-            Some(t) if !column.name.ends_with(".t") => format!("{} at t = {t}", column.name),
+            Some(t) if !is_time(&column.name) => format!("{} at t = {t}", column.name),
             _ => shown(&column.name, column.place),
         }
     }
@@ -234,13 +234,16 @@ impl Table {
     }
 }
 
+/// Whether a name is that of the times of other numbers.
+pub(super) fn is_time(name: &str) -> bool {
+    name.rsplit('.').next() == Some("t")
+}
+
+/// Takes a name, a place in a list, a value and an error.
+type Visit<'a> = &'a mut dyn FnMut(&str, Option<usize>, f64, f64);
+
 /// Shows every number of a section with its name, its place in a list, its value and its error, NaN without one.
-pub(super) fn walk(
-    it: &Value,
-    path: &mut String,
-    place: Option<usize>,
-    visit: &mut dyn FnMut(&str, Option<usize>, f64, f64),
-) {
+pub(super) fn walk(it: &Value, path: &mut String, place: Option<usize>, visit: Visit<'_>) {
     let error = |it: &Value| it.as_f64().unwrap_or(f64::NAN);
     match it {
         Value::Number(x) => visit(path, place, x.as_f64().unwrap_or(f64::NAN), f64::NAN),

@@ -290,9 +290,12 @@ fn curves(x: &Ruler, fields: &[Field]) -> Result<Option<File>> {
                 .map(|((y, error), (x, _))| {
                     let error = if error.is_finite() { *error } else { 0.0 };
                     // A band that reaches zero has no end on a logarithmic scale.
-                    let ends = [y - error, y + error].map(|it| match scale.log {
-                        true if it * y <= 0.0 => panel.y.0,
-                        _ => scale.place(it),
+                    let ends = [y - error, y + error].map(|it| {
+                        if scale.log && it * y <= 0.0 {
+                            panel.y.0
+                        } else {
+                            scale.place(it)
+                        }
                     });
                     (*x, ends[0].min(ends[1]), ends[0].max(ends[1]))
                 })
