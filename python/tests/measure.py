@@ -1,5 +1,6 @@
-"""What the Python package costs: `python python/measure.py [PROGRAM]`, with the package installed. Prints wall and CPU
-time; on a machine that computes other things too, CPU time tells more."""
+"""What the Python package costs: `python python/tests/measure.py [PROGRAM]`, with the package installed.
+
+Prints wall time, and CPU time, which tells more on a machine that computes other things too."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import vibroimpact as vi
 
-PROGRAM = sys.argv[1] if len(sys.argv) > 1 else str(Path(__file__).parents[1] / "target" / "release" / "vibroimpact")
+PROGRAM = sys.argv[1] if len(sys.argv) > 1 else str(Path(__file__).parents[2] / "target" / "release" / "vibroimpact")
 
 
 def program(name: str) -> float:
