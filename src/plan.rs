@@ -162,8 +162,8 @@ pub trait Watch: Sync {
         Ok(())
     }
 
-    /// The flag that ends the run once it is raised: within milliseconds but for what nothing can stop half way, as a
-    /// factorisation.
+    /// The flag that ends the run once it is raised, where the run looks at the clock: mostly within milliseconds. What
+    /// nothing can stop half way, as a factorisation or a step on a large mesh, ends first.
     fn stop(&self) -> StopFlag {
         StopFlag::default()
     }
