@@ -20,9 +20,8 @@ from conftest import DENSITY, QUICK
 
 LONG = {
     "oscillator": {"zeta": 0.005, "h": 2e-3},
-    "outputs": {"stationary": True, "moments_at": [1e4]},
-    "monte_carlo": {"paths": 10**8},
-    "method": {"step": 0.01},
+    "outputs": {"stationary": True, "moments_at": [50]},
+    "monte_carlo": {"paths": 10**9},
     "accuracy": {"max_seconds": 3600},
 }
 

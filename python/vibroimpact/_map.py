@@ -37,7 +37,7 @@ class Map(Mapping[str, Curve]):
     """The numbers of a map by their names in results.json, sections before them: ``m["stationary.mean_q"].value``.
 
     Arrays have the shape of the axes, in the order of ``over``; of a list, as of moments at several times, its length
-    comes last. NaN stands where a point has no number, and for the error of one that has none.
+    comes last. ``m[name][i, k]`` is the ``Number`` of one point. NaN stands where a point has no number, and for the error of one that has none.
     """
 
     axes: dict[str, NDArray[Any]]
@@ -60,6 +60,8 @@ class Map(Mapping[str, Curve]):
             if any(it["free"] for it in line.get("shortfalls", ())):
                 self.missed.append(place)
             for name, value, error in _numbers(line.get("results", {}), ""):
+                if name in self.axes:
+                    continue  # It repeats the axis.
                 found.setdefault(name, []).append((index, value, error))
         self._curves = {name: self._curve(it) for name, it in found.items()}
 

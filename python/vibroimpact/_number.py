@@ -52,7 +52,8 @@ class Number:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Numbers along an axis, with their errors: two arrays of the same length, NaN where there is no number."""
+    """Numbers with their errors: two arrays of the same shape, NaN where there is no number. Along one axis, as times, or
+    several, as those of a map."""
 
     value: NDArray[np.float64]
     error: NDArray[np.float64]
@@ -61,13 +62,16 @@ class Curve:
         return len(self.value)
 
     @overload
-    def __getitem__(self, place: int) -> Number: ...
+    def __getitem__(self, place: int | tuple[int, ...]) -> Number: ...
     @overload
     def __getitem__(self, place: slice) -> Curve: ...
-    def __getitem__(self, place: int | slice) -> Number | Curve:
+    def __getitem__(self, place: int | tuple[int, ...] | slice) -> Number | Curve:
         if isinstance(place, slice):
             return Curve(self.value[place], self.error[place])
-        return Number(float(self.value[place]), float(self.error[place]))
+        value, error = self.value[place], self.error[place]
+        if np.ndim(value):
+            raise IndexError(f"a place in {self.value.ndim} dimensions is needed, not {place}")
+        return Number(float(value), float(error))
 
     def __iter__(self) -> Iterator[Number]:
         return (self[k] for k in range(len(self)))
@@ -82,13 +86,15 @@ class Curve:
         return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
     def __str__(self) -> str:
+        if self.value.ndim != 1:
+            return f"{' x '.join(map(str, self.value.shape))} numbers"
         shown = [str(it) for it in (self if len(self) <= 6 else self[:3])]
         if len(self) > 6:
             shown += ["...", *(str(it) for it in self[-2:])]
         return f"[{', '.join(shown)}]"
 
     def __repr__(self) -> str:
-        return f"Curve({len(self)} numbers: {self})"
+        return f"Curve({len(self)} numbers: {self})" if self.value.ndim == 1 else f"Curve({self})"
 
     def to_ufloat(self) -> Any:
         """As an array of ``uncertainties.ufloat``; needs the package uncertainties."""
