@@ -1,6 +1,8 @@
 //! What a machine takes for a piece of work, and the limits a scene sets.
 
 use crate::error::{Error, Result};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Every timing of a machine that a decision or a forecast hangs on, in seconds of one core (measured:
@@ -52,10 +54,28 @@ pub(crate) mod timing {
     pub(crate) const GAIN: f64 = 0.8;
 }
 
-/// The limits of a scene, and when its work began.
-#[derive(Debug, Clone, Copy)]
+/// A flag that ends a run from any thread: who holds a clone of it raises it, and the run ends where it would look at
+/// the clock next, with [`Error::Stopped`].
+#[derive(Debug, Clone, Default)]
+pub struct StopFlag(Arc<AtomicBool>);
+
+impl StopFlag {
+    /// Ends the run that looks at this flag.
+    pub fn raise(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it was raised.
+    pub fn raised(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The limits of a scene, when its work began, and whether somebody wants it to end.
+#[derive(Debug, Clone)]
 pub(crate) struct Limits {
     began: Instant,
+    stop: StopFlag,
     /// Seconds allowed.
     pub(crate) seconds: f64,
     /// Bytes allowed.
@@ -67,9 +87,15 @@ impl Limits {
     pub(crate) fn from_now(seconds: f64, memory: u64) -> Self {
         Self {
             began: Instant::now(),
+            stop: StopFlag::default(),
             seconds,
             memory,
         }
+    }
+
+    /// The same, over as soon as `stop` is raised.
+    pub(crate) fn until(self, stop: StopFlag) -> Self {
+        Self { stop, ..self }
     }
 
     /// Seconds since the work began.
@@ -77,13 +103,19 @@ impl Limits {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// Seconds left; negative beyond the limit.
+    /// Seconds left; negative beyond the limit, and where somebody wants the end.
     pub(crate) fn left(&self) -> f64 {
+        if self.stop.raised() {
+            return f64::NEG_INFINITY;
+        }
         self.seconds - self.spent()
     }
 
     /// The error of a computation that is out of time: `what` says how far it came.
     pub(crate) fn out_of_time(&self, what: String) -> Error {
+        if self.stop.raised() {
+            return Error::Stopped { what };
+        }
         Error::Limit {
             key: "accuracy.max_seconds",
             limit: format!("{}", self.seconds),
@@ -122,7 +154,11 @@ impl Limits {
     }
 
     /// The same as a question that long work asks now and then.
-    pub(crate) fn late(self, name: &'static str) -> impl Fn() -> Result<()> + Copy + Send + Sync {
-        move || self.in_time(|| format!("{name} had not ended"))
+    pub(crate) fn late(
+        &self,
+        name: &'static str,
+    ) -> impl Fn() -> Result<()> + Clone + Send + Sync + use<> {
+        let limits = self.clone();
+        move || limits.in_time(|| format!("{name} had not ended"))
     }
 }

@@ -2,6 +2,8 @@
 //! that prints. The laboratory (src/bin/lab) is a program of its own made of the same parts.
 
 use crate::error::{Error, Result};
+use crate::format::seconds;
+use crate::map::{self, Axis, Map, MapError};
 use crate::plan::{Part, Plan, Watch};
 use crate::report::folder::{Existing, Folder};
 use crate::report::{self, terminal};
@@ -13,7 +15,6 @@ use std::ffi::OsString;
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Random vibration of a preloaded Hertzian contact that now and then loses contact.
 ///
@@ -44,6 +45,24 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         set: Vec<String>,
     },
+    /// Run a scene at every point of a grid, or a part of it; one started again does what is missing
+    Map {
+        #[command(flatten)]
+        scene: SceneChoice,
+        #[command(flatten)]
+        options: MapOptions,
+    },
+    /// Join the parts of a map: table, arrays, pictures, a page; lists what is missing
+    Collect {
+        /// The folder of the map
+        dir: PathBuf,
+        /// A number to draw, as stationary.contact_loss_probability=0.01 with a line at a level
+        #[arg(long, value_name = "NUMBER[=LEVEL]")]
+        draw: Vec<String>,
+        /// Print nothing but errors
+        #[arg(long, short)]
+        quiet: bool,
+    },
     /// List the built-in scenes, or print one as TOML to start from
     Scenes {
         /// A built-in scene
@@ -65,6 +84,34 @@ struct RunOptions {
     /// Override a key of the scene, as oscillator.h=0.01
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Number of threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Args)]
+struct MapOptions {
+    /// An axis: a key and its values, KEY=log:a:b:n, lin:a:b:n or a list [x, y]; the first runs slowest
+    #[arg(long, value_name = "KEY=RANGE", required = true)]
+    over: Vec<String>,
+    /// Only part K of N, for engines that run parts side by side
+    #[arg(long, value_name = "K/N")]
+    part: Option<String>,
+    /// Folder of the map, one for all its parts
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Override a key of the scene, as oscillator.contact=bilinear
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Keep a curve of results.json in the lines, as spectrum or first_loss.survival
+    #[arg(long, value_name = "CURVE")]
+    keep: Vec<String>,
+    /// Compute points that failed again
+    #[arg(long)]
+    retry: bool,
     /// Number of threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -151,13 +198,19 @@ impl From<Error> for Stop {
     }
 }
 
+impl From<MapError> for Stop {
+    fn from(error: MapError) -> Self {
+        match error {
+            MapError::Scene(error) => Self::scene(error),
+            MapError::Other(error) => error.into(),
+        }
+    }
+}
+
 /// 2 for what the user can mend in scene or command line, 3 for a limit, 1 for the rest.
 fn status(error: &Error) -> u8 {
     match error {
-        Error::Invalid { .. }
-        | Error::NotAvailable { .. }
-        | Error::NoStationaryLaw { .. }
-        | Error::Mesh { .. } => 2,
+        error if error.is_refusal() => 2,
         Error::Limit { .. } | Error::Unresolved { .. } => 3,
         _ => 1,
     }
@@ -220,6 +273,8 @@ fn command(cli: Cli) -> Outcome {
             let plan = Plan::of(text.scene()).map_err(|error| Stop::scene(text.explain(&error)))?;
             print(&terminal::plan(&plan)).map(|()| 0)
         }
+        Some(Command::Map { scene, options }) => map(scene.scene.as_deref(), &options),
+        Some(Command::Collect { dir, draw, quiet }) => collect(&dir, &draw, quiet),
         Some(Command::Scenes { name: None }) => {
             let lines: Vec<String> = BUILT_IN
                 .iter()
@@ -251,18 +306,24 @@ fn no_such_scene(name: &str) -> Stop {
 
 /// The scene of the command line with its overrides.
 fn read(scene: Option<&Path>, set: &[String]) -> std::result::Result<SceneText, Stop> {
+    let (name, text) = named(scene)?;
+    SceneText::parse(&name, &text, set).map_err(Stop::scene)
+}
+
+/// Name and text of the scene of the command line.
+fn named(scene: Option<&Path>) -> std::result::Result<(String, String), Stop> {
     let Some(path) = scene else {
         let (name, text) = BUILT_IN[0];
-        return SceneText::parse(name, text, set).map_err(Stop::scene);
+        return Ok((name.to_owned(), text.to_owned()));
     };
     let name = path.display().to_string();
     if !path.exists()
         && let Some(text) = built_in(&name)
     {
-        return SceneText::parse(&name, text, set).map_err(Stop::scene);
+        return Ok((name, text.to_owned()));
     }
     let text = read_text(path)?;
-    SceneText::parse(&name, &text, set).map_err(Stop::scene)
+    Ok((name, text))
 }
 
 fn read_text(path: &Path) -> std::result::Result<String, Stop> {
@@ -313,28 +374,18 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     };
     let plan = Plan::of(text.scene()).map_err(explain)?;
     let folder = options.output.folder(&text.scene().folder())?;
-    folder.write(&report::at_the_start(&Results::empty(text.scene())))?;
+    let path = folder.path().to_owned();
     let observer = Observer {
-        folder: &folder,
-        ended: AtomicBool::new(false),
         bar: Mutex::new(ProgressBar::hidden()),
         quiet: options.quiet,
     };
-    let results = plan.run(&observer);
+    let results = report::run_into(&plan, folder, &observer);
     observer.clear();
     let results = match results {
         Ok(results) => results,
         Err(error @ Error::Io { .. }) => return Err(error.into()),
-        Err(error) => {
-            let stop = explain(error);
-            // A scene that is refused before its first result leaves nothing behind.
-            if stop.status == 2 && !observer.ended.into_inner() {
-                folder.discard();
-            }
-            return Err(stop);
-        }
+        Err(error) => return Err(explain(error)),
     };
-    folder.write(&report::at_the_end(&results)?)?;
     let status = if results.falls_short() { 3 } else { 0 };
     if options.quiet {
         // Only errors are printed, and this is one.
@@ -344,8 +395,85 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         return Ok(status);
     }
     let table = terminal::table(&results, colour(&io::stdout()));
-    print(&format!("{table}files: {}\n", folder.path().display()))?;
+    print(&format!("{table}files: {}\n", path.display()))?;
     Ok(status)
+}
+
+fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
+    let (name, text) = named(scene)?;
+    let axes = options.over.iter().map(|it| Axis::parse(it));
+    let axes = axes.collect::<Result<Vec<_>>>()?;
+    let part = options.part.as_deref().map(map::Part::parse);
+    let part = part.transpose()?.unwrap_or(map::Part::WHOLE);
+    let it = Map::of(&name, &text, &options.set, axes, options.keep.clone())?;
+    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = options.threads.map_or_else(cores, usize::from);
+    let template = "{bar:30} {pos}/{len} points  {msg}";
+    let watch = MapWatch {
+        bar: bar(0, options.quiet, template),
+        quiet: options.quiet,
+        told: Mutex::new(std::time::Instant::now()),
+    };
+    let tally = it.run(part, &options.out, threads, options.retry, &watch);
+    watch.bar.finish_and_clear();
+    let tally = tally?;
+    if !options.quiet {
+        print(&format!(
+            "{tally}lines: {}\n",
+            options.out.join(part.file()).display()
+        ))?;
+    }
+    Ok(if tally.failed + tally.short > 0 { 3 } else { 0 })
+}
+
+/// Shows how a map goes on: a bar on a terminal, else a line now and then.
+struct MapWatch {
+    bar: ProgressBar,
+    quiet: bool,
+    told: Mutex<std::time::Instant>,
+}
+
+impl MapWatch {
+    /// Seconds between lines in the log of a batch job.
+    const PAUSE: u64 = 60;
+}
+
+impl map::Watch for MapWatch {
+    fn progress(&self, it: &map::Progress) {
+        let left = it.left().map_or("-".into(), seconds);
+        let words = format!("{left} left  {:.3} points/s", it.rate());
+        self.bar.set_length(it.points as u64);
+        self.bar.set_position(it.computed as u64);
+        self.bar.set_message(words.clone());
+        if let Ok(mut told) = self.told.lock()
+            && !self.quiet
+            && self.bar.is_hidden()
+            && told.elapsed().as_secs() >= Self::PAUSE
+        {
+            *told = std::time::Instant::now();
+            let _ = writeln!(
+                io::stderr(),
+                "{}/{} points  {words}",
+                it.computed,
+                it.points
+            );
+        }
+    }
+}
+
+fn collect(dir: &Path, draw: &[String], quiet: bool) -> Outcome {
+    let draw = draw.iter().map(|it| map::Drawn::parse(it));
+    let it = map::collect(dir, &draw.collect::<Result<Vec<_>>>()?)?;
+    if !quiet {
+        print(&format!("{it}files: {}\n", dir.display()))?;
+    } else if it.missing() + it.failed + it.short > 0 {
+        let _ = write!(io::stderr(), "{it}");
+    }
+    Ok(if it.missing() + it.failed + it.short > 0 {
+        3
+    } else {
+        0
+    })
 }
 
 /// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is
@@ -369,16 +497,13 @@ fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Watches a run: a progress bar, and each stage's files as soon as it has ended.
-struct Observer<'a> {
-    folder: &'a Folder,
-    /// Whether any stage has ended.
-    ended: AtomicBool,
+/// Watches a run: a progress bar.
+struct Observer {
     bar: Mutex<ProgressBar>,
     quiet: bool,
 }
 
-impl Observer<'_> {
+impl Observer {
     fn clear(&self) {
         if let Ok(bar) = self.bar.lock() {
             bar.finish_and_clear();
@@ -386,7 +511,7 @@ impl Observer<'_> {
     }
 }
 
-impl Watch for Observer<'_> {
+impl Watch for Observer {
     fn begins(&self, part: Part) {
         let template = "{msg:<12} {bar:40} {percent:>3} %  {eta} left";
         let bar = bar(1000, self.quiet, template).with_message(part.name());
@@ -404,10 +529,9 @@ impl Watch for Observer<'_> {
         }
     }
 
-    fn ends(&self, part: Part, results: &Results) -> Result<()> {
+    fn ends(&self, _: Part, _: &Results) -> Result<()> {
         self.clear();
-        self.ended.store(true, Ordering::Relaxed);
-        self.folder.write(&report::after(part, results)?)
+        Ok(())
     }
 }
 

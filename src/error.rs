@@ -71,6 +71,22 @@ pub enum Error {
         /// What would have been needed.
         what: String,
     },
+    /// The caller wanted the end of the run before the answer.
+    #[error("stopped: {what}")]
+    Stopped {
+        /// How far it had come.
+        what: String,
+    },
+    /// Two answers to one question that are not the same.
+    #[error("point {point} differs in {a} and {b}: {what}", a = files[0], b = files[1])]
+    Disagree {
+        /// The question.
+        point: String,
+        /// Where the answers stand.
+        files: [String; 2],
+        /// In what they differ.
+        what: String,
+    },
     /// A file or folder that cannot be read or written.
     #[error("{path} cannot be read or written: {source}", path = path.display())]
     Io {
@@ -96,6 +112,17 @@ impl Error {
             value: value.to_string(),
             accepted: accepted.into(),
         }
+    }
+
+    /// Whether scene or argument are wrong, and not the computation: the user can mend it.
+    pub fn is_refusal(&self) -> bool {
+        matches!(
+            self,
+            Self::Invalid { .. }
+                | Self::NotAvailable { .. }
+                | Self::NoStationaryLaw { .. }
+                | Self::Mesh { .. }
+        )
     }
 
     /// [`Error::NotAvailable`] for a key of the scene format.

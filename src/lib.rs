@@ -54,6 +54,7 @@ pub mod fokker_planck;
 mod format;
 pub mod gaussian;
 pub mod initial;
+pub mod map;
 mod matrix;
 pub mod moments;
 pub mod monte_carlo;

@@ -2,6 +2,7 @@
 //! before anything runs.
 
 use crate::budget::Limits;
+pub use crate::budget::StopFlag;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{
@@ -159,6 +160,12 @@ pub trait Watch: Sync {
     /// Whatever is returned ends the run.
     fn ends(&self, _part: Part, _results: &Results) -> Result<()> {
         Ok(())
+    }
+
+    /// The flag that ends the run once it is raised, where the run looks at the clock: mostly within milliseconds. What
+    /// nothing can stop half way, as a factorisation or a step on a large mesh, ends first.
+    fn stop(&self) -> StopFlag {
+        StopFlag::default()
     }
 }
 
@@ -414,7 +421,7 @@ impl Plan {
         &self,
         part: Part,
         results: &mut Results,
-        progress: &(dyn Fn(f64) + Sync),
+        (progress, stop): (&(dyn Fn(f64) + Sync), &StopFlag),
     ) -> Result<()> {
         let Scene {
             oscillator,
@@ -431,6 +438,7 @@ impl Plan {
         }
         settings.max_seconds = left - self.reserved(part, left);
         let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+        let limits = limits.until(stop.clone());
         match part {
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
@@ -448,7 +456,7 @@ impl Plan {
             }
             Part::FirstLoss => {
                 if let Some(recipe) = &self.recipes.first_passage {
-                    let it = recipe.solve(oscillator, initial, limits, progress)?;
+                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
                     results.fall_short(part.name(), it.shortfall.as_ref(), true);
                     results.first_loss = Some(it);
                 }
@@ -470,7 +478,7 @@ impl Plan {
                     return Ok(());
                 };
                 let (problem, times) = ((oscillator, initial), self.times());
-                let mut it = recipe.solve(problem, (&times, &density_at), limits, progress)?;
+                let mut it = recipe.solve(problem, (&times, &density_at), &limits, progress)?;
                 keep_times(&mut it, &moments_at);
                 let warnings = it.warnings.iter().cloned();
                 results.run.warnings.extend(warnings.map(Warning::from));
@@ -481,7 +489,7 @@ impl Plan {
                 let Some(recipe) = &self.recipes.steady else {
                     return Ok(());
                 };
-                let it = recipe.solve(oscillator, limits, progress)?;
+                let it = recipe.solve(oscillator, &limits, progress)?;
                 let warnings = it.warnings.iter().cloned();
                 results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
@@ -491,11 +499,11 @@ impl Plan {
                 let Some(recipe) = &self.recipes.eigenvalues else {
                     return Ok(());
                 };
-                let it = recipe.solve(oscillator, limits, progress)?;
+                let it = recipe.solve(oscillator, &limits, progress)?;
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.decay_rates = Some(it);
             }
-            Part::Spectrum => self.compute_spectrum(limits, results, progress)?,
+            Part::Spectrum => self.compute_spectrum(&limits, results, progress)?,
             Part::Series => {
                 if let (Some(recipe), Some(mut it)) =
                     (&self.recipes.series, results.spectrum.take())
@@ -542,7 +550,7 @@ impl Plan {
 
     fn compute_spectrum(
         &self,
-        limits: Limits,
+        limits: &Limits,
         results: &mut Results,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<()> {
@@ -641,12 +649,13 @@ impl Plan {
     /// Run every stage; `watch` is told as it goes.
     ///
     /// # Errors
-    /// The first error of a stage or of `watch`. Results of the stages before it have been shown to
-    /// `watch`.
+    /// The first error of a stage or of `watch`, or [`Error::Stopped`]. Results of the stages before it have been shown
+    /// to `watch`.
     pub fn run(&self, watch: &dyn Watch) -> Result<Results> {
         let start = Instant::now();
         let spent = || self.planning + start.elapsed().as_secs_f64();
         let mut results = Results::empty(&self.scene);
+        let stop = watch.stop();
         for (k, stage) in self.stages.iter().enumerate() {
             let limit = self.scene.accuracy.max_seconds;
             results.run.wall_seconds = spent();
@@ -662,9 +671,12 @@ impl Plan {
             let part = stage.part;
             watch.begins(part);
             let begin = Instant::now();
-            let computed = self.compute(part, &mut results, &|fraction| {
-                watch.progress(part, fraction);
-            });
+            let progress = |fraction| watch.progress(part, fraction);
+            let computed = self.compute(part, &mut results, (&progress, &stop));
+            if stop.raised() {
+                let what = format!("the {} stage had not ended", part.name());
+                return Err(Error::Stopped { what });
+            }
             // A stage knows only what the stages before it left of the time.
             computed.map_err(|error| match error {
                 Error::Limit {

@@ -556,7 +556,7 @@ impl Scene {
 
     /// The scene with every default filled in, section by section: in results.json, and as TOML by
     /// [`Scene::to_toml`].
-    pub(crate) fn resolved(&self) -> Value {
+    pub fn resolved(&self) -> Value {
         let mut initial = json!({ "kind": self.initial.name() });
         if let Initial::Gaussian { mean, deviation } = self.initial {
             initial["mean"] = json!(mean);
@@ -662,7 +662,8 @@ impl Scene {
     }
 }
 
-fn toml_value(value: &Value) -> String {
+/// A value as TOML writes it.
+pub(crate) fn toml_value(value: &Value) -> String {
     match value {
         Value::Object(pairs) => {
             let pairs = pairs.iter();

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use vibroimpact::map::{Axis, Map};
 use vibroimpact::plan::Plan;
 use vibroimpact::scene::text::SceneText;
 
@@ -12,11 +13,20 @@ fn root() -> &'static Path {
 
 /// Every page for readers, by its path from the root.
 fn pages() -> Vec<(PathBuf, String)> {
-    let mut names: Vec<PathBuf> = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"]
-        .map(PathBuf::from)
-        .to_vec();
+    let mut names: Vec<PathBuf> = [
+        "README.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "python/README.md",
+    ]
+    .map(PathBuf::from)
+    .to_vec();
     for entry in fs::read_dir(root().join("docs")).unwrap() {
-        names.push(Path::new("docs").join(entry.unwrap().file_name()));
+        let name = Path::new("docs").join(entry.unwrap().file_name());
+        // Pictures and scenes lie beside.
+        if name.extension().is_some_and(|it| it == "md") {
+            names.push(name);
+        }
     }
     names.sort();
     let read = |name: PathBuf| {
@@ -129,6 +139,18 @@ fn every_command_printed_is_accepted() {
             if arguments.concat().contains(char::is_uppercase) {
                 continue;
             }
+            // A map of the gallery takes minutes: its scene and its axes are read.
+            if arguments[0] == "map" && arguments[1].starts_with("docs/") {
+                let scene = fs::read_to_string(root().join(arguments[1])).unwrap();
+                let over = arguments.windows(2).filter(|it| it[0] == "--over");
+                let axes = over.map(|it| Axis::parse(it[1]).unwrap()).collect();
+                let map = Map::of(arguments[1], &scene, &[], axes, Vec::new()).unwrap();
+                assert!(map.len() > 100, "{line}");
+                continue;
+            }
+            if arguments[0] == "collect" && !room.join(arguments[1]).exists() {
+                continue;
+            }
             // A plan reads the same scene and overrides, and computes nothing.
             if arguments[0] == "run" {
                 arguments[0] = "plan";
@@ -149,6 +171,24 @@ fn every_command_printed_is_accepted() {
     }
     println!("{tried} commands");
     assert!(tried > 5);
+}
+
+#[test]
+fn every_script_printed_is_the_one_that_is_tested() {
+    let page = fs::read_to_string(root().join("docs/scale.md")).unwrap();
+    let folder = root().join("tests/engines");
+    for (language, name) in [
+        ("bash", "map.sbatch"),
+        ("python", "submitit_map.py"),
+        ("python", "hyperqueue_map.py"),
+    ] {
+        let script = fs::read_to_string(folder.join(name)).unwrap();
+        assert!(blocks(&page, language).0.contains(&script), "{name}");
+    }
+    let run = fs::read_to_string(folder.join("run.sh")).unwrap();
+    for name in ["map.sbatch", "submitit_map.py", "hyperqueue_map.py"] {
+        assert!(run.contains(name), "{name} is not run");
+    }
 }
 
 #[test]

@@ -51,8 +51,9 @@ fn floor(module: &str) -> usize {
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,
         "report" => 4,
-        "cli" => 5,
-        "main" | "bin" => 6,
+        "map" => 5,
+        "cli" => 6,
+        "main" | "bin" => 7,
         other => panic!("{other} has no floor: give it one here and in the architecture"),
     }
 }

@@ -1,7 +1,10 @@
 //! A run ends within 1.3 times accuracy.max_seconds and a second, whatever it is doing, with numbers or a reason.
 
 use std::process::Command;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use vibroimpact::Error;
+use vibroimpact::plan::{Plan, StopFlag, Watch};
+use vibroimpact::scene::text::SceneText;
 
 const HERTZ: &str = "[oscillator]\ncontact = \"hertz\"\n";
 
@@ -143,4 +146,52 @@ fn a_start_far_beyond_a_law_of_strong_friction_ends_with_its_numbers() {
         assert_eq!(it.status.code(), Some(0), "{name}: {error}");
     }
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// A run that holds the flag which ends it.
+struct Stoppable(StopFlag);
+
+impl Watch for Stoppable {
+    fn stop(&self) -> StopFlag {
+        self.0.clone()
+    }
+}
+
+#[test]
+fn a_raised_flag_ends_a_run_of_minutes_at_once() {
+    let paths = (
+        "paths",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[outputs]\nmoments_at = [1]\n[monte_carlo]\npaths = 10_000_000_000\n[accuracy]\n",
+    );
+    let long = SCENES.iter().filter(|it| it.0.starts_with("flow map"));
+    for (name, oscillator, asked) in long.chain([&paths]) {
+        let text = format!("{HERTZ}{oscillator}{asked}max_seconds = 600.0\n");
+        let scene = SceneText::parse(name, &text, &[]).unwrap();
+        let plan = Plan::of(scene.scene()).unwrap();
+        let watch = Stoppable(StopFlag::default());
+        let ended = std::thread::scope(|scope| {
+            let run = scope.spawn(|| plan.run(&watch));
+            std::thread::sleep(Duration::from_millis(300));
+            // Where the first answer is refused by what it would take, there is nothing to stop.
+            let running = !run.is_finished();
+            watch.0.raise();
+            let clock = Instant::now();
+            let ended = run.join().unwrap();
+            running.then(|| (ended.unwrap_err(), clock.elapsed().as_secs_f64()))
+        });
+        let Some((error, seconds)) = ended else {
+            continue;
+        };
+        println!("{name}: {seconds:.3} s; {error}");
+        assert!(matches!(error, Error::Stopped { .. }), "{name}: {error}");
+        // A second on a machine of its own; every run would take many times that.
+        assert!(seconds < 5.0, "{name}: {seconds} s");
+    }
+    // What is raised beforehand computes nothing.
+    let scene = SceneText::parse("a", &format!("{HERTZ}zeta = 0.005\nh = 2e-3\n"), &[]).unwrap();
+    let watch = Stoppable(StopFlag::default());
+    watch.0.raise();
+    let error = Plan::of(scene.scene()).unwrap().run(&watch).unwrap_err();
+    assert!(matches!(error, Error::Stopped { .. }), "{error}");
 }

@@ -200,7 +200,7 @@ pub fn spectrum(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Spectrum> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    Resolvent::of(settings).solve(oscillator, quantity, omegas, limits, progress)
+    Resolvent::of(settings).solve(oscillator, quantity, omegas, &limits, progress)
 }
 
 /// How a spectrum will be computed: the first resolution, and the foreseen cost.
@@ -253,7 +253,7 @@ impl Resolvent {
         oscillator: &Oscillator,
         quantity: Quantity,
         omegas: &[f64],
-        limits: Limits,
+        limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Spectrum> {
         oscillator.displacement_law()?;
@@ -264,12 +264,12 @@ impl Resolvent {
             quantity,
             omegas,
             control: control(omegas),
-            limits,
+            limits: limits.clone(),
             next: self.first,
             last: None,
             best: None,
         };
-        adaptive::pursue(task, &limits, progress)
+        adaptive::pursue(task, limits, progress)
     }
 }
 

@@ -166,7 +166,7 @@ impl Ensemble {
             return Ok(it);
         };
         let half = |part: f64| progress(0.5 * part);
-        let mut it = self.sample(question, &self.walk, limits, &half)?;
+        let mut it = self.sample(question, &self.walk, limits.clone(), &half)?;
         let half = |part: f64| progress(0.5 + 0.5 * part);
         let beside = self.sample(question, companion, limits, &half)?;
         for (moments, beside) in it.moments.iter_mut().zip(&beside.moments) {

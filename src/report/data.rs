@@ -11,13 +11,14 @@ use crate::oscillator::Quantity;
 use crate::results::{Results, entries};
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
-use ndarray::{Array1, Array2, arr0};
+use ndarray::{Array1, Array2, ArrayD, IxDyn, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
 use std::io::Cursor;
 use std::path::PathBuf;
 
-fn unit(name: &str) -> &'static str {
+/// The unit of a number of stationary motion or of a moment; "1" for any other.
+pub(crate) fn unit(name: &str) -> &'static str {
     entries()
         .find(|it| it.name == name)
         .map_or("1", |it| it.unit)
@@ -332,6 +333,26 @@ fn packed(
             source: std::io::Error::other(error.to_string()),
         }),
     }
+}
+
+/// Arrays by their names, each with its shape and its numbers in C order.
+///
+/// # Errors
+/// [`Error::Io`] for an array whose shape is not that of its numbers.
+pub(crate) fn archive<'a>(
+    name: &str,
+    arrays: impl IntoIterator<Item = (String, &'a [usize], Vec<f64>)>,
+) -> Result<File> {
+    packed(name.into(), |npz| {
+        for (name, shape, numbers) in arrays {
+            let array = ArrayD::from_shape_vec(IxDyn(shape), numbers);
+            let array = array.map_err(|error| {
+                WriteNpzError::Npy(std::io::Error::other(error.to_string()).into())
+            })?;
+            npz.add_array(name, &array)?;
+        }
+        Ok(())
+    })
 }
 
 /// t, and each curve and number with its error.

@@ -6,6 +6,7 @@ use super::{data, losses, page, plot};
 use crate::error::Result;
 use crate::plan::Part;
 use crate::results::Results;
+use crate::scene::Scene;
 
 /// The page that holds it all.
 const PAGE: &str = "report.html";
@@ -165,8 +166,8 @@ fn numbers(results: &Results) -> File {
 
 /// What stands in the folder before the first stage: the scene, to be run again, and a results.json
 /// that says nothing has ended yet.
-pub(crate) fn at_the_start(results: &Results) -> Vec<File> {
-    let mut results = results.clone();
+pub(super) fn at_the_start(scene: &Scene) -> Vec<File> {
+    let mut results = Results::empty(scene);
     let warning = "unfinished: no stage had ended yet".to_string();
     results.run.warnings.push(warning.into());
     vec![
@@ -195,6 +196,27 @@ pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
 pub fn at_the_end(results: &Results) -> Result<Vec<File>> {
     let page = page::page(results, &pictures(results)?);
     Ok(vec![File::text(PAGE, page), numbers(results)])
+}
+
+/// Every file of a run that has ended, as [`super::run_into`] leaves them.
+///
+/// # Errors
+/// [`crate::Error::Io`] for an array or a picture that cannot be made.
+pub fn all(results: &Results) -> Result<Vec<File>> {
+    let mut files = vec![File::text(SCENE, results.scene.to_toml())];
+    for (_, _, make) in GROUPS {
+        files.extend(make(results)?);
+    }
+    files.extend(at_the_end(results)?);
+    Ok(files)
+}
+
+/// The table and the pictures as a piece of HTML without head and body, for a page of others.
+///
+/// # Errors
+/// [`crate::Error::Io`] for a picture that cannot be made.
+pub fn fragment(results: &Results) -> Result<String> {
+    Ok(page::content(results, &pictures(results)?))
 }
 
 /// The pictures of the page, each with its words.

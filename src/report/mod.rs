@@ -7,8 +7,10 @@ mod losses;
 mod manifest;
 mod page;
 pub mod plot;
+mod run;
 pub mod terminal;
 
 pub use file::File;
-pub(crate) use manifest::at_the_start;
-pub use manifest::{after, at_the_end};
+pub use manifest::{after, all, at_the_end, fragment};
+pub(crate) use page::{escaped, html};
+pub use run::run_into;

@@ -14,13 +14,31 @@ figcaption{color:#555;font-size:14px}.warning{border-left:4px solid #d55e00;padd
 
 /// The page with these pictures, each with its words.
 pub(super) fn page(results: &Results, pictures: &[(File, &str)]) -> String {
-    let title = escaped(&results.scene.title);
-    let mut page = format!(
+    let mut page = content(results, pictures);
+    let scene = escaped(&results.scene.to_toml());
+    let _ = writeln!(
+        page,
+        "<h2>The scene, every default filled in</h2>\n<pre>{scene}</pre>\n\
+         <p>Save it as scene.toml and run it again with <code>vibroimpact run scene.toml</code>. \
+         Every number, with its error, stands in {RESULTS}.</p>"
+    );
+    html(&results.scene.title, &page)
+}
+
+/// A page that needs nothing else, with its title above its body.
+pub(crate) fn html(title: &str, body: &str) -> String {
+    let title = escaped(title);
+    format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width\">\n\
          <title>{title} - vibroimpact</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
-         <h1>{title}</h1>\n"
-    );
+         <h1>{title}</h1>\n{body}</body>\n</html>\n"
+    )
+}
+
+/// Warnings, table and pictures.
+pub(super) fn content(results: &Results, pictures: &[(File, &str)]) -> String {
+    let mut page = String::new();
     for warning in &results.run.warnings {
         let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(&warning.text));
     }
@@ -34,18 +52,11 @@ pub(super) fn page(results: &Results, pictures: &[(File, &str)]) -> String {
             "<figure>{svg}<figcaption>{words} ({name})</figcaption></figure>"
         );
     }
-    let scene = escaped(&results.scene.to_toml());
-    let _ = writeln!(
-        page,
-        "<h2>The scene, every default filled in</h2>\n<pre>{scene}</pre>\n\
-         <p>Save it as scene.toml and run it again with <code>vibroimpact run scene.toml</code>. \
-         Every number, with its error, stands in {RESULTS}.</p>\n</body>\n</html>"
-    );
     page
 }
 
 /// Text that HTML takes as text.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

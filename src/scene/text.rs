@@ -69,14 +69,7 @@ impl SceneText {
     /// [`SceneError`] for text that is not TOML, an unknown key, a value of the wrong type or out of its
     /// range, or a key that this version cannot compute.
     pub fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Self, SceneError> {
-        let mut document = Document::parse(name, text)?;
-        for text in overrides {
-            document.set(text)?;
-        }
-        let scene = document.scene()?;
-        let it = Self { scene, document };
-        it.scene.check().map_err(|error| it.explain(&error))?;
-        Ok(it)
+        Draft::parse(name, text, overrides)?.with("--set", &[])
     }
 
     /// The scene.
@@ -87,6 +80,49 @@ impl SceneText {
     /// Show `error` in the line of the scene that caused it, where it names one.
     pub fn explain(&self, error: &Error) -> SceneError {
         self.document.explain(error)
+    }
+}
+
+/// A scene's text before its values are read: a scene of every point of a map, and the text is parsed once.
+#[derive(Debug, Clone)]
+pub(crate) struct Draft(Document);
+
+impl Draft {
+    /// TOML `text` with overrides `KEY=VALUE` on top of it.
+    ///
+    /// # Errors
+    /// [`SceneError`] for text that is not TOML.
+    pub(crate) fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Self, SceneError> {
+        let mut document = Document::parse(name, text)?;
+        for text in overrides {
+            document.set("--set", text)?;
+        }
+        Ok(Self(document))
+    }
+
+    /// The scene with more overrides, which `option` of the command line gave.
+    ///
+    /// # Errors
+    /// Those of [`SceneText::parse`].
+    pub(crate) fn with(&self, option: &str, overrides: &[String]) -> Result<SceneText, SceneError> {
+        let mut document = self.0.clone();
+        for text in overrides {
+            document.set(option, text)?;
+        }
+        let scene = document.scene()?;
+        let it = SceneText { scene, document };
+        it.scene.check().map_err(|error| it.explain(&error))?;
+        Ok(it)
+    }
+}
+
+/// The items of a list written in TOML; None for anything else.
+pub(crate) fn items(text: &str) -> Option<Vec<serde_json::Value>> {
+    let text = format!("it = {text}");
+    let table = entries(DeTable::parse(&text).ok()?.get_ref(), 0);
+    match (table.len(), table.get("it").map(|it| &it.value)) {
+        (1, Some(Value::List(items))) => Some(items.iter().map(|it| it.value.plain()).collect()),
+        _ => None,
     }
 }
 
@@ -101,6 +137,37 @@ struct Wrong {
     help: Option<String>,
     source: miette::NamedSource<String>,
     span: Option<Range<usize>>,
+    /// The key and the value that the message is about.
+    key: Option<String>,
+    value: Option<String>,
+}
+
+impl SceneError {
+    /// The same, about a key and what stands under it.
+    fn about(mut self, key: impl Into<String>, value: Option<String>) -> Self {
+        self.0.key = Some(key.into());
+        self.0.value = value;
+        self
+    }
+
+    /// The key of the scene that is wrong; None where no single one is.
+    pub fn key(&self) -> Option<&str> {
+        self.0.key.as_deref()
+    }
+
+    /// Its value; None where it is missing.
+    pub fn value(&self) -> Option<&str> {
+        self.0.value.as_deref()
+    }
+
+    /// What would have been accepted.
+    pub fn accepted(&self) -> Option<&str> {
+        let help = self.0.help.as_deref()?;
+        let after = help
+            .strip_prefix("accepted")
+            .and_then(|it| it.split_once(": "));
+        Some(after.map_or(help, |(_, accepted)| accepted))
+    }
 }
 
 impl fmt::Display for SceneError {
@@ -167,6 +234,24 @@ impl Value {
             Self::Number(_) => "a number",
             Self::Flag(_) => "true or false",
             Self::Date(_) => "a date",
+        }
+    }
+
+    /// As JSON; dates as text.
+    fn plain(&self) -> serde_json::Value {
+        use serde_json::json;
+        match self {
+            Self::Table(table) => {
+                let pairs = table
+                    .iter()
+                    .map(|(key, it)| (key.clone(), it.value.plain()));
+                serde_json::Value::Object(pairs.collect())
+            }
+            Self::List(items) => items.iter().map(|it| it.value.plain()).collect(),
+            Self::Text(text) | Self::Date(text) => json!(text),
+            Self::Whole(n) => i64::try_from(*n).map_or_else(|_| json!(*n as f64), |n| json!(n)),
+            Self::Number(x) => json!(x),
+            Self::Flag(flag) => json!(flag),
         }
     }
 
@@ -266,10 +351,10 @@ impl Document {
         }
     }
 
-    /// Put an override `KEY=VALUE` on top.
-    fn set(&mut self, text: &str) -> Read<()> {
+    /// Put an override `KEY=VALUE` of an option of the command line on top.
+    fn set(&mut self, option: &str, text: &str) -> Read<()> {
         let source = self.sources.len();
-        self.sources.push(("--set".into(), text.to_owned()));
+        self.sources.push((option.into(), text.to_owned()));
         let all = Place {
             source,
             span: 0..text.len(),
@@ -336,6 +421,8 @@ impl Document {
             help: help.map(str::to_owned),
             source: miette::NamedSource::new(name, text.clone()).with_language("toml"),
             span: at.map(|at| at.span.clone()),
+            key: None,
+            value: None,
         }))
     }
 
@@ -379,6 +466,7 @@ impl Document {
                 let at = place(key);
                 let help = format!("accepted: {accepted}");
                 self.wrong(&message, "here", Some(&help), at)
+                    .about(key, Some(value.clone()))
             }
             Error::NotAvailable {
                 key,
@@ -386,11 +474,13 @@ impl Document {
                 instead,
             } => {
                 let message = format!("{key} is not available yet in version {version}");
+                let value = self.find(key).map(|node| node.value.shown());
                 self.wrong(&message, "not available yet", Some(instead), place(key))
+                    .about(key, value)
             }
-            Error::Limit { key, .. } => {
-                self.wrong(&error.to_string(), "this limit", None, place(key))
-            }
+            Error::Limit { key, limit, .. } => self
+                .wrong(&error.to_string(), "this limit", None, place(key))
+                .about(*key, Some(limit.clone())),
             other => self.wrong(&other.to_string(), "", None, None),
         }
     }
@@ -436,7 +526,9 @@ impl Document {
             let message =
                 "a scene without [outputs] asks for the stationary law, and this has none";
             let help = "accepted: [outputs] with moments_at or density_at";
-            return Err(self.wrong(message, "never confines the motion", Some(help), at));
+            let wrong = self.wrong(message, "never confines the motion", Some(help), at);
+            let law = self.find("oscillator.contact").map(|it| it.value.shown());
+            return Err(wrong.about("oscillator.contact", law));
         }
         scene.accuracy = Self::accuracy(&root)?;
         scene.method = Self::method(&root)?;
@@ -474,7 +566,8 @@ impl Document {
         section.known(&["contact", "zeta", "h", "force_psd"])?;
         if section.table.is_none() {
             let help = "accepted: [oscillator] with zeta and h, as zeta = 0.005 and h = 2e-3";
-            return Err(self.wrong("[oscillator] is missing", "", Some(help), None));
+            let wrong = self.wrong("[oscillator] is missing", "", Some(help), None);
+            return Err(wrong.about("oscillator", None));
         }
         let contact = section
             .choice("contact", CONTACTS)?
@@ -756,14 +849,18 @@ impl<'a> Section<'a> {
             let help = format!("accepted {place}: {}", keys.join(", "));
             return Err(self
                 .document
-                .wrong(&message, &label, Some(&help), Some(&node.key)));
+                .wrong(&message, &label, Some(&help), Some(&node.key))
+                .about(self.full(key), Some(node.value.shown())));
         }
         Ok(())
     }
 
     fn refuse(&self, key: &str, message: &str, help: &str) -> SceneError {
-        let at = self.get(key).map(|node| &node.at);
-        self.document.wrong(message, "here", Some(help), at)
+        let node = self.get(key);
+        let wrong = self
+            .document
+            .wrong(message, "here", Some(help), node.map(|it| &it.at));
+        wrong.about(self.full(key), node.map(|it| it.value.shown()))
     }
 
     fn type_error_at(&self, node: &Node, key: &str, accepted: &str) -> SceneError {
@@ -775,6 +872,7 @@ impl<'a> Section<'a> {
         let help = format!("accepted: {accepted}");
         self.document
             .wrong(&message, "here", Some(&help), Some(&node.at))
+            .about(key, Some(node.value.shown()))
     }
 
     fn type_error(&self, key: &str, accepted: &str) -> SceneError {
@@ -791,6 +889,7 @@ impl<'a> Section<'a> {
             let at = self.document.find(&self.path).map(|node| &node.key);
             self.document
                 .wrong(&message, "in this table", Some(&help), at)
+                .about(self.full(key), None)
         })
     }
 

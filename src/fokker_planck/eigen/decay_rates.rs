@@ -149,7 +149,7 @@ pub fn decay_rates(
     settings: &Settings,
 ) -> Result<DecayRates> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, limits, &|_| {})
+    Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, &limits, &|_| {})
 }
 
 impl Eigenvalues {
@@ -224,19 +224,19 @@ impl Eigenvalues {
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,
-        limits: Limits,
+        limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<DecayRates> {
         let search = Search {
             oscillator,
             recipe: self,
-            limits,
+            limits: limits.clone(),
             places: Vec::new(),
             levels: Vec::new(),
             best: None,
             stalls: 0,
         };
-        adaptive::pursue(search, &limits, progress)
+        adaptive::pursue(search, limits, progress)
     }
 }
 

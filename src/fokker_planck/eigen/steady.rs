@@ -55,7 +55,7 @@ pub(crate) struct SteadyState {
 /// [`Error::NoStationaryLaw`] for a contact without one; otherwise those of [`null_vector`].
 pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    SteadyState::of(oscillator, settings)?.solve(oscillator, limits, &|_| {})
+    SteadyState::of(oscillator, settings)?.solve(oscillator, &limits, &|_| {})
 }
 
 impl SteadyState {
@@ -109,16 +109,16 @@ impl SteadyState {
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,
-        limits: Limits,
+        limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Steady> {
         let task = Task {
             recipe: self,
             oscillator,
-            limits,
+            limits: limits.clone(),
             found: None,
         };
-        adaptive::pursue(task, &limits, progress)
+        adaptive::pursue(task, limits, progress)
     }
 }
 
@@ -161,7 +161,7 @@ impl Question for Task<'_> {
         let Self {
             recipe,
             oscillator,
-            limits,
+            ref limits,
             ..
         } = *self;
         let Layout { domain, drift, .. } = recipe.layout;

@@ -312,20 +312,20 @@ impl FirstPassage {
         &self,
         oscillator: &Oscillator,
         initial: &Initial,
-        limits: Limits,
+        limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<FirstLoss> {
         let task = Task {
             oscillator,
             initial,
             asked: self.asked,
-            limits,
+            limits: limits.clone(),
             layout: self.layout.clone(),
             rounds: 0,
             best: None,
             before: f64::INFINITY,
         };
-        adaptive::pursue(task, &limits, progress)
+        adaptive::pursue(task, limits, progress)
     }
 }
 
@@ -367,7 +367,7 @@ pub fn first_loss(
 ) -> Result<FirstLoss> {
     let recipe = FirstPassage::of(oscillator, initial, until, settings)?;
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    recipe.solve(oscillator, initial, limits, progress)
+    recipe.solve(oscillator, initial, &limits, progress)
 }
 
 fn loss_point(oscillator: &Oscillator) -> Result<f64> {

@@ -28,7 +28,7 @@ const BEST: f64 = 0.1;
 /// Those of the first runs; later ones end the ladder. Cells that the program chose itself are
 /// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
 pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
-    let first = adaptive::pursue(Ladder::new(*task), &task.limits, progress);
+    let first = adaptive::pursue(Ladder::new(*task), task.limits, progress);
     match (first, task.recipe.otherwise.as_deref()) {
         (Err(error), Some(volumes)) if is_unfit(&error) => {
             let reason = format!("the flow map could not: {error}; {}", volumes.reason);
@@ -40,7 +40,7 @@ pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
                 recipe: &volumes,
                 ..*task
             };
-            let it = adaptive::pursue(Ladder::new(task), &task.limits, progress);
+            let it = adaptive::pursue(Ladder::new(task), task.limits, progress);
             it.map_err(|error| unfit(error, &volumes))
         }
         (it, _) => it.map_err(|error| unfit(error, task.recipe)),

@@ -59,7 +59,7 @@ pub(super) struct Task<'a> {
     pub(super) times: &'a [f64],
     pub(super) density_times: &'a [f64],
     pub(super) recipe: &'a Recipe,
-    pub(super) limits: Limits,
+    pub(super) limits: &'a Limits,
 }
 
 /// Distance to the stationary law at which a run stops, over the tolerance.
@@ -156,7 +156,8 @@ impl Task<'_> {
         budget::check_memory(needed, cells, given, limits.memory)?;
         let whole = budget::factoring(cells, rung.drift(), rung.scheme.factors());
         limits.room_for(whole, || format!("a mesh of {cells:?} cells"))?;
-        let late = move || limits.in_time(|| format!("the transient had not come to t = {until}"));
+        let clock = limits.clone();
+        let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
         let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
         let observables = Observables::new(oscillator, &mesh, rung.drift(), propagator.weights())?;

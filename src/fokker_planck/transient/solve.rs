@@ -52,7 +52,7 @@ pub fn transient(
     recipe.solve(
         (oscillator, initial),
         (times, density_times),
-        limits,
+        &limits,
         progress,
     )
 }
@@ -76,7 +76,7 @@ pub fn uncertified(
         times,
         density_times: &[],
         recipe: &recipe,
-        limits,
+        limits: &limits,
     };
     let until = times.last().copied().unwrap_or(0.0);
     let rung = recipe.rung(oscillator, initial, until, recipe.expected)?;
@@ -112,7 +112,7 @@ impl Recipe {
         &self,
         (oscillator, initial): (&Oscillator, &Initial),
         (times, density_times): (&[f64], &[f64]),
-        limits: Limits,
+        limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
         let task = Task {
@@ -124,7 +124,7 @@ impl Recipe {
             limits,
         };
         if self.drift() == Drift::Upwind {
-            return adaptive::pursue(Upwind::new(task)?, &limits, progress);
+            return adaptive::pursue(Upwind::new(task)?, limits, progress);
         }
         ladder::climbed(&task, progress)
     }

@@ -289,6 +289,11 @@ impl Panel {
                 write(area, &text, (self.left - 7.0, py), (13.0, Hang::Right, INK))?;
             }
         }
+        self.labels(area, x_label, y_label)
+    }
+
+    /// Words below and left of it.
+    pub(super) fn labels(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
         let middle = self.left + 0.5 * self.width;
         write(
             area,
@@ -479,7 +484,7 @@ impl Panel {
 }
 
 /// About `count` round numbers within a range, as they are written.
-fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {
+pub(super) fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {
     let raw = (high - low) / count.max(1) as f64;
     let power = 10f64.powf(raw.log10().floor());
     let wide_enough = |step: &f64| *step >= raw * 0.75;

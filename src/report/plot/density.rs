@@ -4,6 +4,7 @@ use super::canvas::{
     Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Mark, Panel, Points, TITLE, dashed,
     legend, picture, range, rectangle, write,
 };
+use super::contours::{self, between, locate};
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
 use crate::format::bare;
@@ -75,82 +76,20 @@ impl<'a> Sheet<'a> {
         (seen(&self.p_q, &self.q), seen(&self.p_v, &self.v))
     }
 
-    /// p(q, v) between the cell centres, bilinear; 0 outside.
-    fn density(&self, q: (usize, f64), v: (usize, f64)) -> f64 {
-        let p = |i: usize, j: usize| self.snapshot.p[[i, j]];
-        let ((i, a), (j, b)) = (q, v);
-        (1.0 - a) * ((1.0 - b) * p(i, j) + b * p(i, j + 1))
-            + a * ((1.0 - b) * p(i + 1, j) + b * p(i + 1, j + 1))
-    }
-
-    /// Filled levels as runs of equal level, row by row. Each level is laid over the one below and each
-    /// run reaches into the row beneath it, so that no seams show at any magnification.
+    /// Filled levels.
     fn fill(&self, area: &Area<'_>, panel: &Panel) -> Drawn {
-        /// Pixels.
-        const ROW: f64 = 1.0;
-        let rows = (panel.height / ROW).ceil() as usize;
-        let columns = panel.width.ceil() as usize;
-        let place = |low: f64, high: f64, part: f64| low + (high - low) * part;
-        let across: Vec<Option<(usize, f64)>> = (0..=columns)
-            .map(|k| {
-                locate(
-                    &self.q,
-                    place(panel.x.0, panel.x.1, k as f64 / columns as f64),
-                )
-            })
-            .collect();
-        let mut runs: Vec<Vec<(f64, f64, f64)>> = vec![Vec::new(); LEVELS.len()];
-        for row in 0..rows {
-            let part = (row as f64 + 0.5) / rows as f64;
-            let Some(v) = locate(&self.v, place(panel.y.1, panel.y.0, part)) else {
-                continue;
+        let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
+        contours::fill(area, panel, &LEVELS, |from_top, columns| {
+            let v = locate(&self.v, place((panel.y.1, panel.y.0), from_top))?;
+            // Outside the mesh it is 0.
+            let at = |k: usize| {
+                let q = locate(&self.q, place(panel.x, k as f64 / columns as f64));
+                let p = |i: usize, j: usize| self.snapshot.p[[i, j]] / self.peak;
+                q.map_or(0.0, |q| between(p, (q, v)))
             };
-            let values: Vec<f64> = across
-                .iter()
-                .map(|q| q.map_or(0.0, |q| self.density(q, v)) / self.peak)
-                .collect();
-            for ((level, _), runs) in LEVELS.iter().zip(&mut runs) {
-                let mut start = None;
-                for (k, pair) in values.windows(2).enumerate() {
-                    let (a, b) = (pair[0], pair[1]);
-                    let cross = k as f64 + (level - a) / (b - a);
-                    if k == 0 && a >= *level {
-                        start = Some(0.0);
-                    }
-                    if a < *level && b >= *level {
-                        start = Some(cross);
-                    }
-                    if a >= *level && b < *level {
-                        runs.push((row as f64 * ROW, start.take().unwrap_or(0.0), cross));
-                    }
-                }
-                if let Some(start) = start {
-                    runs.push((row as f64 * ROW, start, columns as f64));
-                }
-            }
-        }
-        for ((_, colour), runs) in LEVELS.iter().zip(runs) {
-            for (y, from, to) in runs {
-                let bottom = (panel.top + y + ROW + 0.75).min(panel.bottom());
-                let corners = [
-                    (panel.left + from, panel.top + y),
-                    ((panel.left + to).min(panel.right()), bottom),
-                ];
-                rectangle(area, corners, *colour, None)?;
-            }
-        }
-        Ok(())
+            Some((0..=columns).map(at).collect())
+        })
     }
-}
-
-/// The cell-centre interval that holds `x`, and how far along it `x` is.
-fn locate(centres: &[f64], x: f64) -> Option<(usize, f64)> {
-    let k = centres.partition_point(|it| *it <= x);
-    if k == 0 || k >= centres.len() {
-        return None;
-    }
-    let (a, b) = (centres[k - 1], centres[k]);
-    Some((k - 1, (x - a) / (b - a)))
 }
 
 /// The key to the levels.

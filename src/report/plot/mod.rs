@@ -6,9 +6,11 @@
 
 mod canvas;
 mod charts;
+mod contours;
 mod density;
 mod force;
 mod losses;
+mod map;
 mod spectrum;
 mod transient;
 
@@ -16,5 +18,6 @@ pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log}
 pub(crate) use density::{densities, steady};
 pub(crate) use force::force;
 pub(crate) use losses::{flights, survival};
+pub(crate) use map::{Field, Ruler, map};
 pub(crate) use spectrum::spectrum;
 pub(crate) use transient::{approach, moments};

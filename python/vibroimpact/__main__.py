@@ -1,0 +1,18 @@
+"""The program ``vibroimpact``: the same as the one in Rust."""
+
+import signal
+import sys
+
+from . import _native
+
+
+def main() -> int:
+    """Obey the command line; the exit status of the program."""
+    # Ctrl-C ends the program at once, as it ends the one in Rust: files appear whole or not at all.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.stdout.flush()
+    return _native.main(["vibroimpact", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,379 @@
+//! The parts of a map are joined: table, arrays, picture, page, and what is missing.
+
+use super::axis::{Axis, Spacing};
+use super::collected::Collected;
+use super::grid::Ending;
+use super::lines::{Head, each, io};
+use super::page;
+use super::part::{Part, place};
+use super::run::MAP;
+use super::table::{Column, Table, bracketed, is_time, plain, shown, walk};
+use crate::error::{Error, Result};
+use crate::format::num;
+use crate::report::folder;
+use crate::report::plot::{self, Field, Ruler};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// A number to be drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// Its name in results.json, sections before it.
+    name: String,
+    /// Its place in a list.
+    place: Option<usize>,
+    /// A level to be marked.
+    level: Option<f64>,
+}
+
+impl Drawn {
+    /// From `NUMBER`, `NUMBER[PLACE]` or `NUMBER=LEVEL`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for anything else.
+    pub fn parse(text: &str) -> Result<Self> {
+        let accepted = "NUMBER or NUMBER=LEVEL, as decay_rates.re[0] or stationary.mean_q=0.1";
+        let refused = || Error::invalid("--draw", text, accepted);
+        let (name, level) = match text.split_once('=') {
+            Some((name, level)) => {
+                let level = level.trim().parse::<f64>().ok().filter(|it| it.is_finite());
+                (name.trim(), Some(level.ok_or_else(refused)?))
+            }
+            None => (text.trim(), None),
+        };
+        let (name, place) = match name.strip_suffix(']').map(|it| it.split_once('[')) {
+            Some(Some((name, place))) => (name, Some(place.parse().map_err(|_| refused())?)),
+            Some(None) => return Err(refused()),
+            None => (name, None),
+        };
+        if name.is_empty() {
+            return Err(refused());
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            place,
+            level,
+        })
+    }
+
+    fn plain(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            place: None,
+            level: None,
+        }
+    }
+}
+
+/// Drawn where nothing else is asked for: the first four that a map has.
+const MAIN: [&str; 12] = [
+    "stationary.contact_loss_probability",
+    "transient.contact_loss_probability",
+    "decay_rates.re",
+    "spectrum.peaks.half_power_width",
+    "first_loss.rate",
+    "first_loss.mean_time",
+    "stationary.loss_rate",
+    "crossings.loss_rate",
+    "stationary.std_force",
+    "transient.std_force",
+    "stationary.mean_q",
+    "transient.mean_q",
+];
+
+/// Where a line stands.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    file: usize,
+    at: u64,
+    /// A hash of the whole line.
+    hash: u64,
+}
+
+/// Joins the parts found in the folder of a map: map.csv, map.npz, map.svg, report.html, and missing.csv where points
+/// are missing. The same bytes whatever the parts and the order of their lines. A torn last line is no line.
+///
+/// # Errors
+/// [`Error::Invalid`] for a folder without a map, and for a number to draw that it does not have;
+/// [`Error::Disagree`] where two lines of one point differ; [`Error::Io`].
+pub fn collect(dir: &Path, draw: &[Drawn]) -> Result<Collected> {
+    let mut it = read(dir)?;
+    it.table.in_order(&it.axes);
+    let drawn = chosen(&it.table, draw)?;
+    let axes = it.axes.clone();
+    let mut files = vec![
+        it.table.csv(&axes, |index| place(&axes, index)),
+        it.table.npz(&axes)?,
+    ];
+    let picture = picture(&it.axes, &it.table, &drawn)?;
+    files.push(page::page(&it, picture.as_ref()));
+    files.extend(picture);
+    let missing = dir.join("missing.csv");
+    if it.missing.is_empty() {
+        // Of an earlier time, when some were.
+        let _ = fs::remove_file(missing);
+    } else {
+        files.push(page::missing(&it));
+    }
+    folder::write(dir, &files)?;
+    Ok(it)
+}
+
+/// All lines of all parts.
+fn read(dir: &Path) -> Result<Collected> {
+    let path = dir.join(MAP);
+    let refused = || {
+        let accepted = format!("a folder of `vibroimpact map`, with its {MAP}");
+        Error::invalid("DIR", dir.display(), accepted)
+    };
+    let text = fs::read_to_string(&path).map_err(|_| refused())?;
+    let map: Value = serde_json::from_str(&text).map_err(|_| refused())?;
+    let axes = axes(&map).ok_or_else(refused)?;
+    let points: usize = axes.iter().map(|it| it.values().len()).product();
+    if map["points"].as_u64() != Some(points as u64) {
+        return Err(refused());
+    }
+    let mut parts: Vec<Part> = fs::read_dir(dir)
+        .map_err(io(dir))?
+        .flatten()
+        .filter_map(|it| Part::of_file(it.file_name().to_str()?))
+        .collect();
+    parts.sort_unstable();
+    let files: Vec<PathBuf> = parts.iter().map(|it| dir.join(it.file())).collect();
+    let mut table = Table::new(points);
+    let mut found: HashMap<usize, Place> = HashMap::new();
+    let (mut failed, mut short) = (0, 0);
+    for (file, path) in files.iter().enumerate() {
+        each(path, |at, line| {
+            // A torn line is a point in flight when its run was killed.
+            let whole = line.ends_with(b"\n");
+            let head = serde_json::from_slice::<Head>(line).ok().filter(|_| whole);
+            let Some(head) = head.filter(|it| it.index < points) else {
+                return Ok(());
+            };
+            let here = Place {
+                file,
+                at,
+                hash: hash(line),
+            };
+            if let Some(there) = found.get(&head.index) {
+                if there.hash == here.hash {
+                    return Ok(());
+                }
+                return Err(differ(&axes, &head, &files, (*there, here)));
+            }
+            found.insert(head.index, here);
+            let line: Value = serde_json::from_slice(line).unwrap_or_default();
+            let ending = head.ending();
+            failed += usize::from(ending == Ending::Failed);
+            short += usize::from(ending == Ending::Short);
+            table.put(head.index, &line, ending);
+            Ok(())
+        })?;
+    }
+    // The division into most parts is the one that an engine ran.
+    let of = parts.iter().map(|it| it.of()).max().unwrap_or(1);
+    let absent = table.endings.iter().filter(|it| it.is_none()).count();
+    let mut missing: Vec<(usize, Option<Part>)> = if absent == 0 {
+        Vec::new()
+    } else {
+        Part::holders(of, points)
+            .filter(|(index, _)| table.endings[*index].is_none())
+            .map(|(index, part)| (index, Some(part)))
+            .collect()
+    };
+    missing.sort_unstable_by_key(|it| it.0);
+    Ok(Collected {
+        title: map["scene"]["title"]
+            .as_str()
+            .unwrap_or_default()
+            .to_owned(),
+        points,
+        failed,
+        short,
+        parts,
+        missing,
+        axes,
+        table,
+        scene: map["scene"].clone(),
+    })
+}
+
+/// The axes that map.json names.
+fn axes(map: &Value) -> Option<Vec<Axis>> {
+    let axis = |it: &Value| {
+        let spacing = Spacing::named(it["spacing"].as_str()?)?;
+        let values = it["values"].as_array()?.clone();
+        let axis = Axis::list(it["key"].as_str()?, values).ok()?;
+        Some(axis.spaced(spacing))
+    };
+    let all: Option<Vec<Axis>> = map["over"].as_array()?.iter().map(axis).collect();
+    all.filter(|it| !it.is_empty())
+}
+
+fn hash(line: &[u8]) -> u64 {
+    use std::hash::{DefaultHasher, Hasher};
+    let mut hasher = DefaultHasher::new();
+    hasher.write(line);
+    hasher.finish()
+}
+
+/// Says where two lines of one point differ.
+fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place)) -> Error {
+    let line = |it: Place| -> Option<Value> {
+        let mut file = BufReader::new(File::open(&files[it.file]).ok()?);
+        file.seek(SeekFrom::Start(it.at)).ok()?;
+        let mut text = String::new();
+        file.read_line(&mut text).ok()?;
+        serde_json::from_str(&text).ok()
+    };
+    let numbers = |it: &Value| {
+        let mut all = Vec::new();
+        walk(
+            &it["results"],
+            &mut String::new(),
+            None,
+            &mut |name, place, value, error| {
+                all.push((shown(name, place), value, error));
+            },
+        );
+        all
+    };
+    let (first, second) = (line(a).unwrap_or_default(), line(b).unwrap_or_default());
+    let (ours, theirs) = (numbers(&first), numbers(&second));
+    let other = ours.iter().zip(&theirs).find(|(a, b)| {
+        // NaN is no difference.
+        a.0 != b.0 || a.1.to_bits() != b.1.to_bits() || a.2.to_bits() != b.2.to_bits()
+    });
+    let what = match other {
+        Some((a, b)) if a.0 == b.0 => {
+            let [a1, a2, b1, b2] = [a.1, a.2, b.1, b.2].map(num);
+            format!("{} is {a1} ± {a2} in one and {b1} ± {b2} in the other", a.0)
+        }
+        _ => ["name", "error", "warnings", "shortfalls"]
+            .into_iter()
+            .find(|key| first[*key] != second[*key])
+            .map_or("the numbers they have are others".into(), |key| {
+                format!(
+                    "{key} is {} in one and {} in the other",
+                    first[key], second[key]
+                )
+            }),
+    };
+    let values = place(axes, head.index);
+    let values = axes.iter().zip(values);
+    let values: Vec<String> = values
+        .map(|(axis, k)| format!("{} = {}", axis.key(), axis.values()[k]))
+        .collect();
+    let name = |it: Place| {
+        let name = files[it.file].file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    };
+    Error::Disagree {
+        point: format!("{} ({})", head.index, values.join(", ")),
+        files: [name(a), name(b)],
+        what,
+    }
+}
+
+/// What is drawn: as asked, or the main numbers.
+fn chosen(table: &Table, draw: &[Drawn]) -> Result<Vec<Drawn>> {
+    for it in draw {
+        let there = table.group(&it.name);
+        let place = it.place.unwrap_or(0);
+        if there.is_none_or(|group| place >= group.len()) {
+            let names: Vec<&str> = table.groups().map(|it| it[0].name.as_str()).collect();
+            let asked = shown(&it.name, it.place);
+            let accepted = match there {
+                Some(group) => format!("a place below {}", group.len()),
+                None => names.join(", "),
+            };
+            return Err(Error::invalid("--draw", asked, accepted));
+        }
+    }
+    if !draw.is_empty() {
+        return Ok(draw.to_vec());
+    }
+    let main = MAIN.iter().filter(|it| table.group(it).is_some());
+    let mut main: Vec<Drawn> = main.map(|it| Drawn::plain(it)).collect();
+    if main.is_empty() {
+        let names = table.groups().map(|it| it[0].name.as_str());
+        let own = names.filter(|it| !it.starts_with("oscillator.") && !is_time(it));
+        main = own.map(Drawn::plain).collect();
+    }
+    main.truncate(4);
+    Ok(main)
+}
+
+/// The picture over the axes that have more than one point; moments at several times have time as an axis more.
+fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate::report::File>> {
+    let mut rulers: Vec<Ruler> = axes
+        .iter()
+        .filter(|it| it.values().len() > 1)
+        .map(ruler)
+        .collect();
+    let times = drawn.first().filter(|it| it.place.is_none());
+    let times = times.and_then(|it| table.times(&it.name));
+    let times = times.filter(|it| it.len() > 1 && rulers.len() < 3);
+    let with_times = |it: &Drawn| it.place.is_none() && table.times(&it.name) == times;
+    let mut drawn: Vec<&Drawn> = drawn.iter().collect();
+    if let Some(times) = &times {
+        drawn.retain(|it| with_times(it));
+        rulers.push(Ruler {
+            label: "\u{3c4}".into(),
+            values: times.clone(),
+            log: false,
+            words: None,
+        });
+    }
+    let field = |it: &Drawn| -> Option<Field> {
+        let group = table.group(&it.name)?;
+        // Without an axis of times the last one.
+        let last = table.times(&it.name).map_or(0, |it| it.len() - 1);
+        let columns: Vec<&Column> = match &times {
+            Some(_) => group.iter().collect(),
+            None => vec![group.get(it.place.unwrap_or(last))?],
+        };
+        let points = table.endings.len();
+        let all = |of: fn(&Column) -> &Vec<f64>| -> Vec<f64> {
+            let along = |k: usize| columns.iter().map(move |it| of(it)[k]);
+            (0..points).flat_map(along).collect()
+        };
+        let place = match (&times, columns[0].place) {
+            (None, Some(k)) if group.len() > 1 || it.place.is_some() => Some(k),
+            _ => None,
+        };
+        Some(Field {
+            label: shown(&it.name, place) + bracketed(&it.name).replace(" [1]", "").as_str(),
+            values: all(|it| &it.values),
+            errors: all(|it| &it.errors),
+            level: it.level,
+        })
+    };
+    let fields: Vec<Field> = drawn.into_iter().filter_map(field).collect();
+    plot::map(&rulers, &fields)
+}
+
+fn ruler(axis: &Axis) -> Ruler {
+    let numbers = axis.numbers();
+    let words = match &numbers {
+        Some(_) => None,
+        None => Some(axis.values().iter().map(plain).collect()),
+    };
+    let count = axis.values().len();
+    let values = numbers.unwrap_or_else(|| (0..count).map(|k| k as f64).collect());
+    // A list that spans decades is meant to.
+    let positive = words.is_none() && values.iter().all(|it| *it > 0.0);
+    let most = values.iter().copied().fold(0.0, f64::max);
+    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let spread = positive && most >= 30.0 * least;
+    Ruler {
+        label: axis.key().to_owned(),
+        values,
+        log: axis.spacing() == Spacing::Logarithmic || (axis.spacing() == Spacing::List && spread),
+        words,
+    }
+}

@@ -1,0 +1,107 @@
+//! What the parts of a map came to: its numbers, and which points are missing or failed.
+
+use super::axis::Axis;
+use super::grid::Ending;
+use super::part::{Part, place};
+use super::table::{Table, plain};
+use crate::format::{many, num};
+use serde_json::Value;
+use std::fmt;
+
+/// What the parts of a map came to.
+#[derive(Debug)]
+pub struct Collected {
+    /// The title of the scene.
+    pub title: String,
+    /// Points of the map.
+    pub points: usize,
+    /// Points with a message in place of results.
+    pub failed: usize,
+    /// Points with a number that did not reach the tolerance though the program was free to refine it.
+    pub short: usize,
+    /// Parts that were found.
+    pub parts: Vec<Part>,
+    pub(super) missing: Vec<(usize, Option<Part>)>,
+    pub(super) axes: Vec<Axis>,
+    pub(super) table: Table,
+    pub(super) scene: Value,
+}
+
+impl Collected {
+    /// Points without a line.
+    pub fn missing(&self) -> usize {
+        self.missing.len()
+    }
+
+    /// A point as people name it: its number and its values.
+    pub(super) fn called(&self, index: usize) -> String {
+        let places = place(&self.axes, index);
+        let values = self.axes.iter().zip(places);
+        let values = values.map(|(axis, k)| {
+            let value = &axis.values()[k];
+            let value = value.as_f64().map_or_else(|| plain(value), num);
+            format!("{} = {value}", axis.key())
+        });
+        let values: Vec<String> = values.collect();
+        format!("point {index}: {}", values.join(", "))
+    }
+
+    /// Points that ended so, in their order.
+    pub(super) fn ended(&self, ending: Option<Ending>) -> impl Iterator<Item = usize> + '_ {
+        let all = self.table.endings.iter().enumerate();
+        all.filter_map(move |(index, it)| (*it == ending).then_some(index))
+    }
+}
+
+impl fmt::Display for Collected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        /// Missing points that are listed; missing.csv has all.
+        const LISTED: usize = 20;
+        let axes = self.axes.iter().map(|it| it.values().len().to_string());
+        let axes: Vec<String> = axes.collect();
+        let there = self.points - self.missing();
+        writeln!(
+            f,
+            "{} ({}): {there} there, in {}",
+            many(self.points as u64, "point"),
+            axes.join(" x "),
+            many(self.parts.len() as u64, "part")
+        )?;
+        if self.short > 0 {
+            writeln!(
+                f,
+                "{} missed the tolerance: status in map.csv",
+                many(self.short as u64, "point")
+            )?;
+        }
+        if self.failed > 0 {
+            writeln!(
+                f,
+                "{} failed: message in map.csv",
+                many(self.failed as u64, "point")
+            )?;
+            for index in self.ended(Some(Ending::Failed)).take(3) {
+                writeln!(f, "  {}", self.called(index))?;
+            }
+        }
+        if self.missing.is_empty() {
+            return Ok(());
+        }
+        let mut parts: Vec<Part> = self.missing.iter().filter_map(|it| it.1).collect();
+        parts.sort_unstable();
+        parts.dedup();
+        writeln!(f, "{} missing:", many(self.missing() as u64, "point"))?;
+        for (index, _) in self.missing.iter().take(LISTED) {
+            writeln!(f, "  {}", self.called(*index))?;
+        }
+        if self.missing() > LISTED {
+            writeln!(f, "  and {} more, in missing.csv", self.missing() - LISTED)?;
+        }
+        if !parts.is_empty() {
+            let shown: Vec<String> = parts.iter().take(LISTED).map(Part::to_string).collect();
+            let more = if parts.len() > LISTED { ", ..." } else { "" };
+            writeln!(f, "run again with --part {}{more}", shown.join(", "))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,65 @@
+//! A run that leaves its files in a folder as it goes.
+
+use super::folder::Folder;
+use super::manifest;
+use crate::error::Result;
+use crate::plan::{Part, Plan, StopFlag, Watch};
+use crate::results::Results;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Run every stage of a plan, each stage's files in `folder` as soon as it has ended: what `vibroimpact run --out` does.
+/// A scene that is refused before its first stage has ended leaves nothing behind.
+///
+/// # Errors
+/// Those of [`Plan::run`] and of [`Folder::write`]; files of finished stages stay.
+pub fn run_into(plan: &Plan, folder: Folder, watch: &dyn Watch) -> Result<Results> {
+    folder.write(&manifest::at_the_start(plan.scene()))?;
+    let writer = Writer {
+        folder: &folder,
+        watch,
+        stop: watch.stop(),
+        ended: AtomicBool::new(false),
+    };
+    let results = plan.run(&writer);
+    let ended = writer.ended.into_inner();
+    match results {
+        Ok(results) => {
+            folder.write(&manifest::at_the_end(&results)?)?;
+            Ok(results)
+        }
+        Err(error) => {
+            if error.is_refusal() && !ended {
+                folder.discard();
+            }
+            Err(error)
+        }
+    }
+}
+
+struct Writer<'a> {
+    folder: &'a Folder,
+    watch: &'a dyn Watch,
+    stop: StopFlag,
+    /// Whether any stage has ended.
+    ended: AtomicBool,
+}
+
+impl Watch for Writer<'_> {
+    fn begins(&self, part: Part) {
+        self.watch.begins(part);
+    }
+
+    fn progress(&self, part: Part, fraction: f64) {
+        self.watch.progress(part, fraction);
+    }
+
+    fn ends(&self, part: Part, results: &Results) -> Result<()> {
+        self.watch.ends(part, results)?;
+        self.ended.store(true, Ordering::Relaxed);
+        self.folder.write(&manifest::after(part, results)?)
+    }
+
+    fn stop(&self) -> StopFlag {
+        self.stop.clone()
+    }
+}
