@@ -361,7 +361,14 @@ fn a_folder_belongs_to_one_map() {
         let said = run(&room, line, status);
         assert!(said.contains(words), "{line}: {said}");
     }
-    // A level is an axis of a scene that names the other way to give it, and a title changes no point's name.
+    // Limits and a title make no other scene.
+    let wider = "--set accuracy.max_seconds=7 --set title=longer";
+    let said = run(
+        &room,
+        &format!("map scene.toml --over oscillator.h=[1e-3,2e-3] {wider} --out out"),
+        0,
+    );
+    assert!(said.contains("2 there before, 0 computed"), "{said}");
     fs::write(room.join("other.toml"), STATIONARY.replace("law", "other")).unwrap();
     run(
         &room,
