@@ -535,7 +535,7 @@ mod tests {
         };
         assert_eq!(texts((-3.0, -1.0), true).len(), 3);
         assert_eq!(texts((-2.0, -1.0), true), ["0.01", "0.02", "0.05", "0.1"]);
-        assert_eq!(texts((-12.0, 0.0), true).len(), 4);
+        assert_eq!(texts((-12.0, 0.0), true).len(), 5);
         assert_eq!(texts((0.0, 1.0), false).len(), 6);
     }
 
