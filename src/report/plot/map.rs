@@ -166,7 +166,11 @@ impl Scale {
         let range = if log {
             let top = magnitudes().fold(0.0, f64::max).log10();
             let bottom = magnitudes().fold(f64::INFINITY, f64::min).log10();
-            (bottom.max(top - DEEPEST), top)
+            // Below the largest error of a number that is less than its error nothing is told apart.
+            let pairs = field.values.iter().zip(&field.errors);
+            let unknown = pairs.filter(|(x, error)| x.abs() < **error);
+            let unknown = unknown.map(|(_, error)| *error).fold(0.0, f64::max).log10();
+            (bottom.max(top - DEEPEST).max(unknown.min(top - 1.0)), top)
         } else {
             range(there(), 0.0)?
         };
