@@ -115,7 +115,7 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
             .unwrap();
         // After one to eight more points, and up to 30 ms later, in the middle of others.
         let more = 1 + (state >> 33) % 8;
-        let lines = || fs::read(&file).map_or(0, |it| it.iter().filter(|c| **c == b'\n').count());
+        let lines = || fs::read_to_string(&file).map_or(0, |it| it.matches('\n').count());
         let enough = lines() + more as usize;
         while lines() < enough && child.try_wait().unwrap().is_none() {
             std::thread::sleep(Duration::from_millis(1));
