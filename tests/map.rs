@@ -100,9 +100,7 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
     let over = "--over oscillator.h=log:1e-3:4e-3:60 --threads 2";
     let whole = format!("map scene.toml {over} --out");
     let file = room.join("out").join("part-1-of-1.jsonl");
-    let start = Instant::now();
     run(&room, &format!("{whole} calm"), 0);
-    let calm = start.elapsed().as_secs_f64();
     // Moments of a small generator, the same every time; a machine is never the same, so that they are random.
     let (mut state, mut kills, mut seen) = (7u64, 0, HashMap::new());
     while kills < 5 {
@@ -115,9 +113,14 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
             .stdout(Stdio::null())
             .spawn()
             .unwrap();
-        // Between a tenth and a half of what the whole takes.
-        let part = 0.1 + 0.4 * (state >> 40) as f64 / f64::from(1 << 24);
-        std::thread::sleep(Duration::from_secs_f64(part * calm));
+        // After one to eight more points, and up to 30 ms later, in the middle of others.
+        let more = 1 + (state >> 33) % 8;
+        let lines = || fs::read_to_string(&file).map_or(0, |it| it.matches('\n').count());
+        let enough = lines() + more as usize;
+        while lines() < enough && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        std::thread::sleep(Duration::from_millis((state >> 40) % 30));
         // SIGKILL.
         child.kill().unwrap();
         let ended = child.wait().unwrap();
@@ -167,7 +170,7 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
 fn a_point_out_of_range_is_refused_before_anything_runs() {
     let room = room("refused");
     fs::write(room.join("scene.toml"), STATIONARY).unwrap();
-    let far = "lin:1e-3:-1e-3:200000";
+    let far = "lin:1e-3:-1e-3:400 --over oscillator.zeta=lin:0.1:0.2:400";
     for (over, words) in [
         (
             "--over oscillator.h=lin:1e-3:-1e-3:5",
@@ -219,7 +222,7 @@ fn a_point_out_of_range_is_refused_before_anything_runs() {
             "--keep = spectre spectrum.fokker_planck",
         ),
         (
-            "--over oscillator.h=lin:1:2:10000000 --over oscillator.zeta=lin:1:2:1000000",
+            "--over oscillator.h=lin:1:2:100000 --over oscillator.zeta=lin:1:2:100000 --over a.b=lin:1:2:1000",
             "at most 1e12 points",
         ),
         ("", "--over"),
@@ -361,7 +364,14 @@ fn a_folder_belongs_to_one_map() {
         let said = run(&room, line, status);
         assert!(said.contains(words), "{line}: {said}");
     }
-    // A level is an axis of a scene that names the other way to give it, and a title changes no point's name.
+    // Limits and a title make no other scene.
+    let wider = "--set accuracy.max_seconds=7 --set title=longer";
+    let said = run(
+        &room,
+        &format!("map scene.toml --over oscillator.h=[1e-3,2e-3] {wider} --out out"),
+        0,
+    );
+    assert!(said.contains("2 there before, 0 computed"), "{said}");
     fs::write(room.join("other.toml"), STATIONARY.replace("law", "other")).unwrap();
     run(
         &room,

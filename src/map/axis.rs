@@ -119,7 +119,12 @@ impl Axis {
                 Spacing::Logarithmic => {
                     rounded((low.ln() * (1.0 - part) + high.ln() * part).exp(), DIGITS)
                 }
-                _ => rounded(low * (1.0 - part) + high * part, DIGITS),
+                _ => {
+                    let x = rounded(low * (1.0 - part) + high * part, DIGITS);
+                    // What is left of a zero between two ends is rounding.
+                    let zero = x.abs() < 1e-12 * low.abs().max(high.abs());
+                    if zero { 0.0 } else { x }
+                }
             }
         };
         let numbers: Vec<f64> = (0..count).map(at).collect();

@@ -206,7 +206,7 @@ impl Map {
         (Value::Object(line).to_string(), ending)
     }
 
-    /// What the map is, as map.json says it: two parts belong together where it is the same.
+    /// What the map is, as map.json says it: two parts belong together where all but `scene` is the same.
     pub(super) fn identity(&self) -> Checked<Value> {
         let axis = |it: &Axis| json!({ "key": it.key(), "spacing": it.spacing().name(), "values": it.values() });
         let first = self.text(0).map_err(|error| match error {
@@ -218,6 +218,7 @@ impl Map {
             "points": self.len,
             "over": self.axes.iter().map(axis).collect::<Vec<_>>(),
             "keep": self.keep.names(),
+            "name": name(first.scene()),
             "scene": first.scene().resolved(),
         }))
     }
@@ -274,12 +275,16 @@ fn told(error: &Error) -> Value {
     told
 }
 
-/// The name of a point: a hash of its resolved scene but for its title, which changes no number. FNV-1a of 64 bits: the
-/// same on every machine, and two of 1e6 points share one with a probability of 3e-8.
+/// The name of a point: a hash of its resolved scene but for its title and its limits of time and memory, which change no
+/// number: a point that met a limit can be computed again with a wider one. FNV-1a of 64 bits: the same on every machine,
+/// and two of 1e6 points share one with a probability of 3e-8.
 pub(super) fn name(scene: &Scene) -> String {
     let mut resolved = scene.resolved();
     if let Some(pairs) = resolved.as_object_mut() {
         pairs.shift_remove("title");
+    }
+    if let Some(pairs) = resolved["accuracy"].as_object_mut() {
+        pairs.retain(|key, _| !key.starts_with("max_"));
     }
     let step = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
     let hash = resolved

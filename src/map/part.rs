@@ -71,11 +71,12 @@ impl Part {
     }
 
     /// Its points in a map of so many. Parts are equal but for one point, and each is spread over the whole map, so
-    /// that none has the costly corner to itself: every `of`-th of the points in an order of large steps.
+    /// that none has the costly corner to itself: a run of the points in an order of large steps.
     pub fn points(self, len: usize) -> impl Iterator<Item = usize> {
         let step = spread(len);
         let at = move |k: usize| (k as u128 * step as u128 % len as u128) as usize;
-        (self.number - 1..len).step_by(self.of).map(at)
+        let end = |number: usize| (len as u128 * number as u128 / self.of as u128) as usize;
+        (end(self.number - 1)..end(self.number)).map(at)
     }
 
     /// The part of `of` that holds each point of a map.

@@ -231,12 +231,15 @@ impl Map {
         let shown = folder.display();
         if let Ok(text) = fs::read_to_string(&path) {
             let theirs: Value = serde_json::from_str(&text).unwrap_or_default();
-            if theirs == ours {
-                return Ok(());
-            }
             let all = ours.as_object().into_iter().flatten();
             let differ = all.filter(|(key, value)| theirs.get(key) != Some(*value));
-            let differ: Vec<&str> = differ.map(|(key, _)| key.as_str()).collect();
+            let mut differ: Vec<&str> = differ.map(|(key, _)| key.as_str()).collect();
+            // Of the scene its name tells whether it is another one.
+            let another = differ.contains(&"name");
+            differ.retain(|it| *it != "name" && (another || *it != "scene"));
+            if differ.is_empty() {
+                return Ok(());
+            }
             let accepted = format!(
                 "a new folder, or one of the same map; the one in {MAP} has another {}",
                 differ.join(", ")

@@ -166,7 +166,11 @@ impl Scale {
         let range = if log {
             let top = magnitudes().fold(0.0, f64::max).log10();
             let bottom = magnitudes().fold(f64::INFINITY, f64::min).log10();
-            (bottom.max(top - DEEPEST), top)
+            // Below the largest error of a number that is less than its error nothing is told apart.
+            let pairs = field.values.iter().zip(&field.errors);
+            let unknown = pairs.filter(|(x, error)| x.abs() < **error);
+            let unknown = unknown.map(|(_, error)| *error).fold(0.0, f64::max).log10();
+            (bottom.max(top - DEEPEST).max(unknown.min(top - 1.0)), top)
         } else {
             range(there(), 0.0)?
         };
@@ -535,7 +539,7 @@ mod tests {
         };
         assert_eq!(texts((-3.0, -1.0), true).len(), 3);
         assert_eq!(texts((-2.0, -1.0), true), ["0.01", "0.02", "0.05", "0.1"]);
-        assert_eq!(texts((-12.0, 0.0), true).len(), 4);
+        assert_eq!(texts((-12.0, 0.0), true).len(), 5);
         assert_eq!(texts((0.0, 1.0), false).len(), 6);
     }
 
