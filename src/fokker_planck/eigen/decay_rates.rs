@@ -655,7 +655,7 @@ impl<'a> Arnoldi<'a> {
         // eigenvector of 0, is left out.
         let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
         let mut first: Vec<C> = (0..full.len()).map(|k| C::new(golden(k), 0.0)).collect();
-        first[0] = C::default();
+        full.drop_constant(&mut first);
         normalise(&mut first);
         Ok(Self {
             inverse: Factored::new(full, shift, late)?,
@@ -732,9 +732,7 @@ impl<'a> Arnoldi<'a> {
 
 /// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding.
 fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
-    let part = |of: fn(&C) -> f64| full.apply(&x.iter().map(of).collect::<Vec<_>>());
-    let (re, im) = (part(|x| x.re), part(|x| x.im));
-    let image = re.iter().zip(&im).map(|(re, im)| C::new(*re, *im));
+    let image = full.apply(x).into_iter();
     let residual: f64 = image.zip(x).map(|(y, x)| (y - value * x).norm_sqr()).sum();
     let norm: f64 = x.iter().map(C::norm_sqr).sum();
     let (even, odd) = x.split_at(full.even());
