@@ -14,15 +14,27 @@
 use super::hermite::{Factored, Hierarchy};
 use crate::error::Result;
 use crate::matrix::exponential;
-use crate::sparse::eigen;
-use ndarray::{Array1, Array2, ArrayView1, Axis, Slice};
+use crate::sparse::eigenvalues;
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
 use num_complex::Complex;
 use rayon::prelude::*;
 
 type C = Complex<f64>;
 
-/// Solves a round: enough to keep a few processors busy, few enough to place them well.
+/// Solves a round, and the part of those before it that they may be: enough to keep a few processors busy, few enough
+/// to place them well.
 const ROUND: usize = 4;
+const GROWTH: f64 = 0.3;
+
+/// Frequencies answered together.
+const TOGETHER: usize = 16;
+
+/// Frequencies a model begins with.
+const FIRST: usize = 8;
+
+/// States of a frequency: (i omega - L)^{-1} b, (i omega - L)^{-2} b, ... A solve takes a small part of the factorisation.
+static POWERS: std::sync::LazyLock<usize> =
+    std::sync::LazyLock::new(|| std::env::var("VI_P").map_or(2, |x| x.parse().unwrap()));
 
 /// A part of a new state beyond this, relative to it, is rounding.
 const NEW: f64 = 1e-9;
@@ -54,33 +66,40 @@ pub(super) struct Answer {
 /// Builds a [`Reduced`] until it is good.
 struct Builder<'a> {
     full: &'a Hierarchy,
-    /// Orthonormal rows, with their images under L.
-    basis: Vec<Array1<f64>>,
-    images: Vec<Array1<f64>>,
+    /// Orthonormal rows.
+    basis: Array2<f64>,
+    /// What of L times each row the rows do not span.
+    residuals: Array2<f64>,
+    /// Products of the rows with L times the rows.
+    matrix: Array2<f64>,
     solved: Vec<f64>,
 }
 
 impl Reduced {
     /// The model of `full` whose error is at most `tolerance`, relative to the larger of the value and
-    /// `floor` of its peak, at every one of the ascending `omegas`; or as near as `most` solves get.
+    /// `floor` of its peak, at every one of the ascending `omegas`; or as near as `most` solves get. It begins with the
+    /// frequencies `first`.
     pub(super) fn new(
         full: &Hierarchy,
         omegas: &[f64],
         tolerance: f64,
         floor: f64,
-        most: usize,
+        (first, most): (&[f64], usize),
         go_on: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<Self> {
         let mut builder = Builder::new(full);
-        // A dozen frequencies spread over what is asked; the model shows where more are needed.
-        let first = 12.min(omegas.len());
-        let spread = |k: usize| omegas[k * (omegas.len() - 1) / (first - 1).max(1)];
-        let mut wanted: Vec<f64> = (0..first).map(spread).collect();
-        wanted.dedup();
+        let mut wanted = first.to_vec();
+        if wanted.is_empty() {
+            // A few frequencies spread over what is asked; the model shows where more are needed.
+            let first = FIRST.min(omegas.len());
+            let spread = |k: usize| omegas[k * (omegas.len() - 1) / (first - 1).max(1)];
+            wanted = (0..first).map(spread).collect();
+            wanted.dedup();
+        }
         loop {
             builder.solve(&wanted, go_on)?;
             let model = builder.model()?;
-            let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();
+            let answers = model.all(omegas);
             let peak = answers.iter().map(|it| it.value).fold(0.0, f64::max);
             let scale = |it: &Answer| it.value.abs().max(floor * peak);
             let excess: Vec<f64> = answers.iter().map(|it| it.error / scale(it)).collect();
@@ -99,46 +118,76 @@ impl Reduced {
     }
 
     pub(super) fn at(&self, omega: f64) -> Answer {
-        let c = self.solve(C::new(0.0, omega));
-        let size = self.variance.sqrt();
-        let bilinear = |matrix: &Array2<f64>, left: &dyn Fn(C) -> C| -> C {
-            let rows = matrix.rows().into_iter().zip(&c);
-            rows.map(|(row, a)| left(*a) * row.iter().zip(&c).map(|(m, b)| b * m).sum::<C>())
-                .sum()
-        };
-        let correction = bilinear(&self.dual, &|a| a);
-        let residual = bilinear(&self.gram, &|a| a.conj()).re.max(0.0);
-        Answer {
-            value: (size * c[0] + correction).re,
-            error: residual / self.slowest + 1e-13 * (size * c[0]).norm(),
+        self.part(&[omega])[0]
+    }
+
+    /// The answers at many frequencies, on all threads.
+    pub(super) fn all(&self, omegas: &[f64]) -> Vec<Answer> {
+        let parts = omegas.par_chunks(TOGETHER);
+        parts.flat_map_iter(|part| self.part(part)).collect()
+    }
+
+    /// The answers at some frequencies: their bilinear forms are matrix products.
+    fn part(&self, omegas: &[f64]) -> Vec<Answer> {
+        let m = self.dimension();
+        // Real parts, and below them the imaginary ones.
+        let mut c = Array2::<f64>::zeros((2 * omegas.len(), m));
+        for (k, omega) in omegas.iter().enumerate() {
+            for (i, x) in self.solve(C::new(0.0, *omega)).into_iter().enumerate() {
+                (c[[2 * k, i]], c[[2 * k + 1, i]]) = (x.re, x.im);
+            }
         }
+        let [gram, dual] = [&self.gram, &self.dual].map(|matrix| c.dot(&matrix.t()));
+        let size = self.variance.sqrt();
+        let answer = |k: usize| {
+            let (re, im) = (c.row(2 * k), c.row(2 * k + 1));
+            let correction = re.dot(&dual.row(2 * k)) - im.dot(&dual.row(2 * k + 1));
+            let residual = re.dot(&gram.row(2 * k)) + im.dot(&gram.row(2 * k + 1));
+            Answer {
+                value: size * c[[2 * k, 0]] + correction,
+                error: residual.max(0.0) / self.slowest
+                    + 1e-13 * size * c[[2 * k, 0]].hypot(c[[2 * k + 1, 0]]),
+            }
+        };
+        (0..omegas.len()).map(answer).collect()
     }
 
     /// (shift - H)^{-1} |b| e_1, H upper Hessenberg: elimination with row exchanges.
     fn solve(&self, shift: C) -> Vec<C> {
         let m = self.dimension();
-        let mut a = self.matrix.mapv(|x| C::new(-x, 0.0));
-        a.diag_mut().mapv_inplace(|x| x + shift);
+        let row = |k: usize| {
+            let mut row: Vec<C> = self.matrix.row(k).iter().map(|x| C::new(-x, 0.0)).collect();
+            row[k] += shift;
+            row
+        };
         let mut x = vec![C::default(); m];
         x[0] = C::new(self.variance.sqrt(), 0.0);
-        for k in 0..m.saturating_sub(1) {
-            if a[[k + 1, k]].norm_sqr() > a[[k, k]].norm_sqr() {
-                for j in k..m {
-                    a.swap([k, j], [k + 1, j]);
-                }
-                x.swap(k, k + 1);
+        // Rows of the triangle that elimination leaves, and the one that is next.
+        let mut above: Vec<Vec<C>> = Vec::with_capacity(m);
+        let mut here = row(0);
+        for k in 1..m {
+            let mut below = row(k);
+            if below[k - 1].norm_sqr() > here[k - 1].norm_sqr() {
+                std::mem::swap(&mut here, &mut below);
+                x.swap(k - 1, k);
             }
-            let factor = a[[k + 1, k]] / a[[k, k]];
-            for j in k..m {
-                let upper = a[[k, j]];
-                a[[k + 1, j]] -= factor * upper;
+            let factor = below[k - 1] / here[k - 1];
+            for (b, a) in below[k..].iter_mut().zip(&here[k..]) {
+                *b -= factor * a;
             }
-            let carried = factor * x[k];
-            x[k + 1] -= carried;
+            let carried = factor * x[k - 1];
+            x[k] -= carried;
+            above.push(std::mem::replace(&mut here, below));
         }
+        above.push(here);
         for k in (0..m).rev() {
-            let known: C = (k + 1..m).map(|j| a[[k, j]] * x[j]).sum();
-            x[k] = (x[k] - known) / a[[k, k]];
+            let (x, solved) = x.split_at_mut(k + 1);
+            let known: C = above[k][k + 1..]
+                .iter()
+                .zip(solved)
+                .map(|(a, x)| a * *x)
+                .sum();
+            x[k] = (x[k] - known) / above[k][k];
         }
         x
     }
@@ -162,16 +211,15 @@ impl<'a> Builder<'a> {
     fn new(full: &'a Hierarchy) -> Self {
         let mut it = Self {
             full,
-            basis: Vec::new(),
-            images: Vec::new(),
+            basis: Array2::zeros((0, full.len())),
+            residuals: Array2::zeros((0, full.len())),
+            matrix: Array2::zeros((0, 0)),
             solved: Vec::new(),
         };
-        it.add(Array1::from_vec(full.start()));
-        for k in 0..2 {
-            if let Some(image) = it.images.get(k) {
-                it.add(image.clone());
-            }
-        }
+        let start = full.start();
+        let once = full.apply(&start);
+        let twice = full.apply(&once);
+        it.add(vec![start, once, twice]);
         it
     }
 
@@ -182,55 +230,77 @@ impl<'a> Builder<'a> {
     ) -> Result<()> {
         let late = || go_on(self.solved.len());
         let start: Vec<C> = self.full.start().into_iter().map(C::from).collect();
-        let states: Vec<Result<Vec<C>>> = omegas
+        let states: Vec<Result<Vec<Vec<f64>>>> = omegas
             .par_iter()
-            .map(|w| Factored::new(self.full, C::new(0.0, *w), &late)?.solve(&start))
+            .map(|w| {
+                let inverse = Factored::new(self.full, C::new(0.0, *w), &late)?;
+                let mut states = Vec::new();
+                let mut state = start.clone();
+                for _ in 0..*POWERS {
+                    state = inverse.solve(&state)?;
+                    let size = state.iter().map(C::norm_sqr).sum::<f64>().sqrt();
+                    state.iter_mut().for_each(|x| *x /= size);
+                    states.push(state.iter().map(|x| x.re).collect());
+                    states.push(state.iter().map(|x| x.im).collect());
+                }
+                Ok(states)
+            })
             .collect();
-        for (omega, state) in omegas.iter().zip(states) {
-            let state = state?;
-            self.add(state.iter().map(|x| x.re).collect());
-            self.add(state.iter().map(|x| x.im).collect());
-            self.solved.push(*omega);
+        let mut new = Vec::new();
+        for states in states {
+            new.extend(states?);
         }
+        self.add(new);
+        self.solved.extend(omegas);
         Ok(())
     }
 
-    /// Adds what is new of a vector.
-    fn add(&mut self, mut x: Array1<f64>) {
-        let size = x.dot(&x).sqrt();
+    /// Adds what is new of some vectors: Gram and Schmidt, twice, first against all rows that are there.
+    fn add(&mut self, vectors: Vec<Vec<f64>>) {
+        let len = self.full.len();
+        let sizes: Vec<f64> = vectors.iter().map(|x| norm(x)).collect();
+        let mut new = rows(&vectors, len);
+        drop(vectors);
         for _ in 0..2 {
-            for b in &self.basis {
-                let overlap = b.dot(&x);
-                x.scaled_add(-overlap, b);
+            new -= &new.dot(&self.basis.t()).dot(&self.basis);
+        }
+        let mut kept: Vec<Array1<f64>> = Vec::new();
+        for (mut x, size) in new.rows().into_iter().map(|x| x.to_owned()).zip(sizes) {
+            for _ in 0..2 {
+                for b in &kept {
+                    let overlap = b.dot(&x);
+                    x.scaled_add(-overlap, b);
+                }
+            }
+            let left = x.dot(&x).sqrt();
+            if left > NEW * size {
+                kept.push(x / left);
             }
         }
-        let left = x.dot(&x).sqrt();
-        if left > NEW * size {
-            x /= left;
-            self.images.push(Array1::from_vec(
-                self.full.apply(x.as_slice().unwrap_or(&[])),
-            ));
-            self.basis.push(x);
-        }
+        let kept: Vec<Vec<f64>> = kept.into_iter().map(|x| x.to_vec()).collect();
+        let images: Vec<Vec<f64>> = kept.par_iter().map(|x| self.full.apply(x)).collect();
+        let (kept, images) = (rows(&kept, len), rows(&images, len));
+        // What the new rows hold of the old residuals, and all rows of the new images.
+        let held = self.residuals.dot(&kept.t());
+        self.residuals -= &held.dot(&kept);
+        let matrix = join(Axis(0), &self.matrix, &held.t());
+        self.basis = join(Axis(0), &self.basis, &kept.view());
+        let held = images.dot(&self.basis.t());
+        self.matrix = join(Axis(1), &matrix, &held.t());
+        let left = images - held.dot(&self.basis);
+        self.residuals = join(Axis(0), &self.residuals, &left.view());
     }
 
     fn model(&self) -> Result<Reduced> {
-        let rows = |vectors: &[Array1<f64>]| {
-            let mut all = Array2::zeros((vectors.len(), self.full.len()));
-            for (mut row, vector) in all.rows_mut().into_iter().zip(vectors) {
-                row.assign(vector);
-            }
-            all
+        let mut matrix = self.matrix.clone();
+        let mut gram = self.residuals.dot(&self.residuals.t());
+        let product = |part: Slice| {
+            let cut = |of: &Array2<f64>| of.slice_axis(Axis(1), part).to_owned();
+            cut(&self.basis).dot(&cut(&self.residuals).t())
         };
-        let (basis, images) = (rows(&self.basis), rows(&self.images));
-        let mut matrix = basis.dot(&images.t());
-        let residuals = images - matrix.t().dot(&basis);
-        let mut mirrored = basis;
-        let odd = Slice::from(self.full.even()..);
-        mirrored.slice_axis_mut(Axis(1), odd).mapv_inplace(|x| -x);
-        let mut gram = residuals.dot(&residuals.t());
-        let mut dual = mirrored.dot(&residuals.t());
-        let (values, _) = eigen(&matrix.mapv(|x| C::new(x, 0.0)))?;
+        let even = self.full.even();
+        let mut dual = product(Slice::from(..even)) - product(Slice::from(even..));
+        let values = eigenvalues(&matrix)?;
         let slowest = values.iter().map(|it| -it.re).fold(f64::INFINITY, f64::min);
         hessenberg(&mut matrix, &mut [&mut gram, &mut dual]);
         let start = self.full.start();
@@ -245,7 +315,22 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// At most [`ROUND`] frequencies where the error is too large: the worst of as many stretches.
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Vectors of a length as rows.
+fn rows(vectors: &[Vec<f64>], length: usize) -> Array2<f64> {
+    let all = vectors.concat();
+    Array2::from_shape_vec((vectors.len(), length), all).unwrap_or_default()
+}
+
+/// One matrix beside another.
+fn join(axis: Axis, one: &Array2<f64>, other: &ArrayView2<f64>) -> Array2<f64> {
+    concatenate(axis, &[one.view(), other.view()]).unwrap_or_default()
+}
+
+/// A round of frequencies where the error is too large: the worst of as many stretches.
 fn worst(omegas: &[f64], excess: &[f64], tolerance: f64, solved: &[f64]) -> Vec<f64> {
     let mut peaks: Vec<usize> = (0..omegas.len())
         .filter(|k| {
@@ -255,7 +340,7 @@ fn worst(omegas: &[f64], excess: &[f64], tolerance: f64, solved: &[f64]) -> Vec<
         })
         .collect();
     peaks.sort_by(|a, b| excess[*b].total_cmp(&excess[*a]));
-    peaks.truncate(ROUND);
+    peaks.truncate(ROUND.max((GROWTH * solved.len() as f64) as usize));
     peaks.iter().map(|k| omegas[*k]).collect()
 }
 

@@ -18,7 +18,6 @@ use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::{Oscillator, Quantity};
 use crate::roots;
-use rayon::prelude::*;
 use std::f64::consts::FRAC_2_PI;
 
 /// A spectrum's natural scale is the larger of its value and this part of its peak.
@@ -266,7 +265,9 @@ impl Resolvent {
             control: control(omegas),
             limits,
             next: self.first,
+            solved: Vec::new(),
             last: None,
+            change: None,
             best: None,
         };
         adaptive::pursue(task, &limits, progress)
@@ -295,8 +296,11 @@ struct Task<'a> {
     control: Vec<f64>,
     limits: Limits,
     next: Resolution,
-    /// The answers of the last resolution at the frequencies watched.
+    /// Frequencies that the last resolution was solved for.
+    solved: Vec<f64>,
+    /// The answers of the last resolution at the frequencies watched, and their relative change from the one before.
     last: Option<Vec<Answer>>,
+    change: Option<Vec<f64>>,
     best: Option<Spectrum>,
 }
 
@@ -346,16 +350,32 @@ impl Question for Task<'_> {
             control,
             MODEL * recipe.tolerance,
             FLOOR,
-            SOLVES,
+            (&self.solved, SOLVES),
             &go_on,
         )?;
-        let fine: Vec<Answer> = control.iter().map(|w| model.at(*w)).collect();
+        self.solved.clone_from(&model.solved);
+        if std::env::var("VI_D").is_ok() {
+            eprintln!(
+                "{:?} solved {} dimension {} {:.2?}",
+                next,
+                model.solved.len(),
+                model.dimension(),
+                self.limits.spent()
+            );
+        }
+        let fine = model.all(control);
         if let Some(coarse) = &self.last {
-            let answers: Vec<Answer> = omegas.par_iter().map(|w| model.at(*w)).collect();
+            let change = coarse
+                .iter()
+                .zip(&fine)
+                .map(|(a, b)| (a.value - b.value).abs() / b.value.abs().max(f64::MIN_POSITIVE));
+            let change: Vec<f64> = change.collect();
+            let changes = [self.change.as_ref(), Some(&change)];
+            let answers = model.all(omegas);
             self.best = Some(Spectrum {
                 quantity: *quantity,
                 omega: omegas.to_vec(),
-                density: estimates(omegas, &answers, control, coarse, &fine),
+                density: estimates(omegas, &answers, control, changes),
                 variance: model.variance,
                 functions: [next.across(), 2 * next.pairs],
                 solves: model.solved.len(),
@@ -363,6 +383,14 @@ impl Question for Task<'_> {
                 shortfall: None,
                 model,
             });
+            if std::env::var("VI_D").is_ok() {
+                eprintln!(
+                    "worst {:?} at most {:.1e}",
+                    self.best.as_ref().map(Spectrum::worst),
+                    change.iter().fold(0.0f64, |a, b| a.max(*b))
+                );
+            }
+            self.change = Some(change);
         }
         self.last = Some(fine);
         self.next = finer(*next);
@@ -443,28 +471,32 @@ fn control(omegas: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The answers with the largest relative change nearby as their error: a difference of two curves crosses
-/// zero where they are no better than elsewhere.
+/// Changes from one resolution to the next that shrink show how much is left: this many times the last one times
+/// its ratio to the one before, and never less than [`LEAST`] of it.
+const SAFETY: f64 = 2.0;
+const LEAST: f64 = 0.1;
+
+/// The answers with the largest relative change nearby as their error, less what changes have been seen to shrink by:
+/// a difference of two curves crosses zero where they are no better than elsewhere.
 fn estimates(
     omegas: &[f64],
     answers: &[Answer],
     control: &[f64],
-    coarse: &[Answer],
-    fine: &[Answer],
+    [before, last]: [Option<&Vec<f64>>; 2],
 ) -> Vec<Estimate> {
-    let change: Vec<f64> = coarse
-        .iter()
-        .zip(fine)
-        .map(|(a, b)| (a.value - b.value).abs() / b.value.abs().max(f64::MIN_POSITIVE))
-        .collect();
-    let nearby = |omega: f64| {
+    let nearby = |change: Option<&Vec<f64>>, omega: f64| {
         let first = control.partition_point(|w| *w < omega - NEARBY);
-        let last = control.partition_point(|w| *w <= omega + NEARBY);
-        change[first..last].iter().fold(0.0f64, |a, b| a.max(*b))
+        let end = control.partition_point(|w| *w <= omega + NEARBY);
+        change.map(|it| it[first..end].iter().fold(0.0f64, |a, b| a.max(*b)))
     };
     let estimate = |(omega, it): (&f64, &Answer)| {
+        let change = nearby(last, *omega).unwrap_or(f64::INFINITY);
+        let left = match nearby(before, *omega) {
+            Some(before) if change > 0.0 => (SAFETY * change / before).clamp(LEAST, 1.0),
+            _ => 1.0,
+        };
         let value = FRAC_2_PI * it.value;
-        let error = FRAC_2_PI * it.error + value.abs() * nearby(*omega);
+        let error = FRAC_2_PI * it.error + value.abs() * change * left;
         Estimate::new(value, error, Origin::Space)
     };
     omegas.iter().zip(answers).map(estimate).collect()
