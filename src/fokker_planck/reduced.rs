@@ -34,7 +34,7 @@ const FIRST: usize = 8;
 
 /// States of a frequency: (i omega - L)^{-1} b, (i omega - L)^{-2} b, ... A solve takes a small part of the factorisation.
 static POWERS: std::sync::LazyLock<usize> =
-    std::sync::LazyLock::new(|| std::env::var("VI_P").map_or(2, |x| x.parse().unwrap()));
+    std::sync::LazyLock::new(|| std::env::var("VI_P").map_or(3, |x| x.parse().unwrap()));
 
 /// A part of a new state beyond this, relative to it, is rounding.
 const NEW: f64 = 1e-9;

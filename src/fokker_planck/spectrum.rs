@@ -26,6 +26,9 @@ pub(crate) const FLOOR: f64 = 1e-6;
 /// Share of the tolerance left to the reduced model.
 const MODEL: f64 = 0.05;
 
+/// The same before the last resolution, of the error of the one before it.
+const ROUGH: f64 = 0.1;
+
 /// Frequencies solved for at most on one mesh.
 const SOLVES: usize = 160;
 
@@ -345,15 +348,20 @@ impl Question for Task<'_> {
             progress((solved as f64 / EXPECTED as f64).min(1.0));
             limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
         };
+        // A resolution that is compared with a coarser one need not be known much better than that one was.
+        let known = self.best.as_ref().map_or(ROUGH, |it| ROUGH * it.worst().0);
         let model = Reduced::new(
             &full,
             control,
-            MODEL * recipe.tolerance,
+            MODEL * recipe.tolerance.max(if recipe.given { 0.0 } else { known }),
             FLOOR,
             (&self.solved, SOLVES),
             &go_on,
         )?;
-        self.solved.clone_from(&model.solved);
+        // A finer operator needs fewer: it has no modes that are there for want of functions.
+        let mut solved = model.solved.clone();
+        solved.sort_by(f64::total_cmp);
+        self.solved = solved.into_iter().step_by(2).collect();
         if std::env::var("VI_D").is_ok() {
             eprintln!(
                 "{:?} solved {} dimension {} {:.2?}",

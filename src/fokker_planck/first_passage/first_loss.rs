@@ -636,6 +636,14 @@ impl Task<'_> {
     /// The fine run with its errors, and the largest of them over the tolerance.
     fn report(&self, layout: &Layout, fine: &Run, others: [&Run; 2]) -> (FirstLoss, Worst) {
         let tolerance = self.asked.tolerance;
+        if std::env::var("VI_D").is_ok() {
+            let rel = |f: &dyn Fn(&Run) -> f64| others.map(|other| f(other) / f(fine) - 1.0);
+            let mid = layout.times.len() / 8;
+            let n = layout.times.len() - 1;
+            eprintln!("nodes {:?} step {:.4} every {} level {:.1} t {:.2}", layout.nodes, layout.step, layout.every, layout.level, self.limits.spent());
+            eprintln!("  [mesh, step] rate {:.2e} {:?} residual {:.1e}; mean {:.6e} {:?} residual {:.1e}", fine.rate, rel(&|r| r.rate), fine.residuals[1], fine.mean_time, rel(&|r| r.mean_time), fine.residuals[0]);
+            eprintln!("  density {:.3e} {:?} {:.1e} end {:.3e} {:?} {:.1e}; survival {:.3e} {:?} {:.1e}; steps {}", fine.density[mid], rel(&|r| r.density[mid]), fine.wobble[mid]/fine.density[mid], fine.density[n], rel(&|r| r.density[n]), fine.wobble[n]/fine.density[n], fine.survival[n], rel(&|r| r.survival[n]), fine.drift[n], fine.steps);
+        }
         // What the edge of the mesh leaves out of the losses.
         let outside = (-layout.level).exp() * (1.0 + layout.level);
         let gaps = |f: &dyn Fn(&Run) -> f64| -> f64 {
