@@ -33,8 +33,7 @@ const TOGETHER: usize = 16;
 const FIRST: usize = 8;
 
 /// States of a frequency: (i omega - L)^{-1} b, (i omega - L)^{-2} b, ... A solve takes a small part of the factorisation.
-static POWERS: std::sync::LazyLock<usize> =
-    std::sync::LazyLock::new(|| std::env::var("VI_P").map_or(3, |x| x.parse().unwrap()));
+pub(super) const POWERS: usize = 3;
 
 /// A part of a new state beyond this, relative to it, is rounding.
 const NEW: f64 = 1e-9;
@@ -236,7 +235,7 @@ impl<'a> Builder<'a> {
                 let inverse = Factored::new(self.full, C::new(0.0, *w), &late)?;
                 let mut states = Vec::new();
                 let mut state = start.clone();
-                for _ in 0..*POWERS {
+                for _ in 0..POWERS {
                     state = inverse.solve(&state)?;
                     let size = state.iter().map(C::norm_sqr).sum::<f64>().sqrt();
                     state.iter_mut().for_each(|x| *x /= size);

@@ -12,7 +12,7 @@
 use super::adaptive::{self, Next, Question, Stop};
 use super::budget::{Cost, Limits, Work, timing};
 use super::hermite::{Hierarchy, Resolution};
-use super::reduced::{Answer, Reduced};
+use super::reduced::{Answer, POWERS, Reduced};
 use super::settings::Settings;
 use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin, Shortfall};
@@ -202,7 +202,9 @@ pub fn spectrum(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Spectrum> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    Resolvent::of(settings).solve(oscillator, quantity, omegas, limits, progress)
+    let until = omegas.last().copied().unwrap_or_default();
+    let recipe = Resolvent::of(oscillator, until, settings);
+    recipe.solve(oscillator, quantity, omegas, limits, progress)
 }
 
 /// How a spectrum will be computed: the first resolution, and the foreseen cost.
@@ -212,6 +214,8 @@ pub(crate) struct Resolvent {
     /// Whether the scene gave the cells.
     given: bool,
     tolerance: f64,
+    /// Frequencies that a model is expected to be made of.
+    solves: f64,
     /// What it will take: cells are functions of q and of v, steps frequencies to solve for.
     pub(crate) cost: Cost,
 }
@@ -221,27 +225,36 @@ impl Resolvent {
     pub(crate) const METHOD: &str = "resolvent in Hermite functions and spectral elements; a reduced model joins \
                                      the frequencies";
 
-    /// The recipe.
-    pub(crate) fn of(settings: &Settings) -> Self {
+    /// The recipe for frequencies up to `until`.
+    pub(crate) fn of(oscillator: &Oscillator, until: f64, settings: &Settings) -> Self {
         let first = first(settings);
-        // Four rounds from the first operator suffice to 1e-3 at the paper's levels; each digit more takes
-        // one round more.
-        let rounds = match settings.cells {
-            Some(_) => 1,
-            None => 4 + (-3.0 - settings.tolerance.log10()).clamp(0.0, 4.0) as usize,
+        // Motions of other energies go at other frequencies and are sheared until the noise smears them: the hotter and
+        // the less damped, the finer. Fitted over 34 scenes, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
+        // frequencies solved for.
+        let hot = oscillator.temperature().max(1e-3).log10() + 0.2;
+        let damped = (oscillator.zeta() / 0.005).log10();
+        let digits = -settings.tolerance.max(1e-12).log10() - 3.0;
+        let octaves = (until.max(0.1) / 3.0).log2();
+        let rounds = 3.0 + 2.1 * hot - 2.7 * damped + digits + octaves;
+        let rounds = rounds.clamp(1.0, 9.0);
+        let solves = match rounds {
+            1.0 => 6.0,
+            _ => 5.0 + 4.0 * until.min(20.0),
         };
-        let finest = (0..rounds).fold(first, |it, _| finer(it));
-        let Work { seconds, memory } = work(finest);
+        let rounds = settings.cells.map_or(rounds, |_| 1.0);
+        let finest = first.finer(FINER.powf(rounds), rounds);
+        let Work { seconds, memory } = work(finest, solves);
         Self {
             first,
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
+            solves,
             cost: Cost {
                 cells: [finest.across(), 2 * finest.pairs],
-                steps: EXPECTED,
+                steps: solves as u64,
                 memory,
-                // The coarser operators take half as much again.
-                seconds: 1.5 * seconds,
+                // The coarser operators take a third as much again.
+                seconds: 1.35 * seconds + rounds * OVERHEAD * solves * solves,
             },
         }
     }
@@ -277,16 +290,19 @@ impl Resolvent {
     }
 }
 
-/// Frequencies that a model is expected to be made of.
-const EXPECTED: u64 = 55;
+/// Seconds of the models of one resolution, over the square of the frequencies solved for.
+const OVERHEAD: f64 = 2e-4;
 
 /// What the model of one resolution takes.
-fn work(it: Resolution) -> Work {
+fn work(it: Resolution, solves: f64) -> Work {
     let threads = rayon::current_num_threads() as f64;
-    let states = 2 * 16 * EXPECTED * (it.across() * 2 * it.pairs) as u64;
+    let vectors = 2.0 * POWERS as f64 * solves;
+    // Basis, residuals, and copies of both while they grow.
+    let states = 4.0 * 8.0 * vectors * it.len() as f64;
+    let products = 12.0 * vectors * vectors * it.len() as f64;
     Work {
-        seconds: EXPECTED as f64 * it.operations() * timing::OPERATION / threads,
-        memory: it.memory() * threads as u64 + states,
+        seconds: (solves * it.operations() + products) * timing::OPERATION / threads,
+        memory: it.memory() * threads as u64 + states as u64,
     }
 }
 
@@ -328,8 +344,9 @@ impl Question for Task<'_> {
             let text = format!("the next resolution has more than {WIDEST} functions of q");
             return stop(text, true);
         }
-        let then = self.last.is_none().then(|| work(finer(self.next)));
-        let now = work(self.next);
+        let solves = self.recipe.solves;
+        let then = self.last.is_none().then(|| work(finer(self.next), solves));
+        let now = work(self.next, solves);
         Ok(Next::Run { now, then })
     }
 
@@ -345,7 +362,7 @@ impl Question for Task<'_> {
         } = self;
         let full = Hierarchy::new(self.oscillator, *quantity, *next)?;
         let go_on = |solved: usize| {
-            progress((solved as f64 / EXPECTED as f64).min(1.0));
+            progress((solved as f64 / recipe.solves).min(1.0));
             limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
         };
         // A resolution that is compared with a coarser one need not be known much better than that one was.
@@ -362,15 +379,6 @@ impl Question for Task<'_> {
         let mut solved = model.solved.clone();
         solved.sort_by(f64::total_cmp);
         self.solved = solved.into_iter().step_by(2).collect();
-        if std::env::var("VI_D").is_ok() {
-            eprintln!(
-                "{:?} solved {} dimension {} {:.2?}",
-                next,
-                model.solved.len(),
-                model.dimension(),
-                self.limits.spent()
-            );
-        }
         let fine = model.all(control);
         if let Some(coarse) = &self.last {
             let change = coarse
@@ -391,13 +399,6 @@ impl Question for Task<'_> {
                 shortfall: None,
                 model,
             });
-            if std::env::var("VI_D").is_ok() {
-                eprintln!(
-                    "worst {:?} at most {:.1e}",
-                    self.best.as_ref().map(Spectrum::worst),
-                    change.iter().fold(0.0f64, |a, b| a.max(*b))
-                );
-            }
             self.change = Some(change);
         }
         self.last = Some(fine);
@@ -438,9 +439,9 @@ fn check(omegas: &[f64]) -> Result<()> {
 
 /// The coarse operator of the first comparison.
 fn first(settings: &Settings) -> Resolution {
-    // Beyond 23 T lies 1e-10 of the probability of energies; a function there changes no spectrum by
-    // more than that times the square of its size, about 1e3.
-    let level = 23.0;
+    // Beyond 20 T lies 2e-9 of the probability of energies; a function there changes no spectrum by
+    // more than that times the square of its size, about 1e3. Each finer operator shows what that was.
+    let level = 20.0;
     match settings.cells {
         Some([q, v]) => Resolution {
             elements: ((q as f64 / super::hermite::DEGREE as f64 / FINER).round() as usize).max(2),
@@ -456,7 +457,7 @@ fn first(settings: &Settings) -> Resolution {
 }
 
 fn finer(it: Resolution) -> Resolution {
-    it.finer(FINER, 1.5)
+    it.finer(FINER, 1.0)
 }
 
 /// Reach of an error: where the answer changes, it is as uncertain within this distance.
@@ -481,7 +482,7 @@ fn control(omegas: &[f64]) -> Vec<f64> {
 
 /// Changes from one resolution to the next that shrink show how much is left: this many times the last one times
 /// its ratio to the one before, and never less than [`LEAST`] of it.
-const SAFETY: f64 = 2.0;
+const SAFETY: f64 = 1.5;
 const LEAST: f64 = 0.1;
 
 /// The answers with the largest relative change nearby as their error, less what changes have been seen to shrink by:

@@ -20,7 +20,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
-use crate::fokker_planck::budget::{Cost, Limits, Work};
+use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::hermite::{DEGREE, Factored, Hierarchy, Resolution};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -202,18 +202,25 @@ impl Eigenvalues {
         (0..level).fold(self.first, |it, _| finer(it))
     }
 
-    /// What a resolution takes: the first looks near every shift, later ones near two or three. Fifty solves take as
-    /// long as the factorisation.
+    /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many
+    /// vectors.
     fn work(&self, level: usize) -> Work {
         let it = self.resolution(level);
-        let places = if level == 0 { SHIFTS } else { 3 };
+        let (places, vectors) = if level == 0 {
+            (SHIFTS, self.vectors)
+        } else {
+            (3, self.vectors / 2)
+        };
         let threads = rayon::current_num_threads() as f64;
+        // A solve reads a state some forty times, orthogonalisation once a vector: 16 operations each, at a third of
+        // the speed.
+        let reads = (vectors * (vectors + 40) * it.len()) as f64;
+        let operations = it.operations() + 48.0 * reads;
         // Factors and vectors of the shifts that are worked on at the same time.
-        let vectors = 16 * (MOST_VECTORS * self.vectors * 2 * it.pairs * it.across()) as u64;
+        let held = 16 * (MOST_VECTORS * self.vectors * it.len()) as u64;
         Work {
-            // 1e10 operations a second and processor (measured).
-            seconds: 2.0 * places as f64 * it.operations() / 1e10 / threads,
-            memory: (it.memory() + vectors) * threads as u64,
+            seconds: places as f64 * operations * timing::OPERATION / threads,
+            memory: (it.memory() + held) * threads as u64,
         }
     }
 

@@ -53,10 +53,15 @@ impl Resolution {
     }
 
     /// Floating-point operations of one factorisation: the inner functions of each element are eliminated under
-    /// two hats for each pair, then the hats of one node after the other.
+    /// two hats for each pair, in small blocks at a quarter of the speed, then the hats of one node after the other.
     pub(in crate::fokker_planck) fn operations(self) -> f64 {
         let k = self.pairs as f64;
-        self.elements as f64 * (k * k * 1100.0 + 19.0 * k * k * k)
+        self.elements as f64 * (4.0 * 1100.0 * k * k + 19.0 * k * k * k)
+    }
+
+    /// Length of a state.
+    pub(in crate::fokker_planck) fn len(self) -> usize {
+        self.pairs * (2 * self.elements * DEGREE + 1)
     }
 }
 
