@@ -209,7 +209,9 @@ impl Basis {
         }
         // The truncated domain holds all of the probability.
         let size = one.iter().map(|x| x * x).sum::<f64>().sqrt();
-        one.iter_mut().for_each(|x| *x /= size);
+        for x in &mut one {
+            *x /= size;
+        }
         let mean: f64 = one.iter().zip(&watched).map(|(a, b)| a * b).sum();
         let both = watched.iter_mut().zip(&one);
         both.for_each(|(x, one)| *x = (*x - mean * one) / size);
@@ -224,23 +226,23 @@ impl Basis {
     }
 
     /// From coefficients in the orthonormal basis to those of hats, R^{-1}; so many a function.
-    pub(super) fn to_hats<T: Number>(&self, x: &mut [T], each: usize) {
+    pub(super) fn hats_of<T: Number>(&self, x: &mut [T], each: usize) {
         let count = self.elements.len();
         for k in (0..=count).rev() {
             let (here, above) = x[k * each..].split_at_mut(each);
             if k < count {
                 add(here, &above[..each], -self.beside[k]);
             }
-            here.iter_mut().for_each(|x| *x *= 1.0 / self.diagonal[k]);
+            scale(here, 1.0 / self.diagonal[k]);
         }
     }
 
     /// The way back, R.
-    pub(super) fn from_hats<T: Number>(&self, x: &mut [T], each: usize) {
+    pub(super) fn of_hats<T: Number>(&self, x: &mut [T], each: usize) {
         let count = self.elements.len();
         for k in 0..=count {
             let (here, above) = x[k * each..].split_at_mut(each);
-            here.iter_mut().for_each(|x| *x *= self.diagonal[k]);
+            scale(here, self.diagonal[k]);
             if k < count {
                 add(here, &above[..each], self.beside[k]);
             }
@@ -255,7 +257,7 @@ impl Basis {
                 add(&mut here[..each], below, -self.beside[k - 1]);
             }
             let here = &mut x[k * each..(k + 1) * each];
-            here.iter_mut().for_each(|x| *x *= 1.0 / self.diagonal[k]);
+            scale(here, 1.0 / self.diagonal[k]);
         }
     }
 
@@ -263,12 +265,18 @@ impl Basis {
     pub(super) fn test<T: Number>(&self, x: &mut [T], each: usize) {
         for k in (0..=self.elements.len()).rev() {
             let here = &mut x[k * each..(k + 1) * each];
-            here.iter_mut().for_each(|x| *x *= self.diagonal[k]);
+            scale(here, self.diagonal[k]);
             if k > 0 {
                 let (below, here) = x[(k - 1) * each..].split_at_mut(each);
                 add(&mut here[..each], below, self.beside[k - 1]);
             }
         }
+    }
+}
+
+fn scale<T: Number>(x: &mut [T], by: f64) {
+    for x in x {
+        *x *= by;
     }
 }
 
@@ -309,7 +317,9 @@ fn orthonormalise(functions: &mut [[Row; 2]]) -> Result<()> {
                     help: "more method.cells in q".into(),
                 });
             }
-            here.iter_mut().flatten().for_each(|x| *x /= left);
+            for x in here.iter_mut().flatten() {
+                *x /= left;
+            }
         }
     }
     Ok(())

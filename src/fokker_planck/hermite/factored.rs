@@ -180,7 +180,7 @@ impl<'a> Factored<'a> {
         odd.copy_from_slice(&given);
         full.even_to_odd(even, odd);
         over(odd);
-        basis.from_hats(even, k);
+        basis.of_hats(even, k);
         full.drop_constant(&mut x);
         Ok(x)
     }

@@ -139,7 +139,7 @@ impl Hierarchy {
         let (k, basis) = (self.pairs, &self.basis);
         let (even, odd) = x.split_at(self.even());
         let mut hats = even.to_vec();
-        basis.to_hats(&mut hats, k);
+        basis.hats_of(&mut hats, k);
         let mut out = vec![T::default(); x.len()];
         let (above, below) = out.split_at_mut(self.even());
         self.even_to_odd(&hats, below);

@@ -11,8 +11,8 @@
 //! v -> -v, J, turns L into its transpose, so J V c solves the adjoint equation too: the second term
 //! doubles the digits, and the third bounds what is left by |r|^2 |(i omega - L)^{-1}|.
 
-use super::hermite::{Factored, Hierarchy};
 use crate::error::Result;
+use crate::fokker_planck::hermite::{Factored, Hierarchy};
 use crate::matrix::exponential;
 use crate::sparse::eigenvalues;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
@@ -238,7 +238,9 @@ impl<'a> Builder<'a> {
                 for _ in 0..POWERS {
                     state = inverse.solve(&state)?;
                     let size = state.iter().map(C::norm_sqr).sum::<f64>().sqrt();
-                    state.iter_mut().for_each(|x| *x /= size);
+                    for x in &mut state {
+                        *x /= size;
+                    }
                     states.push(state.iter().map(|x| x.re).collect());
                     states.push(state.iter().map(|x| x.im).collect());
                 }

@@ -1,27 +1,15 @@
-//! Spectra of the stationary motion without sampling noise, from the resolvent of the generator.
-//!
-//! ```text
-//! G(omega) = (2/pi) Re <X - E X, (i omega - L)^{-1} (X - E X)>,   X = N or q,   integral_0^infinity G d omega = Var X
-//! ```
-//!
-//! One-sided, per circular frequency. At zero the spectrum of the force is the excitation's, G = 2h.
-//! There is no time step, so nothing aliases; the answer is as good in the valleys, many decades below
-//! the peak, as on it. The operator is that of `hermite`, the frequencies come all from one
-//! small model (`reduced`).
+//! From a tolerance to a spectrum: finer and finer operators.
 
-use super::adaptive::{self, Next, Question, Stop};
-use super::budget::{Cost, Limits, Work, timing};
-use super::hermite::{Hierarchy, Resolution};
+use super::curve::{FLOOR, Spectrum};
 use super::reduced::{Answer, POWERS, Reduced};
-use super::settings::Settings;
 use crate::error::{Error, Result, finite};
-use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::hermite::{DEGREE, Hierarchy, Resolution};
+use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
-use crate::roots;
 use std::f64::consts::FRAC_2_PI;
-
-/// A spectrum's natural scale is the larger of its value and this part of its peak.
-pub(crate) const FLOOR: f64 = 1e-6;
 
 /// Share of the tolerance left to the reduced model.
 const MODEL: f64 = 0.05;
@@ -37,152 +25,6 @@ const FINER: f64 = 1.4;
 
 /// Unknowns in q beyond which blocks no longer fit a reasonable time.
 const WIDEST: usize = 1200;
-
-/// A one-sided spectrum with its errors.
-#[derive(Debug, Clone)]
-pub struct Spectrum {
-    /// What it is of.
-    pub quantity: Quantity,
-    /// Circular frequencies.
-    pub omega: Vec<f64>,
-    /// G at each of them: the integral over omega is the variance. The error is the change from the
-    /// next coarser operator and the error of the reduced model.
-    pub density: Vec<Estimate>,
-    /// Variance of the quantity on the operator used.
-    pub variance: f64,
-    /// Functions of q and of v.
-    pub functions: [usize; 2],
-    /// Frequencies solved for.
-    pub solves: usize,
-    /// Dimension of the reduced model.
-    pub dimension: usize,
-    /// What the tolerance asked for and was not reached.
-    pub shortfall: Option<Shortfall>,
-    model: Reduced,
-}
-
-impl Spectrum {
-    /// The autocorrelation function of the quantity, its mean taken off, at 0, `step`, 2 `step`, ...
-    pub fn correlation(&self, step: f64, count: usize) -> Vec<f64> {
-        self.model.correlation(step, count)
-    }
-
-    /// The largest error over the natural scale, and the frequency where it is.
-    pub(crate) fn worst(&self) -> (f64, f64) {
-        let peak = self.density.iter().map(|it| it.value).fold(0.0, f64::max);
-        let relative = |it: &Estimate| it.error / it.value.abs().max(FLOOR * peak);
-        let errors = self.omega.iter().zip(&self.density);
-        errors
-            .map(|(w, it)| (relative(it), *w))
-            .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
-    }
-}
-
-/// A peak of a spectrum.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Peak {
-    /// Its circular frequency.
-    pub omega: Estimate,
-    /// The density there.
-    pub density: Estimate,
-    /// Width between the frequencies to either side where the density is half of it; None where it does
-    /// not fall that far before it rises again or ends.
-    pub width: Option<Estimate>,
-}
-
-/// A maximum is a peak if it stands out by this factor over the higher of the valleys to either side.
-const STANDS_OUT: f64 = 1.1;
-
-impl Spectrum {
-    /// The density at any frequency within the range of `omega`, from the model of all of them.
-    pub fn at(&self, omega: f64) -> f64 {
-        FRAC_2_PI * self.model.at(omega).value
-    }
-
-    /// The largest relative error within 0.1 of a frequency.
-    fn relative_error(&self, omega: f64) -> f64 {
-        let near = self.omega.iter().zip(&self.density);
-        let near = near.filter(|(w, _)| (*w - omega).abs() <= 0.1);
-        near.map(|(_, it)| it.error / it.value.abs().max(f64::MIN_POSITIVE))
-            .fold(0.0, f64::max)
-    }
-
-    /// The peaks within the range, the highest first.
-    pub fn peaks(&self) -> Vec<Peak> {
-        let value = |k: usize| self.density[k].value;
-        let n = self.omega.len();
-        let mut peaks = Vec::new();
-        for k in 1..n.saturating_sub(1) {
-            if value(k) <= value(k - 1) || value(k) < value(k + 1) {
-                continue;
-            }
-            // The lowest point before something higher, to either side.
-            let valley = |range: &mut dyn Iterator<Item = usize>| {
-                range
-                    .map(value)
-                    .take_while(|v| *v <= value(k))
-                    .fold(value(k), f64::min)
-            };
-            let saddle = valley(&mut (0..k).rev()).max(valley(&mut (k + 1..n)));
-            if value(k) > STANDS_OUT * saddle {
-                peaks.push(self.peak(k));
-            }
-        }
-        peaks.sort_by(|a, b| b.density.value.total_cmp(&a.density.value));
-        peaks
-    }
-
-    /// The peak at the maximum `k` of the samples.
-    fn peak(&self, k: usize) -> Peak {
-        let ln = |omega: f64| self.at(omega).max(f64::MIN_POSITIVE).ln();
-        let (low, high) = (self.omega[k - 1], self.omega[k + 1]);
-        let found = roots::golden(&|omega| Ok(-ln(omega)), low, high, 1e-8 * high);
-        let omega = found.unwrap_or(self.omega[k]);
-        let density = self.at(omega);
-        let half = |step: &dyn Fn(usize) -> Option<usize>| -> Option<f64> {
-            let (mut at, mut inner) = (k, omega);
-            loop {
-                at = step(at)?;
-                let outer = self.omega[at];
-                if self.density[at].value > density {
-                    return None;
-                }
-                if self.density[at].value < 0.5 * density {
-                    let below = |omega: f64| self.at(omega) <= 0.5 * density;
-                    return Some(roots::bisect(inner, outer, below));
-                }
-                inner = outer;
-            }
-        };
-        let below = half(&|at| at.checked_sub(1));
-        let above = half(&|at| Some(at + 1).filter(|at| *at < self.omega.len()));
-        let share = self.relative_error(omega);
-        let width = below.zip(above).map(|(below, above)| above - below);
-        // Errors of the density move a maximum by their slope over its curvature: at most by about the
-        // width times their share.
-        let moved = width.unwrap_or(omega) * share + 1e-8 * omega;
-        let estimate = |value: f64, error: f64| Estimate::new(value, error, Origin::Space);
-        Peak {
-            omega: estimate(omega, moved),
-            density: estimate(density, density * share),
-            width: width.map(|width| estimate(width, 2.0 * moved)),
-        }
-    }
-
-    /// The highest peak beyond one and a half times the frequency of the highest of all, over it: how
-    /// strong the second harmonic is, as a ratio of densities.
-    pub fn harmonic_ratio(&self) -> Option<Estimate> {
-        let peaks = self.peaks();
-        let main = peaks.first()?;
-        let second = peaks
-            .iter()
-            .find(|it| it.omega.value > 1.5 * main.omega.value)?;
-        let ratio = second.density.value / main.density.value;
-        let share = |it: &Peak| it.density.error / it.density.value;
-        let error = ratio * (share(main) + share(second));
-        Some(Estimate::new(ratio, error, Origin::Space))
-    }
-}
 
 /// The spectrum of `quantity` in the stationary motion at the ascending circular frequencies `omegas`.
 ///
@@ -444,7 +286,7 @@ fn first(settings: &Settings) -> Resolution {
     let level = 20.0;
     match settings.cells {
         Some([q, v]) => Resolution {
-            elements: ((q as f64 / super::hermite::DEGREE as f64 / FINER).round() as usize).max(2),
+            elements: ((q as f64 / DEGREE as f64 / FINER).round() as usize).max(2),
             pairs: ((v as f64 / 2.0 / FINER).round() as usize).max(2),
             level,
         },
