@@ -20,8 +20,9 @@ const ROUGH: f64 = 0.1;
 /// Frequencies solved for at most on one mesh.
 const SOLVES: usize = 160;
 
-/// Growth of the resolution from one round to the next.
+/// Growth of the resolution from one round to the next, and of the energy, in T, at which the domain ends.
 const FINER: f64 = 1.4;
+const HIGHER: f64 = 1.5;
 
 /// Unknowns in q beyond which blocks no longer fit a reasonable time.
 const WIDEST: usize = 1200;
@@ -84,7 +85,7 @@ impl Resolvent {
             _ => 5.0 + 4.0 * until.min(20.0),
         };
         let rounds = settings.cells.map_or(rounds, |_| 1.0);
-        let finest = first.finer(FINER.powf(rounds), rounds);
+        let finest = first.finer(FINER.powf(rounds), HIGHER * rounds);
         let Work { seconds, memory } = work(finest, solves);
         Self {
             first,
@@ -281,9 +282,10 @@ fn check(omegas: &[f64]) -> Result<()> {
 
 /// The coarse operator of the first comparison.
 fn first(settings: &Settings) -> Resolution {
-    // Beyond 20 T lies 2e-9 of the probability of energies; a function there changes no spectrum by
-    // more than that times the square of its size, about 1e3. Each finer operator shows what that was.
-    let level = 20.0;
+    // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
+    // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves less
+    // than a quarter of it.
+    let level = 18.0;
     match settings.cells {
         Some([q, v]) => Resolution {
             elements: ((q as f64 / DEGREE as f64 / FINER).round() as usize).max(2),
@@ -299,7 +301,7 @@ fn first(settings: &Settings) -> Resolution {
 }
 
 fn finer(it: Resolution) -> Resolution {
-    it.finer(FINER, 1.0)
+    it.finer(FINER, HIGHER)
 }
 
 /// Reach of an error: where the answer changes, it is as uncertain within this distance.
