@@ -52,9 +52,9 @@ pub struct FirstLoss {
 
 /// Rounds that may bring nothing before the refinement ends: the first meshes may be too coarse to show an error.
 const STALLS: usize = 2;
-/// Of the differences from the coarse mesh and from twice the step, what the fine run errs: what orders 3 and 1.5 would
-/// leave. Seen: 5 and 2, and in the step 1.5 under strong friction.
-const SHARES: [f64; 2] = [0.5, 0.55];
+/// Of the differences from the coarse mesh and from twice the step, what the fine run errs: what orders 3 and 1 would
+/// leave. Seen: 5 and 2, and in the step 1.0 to 1.5 under strong friction.
+const SHARES: [f64; 2] = [0.5, 1.0];
 /// How a first passage will be computed: nodes, steps and times of the first run, and its foreseen cost.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FirstPassage {
@@ -272,10 +272,8 @@ impl Task<'_> {
             survival.push(Estimate::new(fine.survival[k], error, Origin::Space));
             let error = gaps(&|run| run.lost[k]) + fine.drift[k] + (outside + 1e-12) * fine.lost[k];
             lost.push(Estimate::new(fine.lost[k], error, Origin::Space));
-            // Near grazing losses the density is of first order in the step.
-            let error = 2.0 * gaps(&|run| run.density[k])
-                + fine.wobble[k]
-                + outside * fine.density[k].abs();
+            let error =
+                gaps(&|run| run.density[k]) + fine.wobble[k] + outside * fine.density[k].abs();
             density.push(Estimate::new(fine.density[k], error, Origin::Space));
         }
         part(&|run| run.mean_time, fine.mean_time);
