@@ -221,9 +221,12 @@ impl Question for Task<'_> {
         let found = self.report(&layout, &runs[0].1, [&runs[1].1, &runs[2].1]);
         self.runs = runs;
         self.layout = layout.finer(found.1.parts);
-        match &self.best {
-            Some((_, best)) if best.ratio <= found.1.ratio => self.stalls += 1,
-            _ => self.best = Some(found),
+        // NaN is no error estimate.
+        let better = |best: &Worst| best.ratio.is_nan() || found.1.ratio < best.ratio;
+        if self.best.as_ref().is_none_or(|it| better(&it.1)) {
+            self.best = Some(found);
+        } else {
+            self.stalls += 1;
         }
         Ok(())
     }

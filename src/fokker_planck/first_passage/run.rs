@@ -263,7 +263,7 @@ impl Problem<'_> {
                 // What is left of a change that shrinks geometrically, at the pace of energy or slower.
                 let pace = (change / earlier).max((-0.5f64).exp());
                 let doubt = change / (1.0 - pace) / c;
-                if pace < 0.9 && doubt < 1e-2 * self.asked.tolerance {
+                if c > 0.0 && pace < 0.9 && doubt < 1e-2 * self.asked.tolerance {
                     march.hazard = Some((c, doubt));
                     break;
                 }

@@ -126,7 +126,7 @@ impl Resolvent {
             next: self.first,
             solved: Vec::new(),
             last: None,
-            change: None,
+            largest: None,
             best: None,
         };
         adaptive::pursue(task, &limits, progress)
@@ -160,9 +160,10 @@ struct Task<'a> {
     next: Resolution,
     /// Frequencies that the last resolution was solved for.
     solved: Vec<f64>,
-    /// The answers of the last resolution at the frequencies watched, and their relative change from the one before.
+    /// The answers of the last resolution at the frequencies watched, and the largest change from the one before, over
+    /// the natural scale.
     last: Option<Vec<Answer>>,
-    change: Option<Vec<f64>>,
+    largest: Option<f64>,
     best: Option<Spectrum>,
 }
 
@@ -224,17 +225,24 @@ impl Question for Task<'_> {
         self.solved = solved.into_iter().step_by(2).collect();
         let fine = model.all(control);
         if let Some(coarse) = &self.last {
-            let change = coarse
-                .iter()
-                .zip(&fine)
-                .map(|(a, b)| (a.value - b.value).abs() / b.value.abs().max(f64::MIN_POSITIVE));
-            let change: Vec<f64> = change.collect();
-            let changes = [self.change.as_ref(), Some(&change)];
+            let peak = fine.iter().map(|it| it.value).fold(0.0, f64::max);
+            let changes = |floor: f64| -> Vec<f64> {
+                let relative = |(a, b): (&Answer, &Answer)| {
+                    (a.value - b.value).abs() / b.value.abs().max(floor)
+                };
+                coarse.iter().zip(&fine).map(relative).collect()
+            };
+            let largest = changes(FLOOR * peak).into_iter().fold(0.0, f64::max);
+            let left = self
+                .largest
+                .map_or(1.0, |before| (SAFETY * largest / before).clamp(LEAST, 1.0));
+            self.largest = Some(largest);
+            let change = changes(f64::MIN_POSITIVE);
             let answers = model.all(omegas);
             self.best = Some(Spectrum {
                 quantity: *quantity,
                 omega: omegas.to_vec(),
-                density: estimates(omegas, &answers, control, changes),
+                density: estimates(omegas, &answers, control, &change, left),
                 variance: model.variance,
                 functions: [next.across(), 2 * next.pairs],
                 solves: model.solved.len(),
@@ -242,7 +250,6 @@ impl Question for Task<'_> {
                 shortfall: None,
                 model,
             });
-            self.change = Some(change);
         }
         self.last = Some(fine);
         self.next = finer(*next);
@@ -304,16 +311,20 @@ fn finer(it: Resolution) -> Resolution {
     it.finer(FINER, HIGHER)
 }
 
-/// Reach of an error: where the answer changes, it is as uncertain within this distance.
-const NEARBY: f64 = 0.1;
+/// Reach of an error: where the answer changes, it is as uncertain within this distance, half the frequency of small
+/// motions: changes of a smooth spectrum cross zero no more often.
+const NEARBY: f64 = 0.5;
+
+/// Spacing of the frequencies at which errors are watched.
+const SPACING: f64 = 0.025;
 
 /// The frequencies at which errors are watched: an even grid over the range and a little beyond, so that
 /// a few frequencies are not believed because a change happens to be small there, and a share of those
 /// asked for.
 fn control(omegas: &[f64]) -> Vec<f64> {
     let (low, high) = (omegas[0], omegas[omegas.len() - 1]);
-    let (low, high) = ((low - NEARBY).max(0.0), high + NEARBY);
-    let step = (0.25 * NEARBY).max((high - low) / 400.0);
+    let (low, high) = ((low - 4.0 * SPACING).max(0.0), high + 4.0 * SPACING);
+    let step = SPACING.max((high - low) / 400.0);
     let count = ((high - low) / step).ceil() as usize;
     let mut all: Vec<f64> = (0..=count)
         .map(|k| low + (high - low) * k as f64 / count as f64)
@@ -324,32 +335,28 @@ fn control(omegas: &[f64]) -> Vec<f64> {
     all
 }
 
-/// Changes from one resolution to the next that shrink show how much is left: this many times the last one times
-/// its ratio to the one before, and never less than [`LEAST`] of it.
+/// Where the largest change from one resolution to the next shrinks, it shows how much is left of each: this many times
+/// its ratio to the one before, and never less than [`LEAST`].
 const SAFETY: f64 = 1.5;
 const LEAST: f64 = 0.1;
 
-/// The answers with the largest relative change nearby as their error, less what changes have been seen to shrink by:
-/// a difference of two curves crosses zero where they are no better than elsewhere.
+/// The answers with the largest relative change nearby, times `left`, as their error: a difference of two curves crosses
+/// zero where they are no better than elsewhere.
 fn estimates(
     omegas: &[f64],
     answers: &[Answer],
     control: &[f64],
-    [before, last]: [Option<&Vec<f64>>; 2],
+    change: &[f64],
+    left: f64,
 ) -> Vec<Estimate> {
-    let nearby = |change: Option<&Vec<f64>>, omega: f64| {
+    let nearby = |omega: f64| {
         let first = control.partition_point(|w| *w < omega - NEARBY);
         let end = control.partition_point(|w| *w <= omega + NEARBY);
-        change.map(|it| it[first..end].iter().fold(0.0f64, |a, b| a.max(*b)))
+        change[first..end].iter().fold(0.0f64, |a, b| a.max(*b))
     };
     let estimate = |(omega, it): (&f64, &Answer)| {
-        let change = nearby(last, *omega).unwrap_or(f64::INFINITY);
-        let left = match nearby(before, *omega) {
-            Some(before) if change > 0.0 => (SAFETY * change / before).clamp(LEAST, 1.0),
-            _ => 1.0,
-        };
         let value = FRAC_2_PI * it.value;
-        let error = FRAC_2_PI * it.error + value.abs() * change * left;
+        let error = FRAC_2_PI * it.error + value.abs() * nearby(*omega) * left;
         Estimate::new(value, error, Origin::Space)
     };
     omegas.iter().zip(answers).map(estimate).collect()
