@@ -137,16 +137,16 @@ impl<'a> Condensed<'a> {
             if let Some(above) = inverse.last() {
                 // C^T D times the inverse above, times (C^T D)^T.
                 let factor = rates.coupling[i] * rates.coupling[i];
-                for a in 0..INNER {
+                for (a, block) in block.iter_mut().enumerate() {
                     let mut row = [C::default(); INNER];
                     for (c, above) in above.iter().enumerate() {
                         for (x, above) in row.iter_mut().zip(above) {
                             *x += above * cd(a, c);
                         }
                     }
-                    for b in 0..INNER {
+                    for (b, block) in block.iter_mut().enumerate() {
                         let sum: C = (0..INNER).map(|c| row[c] * cd(b, c)).sum();
-                        block[a][b] -= factor * sum;
+                        *block -= factor * sum;
                     }
                 }
             }
@@ -332,7 +332,7 @@ impl pulp::WithSimd for Columns<'_, '_> {
                 work[i].add(&steps.up[i], &below);
             }
             for i in 0..first + count {
-                for h in 0..2 {
+                for (h, parts) in parts.iter_mut().enumerate() {
                     let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
                     let rows = &steps.hats[i][h];
                     for (d, row) in rows.iter().enumerate() {
@@ -344,7 +344,7 @@ impl pulp::WithSimd for Columns<'_, '_> {
                             axpy(-*x, (&inner.re[b], &inner.im[b]), (&mut re, &mut im));
                         }
                     }
-                    for (other, part) in parts[h].iter_mut().enumerate() {
+                    for (other, part) in parts.iter_mut().enumerate() {
                         for l in 0..count {
                             let at = other * SIDE + l;
                             part[[i, first + l]] =
@@ -374,7 +374,7 @@ fn own(it: &Condensed, i: usize, j: usize, h: usize, other: usize) -> C {
 fn given(it: &Condensed, i: usize, first: usize, count: usize) -> Rows {
     let mut out = Rows::ZERO;
     let cd = &it.element.cd;
-    for h in 0..2 {
+    for (h, hat) in cd.iter().take(2).enumerate() {
         for l in 0..count {
             let j = first + l;
             for b in 0..INNER {
@@ -383,7 +383,7 @@ fn given(it: &Condensed, i: usize, first: usize, count: usize) -> Rows {
                 } else if i + 1 == j {
                     -it.rates.coupling[i] * cd[b + 2][h]
                 } else if j + 1 == i {
-                    -it.rates.coupling[j] * cd[h][b + 2]
+                    -it.rates.coupling[j] * hat[b + 2]
                 } else {
                     continue;
                 };
