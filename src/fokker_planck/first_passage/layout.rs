@@ -66,9 +66,7 @@ impl Layout {
         // law varies on the scale T of U: half the tolerance of T^2.
         let zeta = oscillator.zeta();
         let noisy = (6.0 * tolerance * t / zeta).cbrt();
-        // Motion without friction up to the loss: the rate changes by 0.15 (2 zeta step)^1.5 from twice the step (zeta
-        // from 1 to 5).
-        let damped = (tolerance / 0.15).powf(2.0 / 3.0) / (2.0 * zeta);
+        let damped = (12.0 * tolerance / zeta).sqrt();
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let longest = asked.step.unwrap_or(automatic);
         // The coarse step is twice the fine one and still ends on every time.
