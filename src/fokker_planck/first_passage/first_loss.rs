@@ -68,8 +68,8 @@ impl FirstPassage {
     /// The recipe for the first loss of contact from `initial`, up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a contact law that cannot lose contact, or a time, tolerance or step that is not
-    /// positive; [`Error::NoStationaryLaw`] for a law that does not confine.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a contact law that cannot lose contact, or a time, tolerance or step that is not
+    /// positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -112,7 +112,7 @@ impl FirstPassage {
     /// As [`first_loss`], by a recipe made before for the same question.
     ///
     /// # Errors
-    /// [`Error::Limit`] when time or memory do not suffice for a first answer.
+    /// [`Error::Limit`](crate::Error::Limit) when time or memory do not suffice for a first answer.
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,
@@ -159,8 +159,8 @@ struct Task<'a> {
 /// meshes and two steps.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a contact law that cannot lose contact, or a time, tolerance or step that is not
-/// positive; [`Error::NoStationaryLaw`] for a law that does not confine; [`Error::Limit`] when `max_seconds`
+/// [`Error::Invalid`](crate::Error::Invalid) for a contact law that cannot lose contact, or a time, tolerance or step that is not
+/// positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine; [`Error::Limit`](crate::Error::Limit) when `max_seconds`
 /// is reached.
 pub fn first_loss(
     oscillator: &Oscillator,
