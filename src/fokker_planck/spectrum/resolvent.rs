@@ -338,7 +338,7 @@ fn control(omegas: &[f64]) -> Vec<f64> {
 /// Where the largest change from one resolution to the next shrinks, it shows how much is left of each: this many times
 /// its ratio to the one before, and never less than [`LEAST`].
 const SAFETY: f64 = 1.5;
-const LEAST: f64 = 0.1;
+const LEAST: f64 = 0.35;
 
 /// The answers with the largest relative change nearby, times `left`, as their error: a difference of two curves crosses
 /// zero where they are no better than elsewhere.
