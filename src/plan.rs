@@ -336,7 +336,8 @@ impl Plan {
             }
             Part::Series => return self.series_cost(),
             Part::Spectrum => {
-                let recipe = Resolvent::of(&self.settings);
+                let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
+                let recipe = Resolvent::of(oscillator, until, &self.settings);
                 let cost = (recipe.cost, Resolvent::METHOD.to_string());
                 self.recipes.spectrum = Some(recipe);
                 cost

@@ -212,6 +212,25 @@ pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
     Ok((values, vectors))
 }
 
+/// All eigenvalues of a small dense real matrix.
+///
+/// # Errors
+/// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
+pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
+    let fail = |what: String| Error::Linear {
+        stage: "dense eigenvalues",
+        what,
+    };
+    let (m, n) = matrix.dim();
+    if m != n || !matrix.iter().all(|x| x.is_finite()) {
+        return Err(fail(format!(
+            "a {m} x {n} matrix, expected square and finite"
+        )));
+    }
+    let dense = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
+    dense.eigenvalues().map_err(|e| fail(format!("{e:?}")))
+}
+
 /// LU of a dense complex matrix by partial pivoting: one factorisation, any number of right-hand sides.
 pub(crate) struct DenseLu {
     factors: Mat<Complex<f64>>,

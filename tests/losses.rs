@@ -292,12 +292,13 @@ fn paths_stop_at_the_limit_of_time_and_a_tolerance_out_of_reach_is_a_shortfall()
     let free = Settings {
         cells: None,
         step: None,
-        // The first mesh takes 113 MB, the next one more than this.
-        max_memory: 130_000_000,
-        tolerance: 3e-5,
+        // The first mesh takes 2.1 MB, the next one more than this.
+        max_memory: 3_000_000,
+        tolerance: 1e-2,
         ..settings
     };
-    let got = first_loss(&it, &Initial::Rest, 20.0, &free, &|_| {}).unwrap();
+    let strong = hertz(1.0, 0.05);
+    let got = first_loss(&strong, &Initial::Rest, 50.0, &free, &|_| {}).unwrap();
     let shortfall = got.shortfall.unwrap();
     println!("{shortfall}");
     assert!(shortfall.free && shortfall.reason.contains("max_memory"));

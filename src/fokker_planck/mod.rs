@@ -31,7 +31,6 @@ mod observables;
 mod ornstein_uhlenbeck;
 mod plane;
 mod radius;
-mod reduced;
 mod settings;
 mod spectrum;
 mod trajectory;

@@ -6,22 +6,23 @@ use crate::error::Result;
 use crate::results::Results;
 use std::fmt::Write;
 
-/// first_loss.csv and first_loss.npz: survival and density of the first loss, beside the paths.
+/// first_loss.csv and first_loss.npz: survival, its complement and density of the first loss, beside the paths.
 pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.first_loss else {
         return Ok(Vec::new());
     };
     let paths = results.first_loss_paths.as_ref();
     let mut table = String::from(
-        "t [1/W],survival [1],error [1],density [W],error [W],survival of paths [1],standard error [1],\
+        "t [1/W],survival [1],error [1],lost [1],error [1],density [W],error [W],survival of paths [1],standard error [1],\
          mean density since the time before [W],standard error [W]\n",
     );
     for (k, t) in it.times.iter().enumerate() {
         let _ = writeln!(
             table,
-            "{},{},{},{},{}",
+            "{},{},{},{},{},{}",
             field(*t),
             fields(it.survival.get(k).copied()),
+            fields(it.lost.get(k).copied()),
             fields(it.density.get(k).copied()),
             fields(paths.and_then(|it| it.survival.get(k).copied())),
             fields(paths.and_then(|it| it.density.get(k).copied()))
@@ -30,7 +31,11 @@ pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
     let arrays = arrays(
         "first_loss.npz",
         &it.times,
-        &[("survival", &it.survival), ("density", &it.density)],
+        &[
+            ("survival", &it.survival),
+            ("lost", &it.lost),
+            ("density", &it.density),
+        ],
         &[("mean_time", it.mean_time), ("rate", it.rate)],
     )?;
     Ok(vec![File::text("first_loss.csv", table), arrays])

@@ -64,7 +64,7 @@ const GROUPS: &[Group] = &[
         data::spectrum,
     ),
     (
-        "first_loss.csv: survival and density of the first loss of contact
+        "first_loss.csv: survival, its complement and density of the first loss of contact
          first_loss.npz: the same as arrays",
         &[Part::FirstLoss, Part::FirstLossPaths],
         losses::first_loss,

@@ -220,6 +220,7 @@ fn first_loss(it: &FirstLoss) -> Value {
     json!({
         "t": it.times,
         "survival": full_curve(&it.survival),
+        "lost": full_curve(&it.lost),
         "density": full_curve(&it.density),
         "mean_time": it.mean_time,
         "rate": it.rate,

@@ -20,7 +20,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
-use crate::fokker_planck::budget::{Cost, Limits, Work};
+use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::hermite::{DEGREE, Factored, Hierarchy, Resolution};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -202,18 +202,25 @@ impl Eigenvalues {
         (0..level).fold(self.first, |it, _| finer(it))
     }
 
-    /// What a resolution takes: the first looks near every shift, later ones near two or three. Fifty solves take as
-    /// long as the factorisation.
+    /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many
+    /// vectors.
     fn work(&self, level: usize) -> Work {
         let it = self.resolution(level);
-        let places = if level == 0 { SHIFTS } else { 3 };
+        let (places, vectors) = if level == 0 {
+            (SHIFTS, self.vectors)
+        } else {
+            (3, self.vectors / 2)
+        };
         let threads = rayon::current_num_threads() as f64;
+        // A solve reads a state some forty times, orthogonalisation once a vector: 16 operations each, at a third of
+        // the speed.
+        let reads = (vectors * (vectors + 40) * it.len()) as f64;
+        let operations = it.operations() + 48.0 * reads;
         // Factors and vectors of the shifts that are worked on at the same time.
-        let vectors = 16 * (MOST_VECTORS * self.vectors * 2 * it.pairs * it.across()) as u64;
+        let held = 16 * (MOST_VECTORS * self.vectors * it.len()) as u64;
         Work {
-            // 1e10 operations a second and processor (measured).
-            seconds: 2.0 * places as f64 * it.operations() / 1e10 / threads,
-            memory: (it.memory() + vectors) * threads as u64,
+            seconds: places as f64 * operations * timing::OPERATION / threads,
+            memory: (it.memory() + held) * threads as u64,
         }
     }
 
@@ -655,7 +662,7 @@ impl<'a> Arnoldi<'a> {
         // eigenvector of 0, is left out.
         let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
         let mut first: Vec<C> = (0..full.len()).map(|k| C::new(golden(k), 0.0)).collect();
-        first[0] = C::default();
+        full.drop_constant(&mut first);
         normalise(&mut first);
         Ok(Self {
             inverse: Factored::new(full, shift, late)?,
@@ -732,9 +739,7 @@ impl<'a> Arnoldi<'a> {
 
 /// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding.
 fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
-    let part = |of: fn(&C) -> f64| full.apply(&x.iter().map(of).collect::<Vec<_>>());
-    let (re, im) = (part(|x| x.re), part(|x| x.im));
-    let image = re.iter().zip(&im).map(|(re, im)| C::new(*re, *im));
+    let image = full.apply(x).into_iter();
     let residual: f64 = image.zip(x).map(|(y, x)| (y - value * x).norm_sqr()).sum();
     let norm: f64 = x.iter().map(C::norm_sqr).sum();
     let (even, odd) = x.split_at(full.even());

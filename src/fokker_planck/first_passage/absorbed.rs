@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use std::sync::LazyLock;
 
 /// Points of the Lagrange interpolation in each direction: order 6.
-const POINTS: usize = 6;
+pub(super) const POINTS: usize = 6;
 
 /// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
 const REACH: f64 = 7.2;

@@ -3,4 +3,6 @@
 pub(crate) mod absorbed;
 pub(crate) mod first_loss;
 pub(crate) mod flight;
+mod layout;
 pub(crate) mod pontryagin;
+mod run;

@@ -1,12 +1,15 @@
-//! The resolvent (s - L)^{-1} of a [`Hierarchy`]: one block factorisation, any number of right-hand sides.
+//! The resolvent (s - L)^{-1} of a [`Hierarchy`]: one factorisation, any number of right-hand sides.
 //!
-//! Odd n are eliminated, which leaves a block tridiagonal system in the even n, and that from the highest
-//! n downwards. For Re s > 0 its blocks have a positive real part, so the order of elimination is stable.
+//! Odd n are eliminated first, then the inner functions of each element (`condensed`), which leaves a block
+//! tridiagonal system in the hats, node after node, all even n of a node a block. For Re s > 0 its blocks have a
+//! positive real part, so the order of elimination is stable.
 
-use super::operator::{Hierarchy, rows_of};
+use super::basis::INNER;
+use super::condensed::{Condensed, Ends, Rates, Small};
+use super::operator::Hierarchy;
 use crate::error::Result;
 use crate::sparse::DenseLu;
-use ndarray::{Array2, Zip};
+use ndarray::Array2;
 use num_complex::Complex;
 
 type C = Complex<f64>;
@@ -18,13 +21,17 @@ const REFINED: f64 = 1e-11;
 pub(in crate::fokker_planck) struct Factored<'a> {
     full: &'a Hierarchy,
     shift: C,
-    /// Schur complement of each even n, the lowest first.
-    blocks: Vec<DenseLu>,
+    rates: Rates,
+    /// Inverses of the inner blocks, element by element.
+    inner: Vec<Vec<Small>>,
+    /// Of each node its own block, and the one that couples it with the next.
+    nodes: Vec<DenseLu>,
+    next: Vec<Array2<C>>,
 }
 
 impl<'a> Factored<'a> {
     /// Factors `shift` - L on the states without a constant part; the constant, which L neither reads nor
-    /// writes, is left alone, so that the shift may be 0. `late` is asked before each block.
+    /// writes, is left alone, so that the shift may be 0. `late` is asked before each element.
     ///
     /// # Errors
     /// [`crate::Error::Linear`] if a block is singular: a shift at an eigenvalue; those of `late`.
@@ -33,59 +40,55 @@ impl<'a> Factored<'a> {
         shift: C,
         late: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
-        let across = full.across();
-        let t = full.temperature;
-        let mut it = Self {
+        let k = full.pairs;
+        let rates = Rates::new(full.zeta, full.temperature, shift, k);
+        let count = full.basis.elements.len();
+        let (mut inner, mut nodes) = (Vec::new(), Vec::new());
+        let mut next: Vec<Array2<C>> = Vec::new();
+        let mut here = Array2::<C>::default((k, k));
+        // At 0 the constant is fixed at one node; a right-hand side without it then gives a solution that is 0 there.
+        let heaviest = |a: &usize, b: &usize| full.basis.one[*a].total_cmp(&full.basis.one[*b]);
+        let pinned = (0..=count)
+            .max_by(heaviest)
+            .filter(|_| shift == C::default());
+        for e in 0..=count {
+            late()?;
+            let mut after = Array2::<C>::default((k, k));
+            if let Some(element) = full.basis.elements.get(e) {
+                let condensed = Condensed::new(element, &rates)?;
+                let Ends {
+                    left,
+                    across,
+                    right,
+                } = condensed.ends();
+                inner.push(condensed.inverse.into_owned());
+                here += &left;
+                after = right;
+                next.push(across);
+            }
+            if pinned == Some(e) {
+                here[[0, 0]] += 1.0;
+            }
+            let lu = DenseLu::factor(&here)?;
+            if let Some(across) = next.get(e) {
+                // Columns of a matrix stand in the memory of its transpose row by row.
+                let mut columns: Vec<C> = across.t().iter().copied().collect();
+                lu.solve(&mut columns)?;
+                let solved = Array2::from_shape_vec((k, k), columns).unwrap_or_default();
+                // The matrix is symmetric.
+                after -= &solved.dot(across);
+            }
+            nodes.push(lu);
+            here = after;
+        }
+        Ok(Self {
             full,
             shift,
-            blocks: Vec::with_capacity(full.pairs),
-        };
-        let back: Vec<C> = full.cd.iter().map(|x| C::new(*x, 0.0)).collect();
-        for i in (0..full.pairs).rev() {
-            late()?;
-            let n = (2 * i) as f64;
-            let above = t * (n + 1.0) / it.friction(n + 1.0);
-            let below = if i > 0 {
-                t * n / it.friction(n - 1.0)
-            } else {
-                C::default()
-            };
-            let mut block = Array2::from_shape_fn((across, across), |place| {
-                above * full.cc[place] + below * full.dd[place]
-            });
-            block.diag_mut().mapv_inplace(|x| x + it.friction(n));
-            if let Some(next) = it.blocks.last() {
-                // Columns of (C^T D)^T stand in the memory of C^T D row by row.
-                let mut carried = back.clone();
-                next.solve(&mut carried)?;
-                let part = |of: fn(&C) -> f64| {
-                    let values = carried.iter().map(of).collect();
-                    full.cd.dot(&rows_of(values, across).t())
-                };
-                let (re, im) = (part(|x| x.re), part(|x| x.im));
-                let factor = it.coupling(n) * it.coupling(n);
-                Zip::from(&mut block)
-                    .and(&re)
-                    .and(&im)
-                    .for_each(|b, re, im| *b -= factor * C::new(*re, *im));
-            }
-            if i == 0 {
-                block[[0, 0]] = C::new(1.0, 0.0);
-            }
-            it.blocks.push(DenseLu::factor(&block)?);
-        }
-        it.blocks.reverse();
-        Ok(it)
-    }
-
-    /// s + 2 zeta n.
-    fn friction(&self, n: f64) -> C {
-        self.shift + 2.0 * self.full.zeta * n
-    }
-
-    /// From even n to n + 2 through the odd n + 1.
-    fn coupling(&self, n: f64) -> C {
-        self.full.temperature * ((n + 1.0) * (n + 2.0)).sqrt() / self.friction(n + 1.0)
+            rates,
+            inner,
+            nodes,
+            next,
+        })
     }
 
     /// The same as [`Factored::solve`], refined: under weak friction odd n divide by little, and a solution loses
@@ -98,13 +101,10 @@ impl<'a> Factored<'a> {
         let mut x = self.solve(b)?;
         let mut before = f64::INFINITY;
         for _ in 0..4 {
-            let part = |of: fn(&C) -> f64| self.full.apply(&x.iter().map(of).collect::<Vec<_>>());
-            let image = part(|x| x.re).into_iter().zip(part(|x| x.im));
-            let parts = image.zip(&x).zip(b);
-            let mut left: Vec<C> = parts
-                .map(|(((re, im), x), b)| b - self.shift * x + C::new(re, im))
-                .collect();
-            left[0] = C::default();
+            let image = self.full.apply(&x);
+            let parts = image.into_iter().zip(&x).zip(b);
+            let mut left: Vec<C> = parts.map(|((y, x), b)| b - self.shift * x + y).collect();
+            self.full.drop_constant(&mut left);
             let rest = size(&left);
             if rest <= REFINED * size(b) || rest > 0.5 * before {
                 break;
@@ -121,68 +121,94 @@ impl<'a> Factored<'a> {
     /// # Errors
     /// [`crate::Error::Linear`] for a solution that is not finite.
     pub(in crate::fokker_planck) fn solve(&self, b: &[C]) -> Result<Vec<C>> {
-        let full = self.full;
-        let (k, across, inside) = (full.pairs, full.across(), full.inside());
-        let (even, odd) = b.split_at(full.even());
+        let (full, basis) = (self.full, &self.full.basis);
+        let k = full.pairs;
+        let mut x = b.to_vec();
+        full.drop_constant(&mut x);
+        let (even, odd) = x.split_at_mut(full.even());
         // The odd n in terms of the even ones: o_n = (b_n + transport of e)/(s + 2 zeta n).
-        let scaled: Vec<C> = odd
+        let half: Vec<C> = self
+            .rates
+            .friction
             .iter()
-            .enumerate()
-            .map(|(at, x)| x / self.friction((2 * (at / inside) + 1) as f64))
+            .map(|it| (it + 2.0 * full.zeta).inv())
             .collect();
-        let mut x: Vec<C> = both(&scaled, inside, |part| full.odd_to_even(part))
-            .zip(even)
-            .map(|(carried, b)| carried + b)
-            .collect();
-        x[0] = C::default();
-        for i in (0..k).rev() {
-            if i + 1 < k {
-                let above = both(&x[(i + 1) * across..(i + 2) * across], across, |part| {
-                    part.dot(&full.cd.t())
-                });
-                let above: Vec<C> = above.collect();
-                let factor = self.coupling((2 * i) as f64);
-                for (x, above) in x[i * across..].iter_mut().zip(above) {
-                    *x += factor * above;
+        let over = |odd: &mut [C]| {
+            for row in odd.chunks_exact_mut(k) {
+                row.iter_mut().zip(&half).for_each(|(x, over)| *x *= over);
+            }
+        };
+        let given = odd.to_vec();
+        over(odd);
+        basis.test(even, k);
+        full.odd_to_even(odd, even);
+        let condensed = || {
+            let all = basis.elements.iter().zip(&self.inner);
+            all.map(|(element, inverse)| Condensed {
+                element,
+                rates: &self.rates,
+                inverse: inverse.into(),
+            })
+        };
+        let (hats, rest) = even.split_at_mut((basis.elements.len() + 1) * k);
+        let mut inner = Vec::with_capacity(basis.elements.len());
+        for (e, it) in condensed().enumerate() {
+            let rest = &rest[e * INNER * k..(e + 1) * INNER * k];
+            let mut own: Vec<[C; INNER]> = (0..k)
+                .map(|i| std::array::from_fn(|b| rest[b * k + i]))
+                .collect();
+            it.solve(&mut own);
+            for h in 0..2 {
+                let at = &mut hats[(e + h) * k..(e + h + 1) * k];
+                at.iter_mut()
+                    .zip(it.on_hat(h, &own))
+                    .for_each(|(x, y)| *x -= y);
+            }
+            inner.push(own);
+        }
+        self.solve_hats(hats)?;
+        for (e, (it, own)) in condensed().zip(&mut inner).enumerate() {
+            let mut more = it.on_inner([0, 1].map(|h| &hats[(e + h) * k..(e + h + 1) * k]));
+            it.solve(&mut more);
+            let rest = &mut rest[e * INNER * k..(e + 1) * INNER * k];
+            for (i, (own, more)) in own.iter().zip(more).enumerate() {
+                for b in 0..INNER {
+                    rest[b * k + i] = own[b] - more[b];
                 }
             }
-            if i == 0 {
-                x[0] = C::default();
-            }
-            self.blocks[i].solve(&mut x[i * across..(i + 1) * across])?;
         }
-        for i in 1..k {
-            let below = both(&x[(i - 1) * across..i * across], across, |part| {
-                part.dot(&full.cd)
-            });
-            let mut below: Vec<C> = below.collect();
-            self.blocks[i].solve(&mut below)?;
-            let factor = self.coupling((2 * i - 2) as f64);
-            for (x, below) in x[i * across..].iter_mut().zip(below) {
-                *x += factor * below;
-            }
-        }
-        let carried: Vec<C> = both(&x, across, |part| full.even_to_odd(part)).collect();
-        x.extend(
-            carried
-                .iter()
-                .zip(odd)
-                .enumerate()
-                .map(|(at, (a, b))| (a + b) / self.friction((2 * (at / inside) + 1) as f64)),
-        );
+        odd.copy_from_slice(&given);
+        full.even_to_odd(even, odd);
+        over(odd);
+        basis.of_hats(even, k);
+        full.drop_constant(&mut x);
         Ok(x)
     }
-}
 
-/// A real linear map applied to the real and to the imaginary part of complex rows.
-fn both(
-    x: &[C],
-    width: usize,
-    map: impl Fn(&Array2<f64>) -> Array2<f64>,
-) -> impl Iterator<Item = C> {
-    let part = |of: fn(&C) -> f64| map(&rows_of(x.iter().map(of).collect(), width));
-    let (re, im) = (part(|x| x.re), part(|x| x.im));
-    re.into_iter().zip(im).map(|(re, im)| C::new(re, im))
+    /// Node after node and back.
+    fn solve_hats(&self, x: &mut [C]) -> Result<()> {
+        let k = self.full.pairs;
+        for (e, node) in self.nodes.iter().enumerate() {
+            let (here, after) = x[e * k..].split_at_mut(k);
+            let mut solved = here.to_vec();
+            node.solve(&mut solved)?;
+            if let Some(across) = self.next.get(e) {
+                for (row, x) in across.rows().into_iter().zip(&solved) {
+                    after.iter_mut().zip(row).for_each(|(y, a)| *y -= a * x);
+                }
+            }
+        }
+        for (e, node) in self.nodes.iter().enumerate().rev() {
+            let (here, after) = x[e * k..].split_at_mut(k);
+            if let Some(across) = self.next.get(e) {
+                for (row, x) in across.rows().into_iter().zip(here.iter_mut()) {
+                    *x -= row.iter().zip(&*after).map(|(a, y)| a * y).sum::<C>();
+                }
+            }
+            node.solve(here)?;
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -202,25 +228,27 @@ mod tests {
         };
         let it = Hierarchy::new(&it, Quantity::Force, resolution).unwrap();
         let mut one = vec![0.0; it.len()];
-        one[0] = 1.0;
+        for (x, one) in one.iter_mut().step_by(it.pairs).zip(&it.basis.one) {
+            *x = *one;
+        }
         assert!(it.apply(&one).iter().all(|x| x.abs() < 1e-11));
-        let shift = C::new(0.003, 0.9);
         let start: Vec<C> = it.start().iter().map(|x| C::new(*x, 0.0)).collect();
         let mut full: Vec<C> = (0..it.len())
             .map(|k| C::new((k as f64).sin(), (2.0 * k as f64).cos()))
             .collect();
-        full[0] = C::default();
-        for b in [start, full] {
+        it.drop_constant(&mut full);
+        let shifts = [C::new(0.003, 0.9), C::default(), C::new(0.0, 1e-5)];
+        let all = shifts
+            .into_iter()
+            .flat_map(|shift| [(shift, &start), (shift, &full)]);
+        for (shift, b) in all {
             let inverse = Factored::new(&it, shift, &|| Ok(())).unwrap();
-            let x = inverse.solve(&b).unwrap();
-            let [re, im] = [
-                it.apply(&x.iter().map(|x| x.re).collect::<Vec<_>>()),
-                it.apply(&x.iter().map(|x| x.im).collect::<Vec<_>>()),
-            ];
+            let x = inverse.solve(b).unwrap();
+            let image = it.apply(&x);
             let size = x.iter().map(|x| x.norm()).fold(0.0, f64::max);
             for (k, b) in b.iter().enumerate() {
-                let left = shift * x[k] - C::new(re[k], im[k]) - b;
-                assert!(left.norm() < 1e-11 * size.max(1.0), "{k}: {left}");
+                let left = shift * x[k] - image[k] - b;
+                assert!(left.norm() < 1e-11 * size.max(1.0), "{shift}, {k}: {left}");
             }
         }
     }

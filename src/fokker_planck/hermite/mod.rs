@@ -1,7 +1,10 @@
 //! The Fokker-Planck operator in Hermite functions of v and spectral elements of q, and its resolvent.
 
+mod basis;
+mod condensed;
 mod factored;
 mod operator;
 
+pub(super) use basis::DEGREE;
 pub(super) use factored::Factored;
-pub(super) use operator::{DEGREE, Hierarchy, Resolution};
+pub(super) use operator::{Hierarchy, Resolution};

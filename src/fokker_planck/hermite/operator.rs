@@ -10,24 +10,15 @@
 //!
 //! C and D are adjoint under the stationary law p_q of q (Risken, The Fokker-Planck Equation, chapter 10:
 //! Brinkman's hierarchy). Even n live on continuous piecewise polynomials of degree [`DEGREE`], odd n on
-//! discontinuous ones of one degree less, both orthonormal under p_q; C and D are rectangular, each used
+//! discontinuous ones of one degree less (`basis`), both orthonormal under p_q; C and D are rectangular, each used
 //! with its own transpose. Transport is then antisymmetric and friction with noise diagonal, whatever the
 //! elements: the constant is a null vector on both sides and every other mode decays. An element ends at
 //! the loss of contact, so the kink of G costs nothing; convergence is faster than any power of the
 //! number of functions, and nearly so of elements.
 
-use crate::error::{Error, Result};
+use super::basis::{Basis, DEGREE, INNER, LOCAL, Number};
+use crate::error::Result;
 use crate::oscillator::{Oscillator, Quantity};
-use crate::quadrature::gauss;
-use ndarray::{Array1, Array2, Axis, Slice};
-
-/// Degree of the continuous polynomials. Higher degrees with fewer elements lose where p_q falls by
-/// many powers of ten within an element.
-pub(in crate::fokker_planck) const DEGREE: usize = 8;
-
-/// Gauss points an element: products of two basis functions with G and p_q, to rounding for a p_q that
-/// changes by ten powers of e.
-const POINTS: usize = 2 * DEGREE + 6;
 
 /// How finely the operator is resolved.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,30 +49,29 @@ impl Resolution {
 
     /// Bytes that one solve holds.
     pub(in crate::fokker_planck) fn memory(self) -> u64 {
-        (16 * (self.pairs + 6) * self.across() * self.across()) as u64
+        (16 * self.pairs * (2 * self.pairs + INNER * INNER) * (self.elements + 2)) as u64
     }
 
-    /// Floating-point operations of one solve: a complex factorisation, a solve with as many right-hand
-    /// sides and two real products for each pair of functions.
+    /// Floating-point operations of one factorisation: the inner functions of each element are eliminated under
+    /// two hats for each pair, in small blocks at a quarter of the speed, then the hats of one node after the other.
     pub(in crate::fokker_planck) fn operations(self) -> f64 {
-        self.pairs as f64 * (8.0 * 4.0 / 3.0 + 4.0) * (self.across() as f64).powi(3)
+        let k = self.pairs as f64;
+        self.elements as f64 * (4.0 * 1100.0 * k * k + 19.0 * k * k * k)
+    }
+
+    /// Length of a state.
+    pub(in crate::fokker_planck) fn len(self) -> usize {
+        self.pairs * (2 * self.elements * DEGREE + 1)
     }
 }
 
-/// The operator. A state is the coefficients of the even n, row by row, and then those of the odd n.
+/// The operator. A state is the coefficients of the even n, function of q by function, n running fastest, and
+/// then those of the odd n.
 pub(in crate::fokker_planck) struct Hierarchy {
     pub(super) zeta: f64,
     pub(super) temperature: f64,
     pub(super) pairs: usize,
-    /// d/dq from the continuous to the discontinuous functions.
-    c: Array2<f64>,
-    /// -d/dq + G/T, likewise.
-    d: Array2<f64>,
-    pub(super) cc: Array2<f64>,
-    pub(super) dd: Array2<f64>,
-    /// C^T D.
-    pub(super) cd: Array2<f64>,
-    quantity: Array1<f64>,
+    pub(super) basis: Basis,
 }
 
 impl Hierarchy {
@@ -92,174 +82,143 @@ impl Hierarchy {
         resolution: Resolution,
     ) -> Result<Self> {
         let law = oscillator.displacement_law()?;
-        let contact = oscillator.contact();
-        let temperature = oscillator.temperature();
         let ends = ends(oscillator, resolution);
-        let rule = gauss::<POINTS>();
-        let even = Legendre::at(&rule.map(|(x, _)| x));
-        let count = ends.len() - 1;
-        let points = count * POINTS;
-        // Values times sqrt(p_q dq) at the Gauss points, so that a product is a sum.
-        let across = count * DEGREE + 1;
-        let mut f = Array2::<f64>::zeros((across, points));
-        let mut slope = Array2::<f64>::zeros((across, points));
-        let mut odd = Array2::<f64>::zeros((count * DEGREE, points));
-        let mut place = Vec::with_capacity(points);
-        let mut root = Vec::with_capacity(points);
-        for (e, end) in ends.windows(2).enumerate() {
-            let half = 0.5 * (end[1] - end[0]);
-            for (k, (x, w)) in rule.into_iter().enumerate() {
-                let q = end[0] + half * (1.0 + x);
-                let r = (w * half * law.density(q)).sqrt();
-                let at = e * POINTS + k;
-                place.push(q);
-                root.push(r);
-                f[[0, at]] = r;
-                // Hats at the nodes 1, 2, ...; the constant stands for the one at node 0.
-                f[[e + 1, at]] = r * 0.5 * (1.0 + x);
-                slope[[e + 1, at]] = r * 0.5 / half;
-                if e > 0 {
-                    f[[e, at]] = r * 0.5 * (1.0 - x);
-                    slope[[e, at]] = -r * 0.5 / half;
-                }
-                for n in 2..=DEGREE {
-                    let row = count + 1 + e * (DEGREE - 1) + n - 2;
-                    f[[row, at]] = r * (even.value[n][k] - even.value[n - 2][k]);
-                    slope[[row, at]] = r * (even.slope[n][k] - even.slope[n - 2][k]) / half;
-                }
-                for n in 0..DEGREE {
-                    odd[[e * DEGREE + n, at]] = r * even.value[n][k];
-                }
-            }
-        }
-        let total = root.iter().map(|r| r * r).sum::<f64>().sqrt();
-        for array in [&mut f, &mut slope, &mut odd] {
-            array.mapv_inplace(|x| x / total);
-        }
-        orthonormalise(&mut f, Some(&mut slope))?;
-        for e in 0..count {
-            let rows = Slice::from(e * DEGREE..(e + 1) * DEGREE);
-            let columns = Slice::from(e * POINTS..(e + 1) * POINTS);
-            let mut block = odd.slice_axis_mut(Axis(0), rows);
-            let mut block = block.slice_axis_mut(Axis(1), columns);
-            let mut own = block.to_owned();
-            orthonormalise(&mut own, None)?;
-            block.assign(&own);
-        }
-        let c = odd.dot(&slope.t());
-        let mut pushed = f.clone();
-        for (mut column, q) in pushed.columns_mut().into_iter().zip(&place) {
-            column *= contact.force(*q) / temperature;
-        }
-        let d = odd.dot(&(pushed - &slope).t());
-        let watched = place.iter().zip(&root);
-        let watched: Array1<f64> = watched
-            .map(|(q, r)| r / total * quantity.of(contact, *q))
-            .collect();
-        let mut quantity = f.dot(&watched);
-        // The first function is the constant: without it, the deviation from the mean.
-        quantity[0] = 0.0;
         Ok(Self {
             zeta: oscillator.zeta(),
-            temperature,
+            temperature: oscillator.temperature(),
             pairs: resolution.pairs,
-            cc: c.t().dot(&c),
-            dd: d.t().dot(&d),
-            cd: c.t().dot(&d),
-            c,
-            d,
-            quantity,
+            basis: Basis::new(oscillator, &law, &ends, quantity)?,
         })
-    }
-
-    /// Functions of q at even n.
-    pub(in crate::fokker_planck) fn across(&self) -> usize {
-        self.c.ncols()
     }
 
     /// Size of the largest entries of L.
     pub(in crate::fokker_planck) fn size(&self) -> f64 {
-        let largest = |square: &Array2<f64>| square.diag().iter().copied().fold(0.0, f64::max);
-        let slope = largest(&self.cc).max(largest(&self.dd)).sqrt();
+        let mut slope = 0.0f64;
+        for element in &self.basis.elements {
+            for a in 0..LOCAL {
+                slope = slope.max(element.cc[a][a]).max(element.dd[a][a]);
+            }
+        }
+        let slope = slope.sqrt();
         let n = 2.0 * self.pairs as f64;
         (self.temperature * n).sqrt() * slope + 2.0 * self.zeta * n
     }
 
-    /// Functions of q at odd n.
-    pub(in crate::fokker_planck) fn inside(&self) -> usize {
-        self.c.nrows()
-    }
-
     /// Length of a state.
     pub(in crate::fokker_planck) fn len(&self) -> usize {
-        self.pairs * (self.c.ncols() + self.c.nrows())
+        self.even() + self.pairs * DEGREE * self.basis.elements.len()
     }
 
     /// Length of the part with even n, which v -> -v leaves alone; it turns the sign of the rest.
     pub(in crate::fokker_planck) fn even(&self) -> usize {
-        self.pairs * self.c.ncols()
+        self.pairs * self.basis.one.len()
     }
 
     /// The deviation of the quantity from its mean, as a state.
     pub(in crate::fokker_planck) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.len()];
-        state[..self.across()].copy_from_slice(self.quantity.as_slice().unwrap_or(&[]));
+        let at = state.iter_mut().step_by(self.pairs);
+        at.zip(&self.basis.quantity).for_each(|(x, it)| *x = *it);
         state
     }
 
+    /// Takes the constant part off a state: L neither reads nor writes it.
+    pub(in crate::fokker_planck) fn drop_constant<T: Number>(&self, x: &mut [T]) {
+        let mut part = T::default();
+        let one = &self.basis.one;
+        for (x, one) in x.iter().step_by(self.pairs).zip(one) {
+            part += *x * *one;
+        }
+        for (x, one) in x.iter_mut().step_by(self.pairs).zip(one) {
+            *x += part * -one;
+        }
+    }
+
     /// L x.
-    pub(in crate::fokker_planck) fn apply(&self, x: &[f64]) -> Vec<f64> {
+    pub(in crate::fokker_planck) fn apply<T: Number>(&self, x: &[T]) -> Vec<T> {
+        let (k, basis) = (self.pairs, &self.basis);
         let (even, odd) = x.split_at(self.even());
-        let even = rows_of(even.to_vec(), self.across());
-        let odd = rows_of(odd.to_vec(), self.inside());
-        let mut out = self.odd_to_even(&odd);
-        let mut below = self.even_to_odd(&even);
-        for (n, mut row) in out.rows_mut().into_iter().enumerate() {
-            let friction = -4.0 * self.zeta * n as f64;
-            row.scaled_add(friction, &even.row(n));
+        let mut hats = even.to_vec();
+        basis.hats_of(&mut hats, k);
+        let mut out = vec![T::default(); x.len()];
+        let (above, below) = out.split_at_mut(self.even());
+        self.even_to_odd(&hats, below);
+        self.odd_to_even(odd, above);
+        basis.project(above, k);
+        for (at, (out, x)) in out.iter_mut().zip(x).enumerate() {
+            let n = 2 * (at % k) + usize::from(at >= self.even());
+            *out += *x * (-2.0 * self.zeta * n as f64);
         }
-        for (n, mut row) in below.rows_mut().into_iter().enumerate() {
-            let friction = -2.0 * self.zeta * (2 * n + 1) as f64;
-            row.scaled_add(friction, &odd.row(n));
-        }
-        out.into_iter().chain(below).collect()
+        out
     }
 
-    /// What transport carries from the odd n, one row each, into the even ones:
+    /// Adds what transport carries from the odd n into the even ones, as products with hats and inner functions:
     /// sqrt(T) (sqrt(n) D^T o_{n-1} - sqrt(n+1) C^T o_{n+1}).
-    pub(in crate::fokker_planck) fn odd_to_even(&self, odd: &Array2<f64>) -> Array2<f64> {
-        let (c, d) = (odd.dot(&self.c), odd.dot(&self.d));
-        let heat = self.temperature.sqrt();
-        let mut out = Array2::zeros((self.pairs, self.across()));
-        for (i, mut row) in out.rows_mut().into_iter().enumerate() {
-            let n = (2 * i) as f64;
-            row.scaled_add(-heat * (n + 1.0).sqrt(), &c.row(i));
-            if i > 0 {
-                row.scaled_add(heat * n.sqrt(), &d.row(i - 1));
+    pub(super) fn odd_to_even<T: Number>(&self, odd: &[T], out: &mut [T]) {
+        let k = self.pairs;
+        let [up, down] = self.heats();
+        let (mut c, mut d) = (vec![T::default(); k], vec![T::default(); k]);
+        for (e, element) in self.basis.elements.iter().enumerate() {
+            let rows = &odd[e * DEGREE * k..(e + 1) * DEGREE * k];
+            for (b, place) in self.basis.places(e).into_iter().enumerate() {
+                c.fill(T::default());
+                d.fill(T::default());
+                for (a, row) in rows.chunks_exact(k).enumerate() {
+                    let (times, other) = (element.c[a][b], element.d[a][b]);
+                    for ((c, d), x) in c.iter_mut().zip(&mut d).zip(row) {
+                        *c += *x * times;
+                        *d += *x * other;
+                    }
+                }
+                let out = &mut out[place * k..(place + 1) * k];
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out += c[i] * -up[i];
+                    if i > 0 {
+                        *out += d[i - 1] * down[i - 1];
+                    }
+                }
             }
         }
-        out
     }
 
-    /// The same from the even n into the odd ones: sqrt(T) (sqrt(n) C e_{n-1} - sqrt(n+1) D e_{n+1}).
-    pub(in crate::fokker_planck) fn even_to_odd(&self, even: &Array2<f64>) -> Array2<f64> {
-        let (c, d) = (even.dot(&self.c.t()), even.dot(&self.d.t()));
-        let heat = self.temperature.sqrt();
-        let mut out = Array2::zeros((self.pairs, self.inside()));
-        for (i, mut row) in out.rows_mut().into_iter().enumerate() {
-            let n = (2 * i + 1) as f64;
-            row.scaled_add(heat * n.sqrt(), &c.row(i));
-            if i + 1 < self.pairs {
-                row.scaled_add(-heat * (n + 1.0).sqrt(), &d.row(i + 1));
+    /// Adds the same from the even n, coefficients of hats and inner functions, into the odd ones:
+    /// sqrt(T) (sqrt(n) C e_{n-1} - sqrt(n+1) D e_{n+1}).
+    pub(super) fn even_to_odd<T: Number>(&self, even: &[T], out: &mut [T]) {
+        let k = self.pairs;
+        let [up, down] = self.heats();
+        let (mut c, mut d) = (vec![T::default(); k], vec![T::default(); k]);
+        for (e, element) in self.basis.elements.iter().enumerate() {
+            let places = self.basis.places(e);
+            let rows = &mut out[e * DEGREE * k..(e + 1) * DEGREE * k];
+            for (a, out) in rows.chunks_exact_mut(k).enumerate() {
+                c.fill(T::default());
+                d.fill(T::default());
+                for (b, place) in places.into_iter().enumerate() {
+                    let (times, other) = (element.c[a][b], element.d[a][b]);
+                    let row = &even[place * k..(place + 1) * k];
+                    for ((c, d), x) in c.iter_mut().zip(&mut d).zip(row) {
+                        *c += *x * times;
+                        *d += *x * other;
+                    }
+                }
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out += c[i] * up[i];
+                    if i + 1 < k {
+                        *out += d[i + 1] * -down[i];
+                    }
+                }
             }
         }
-        out
     }
-}
 
-/// Values as rows of a width that divides their number.
-pub(super) fn rows_of(values: Vec<f64>, width: usize) -> Array2<f64> {
-    Array2::from_shape_vec((values.len() / width, width), values).unwrap_or_default()
+    /// sqrt(T (2i + 1)) and sqrt(T (2i + 2)).
+    fn heats(&self) -> [Vec<f64>; 2] {
+        [1, 2].map(|add| {
+            let all = 0..self.pairs;
+            all.map(|i| (self.temperature * (2 * i + add) as f64).sqrt())
+                .collect()
+        })
+    }
 }
 
 /// Ends of the elements: equal lengths on either side of the loss of contact, numbers in proportion to
@@ -283,63 +242,4 @@ fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
     let flights = (0..below).map(|k| left + (loss - left) * k as f64 / below as f64);
     let contacts = (0..=above).map(|k| loss + (right - loss) * k as f64 / above as f64);
     flights.chain(contacts).collect()
-}
-
-/// Makes the rows orthonormal by Gram and Schmidt, twice; `along` follows with the same combinations.
-fn orthonormalise(rows: &mut Array2<f64>, mut along: Option<&mut Array2<f64>>) -> Result<()> {
-    for i in 0..rows.nrows() {
-        for _ in 0..2 {
-            let (before, mut rest) = rows.view_mut().split_at(Axis(0), i);
-            let mut here = rest.row_mut(0);
-            let size = here.dot(&here).sqrt();
-            let scale = if size > 0.0 { 1.0 / size } else { 1.0 };
-            here *= scale;
-            let overlaps = before.dot(&here);
-            here -= &overlaps.dot(&before);
-            let left = here.dot(&here).sqrt();
-            if !(left.is_finite() && left > 1e-12) {
-                return Err(Error::Mesh {
-                    what: "the stationary law underflows within an element".into(),
-                    help: "more method.cells in q".into(),
-                });
-            }
-            here /= left;
-            if let Some(along) = &mut along {
-                let (before, mut rest) = along.view_mut().split_at(Axis(0), i);
-                let mut here = rest.row_mut(0);
-                here *= scale;
-                here -= &overlaps.dot(&before);
-                here /= left;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Legendre polynomials and their slopes at some points, by degree.
-struct Legendre {
-    value: Vec<Vec<f64>>,
-    slope: Vec<Vec<f64>>,
-}
-
-impl Legendre {
-    fn at(points: &[f64]) -> Self {
-        let mut it = Self {
-            value: vec![vec![1.0; points.len()], points.to_vec()],
-            slope: vec![vec![0.0; points.len()], vec![1.0; points.len()]],
-        };
-        for n in 2..=DEGREE {
-            let m = n as f64;
-            let (mut value, mut slope) = (Vec::new(), Vec::new());
-            for (k, x) in points.iter().enumerate() {
-                value.push(
-                    ((2.0 * m - 1.0) * x * it.value[n - 1][k] - (m - 1.0) * it.value[n - 2][k]) / m,
-                );
-                slope.push(it.slope[n - 2][k] + (2.0 * m - 1.0) * it.value[n - 1][k]);
-            }
-            it.value.push(value);
-            it.slope.push(slope);
-        }
-        it
-    }
 }

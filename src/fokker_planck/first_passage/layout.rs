@@ -1,0 +1,200 @@
+//! Steps, meshes and times of the backward equation.
+
+use super::absorbed::{Fineness, POINTS};
+use crate::error::{Error, Result};
+use crate::fokker_planck::budget::{Cost, timing};
+use crate::fokker_planck::trajectory::Motion;
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+
+/// Most output times after t = 0.
+const OUTPUTS: f64 = 200.0;
+/// An error part of mesh or step beyond this, over the tolerance, is refined even where the other is larger.
+const ALONE: f64 = 0.5;
+/// Nodes of the coarse run over those of the fine one.
+const COARSE: f64 = 0.7;
+
+/// What is asked, and what the scene fixes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Asked {
+    /// The loss point.
+    pub(super) loss: f64,
+    pub(super) until: f64,
+    pub(super) tolerance: f64,
+    pub(super) step: Option<f64>,
+    pub(super) cells: Option<[usize; 2]>,
+}
+
+/// Steps, meshes and times of a task.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Layout {
+    pub(super) times: Vec<f64>,
+    /// Steps between times of the fine run, even.
+    pub(super) every: usize,
+    pub(super) step: f64,
+    pub(super) nodes: [usize; 2],
+    pub(super) level: f64,
+    /// Time over which the motion forgets.
+    pub(super) memory: f64,
+}
+
+impl Layout {
+    /// The layout of the first run.
+    pub(super) fn of(oscillator: &Oscillator, initial: &Initial, asked: &Asked) -> Self {
+        let Asked {
+            loss,
+            until,
+            tolerance,
+            ..
+        } = *asked;
+        let t = oscillator.temperature();
+        let contact = oscillator.contact();
+        let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
+        // One hundredth of the tolerance above the edge, and a start with its Gaussian.
+        let mut level = (100.0 / tolerance).ln().clamp(8.0, 30.0) + 2.0;
+        if let Initial::Gaussian { mean, deviation } = initial {
+            let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
+            for (a, b) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+                let energy = oscillator.energy(far(0, a).max(loss), far(1, b));
+                level = level.max((energy - rise) / t);
+            }
+        }
+        let speed = (2.0 * (rise + level * t)).sqrt();
+        // A motion must not come back to the loss point within a step: a quarter of the fastest bounce.
+        let bounce = bounce(oscillator, loss, speed);
+        // Noise gathered at the middle of a step errs by 2 pi h step^3/24 in the variance of q where the
+        // law varies on the scale T of U: half the tolerance of T^2.
+        let zeta = oscillator.zeta();
+        let noisy = (6.0 * tolerance * t / zeta).cbrt();
+        let damped = (12.0 * tolerance / zeta).sqrt();
+        let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
+        let longest = asked.step.unwrap_or(automatic);
+        // The coarse step is twice the fine one and still ends on every time.
+        let outputs = (until / (2.0 * longest)).floor().clamp(8.0, OUTPUTS);
+        let gap = until / outputs;
+        let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
+        let step = gap / every as f64;
+        let memory = oscillator.memory();
+        let nodes = match asked.cells {
+            Some(cells) => cells.map(|n| n.max(16)),
+            None => {
+                // The interpolation of order 6 errs once a step.
+                let part = (2.0 * step * tolerance / 1e-3).powf(1.0 / 6.0);
+                nodes(oscillator, rise, speed, step, part)
+            }
+        };
+        Self {
+            times: (0..=outputs as usize).map(|k| k as f64 * gap).collect(),
+            every,
+            step,
+            nodes,
+            level,
+            memory,
+        }
+    }
+
+    /// The next layout, for what the mesh and the step err, over the tolerance: whatever errs most is made finer, and
+    /// the other too where it errs by more than [`ALONE`].
+    pub(super) fn finer(&self, [mesh, step]: [f64; 2]) -> Self {
+        let mut it = self.clone();
+        let mut wanted = mesh / ALONE;
+        if step > mesh || step > ALONE {
+            it.every *= 2;
+            it.step *= 0.5;
+            // Twice as many interpolations, of what a kick smooths over half the root of the distance.
+            wanted *= 2.0 * 2f64.sqrt().powi(POINTS as i32);
+        }
+        if mesh > step || wanted > 1.0 {
+            let times = wanted.powf(1.0 / POINTS as f64).clamp(1.0 / COARSE, 2.0);
+            it.nodes = it.nodes.map(|n| (n as f64 * times).ceil() as usize);
+        }
+        it
+    }
+
+    /// The mesh and the step of a run: the fine one, on a coarser mesh, of twice the step.
+    pub(super) fn runs(&self) -> [Fineness; 3] {
+        let Self {
+            nodes, step, level, ..
+        } = *self;
+        let coarse = nodes.map(|n| ((n as f64 * COARSE) as usize).max(12));
+        let of = |nodes, step| Fineness { nodes, step, level };
+        [of(nodes, step), of(coarse, step), of(nodes, 2.0 * step)]
+    }
+
+    /// Krylov vectors a tenth of the memory apart, and a quarter of a period at the least: closer ones span
+    /// too little of an oscillation to tell it from the slowest mode.
+    pub(super) fn stride(&self, step: f64) -> usize {
+        let apart = (0.1 * self.memory).max(1.5);
+        (apart / step).ceil().clamp(1.0, 1e6) as usize
+    }
+
+    fn steps(&self) -> f64 {
+        (self.every * (self.times.len() - 1)) as f64
+    }
+
+    /// Quadrature points of a row: 3.2 a deviation of the noise.
+    fn points(&self, oscillator: &Oscillator) -> f64 {
+        let t = oscillator.temperature();
+        let spread = (t * -(-4.0 * oscillator.zeta() * self.step).exp_m1()).sqrt();
+        3.2 * 2.0 * (2.0 * (1.0 + self.level * t)).sqrt() / spread
+    }
+
+    /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors.
+    fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
+        let [nq, nv] = self.nodes.map(|n| n as f64);
+        nq * (self.points(oscillator) * 112.0 + nv * 46.0 * 8.0) + 40.0 * 8.0 * nq * nv
+    }
+
+    /// What the fine run takes, and those that measure its error.
+    pub(super) fn cost(&self, oscillator: &Oscillator) -> Cost {
+        let [nq, nv] = self.nodes.map(|n| n as f64);
+        let (points, steps) = (self.points(oscillator), self.all_steps());
+        Cost {
+            cells: self.nodes,
+            steps: steps as u64,
+            memory: self.memory_bytes(oscillator) as u64,
+            // The runs that measure the error take as long again.
+            seconds: 2.0
+                * nq
+                * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * steps)
+                    + nv * timing::ABSORBED_NODE * steps),
+        }
+    }
+
+    /// Steps of a fine run, with those of the long run.
+    fn all_steps(&self) -> f64 {
+        self.steps().min(10.0 * self.memory / self.step)
+            + 1.2 * 18.0 * self.stride(self.step) as f64
+    }
+}
+
+/// Nodes so that the mesh of v follows the noise of a step: half its deviation (times `part`) at the turning
+/// points, where contact is lost, which errs by a few 1e-4 at a step of 0.5. In sqrt(q - q_loss) survival is
+/// smoother: 0.7 as many.
+fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64, part: f64) -> [usize; 2] {
+    let t = oscillator.temperature();
+    let spread = (t * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
+    let grade = (2.0 * rise / 3.0).max(t).sqrt();
+    let v = 2.0 * (speed / grade).asinh() * grade / (0.5 * part * spread);
+    // More do not fit a run of seconds; the error then says so.
+    let v = v.clamp(60.0, 600.0);
+    [(0.7 * v) as usize, v as usize]
+}
+
+/// Time from the loss point back to it at this speed.
+fn bounce(oscillator: &Oscillator, loss: f64, speed: f64) -> f64 {
+    // Contact is never softer than the preload: the time is found from below.
+    let times: Vec<f64> = (-60..=20).map(|k| (0.1 * f64::from(k)).exp()).collect();
+    let mut ends = vec![[0.0; 2]; times.len()];
+    Motion::new(oscillator.contact()).after(&[[loss, speed]], &times, &mut ends);
+    let back = ends.iter().position(|end| end[0] <= loss);
+    back.map_or(1.0, |k| times[k.saturating_sub(1)])
+}
+
+pub(super) fn loss_point(oscillator: &Oscillator) -> Result<f64> {
+    let contact = oscillator.contact();
+    contact.loss_point().ok_or_else(|| {
+        let accepted = "a law that can lose contact, for first_loss";
+        Error::invalid("oscillator.contact", contact.name(), accepted)
+    })
+}

@@ -1,0 +1,302 @@
+//! The backward equation on one mesh with one step: curves, mean time and rate.
+
+use super::absorbed::{Absorbed, Fineness, Start};
+use super::layout::{Asked, Layout};
+use super::pontryagin::{dot, long_run};
+use crate::error::Result;
+use crate::fokker_planck::budget::Limits;
+use crate::initial::Initial;
+use crate::oscillator::Oscillator;
+
+/// The question in messages.
+pub(super) const NAME: &str = "the first loss of contact";
+
+/// The numbers of one mesh and step.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Run {
+    pub(super) survival: Vec<f64>,
+    pub(super) lost: Vec<f64>,
+    /// What a survival continued in closed form may be off.
+    pub(super) drift: Vec<f64>,
+    pub(super) density: Vec<f64>,
+    /// What the order of differentiation changes in the density, or its continuation.
+    pub(super) wobble: Vec<f64>,
+    pub(super) mean_time: f64,
+    pub(super) rate: f64,
+    pub(super) over_rice: f64,
+    /// Relative error of mean time and rate beyond mesh and step.
+    pub(super) residuals: [f64; 2],
+    pub(super) steps: u64,
+}
+
+/// Losses up to each step.
+struct March {
+    gone: Vec<f64>,
+    /// The same by detailed balance.
+    left: Vec<f64>,
+    /// Of what enters, in stationary motion.
+    entered: Vec<f64>,
+    /// The constant hazard a step of what survives after the last step, and its relative error; None where
+    /// the march went on to the end.
+    hazard: Option<(f64, f64)>,
+}
+
+impl March {
+    /// Survival, losses and their density, each time `every` steps of length `step` on. `rate` is the hazard a step in the end, and
+    /// what it may be off `doubt`; `entering` is what enters in stationary motion, for the stationary start alone.
+    fn curves(
+        &self,
+        (inside, total, entering): (f64, f64, Option<f64>),
+        (rate, step): (f64, f64),
+        doubt: f64,
+        every: usize,
+        count: usize,
+    ) -> Run {
+        let last = self.gone.len() - 1;
+        let mut run = Run::default();
+        for k in 0..count {
+            let n = k * every;
+            // Beyond the march the survival falls at the rate of its end.
+            let (at, beyond) = if n + ENDS <= last || self.hazard.is_none() {
+                (n, 0.0)
+            } else {
+                (last - ENDS, (n + ENDS - last) as f64)
+            };
+            // Where next to nothing is lost, the sum of what leaves keeps its digits.
+            let gone = match self.left.get(at) {
+                Some(left) if entering.is_some() && *left < 1e-6 * total => *left,
+                _ => self.gone[at],
+            };
+            let held = (inside - gone / total).clamp(0.0, 1.0);
+            let survival = held * (-rate * beyond).exp();
+            run.survival.push(survival);
+            let later = held * -(-rate * beyond).exp_m1();
+            run.lost.push((1.0 - inside) + gone / total + later);
+            run.drift.push(survival * doubt * beyond);
+            let (density, wobble) = if beyond > 0.0 {
+                // Detailed balance has the rate at the end to more digits than the losses of a step.
+                let density = rate / step * survival;
+                (density, density * doubt * (1.0 / rate + beyond))
+            } else if let Some(entering) = entering {
+                ((entering - self.entered[at]) / total, 0.0)
+            } else {
+                let slope = |half| derivative(&self.gone, at, half) / (step * total);
+                let density: f64 = slope(3);
+                (density, (slope(2) - density).abs())
+            };
+            run.density.push(density);
+            run.wobble.push(wobble);
+        }
+        run
+    }
+
+    /// What the hazard a step may be off, if losses go on at `rate` a step.
+    fn doubt(&self, rate: f64, rare: bool) -> f64 {
+        match self.hazard {
+            // Losses so rare drown, but for detailed balance, in the rounding of a mesh.
+            Some((_, doubt)) if rare => doubt * rate,
+            Some((hazard, doubt)) => doubt * hazard + (hazard - rate).abs(),
+            None => 0.0,
+        }
+    }
+}
+
+/// Steps after the last one asked for.
+const ENDS: usize = 3;
+
+/// What is asked of whom.
+pub(super) struct Problem<'a> {
+    pub(super) oscillator: &'a Oscillator,
+    pub(super) initial: &'a Initial,
+    pub(super) asked: Asked,
+    pub(super) limits: Limits,
+}
+
+impl Problem<'_> {
+    /// The start as weights, and what its survival is divided by.
+    fn start(&self, absorbed: &Absorbed, stationary: &Start) -> (Start, f64) {
+        match *self.initial {
+            Initial::Rest => (absorbed.point(self.oscillator, [0.0, 0.0]), 1.0),
+            Initial::Stationary => (stationary.clone(), stationary.total),
+            Initial::Gaussian { mean, deviation } => {
+                let density = |q: f64| {
+                    let x = (q - mean[0]) / deviation[0];
+                    (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
+                };
+                let lines = absorbed.displacements(self.oscillator, deviation[0], density);
+                let it = absorbed.lines(self.oscillator, &lines, mean[1], deviation[1]);
+                (it, 1.0)
+            }
+        }
+    }
+
+    /// The numbers of one mesh and step, at the times of the layout.
+    pub(super) fn once(
+        &self,
+        layout: &Layout,
+        fineness: &Fineness,
+        progress: &dyn Fn(f64),
+    ) -> Result<Run> {
+        let it = self.oscillator;
+        let late = self.limits.late(NAME);
+        let absorbed = Absorbed::new(it, self.asked.loss, fineness, &late)?;
+        let law = it.displacement_law()?;
+        let deviation = it.temperature().sqrt();
+        let lines = absorbed.displacements(it, 0.5 * deviation, |q| law.density(q));
+        let stationary = absorbed.lines(it, &lines, 0.0, deviation);
+        let (start, total) = self.start(&absorbed, &stationary);
+        let balanced = *self.initial == Initial::Stationary;
+        let outflow = absorbed.outflow(it, &lines);
+        let entering = absorbed.entering(it, law.density(self.asked.loss));
+        let balance = balanced.then_some([&outflow, &entering]);
+        let step = fineness.step;
+        let every = (layout.every as f64 * layout.step / step).round() as usize;
+        let march = self.march(
+            &absorbed,
+            &start,
+            balance,
+            every * (layout.times.len() - 1),
+            (0.5 * layout.memory / step).ceil() as usize,
+            &|part| progress(0.4 * part),
+        )?;
+        let stride = layout.stride(step);
+        let enough = 1e-3 * self.asked.tolerance.min(1e-3);
+        // Losses a step of a mode, by detailed balance; small numbers keep their digits.
+        let per_step = |mode: &[f64]| {
+            let held = dot(&stationary.weights, mode);
+            dot(&outflow.weights, mode) / held
+        };
+        // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
+        // that its error holds.
+        let rare = |mode: &[f64]| {
+            let forgotten = per_step(mode) * layout.memory / step;
+            forgotten < 0.3 * self.asked.tolerance
+        };
+        let long = long_run(&absorbed, stride, enough, &rare, &late)?;
+        progress(1.0);
+        let held = dot(&stationary.weights, &long.mode);
+        let rate = -(-per_step(&long.mode)).ln_1p() / step;
+        let rice = law.density(self.asked.loss) * deviation / std::f64::consts::TAU.sqrt();
+        let inside = start.total / total;
+        let last = march.gone.len() - 1;
+        let doubt = march.doubt(rate * step, long.sum.is_none());
+        let entering = balanced.then_some(entering.total);
+        let ends = (inside, total, entering);
+        let mut run = march.curves(ends, (rate * step, step), doubt, every, layout.times.len());
+        let (mean_time, direct) = match &long.sum {
+            Some(sum) => {
+                let sum = dot(&start.weights, sum);
+                // Trapezes with the first correction of Euler and Maclaurin.
+                let mean =
+                    step * (0.5 * inside + sum / total) - step * step / 12.0 * run.density[0];
+                (mean, -long.factor.ln() / step)
+            }
+            None => {
+                let seen = dot(&start.weights, &long.mode) / total;
+                (seen * stationary.total / (held * rate), rate)
+            }
+        };
+        let forgets = if long.sum.is_none() {
+            rate * layout.memory
+        } else {
+            0.0
+        };
+        run.mean_time = mean_time;
+        run.rate = rate;
+        run.over_rice = rate * stationary.total / rice;
+        run.residuals = [
+            long.residuals[0] / (rate * stride as f64 * step) + forgets,
+            (direct / rate - 1.0).abs(),
+        ];
+        run.steps = last as u64 + long.steps;
+        Ok(run)
+    }
+
+    /// Losses step by step, until they are constant in what survives. The stationary law loses in each step
+    /// what leaves it of those that have survived (`balance`: outflow and what enters), by detailed
+    /// balance: no small part of a small number.
+    fn march(
+        &self,
+        absorbed: &Absorbed,
+        start: &Start,
+        balance: Option<[&Start; 2]>,
+        count: usize,
+        window: usize,
+        progress: &dyn Fn(f64),
+    ) -> Result<March> {
+        let first = |it: &Start| it.lost + dot(&it.weights, absorbed.lost_first());
+        // Summed from the losses in each step, so that small parts keep their digits.
+        let mut leaving = balance.map_or(0.0, |[outflow, _]| outflow.total - first(outflow));
+        let mut march = March {
+            gone: vec![0.0, first(start)],
+            left: vec![0.0, balance.map_or(0.0, |[it, _]| it.total)],
+            entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
+            hazard: None,
+        };
+        let late = self.limits.late(NAME);
+        let mut losses = absorbed.lost_second();
+        let mut scratch = vec![0.0; losses.len()];
+        let mut hazards = [f64::INFINITY; 3];
+        // As many steps more as the differences at the end want.
+        while march.gone.len() <= count + ENDS {
+            let n = march.gone.len();
+            march
+                .gone
+                .push(march.gone[n - 1] + dot(&start.weights, &losses));
+            if let Some([outflow, entering]) = balance {
+                march.left.push(march.left[n - 1] + leaving);
+                leaving -= dot(&outflow.weights, &losses);
+                let entered = march.entered[n - 1] + dot(&entering.weights, &losses);
+                march.entered.push(entered);
+            }
+            absorbed.advance(&mut losses, &mut scratch);
+            late()?;
+            if n.is_multiple_of(16) {
+                progress(n as f64 / count as f64);
+            }
+            if n.is_multiple_of(window) {
+                let before = march.gone[n - window];
+                let part = (march.gone[n] - before) / (start.total - before);
+                hazards = [hazards[1], hazards[2], -(-part).ln_1p() / window as f64];
+                let [a, b, c] = hazards;
+                let (change, earlier) = ((c - b).abs(), (b - a).abs());
+                // What is left of a change that shrinks geometrically, at the pace of energy or slower.
+                let pace = (change / earlier).max((-0.5f64).exp());
+                let doubt = change / (1.0 - pace) / c;
+                if c > 0.0 && pace < 0.9 && doubt < 1e-2 * self.asked.tolerance {
+                    march.hazard = Some((c, doubt));
+                    break;
+                }
+            }
+        }
+        progress(1.0);
+        Ok(march)
+    }
+}
+
+/// Slope at point k of values a unit apart, by the polynomial through 2 half + 1 of them, central where
+/// they are there: order 2 half.
+fn derivative(values: &[f64], k: usize, half: usize) -> f64 {
+    let points = (2 * half + 1).min(values.len());
+    let first = k.saturating_sub(half).min(values.len() - points);
+    let z = (k - first) as f64;
+    let mut slope = 0.0;
+    for a in 0..points {
+        // Derivative of the Lagrange polynomial of node a at node z.
+        let mut weight = 0.0;
+        for b in 0..points {
+            if b == a {
+                continue;
+            }
+            let mut product = 1.0 / (a as f64 - b as f64);
+            for c in 0..points {
+                if c != a && c != b {
+                    product *= (z - c as f64) / (a as f64 - c as f64);
+                }
+            }
+            weight += product;
+        }
+        slope += weight * values[first + a];
+    }
+    slope
+}

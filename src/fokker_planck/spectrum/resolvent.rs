@@ -1,0 +1,363 @@
+//! From a tolerance to a spectrum: finer and finer operators.
+
+use super::curve::{FLOOR, Spectrum};
+use super::reduced::{Answer, POWERS, Reduced};
+use crate::error::{Error, Result, finite};
+use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::hermite::{DEGREE, Hierarchy, Resolution};
+use crate::fokker_planck::settings::Settings;
+use crate::oscillator::{Oscillator, Quantity};
+use std::f64::consts::FRAC_2_PI;
+
+/// Share of the tolerance left to the reduced model.
+const MODEL: f64 = 0.05;
+
+/// The same before the last resolution, of the error of the one before it.
+const ROUGH: f64 = 0.1;
+
+/// Frequencies solved for at most on one mesh.
+const SOLVES: usize = 160;
+
+/// Growth of the resolution from one round to the next, and of the energy, in T, at which the domain ends.
+const FINER: f64 = 1.4;
+const HIGHER: f64 = 1.5;
+
+/// Unknowns in q beyond which blocks no longer fit a reasonable time.
+const WIDEST: usize = 1200;
+
+/// The spectrum of `quantity` in the stationary motion at the ascending circular frequencies `omegas`.
+///
+/// The operator is refined until the change is within `settings.tolerance` of the natural scale, the
+/// larger of the value and 1e-6 of the peak; `settings.cells` fixes the finest one, as functions of q and
+/// of v. `progress` is called with the fraction done.
+///
+/// # Errors
+/// [`Error::NoStationaryLaw`] for a contact that does not confine; [`Error::Invalid`] for no
+/// frequencies, or frequencies that are negative, not finite or not ascending; [`Error::Limit`] beyond
+/// `settings.max_seconds`.
+pub fn spectrum(
+    oscillator: &Oscillator,
+    quantity: Quantity,
+    omegas: &[f64],
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Spectrum> {
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    let until = omegas.last().copied().unwrap_or_default();
+    let recipe = Resolvent::of(oscillator, until, settings);
+    recipe.solve(oscillator, quantity, omegas, &limits, progress)
+}
+
+/// How a spectrum will be computed: the first resolution, and the foreseen cost.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Resolvent {
+    first: Resolution,
+    /// Whether the scene gave the cells.
+    given: bool,
+    tolerance: f64,
+    /// Frequencies that a model is expected to be made of.
+    solves: f64,
+    /// What it will take: cells are functions of q and of v, steps frequencies to solve for.
+    pub(crate) cost: Cost,
+}
+
+impl Resolvent {
+    /// The method.
+    pub(crate) const METHOD: &str = "resolvent in Hermite functions and spectral elements; a reduced model joins \
+                                     the frequencies";
+
+    /// The recipe for frequencies up to `until`.
+    pub(crate) fn of(oscillator: &Oscillator, until: f64, settings: &Settings) -> Self {
+        let first = first(settings);
+        // Motions of other energies go at other frequencies and are sheared until the noise smears them: the hotter and
+        // the less damped, the finer. Fitted over 34 scenes, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
+        // frequencies solved for.
+        let hot = oscillator.temperature().max(1e-3).log10() + 0.2;
+        let damped = (oscillator.zeta() / 0.005).log10();
+        let digits = -settings.tolerance.max(1e-12).log10() - 3.0;
+        let octaves = (until.max(0.1) / 3.0).log2();
+        let rounds = 3.0 + 2.1 * hot - 2.7 * damped + digits + octaves;
+        let rounds = rounds.clamp(1.0, 9.0);
+        let solves = match rounds {
+            1.0 => 6.0,
+            _ => 5.0 + 4.0 * until.min(20.0),
+        };
+        let rounds = settings.cells.map_or(rounds, |_| 1.0);
+        let finest = first.finer(FINER.powf(rounds), HIGHER * rounds);
+        let Work { seconds, memory } = work(finest, solves);
+        Self {
+            first,
+            given: settings.cells.is_some(),
+            tolerance: settings.tolerance,
+            solves,
+            cost: Cost {
+                cells: [finest.across(), 2 * finest.pairs],
+                steps: solves as u64,
+                memory,
+                // The coarser operators take a third as much again.
+                seconds: 1.35 * seconds + rounds * OVERHEAD * solves * solves,
+            },
+        }
+    }
+
+    /// As [`spectrum`], by this recipe.
+    ///
+    /// # Errors
+    /// Those of [`spectrum`].
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        quantity: Quantity,
+        omegas: &[f64],
+        limits: &Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Spectrum> {
+        oscillator.displacement_law()?;
+        check(omegas)?;
+        let task = Task {
+            recipe: self,
+            oscillator,
+            quantity,
+            omegas,
+            control: control(omegas),
+            limits: limits.clone(),
+            next: self.first,
+            solved: Vec::new(),
+            last: None,
+            largest: None,
+            best: None,
+        };
+        adaptive::pursue(task, limits, progress)
+    }
+}
+
+/// Seconds of the models of one resolution, over the square of the frequencies solved for.
+const OVERHEAD: f64 = 2e-4;
+
+/// What the model of one resolution takes.
+fn work(it: Resolution, solves: f64) -> Work {
+    let threads = rayon::current_num_threads() as f64;
+    let vectors = 2.0 * POWERS as f64 * solves;
+    // Basis, residuals, and copies of both while they grow.
+    let states = 4.0 * 8.0 * vectors * it.len() as f64;
+    let products = 12.0 * vectors * vectors * it.len() as f64;
+    Work {
+        seconds: (solves * it.operations() + products) * timing::OPERATION / threads,
+        memory: it.memory() * threads as u64 + states as u64,
+    }
+}
+
+/// A spectrum on its way to the tolerance.
+struct Task<'a> {
+    recipe: &'a Resolvent,
+    oscillator: &'a Oscillator,
+    quantity: Quantity,
+    omegas: &'a [f64],
+    control: Vec<f64>,
+    limits: Limits,
+    next: Resolution,
+    /// Frequencies that the last resolution was solved for.
+    solved: Vec<f64>,
+    /// The answers of the last resolution at the frequencies watched, and the largest change from the one before, over
+    /// the natural scale.
+    last: Option<Vec<Answer>>,
+    largest: Option<f64>,
+    best: Option<Spectrum>,
+}
+
+impl Question for Task<'_> {
+    type Answer = Spectrum;
+
+    fn name(&self) -> String {
+        "the spectrum".into()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        let best = self.best.as_ref()?;
+        Some(best.worst().0 / self.recipe.tolerance)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
+        if self.best.is_some() && self.recipe.given {
+            return stop("its cells are those of the scene".into(), false);
+        }
+        if self.best.is_some() && self.next.across() > WIDEST {
+            let text = format!("the next resolution has more than {WIDEST} functions of q");
+            return stop(text, true);
+        }
+        let solves = self.recipe.solves;
+        let then = self.last.is_none().then(|| work(finer(self.next), solves));
+        let now = work(self.next, solves);
+        Ok(Next::Run { now, then })
+    }
+
+    fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let Self {
+            recipe,
+            omegas,
+            control,
+            limits,
+            next,
+            quantity,
+            ..
+        } = self;
+        let full = Hierarchy::new(self.oscillator, *quantity, *next)?;
+        let go_on = |solved: usize| {
+            progress((solved as f64 / recipe.solves).min(1.0));
+            limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
+        };
+        // A resolution that is compared with a coarser one need not be known much better than that one was.
+        let known = self.best.as_ref().map_or(ROUGH, |it| ROUGH * it.worst().0);
+        let model = Reduced::new(
+            &full,
+            control,
+            MODEL * recipe.tolerance.max(if recipe.given { 0.0 } else { known }),
+            FLOOR,
+            (&self.solved, SOLVES),
+            &go_on,
+        )?;
+        // A finer operator needs fewer: it has no modes that are there for want of functions.
+        let mut solved = model.solved.clone();
+        solved.sort_by(f64::total_cmp);
+        self.solved = solved.into_iter().step_by(2).collect();
+        let fine = model.all(control);
+        if let Some(coarse) = &self.last {
+            let peak = fine.iter().map(|it| it.value).fold(0.0, f64::max);
+            let changes = |floor: f64| -> Vec<f64> {
+                let relative = |(a, b): (&Answer, &Answer)| {
+                    (a.value - b.value).abs() / b.value.abs().max(floor)
+                };
+                coarse.iter().zip(&fine).map(relative).collect()
+            };
+            let largest = changes(FLOOR * peak).into_iter().fold(0.0, f64::max);
+            let left = self
+                .largest
+                .map_or(1.0, |before| (SAFETY * largest / before).clamp(LEAST, 1.0));
+            self.largest = Some(largest);
+            let change = changes(f64::MIN_POSITIVE);
+            let answers = model.all(omegas);
+            self.best = Some(Spectrum {
+                quantity: *quantity,
+                omega: omegas.to_vec(),
+                density: estimates(omegas, &answers, control, &change, left),
+                variance: model.variance,
+                functions: [next.across(), 2 * next.pairs],
+                solves: model.solved.len(),
+                dimension: model.dimension(),
+                shortfall: None,
+                model,
+            });
+        }
+        self.last = Some(fine);
+        self.next = finer(*next);
+        Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<Spectrum> {
+        let best = self.best?;
+        let (error, omega) = best.worst();
+        let number = format!("the spectrum at omega = {omega:.3}");
+        let tolerance = self.recipe.tolerance;
+        Some(Spectrum {
+            shortfall: stop.shortfall(number, error / tolerance, tolerance),
+            ..best
+        })
+    }
+}
+
+fn check(omegas: &[f64]) -> Result<()> {
+    if omegas.is_empty() {
+        return Err(Error::invalid(
+            "omegas",
+            "an empty list",
+            "at least one frequency",
+        ));
+    }
+    for (k, omega) in omegas.iter().enumerate() {
+        let name = format!("omegas[{k}]");
+        finite(&name, *omega)?;
+        if *omega < 0.0 || (k > 0 && *omega <= omegas[k - 1]) {
+            let accepted = "ascending frequencies, none negative";
+            return Err(Error::invalid(name, omega, accepted));
+        }
+    }
+    Ok(())
+}
+
+/// The coarse operator of the first comparison.
+fn first(settings: &Settings) -> Resolution {
+    // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
+    // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves less
+    // than a quarter of it.
+    let level = 18.0;
+    match settings.cells {
+        Some([q, v]) => Resolution {
+            elements: ((q as f64 / DEGREE as f64 / FINER).round() as usize).max(2),
+            pairs: ((v as f64 / 2.0 / FINER).round() as usize).max(2),
+            level,
+        },
+        None => Resolution {
+            elements: 6,
+            pairs: 24,
+            level,
+        },
+    }
+}
+
+fn finer(it: Resolution) -> Resolution {
+    it.finer(FINER, HIGHER)
+}
+
+/// Reach of an error: where the answer changes, it is as uncertain within this distance, half the frequency of small
+/// motions: changes of a smooth spectrum cross zero no more often.
+const NEARBY: f64 = 0.5;
+
+/// Spacing of the frequencies at which errors are watched.
+const SPACING: f64 = 0.025;
+
+/// The frequencies at which errors are watched: an even grid over the range and a little beyond, so that
+/// a few frequencies are not believed because a change happens to be small there, and a share of those
+/// asked for.
+fn control(omegas: &[f64]) -> Vec<f64> {
+    let (low, high) = (omegas[0], omegas[omegas.len() - 1]);
+    let (low, high) = ((low - 4.0 * SPACING).max(0.0), high + 4.0 * SPACING);
+    let step = SPACING.max((high - low) / 400.0);
+    let count = ((high - low) / step).ceil() as usize;
+    let mut all: Vec<f64> = (0..=count)
+        .map(|k| low + (high - low) * k as f64 / count as f64)
+        .collect();
+    all.extend(omegas.iter().step_by(omegas.len().div_ceil(400)));
+    all.sort_by(f64::total_cmp);
+    all.dedup_by(|a, b| *a - *b < 1e-9);
+    all
+}
+
+/// Where the largest change from one resolution to the next shrinks, it shows how much is left of each: this many times
+/// its ratio to the one before, and never less than [`LEAST`].
+const SAFETY: f64 = 1.5;
+const LEAST: f64 = 0.35;
+
+/// The answers with the largest relative change nearby, times `left`, as their error: a difference of two curves crosses
+/// zero where they are no better than elsewhere.
+fn estimates(
+    omegas: &[f64],
+    answers: &[Answer],
+    control: &[f64],
+    change: &[f64],
+    left: f64,
+) -> Vec<Estimate> {
+    let nearby = |omega: f64| {
+        let first = control.partition_point(|w| *w < omega - NEARBY);
+        let end = control.partition_point(|w| *w <= omega + NEARBY);
+        change[first..end].iter().fold(0.0f64, |a, b| a.max(*b))
+    };
+    let estimate = |(omega, it): (&f64, &Answer)| {
+        let value = FRAC_2_PI * it.value;
+        let error = FRAC_2_PI * it.error + value.abs() * nearby(*omega) * left;
+        Estimate::new(value, error, Origin::Space)
+    };
+    omegas.iter().zip(answers).map(estimate).collect()
+}
