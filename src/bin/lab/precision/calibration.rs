@@ -503,6 +503,7 @@ mod tests {
             end,
             seconds: 0.5,
             elapsed: 0.5,
+            chosen: None,
             planned: 0.2,
             numbers,
         }
