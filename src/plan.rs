@@ -830,12 +830,12 @@ mod tests {
         const MAP: &str = "flow map, order 8";
         let recipes: [(&str, &str, FirstGrid, [usize; 2], u64); 12] = [
             ("default", MAP, Moving, [186, 122], 1471),
-            ("paper-level 3e-6 0.01", MAP, Moving, [91, 92], 45),
-            ("paper-level 8e-5 0.05", MAP, Moving, [92, 92], 45),
-            ("paper-level 5e-4 0.15", MAP, Moving, [110, 94], 45),
-            ("paper-level 1.2e-3 0.25", MAP, Mesh, [425, 296], 80),
-            ("paper-level 2e-3 0.3", MAP, Moving, [158, 96], 45),
-            ("paper-level 3.2e-3 0.4", MAP, Moving, [195, 98], 45),
+            ("paper-level 3e-6 0.01", MAP, Mesh, [102, 102], 120),
+            ("paper-level 8e-5 0.05", MAP, Mesh, [106, 106], 120),
+            ("paper-level 5e-4 0.15", MAP, Mesh, [102, 90], 120),
+            ("paper-level 1.2e-3 0.25", MAP, Mesh, [114, 84], 120),
+            ("paper-level 2e-3 0.3", MAP, Mesh, [142, 90], 120),
+            ("paper-level 3.2e-3 0.4", MAP, Mesh, [158, 88], 120),
             ("bilinear", MAP, Mesh, [146, 92], 120),
             ("displaced", MAP, Mesh, [109, 70], 160),
             ("dropped", MAP, Moving, [188, 122], 104),
@@ -1000,7 +1000,7 @@ mod tests {
             ("transient", [186, 122], 1471),
             ("steady", [115, 68], 60),
             ("decay_rates", [89, 96], 15),
-            ("spectrum", [169, 188], 55),
+            ("spectrum", [153, 152], 21),
         ];
         assert_eq!(found, expected);
         let rates = plan.recipes.eigenvalues.unwrap();

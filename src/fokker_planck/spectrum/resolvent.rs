@@ -72,7 +72,7 @@ impl Resolvent {
     pub(crate) fn of(oscillator: &Oscillator, until: f64, settings: &Settings) -> Self {
         let first = first(settings);
         // Motions of other energies go at other frequencies and are sheared until the noise smears them: the hotter and
-        // the less damped, the finer. Fitted over 34 scenes, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
+        // the less damped, the finer. Fitted by eye to about thirty runs, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
         // frequencies solved for.
         let hot = oscillator.temperature().max(1e-3).log10() + 0.2;
         let damped = (oscillator.zeta() / 0.005).log10();
@@ -233,9 +233,10 @@ impl Question for Task<'_> {
                 coarse.iter().zip(&fine).map(relative).collect()
             };
             let largest = changes(FLOOR * peak).into_iter().fold(0.0, f64::max);
-            let left = self
-                .largest
-                .map_or(1.0, |before| (SAFETY * largest / before).clamp(LEAST, 1.0));
+            let left = self.largest.map_or(SAFETY, |before| {
+                let left = (largest / before).min(MOST);
+                (SAFETY * left / (1.0 - left)).max(LEAST)
+            });
             self.largest = Some(largest);
             let change = changes(f64::MIN_POSITIVE);
             let answers = model.all(omegas);
@@ -335,10 +336,11 @@ fn control(omegas: &[f64]) -> Vec<f64> {
     all
 }
 
-/// Where the largest change from one resolution to the next shrinks, it shows how much is left of each: this many times
-/// its ratio to the one before, and never less than [`LEAST`].
-const SAFETY: f64 = 1.5;
-const LEAST: f64 = 0.35;
+/// An error over what is left after a change, if changes go on shrinking as the largest one did; at least and at most so
+/// much of a change is left.
+const SAFETY: f64 = 2.0;
+const LEAST: f64 = 0.5;
+const MOST: f64 = 0.8;
 
 /// The answers with the largest relative change nearby, times `left`, as their error: a difference of two curves crosses
 /// zero where they are no better than elsewhere.

@@ -166,8 +166,6 @@ impl Rung {
     pub(crate) fn flow_map(&self) -> flow_map::Settings {
         let automatic = flow_map::Settings::default();
         let step = self.step.unwrap_or(automatic.step);
-        // Beyond the longest useful step the error is not known, and two runs would not show it.
-        let step = step.min(flow_map::Settings::LONGEST);
         flow_map::Settings { step, ..automatic }
     }
 }
@@ -208,7 +206,9 @@ impl Recipe {
             }
         };
         let step = match (self.scheme, self.step) {
-            (_, Some(step)) => Some(step),
+            // Beyond the longest useful step the error is not known, and two runs would not show it.
+            (Scheme::FlowMap, Some(step)) => Some(step.min(flow_map::Settings::LONGEST)),
+            (Scheme::Volumes(_), Some(step)) => Some(step),
             (Scheme::FlowMap, None) => Some(longest_step(oscillator)? * RATIO.powf(-r)),
             (Scheme::Volumes(_), None) => None,
         };

@@ -10,6 +10,9 @@ use vibroimpact::scene::MethodChoice;
 /// The tolerance of the runs, and of the free ones that cells and steps are taken from.
 pub const TOLERANCE: f64 = 1e-3;
 
+/// Seconds after which a run is stopped: schemes that nobody would choose for a scene are not waited for.
+const MAX_SECONDS: f64 = 2.0;
+
 /// What a scene gives: its name, and how, from cells and steps that the program chose.
 type Given = (&'static str, fn(&mut MethodChoice, ([usize; 2], f64)));
 
@@ -51,6 +54,7 @@ pub fn by_hand(
         let runs = cases.iter().filter_map(|case| {
             let mut case = case.clone();
             give(&mut case.scene.method, free(case.number)?);
+            case.scene.accuracy.max_seconds = MAX_SECONDS;
             let run = Run::of(&case, TOLERANCE);
             watch(&run);
             Some(run)

@@ -324,7 +324,7 @@ impl Run {
     pub fn of(case: &Case, tolerance: f64) -> Self {
         let mut scene = case.scene.clone();
         scene.accuracy.tolerance = tolerance;
-        scene.accuracy.max_seconds = MAX_SECONDS;
+        scene.accuracy.max_seconds = MAX_SECONDS.min(scene.accuracy.max_seconds);
         let clock = Clock::new();
         let plan = Plan::of(&scene);
         let foreseen = |plan: &Plan| plan.stages().iter().map(|it| it.cost.seconds).sum();
