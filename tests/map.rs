@@ -125,9 +125,6 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
         child.kill().unwrap();
         let ended = child.wait().unwrap();
         kills += 1;
-        if ended.success() {
-            break;
-        }
         let text = fs::read_to_string(&file).unwrap_or_default();
         // Every line that was ever there whole stays, byte by byte.
         for line in text.split_inclusive('\n').filter(|it| it.ends_with('\n')) {
@@ -138,6 +135,9 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
                 before.is_none_or(|it| it == line),
                 "{index} was computed twice"
             );
+        }
+        if ended.success() {
+            break;
         }
     }
     let before = seen.len();

@@ -5,13 +5,14 @@ use super::cost;
 use super::recipe::{self, FirstGrid, Recipe, Rung, Scheme};
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
-use crate::fokker_planck::density::Density;
 use crate::fokker_planck::domain::Domain;
+use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::layout::{self, Cells, Layout};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
+use crate::format::num;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -30,6 +31,10 @@ fn expected(tolerance: f64) -> f64 {
         .round()
         .clamp(2.0, 9.0)
 }
+
+/// Cells of the scene, on the coarsest of three rungs, that a deviation of the initial condition is to span: on fewer a
+/// moving local grid carries it first.
+const HELD: f64 = 1.2;
 
 /// What is asked of a transient.
 #[derive(Clone, Copy)]
@@ -109,16 +114,59 @@ impl Question<'_> {
             }
             Some(TransientMethod::FiniteVolume) | None => return self.by_volumes(draft),
         };
-        let otherwise = self.settings.method.is_none().then(|| Recipe {
-            scheme: Scheme::Volumes(TimeScheme::Imex),
-            reason: "finite volumes of order 8, steps bound by transport".into(),
-            ..draft.clone()
-        });
+        self.check_step(&draft)?;
+        let otherwise = self.otherwise(&draft)?;
         let recipe = self.costed(draft, reason)?;
         Ok(Recipe {
             otherwise: otherwise.map(Box::new),
             ..recipe
         })
+    }
+
+    /// What takes over from a flow map that does not hold the scene: a moving local grid first, on cells of the scene; finite
+    /// volumes where the method is free.
+    fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
+        let gaussian = matches!(self.initial, Initial::Gaussian { .. });
+        if draft.layout.is_given() && draft.first_grid == FirstGrid::Mesh && gaussian {
+            let first_grid = FirstGrid::Moving;
+            let neglected = self.settings.neglected;
+            let neglected = neglected.unwrap_or_else(|| Rung::neglected(draft.expected));
+            let (oscillator, initial) = (self.oscillator, self.initial);
+            if !oscillator.contact().is_confining() {
+                return Ok(None);
+            }
+            let domain = recipe::domain(oscillator, initial, self.until(), first_grid, neglected)?;
+            return Ok(Some(Recipe {
+                first_grid,
+                layout: Layout {
+                    domain,
+                    ..draft.layout
+                },
+                reason: "a small mesh moves with the initial condition at first".into(),
+                ..draft.clone()
+            }));
+        }
+        Ok(self.settings.method.is_none().then(|| Recipe {
+            scheme: Scheme::Volumes(TimeScheme::Imex),
+            reason: "finite volumes of order 8, steps bound by transport".into(),
+            ..draft.clone()
+        }))
+    }
+
+    /// Refuses a step of the scene that is too short for the flow map on the last mesh.
+    fn check_step(&self, draft: &Recipe) -> Result<()> {
+        let Some(step) = draft.step else {
+            return Ok(());
+        };
+        let rung = draft.rung(self.oscillator, self.initial, self.until(), draft.expected)?;
+        let shortest = FlowMap::shortest_step(self.oscillator, &rung.mesh(self.oscillator)?);
+        if step >= shortest {
+            return Ok(());
+        }
+        let accepted = format!(
+            "at least {shortest:.2e} for the flow map on this mesh: shorter steps let grid noise grow"
+        );
+        Err(Error::invalid("method.step", num(step), accepted))
     }
 
     fn by_volumes(&self, draft: Recipe) -> Result<Recipe> {
@@ -311,7 +359,7 @@ impl Question<'_> {
         let mesh = layout.mesh(self.oscillator, 1.0 / recipe::RATIO.powi(2))?;
         let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
         let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
-        let narrow = |(d, w): (f64, f64)| d < Density::NARROWEST * w;
+        let narrow = |(d, w): (f64, f64)| d < HELD * w;
         Ok(!deviation.into_iter().zip(widths).any(narrow))
     }
 
