@@ -69,6 +69,9 @@ const HIDDEN: f64 = 0.25;
 /// The part of the tolerance that the changes of the packet's mass may add up to: it then no longer fits
 /// its frame, and a finer mesh takes over. A kurtosis weighs them ten times ([`TAIL`](super::bars::TAIL)).
 const TORN: f64 = 0.03;
+/// Cells of the scene per deviation of what is handed over to them, at least.
+const GIVEN: f64 = 1.9;
+
 /// Cells, reach and step of a packet for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
 /// damping is strong steps err by [`STRONG`] zeta^3 tau^4, and get a five-thousandth of the tolerance: they are
@@ -223,11 +226,11 @@ impl<'a> Opening<'a> {
             return false;
         };
         let enough = START * self.rung.per_deviation;
-        let widths = if self.rung.layout.is_given() {
-            // The scene's own cells, the widest near the packet.
-            self.widest(mesh)
+        let (enough, widths) = if self.rung.layout.is_given() {
+            // The scene's own cells, the widest near the packet: no finer rung tells what too few of them do.
+            (enough.max(GIVEN), self.widest(mesh))
         } else {
-            self.finest
+            (enough, self.finest)
         };
         let pairs = self.narrowest().into_iter().zip(widths);
         let wide = pairs
