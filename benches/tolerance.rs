@@ -22,7 +22,9 @@ const SECONDS: f64 = 60.0;
 type Start = Option<([f64; 2], [f64; 2])>;
 
 /// Name, contact, zeta, h, initial condition (none: at rest), output times.
-const SCENES: [(&str, ContactLaw, f64, f64, Start, &[f64]); 10] = [
+type Case = (&'static str, ContactLaw, f64, f64, Start, &'static [f64]);
+
+const SCENES: [Case; 10] = [
     (
         "A",
         Hertz,
@@ -185,6 +187,83 @@ impl Scene {
     }
 }
 
+/// The lines of a scene, one a tolerance; `ratios` is told what one thread takes over the cheapest run.
+fn survey(
+    name: &str,
+    scene: &Scene,
+    candidates: &[(f64, Settings)],
+    ratios: &mut Vec<f64>,
+    line: &mut dyn FnMut(String),
+) {
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let one = one.expect("one thread");
+    let mut cheapest = candidates.iter();
+    let mut best: Option<(f64, f64, Settings)> = None;
+    for tolerance in TOLERANCES {
+        // A looser tolerance was not met by anything cheaper.
+        while best.as_ref().is_none_or(|(error, ..)| *error > tolerance) {
+            let Some((_, settings)) = cheapest.next() else {
+                break;
+            };
+            let Some(moments) = scene.once(settings) else {
+                continue;
+            };
+            let error = scene.error(&moments);
+            if error <= tolerance {
+                let (_, ms) = time(|| one.install(|| scene.once(settings)));
+                best = Some((error, ms, settings.clone()));
+            }
+        }
+        let settings = Settings {
+            tolerance,
+            max_seconds: SECONDS,
+            ..Settings::default()
+        };
+        let (_, planned) =
+            time(|| transient_cost(&scene.oscillator, &scene.initial, scene.times, &settings));
+        let (answer, ms) = time(|| scene.program(&settings));
+        let (_, alone) = time(|| one.install(|| scene.program(&settings)));
+        let Some(it) = answer else {
+            line(format!(
+                "{name:<12}{tolerance:<10.0e} | the program has no answer"
+            ));
+            continue;
+        };
+        let last = Settings {
+            cells: Some(it.method.cells),
+            step: Some(it.method.step),
+            ..settings.clone()
+        };
+        let (_, last) = time(|| scene.once(&last));
+        let error = scene.error(&it.moments);
+        let [q, v] = it.method.cells;
+        let said = it.shortfall.as_ref().map_or("met".into(), |it| {
+            format!("{:.1} times too large", it.ratio)
+        });
+        let (found, ratio) = match best.as_ref().filter(|(error, ..)| *error <= tolerance) {
+            None => ("none found".into(), "     -".into()),
+            Some((error, least, settings)) => {
+                let [q, v] = settings.cells.unwrap_or_default();
+                let step = settings.step.unwrap_or_default();
+                if tolerance > 5e-6 {
+                    ratios.push(alone / least);
+                }
+                (
+                    format!(
+                        "{:<16}{least:>10.2}{error:>9.0e}",
+                        format!("{q} x {v}, {step}")
+                    ),
+                    format!("{:6.1}", alone / least),
+                )
+            }
+        };
+        line(format!(
+            "{name:<12}{tolerance:<10.0e} | {found:<35} | {:<11}{ms:>8.1}{alone:>8.1}{planned:>8.1}{last:>7.1}{error:>9.0e} | {ratio}| {said}",
+            format!("{q} x {v}")
+        ));
+    }
+}
+
 fn main() {
     let asked: Vec<String> = std::env::args()
         .skip(1)
@@ -197,10 +276,6 @@ fn main() {
     };
     line("                       | cheapest run that passes            | program: all threads, one thread, its parts           |       |     ".into());
     line("scene       tolerance  | cells, step            ms    error  | cells           ms     one  set-up   last    error  | ratio | said".into());
-    let one = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .expect("one thread");
     let mut ratios = Vec::new();
     for (name, contact, zeta, h, start, times) in SCENES {
         if !asked.is_empty() && !asked.iter().any(|it| it == name) {
@@ -225,71 +300,7 @@ fn main() {
             .0
             .cells;
         let candidates = scene.candidates(cells);
-        let mut cheapest = candidates.iter();
-        let mut best: Option<(f64, f64, Settings)> = None;
-        for tolerance in TOLERANCES {
-            // A looser tolerance was not met by anything cheaper.
-            while best.as_ref().is_none_or(|(error, ..)| *error > tolerance) {
-                let Some((_, settings)) = cheapest.next() else {
-                    break;
-                };
-                let Some(moments) = scene.once(settings) else {
-                    continue;
-                };
-                let error = scene.error(&moments);
-                if error <= tolerance {
-                    let (_, ms) = time(|| one.install(|| scene.once(settings)));
-                    best = Some((error, ms, settings.clone()));
-                }
-            }
-            let settings = Settings {
-                tolerance,
-                max_seconds: SECONDS,
-                ..Settings::default()
-            };
-            let (_, planned) =
-                time(|| transient_cost(&scene.oscillator, &scene.initial, times, &settings));
-            let (answer, ms) = time(|| scene.program(&settings));
-            let (_, alone) = time(|| one.install(|| scene.program(&settings)));
-            let Some(it) = answer else {
-                line(format!(
-                    "{name:<12}{tolerance:<10.0e} | the program has no answer"
-                ));
-                continue;
-            };
-            let last = Settings {
-                cells: Some(it.method.cells),
-                step: Some(it.method.step),
-                ..settings.clone()
-            };
-            let (_, last) = time(|| scene.once(&last));
-            let error = scene.error(&it.moments);
-            let [q, v] = it.method.cells;
-            let said = it.shortfall.as_ref().map_or("met".into(), |it| {
-                format!("{:.1} times too large", it.ratio)
-            });
-            let (found, ratio) = match best.as_ref().filter(|(error, ..)| *error <= tolerance) {
-                None => ("none found".into(), "     -".into()),
-                Some((error, least, settings)) => {
-                    let [q, v] = settings.cells.unwrap_or_default();
-                    let step = settings.step.unwrap_or_default();
-                    if tolerance > 5e-6 {
-                        ratios.push(alone / least);
-                    }
-                    (
-                        format!(
-                            "{:<16}{least:>10.2}{error:>9.0e}",
-                            format!("{q} x {v}, {step}")
-                        ),
-                        format!("{:6.1}", alone / least),
-                    )
-                }
-            };
-            line(format!(
-                "{name:<12}{tolerance:<10.0e} | {found:<35} | {:<11}{ms:>8.1}{alone:>8.1}{planned:>8.1}{last:>7.1}{error:>9.0e} | {ratio}| {said}",
-                format!("{q} x {v}")
-            ));
-        }
+        survey(name, &scene, &candidates, &mut ratios, &mut line);
     }
     ratios.sort_by(f64::total_cmp);
     if let [.., most] = ratios[..] {

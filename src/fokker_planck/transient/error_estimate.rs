@@ -96,7 +96,7 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
                 .iter()
                 .map(|it| plain[k][*it as usize] / scale[*it as usize]);
             let largest = largest.fold(0.0, f64::max);
-            for it in kin.iter() {
+            for it in kin {
                 let i = *it as usize;
                 row[i] = row[i].max(NEIGHBOURS * largest * scale[i]);
             }
