@@ -40,7 +40,7 @@ pub struct Goals {
 pub const GOALS: Goals = Goals {
     too_small: 0.01,
     unsaid: 0,
-    median: 35.0,
+    median: 40.0,
 };
 
 /// Factor within which a plan should foresee the time of a run.
