@@ -183,6 +183,23 @@ impl<T: Scalar> Lu<T> {
     }
 }
 
+fn no_eigenvalues(what: String) -> Error {
+    Error::Linear {
+        stage: "dense eigenvalues",
+        what,
+    }
+}
+
+/// A matrix as faer has it, if it is square and every entry of it is finite.
+fn dense<T: Copy>(matrix: &Array2<T>, is_finite: fn(&T) -> bool) -> Result<Mat<T>> {
+    let (m, n) = matrix.dim();
+    if m != n || !matrix.iter().all(is_finite) {
+        let what = format!("a {m} x {n} matrix, expected square and finite");
+        return Err(no_eigenvalues(what));
+    }
+    Ok(Mat::from_fn(n, n, |i, j| matrix[[i, j]]))
+}
+
 /// Eigenvalues, and their right eigenvectors as unit columns.
 pub(crate) type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
 
@@ -191,18 +208,11 @@ pub(crate) type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
 /// # Errors
 /// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
 pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
-    let fail = |what: String| Error::Linear {
-        stage: "dense eigenvalues",
-        what,
-    };
-    let (m, n) = matrix.dim();
-    if m != n || !matrix.iter().all(|x| x.is_finite()) {
-        return Err(fail(format!(
-            "a {m} x {n} matrix, expected square and finite"
-        )));
-    }
-    let dense = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
-    let evd = dense.eigen().map_err(|e| fail(format!("{e:?}")))?;
+    let n = matrix.nrows();
+    let dense = dense(matrix, |x| x.is_finite())?;
+    let evd = dense
+        .eigen()
+        .map_err(|e| no_eigenvalues(format!("{e:?}")))?;
     let values = (0..n).map(|k| evd.S()[k]).collect();
     let mut vectors = Array2::from_shape_fn((n, n), |(i, j)| evd.U()[(i, j)]);
     for mut column in vectors.columns_mut() {
@@ -217,18 +227,10 @@ pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
 /// # Errors
 /// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
 pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
-    let fail = |what: String| Error::Linear {
-        stage: "dense eigenvalues",
-        what,
-    };
-    let (m, n) = matrix.dim();
-    if m != n || !matrix.iter().all(|x| x.is_finite()) {
-        return Err(fail(format!(
-            "a {m} x {n} matrix, expected square and finite"
-        )));
-    }
-    let dense = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
-    dense.eigenvalues().map_err(|e| fail(format!("{e:?}")))
+    let dense = dense(matrix, |x| x.is_finite())?;
+    dense
+        .eigenvalues()
+        .map_err(|e| no_eigenvalues(format!("{e:?}")))
 }
 
 /// LU of a dense complex matrix by partial pivoting: one factorisation, any number of right-hand sides.

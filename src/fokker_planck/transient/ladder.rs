@@ -165,6 +165,7 @@ impl<'a> Ladder<'a> {
             };
             self.next = (first, recipe.step.is_some());
             self.runs.clear();
+            (self.halved, self.first) = (None, None);
         }
         again
     }

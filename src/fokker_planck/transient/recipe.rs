@@ -242,11 +242,6 @@ impl Recipe {
     pub(crate) fn drift(&self) -> Drift {
         self.layout.drift
     }
-
-    /// Whether cells and steps are left to the program.
-    pub(crate) fn free(&self) -> [bool; 2] {
-        [!self.layout.is_given(), self.step.is_none()]
-    }
 }
 
 /// Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong friction. At

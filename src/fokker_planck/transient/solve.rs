@@ -241,7 +241,7 @@ impl Question for Upwind<'_> {
         } = self.task;
         if self.fine.is_some() {
             let why = "upwind drift is of first order, and no affordable mesh would do";
-            return Ok(Next::Stop(Stop::new(why, recipe.free()[0])));
+            return Ok(Next::Stop(Stop::new(why, !recipe.layout.is_given())));
         }
         let work =
             |rung| cost::run(rung, oscillator, initial, &self.times, limits.memory).map(Work::from);
