@@ -107,15 +107,15 @@ struct Scene {
     reference: Vec<Moments>,
 }
 
-/// The least milliseconds of a few runs.
-fn time<T>(run: impl Fn() -> T) -> (T, f64) {
+/// The least milliseconds of the runs that fit in some seconds, or of one.
+fn time<T>(run: impl Fn() -> T, seconds: f64) -> (T, f64) {
     let mut least = f64::INFINITY;
     let began = Instant::now();
     loop {
         let clock = Instant::now();
         let it = run();
         least = least.min(1e3 * clock.elapsed().as_secs_f64());
-        if began.elapsed().as_secs_f64() > 0.3 {
+        if began.elapsed().as_secs_f64() > seconds {
             return (it, least);
         }
     }
@@ -187,6 +187,18 @@ impl Scene {
     }
 }
 
+/// One run with its true error.
+struct Single<'a> {
+    work: f64,
+    error: f64,
+    settings: &'a Settings,
+    /// Milliseconds on one thread, once they are known.
+    ms: Option<f64>,
+}
+
+/// What passes may be foreseen to take up to so many times the work of the first that does: the clock decides.
+const MARGIN: f64 = 2.0;
+
 /// The lines of a scene, one a tolerance; `ratios` is told what one thread takes over the cheapest run.
 fn survey(
     name: &str,
@@ -197,32 +209,44 @@ fn survey(
 ) {
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let one = one.expect("one thread");
-    let mut cheapest = candidates.iter();
-    let mut best: Option<(f64, f64, Settings)> = None;
+    let mut untried = candidates.iter();
+    let mut tried: Vec<Single> = Vec::new();
     for tolerance in TOLERANCES {
-        // A looser tolerance was not met by anything cheaper.
-        while best.as_ref().is_none_or(|(error, ..)| *error > tolerance) {
-            let Some((_, settings)) = cheapest.next() else {
+        let passes = |it: &Single| it.error <= tolerance;
+        let enough = |tried: &[Single]| {
+            let first = tried.iter().find(|it| passes(it));
+            first.map_or(f64::INFINITY, |it| MARGIN * it.work)
+        };
+        while tried.last().is_none_or(|it| it.work < enough(&tried)) {
+            let Some((work, settings)) = untried.next() else {
                 break;
             };
-            let Some(moments) = scene.once(settings) else {
-                continue;
-            };
-            let error = scene.error(&moments);
-            if error <= tolerance {
-                let (_, ms) = time(|| one.install(|| scene.once(settings)));
-                best = Some((error, ms, settings.clone()));
+            if let Some(moments) = scene.once(settings) {
+                tried.push(Single {
+                    work: *work,
+                    error: scene.error(&moments),
+                    settings,
+                    ms: None,
+                });
             }
         }
+        let timed = tried.iter_mut().filter(|it| passes(it)).map(|it| {
+            let run = || one.install(|| scene.once(it.settings));
+            let ms = *it.ms.get_or_insert_with(|| time(run, 0.02).1);
+            (it.error, ms, it.settings)
+        });
+        let best = timed.min_by(|a, b| a.1.total_cmp(&b.1));
         let settings = Settings {
             tolerance,
             max_seconds: SECONDS,
             ..Settings::default()
         };
-        let (_, planned) =
-            time(|| transient_cost(&scene.oscillator, &scene.initial, scene.times, &settings));
-        let (answer, ms) = time(|| scene.program(&settings));
-        let (_, alone) = time(|| one.install(|| scene.program(&settings)));
+        let (_, planned) = time(
+            || transient_cost(&scene.oscillator, &scene.initial, scene.times, &settings),
+            0.3,
+        );
+        let (answer, ms) = time(|| scene.program(&settings), 0.3);
+        let (_, alone) = time(|| one.install(|| scene.program(&settings)), 0.3);
         let Some(it) = answer else {
             line(format!(
                 "{name:<12}{tolerance:<10.0e} | the program has no answer"
@@ -234,13 +258,13 @@ fn survey(
             step: Some(it.method.step),
             ..settings.clone()
         };
-        let (_, last) = time(|| scene.once(&last));
+        let (_, last) = time(|| scene.once(&last), 0.3);
         let error = scene.error(&it.moments);
         let [q, v] = it.method.cells;
         let said = it.shortfall.as_ref().map_or("met".into(), |it| {
             format!("{:.1} times too large", it.ratio)
         });
-        let (found, ratio) = match best.as_ref().filter(|(error, ..)| *error <= tolerance) {
+        let (found, ratio) = match best {
             None => ("none found".into(), "     -".into()),
             Some((error, least, settings)) => {
                 let [q, v] = settings.cells.unwrap_or_default();

@@ -5,7 +5,6 @@ use super::recipe::{Rung, Scheme};
 use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin};
 use crate::moments::{Moment, Moments, PerMoment};
-use crate::oscillator::Oscillator;
 use crate::scales::Scales;
 
 /// One value per number of [`Moments::named`] and output time.
@@ -34,14 +33,10 @@ pub(super) struct Errors {
 /// Negative cells of the next rung that weigh less than this are on their way to nothing.
 const CONVERGING: f64 = 0.62;
 
-/// The part of an error that is left on the next rung, at least and at most: a kink of the force lets it fall with
-/// order 3, a jump of the stiffness with order 2; with less than order 0.75 nothing is gained.
-const LEAST: f64 = 0.4;
-const LEAST_AT_A_JUMP: f64 = 0.55;
-const MOST: f64 = 0.8;
-
-/// The error estimate over what a geometric fall of the differences leaves.
-const SAFETY: f64 = 2.0;
+/// The error of a run over its difference to the one before on the ladder, or over [`CARRIED`] of the difference before that
+/// where the last one passes through zero.
+const SAFETY: f64 = 3.0;
+const CARRIED: f64 = 0.2;
 
 /// The error that all rungs share, over what the last one aims at: rounding, and what passes through zero more than once.
 const SHARED: f64 = 3e-5;
@@ -49,10 +44,9 @@ const SHARED: f64 = 3e-5;
 /// The part of the splitting error of a flow map that runs with as many steps do not show.
 const UNSEEN: f64 = 0.5;
 
-/// A difference that passes through zero, on its way from one output to the next or beside those of the
-/// other numbers, is not taken for less than this part of its neighbours'.
-const NEIGHBOURS: f64 = 0.5;
-const OTHERS: f64 = 0.5;
+/// A difference that passes through zero on its way from one output to the next, or beside those of the numbers that the
+/// motion turns into it, is not taken for less than this part of theirs.
+const NEIGHBOURS: f64 = 0.3;
 
 /// Moments that the motion turns into each other.
 const KIN: [&[Moment]; 2] = [
@@ -73,8 +67,8 @@ fn plain(a: &Run, b: &Run) -> Table {
     rows.map(row).collect()
 }
 
-/// Differences none of which is far below those of its neighbours: the times within a quarter of a period for the same
-/// number, the other numbers at the same time.
+/// Differences none of which is far below those of its neighbours: the same number at the times within a quarter of a
+/// period, and its kin.
 fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
     const QUARTER: f64 = 1.6;
     let outputs = &run.outputs;
@@ -100,14 +94,6 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
                 let i = *it as usize;
                 row[i] = row[i].max(NEIGHBOURS * largest * scale[i]);
             }
-        }
-        // Kurtosis and skewness of a narrow force may err far more than anything else: the median speaks
-        // for the density.
-        let mut sorted: Vec<f64> = plain[k].iter().zip(scale).map(|(x, s)| x / s).collect();
-        sorted.sort_by(f64::total_cmp);
-        let middle = sorted[sorted.len() / 2];
-        for (x, s) in row.iter_mut().zip(scale) {
-            *x = x.max(OTHERS * middle * s);
         }
     }
     table
@@ -192,59 +178,14 @@ pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
     outside.max(gone)
 }
 
-/// The part left on the next rung, from the last two differences and what is left at least and at most.
-fn left(now: f64, before: f64, [least, most]: [f64; 2]) -> f64 {
-    let left = now / before;
-    // Two differences of nothing.
-    if left.is_nan() {
-        least
-    } else {
-        left.clamp(least, most)
+/// What the differences of three runs, `stride` rungs apart, say of the error of the finest. No order is believed: runs
+/// nearer to each other differ by less of their errors.
+fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride: f64) -> Table {
+    let [mut now, before] = [now, before].map(|table| pooled(fine, table, scales));
+    for (now, before) in now.iter_mut().flatten().zip(before.iter().flatten()) {
+        *now = SAFETY / stride * now.max(CARRIED * before);
     }
-}
-
-/// What is left at least and at most of an error `stride` rungs on.
-fn bounds(oscillator: &Oscillator, stride: f64) -> [f64; 2] {
-    let contact = oscillator.contact();
-    let jump = contact.loss_point().map_or(0.0, |q| contact.stiffness(q));
-    let least = if jump > 1e-3 * contact.stiffness(0.0) {
-        LEAST_AT_A_JUMP
-    } else {
-        LEAST
-    };
-    [least, MOST].map(|left| left.powf(stride))
-}
-
-/// The largest of some numbers.
-fn largest(numbers: impl Iterator<Item = f64>) -> f64 {
-    numbers.fold(0.0, f64::max)
-}
-
-/// The largest of one time, in natural scales.
-fn over(row: &PerMoment<f64>, scale: &PerMoment<f64>) -> f64 {
-    let parts = row.iter().zip(scale);
-    largest(parts.map(|(x, scale)| if *x == 0.0 { 0.0 } else { x / scale }))
-}
-
-/// What three rungs say of the error of the finest: each difference is the error of the coarser run less that of the
-/// finer one, and errors are believed to fall on as the differences did, that of every number as slowly as the largest of
-/// its time.
-fn geometric(fine: &Run, [now, before]: [&Table; 2], scales: &Table, bounds: [f64; 2]) -> Table {
-    let [now, before] = [now, before].map(|table| pooled(fine, table, scales));
-    let row = |k: usize| {
-        let row = left(
-            over(&now[k], &scales[k]),
-            over(&before[k], &scales[k]),
-            bounds,
-        );
-        std::array::from_fn(|i| {
-            let (now, before) = (now[k][i], before[k][i]);
-            let left = row.max(left(now, before, bounds));
-            // One that passes through zero is not taken for less than what is left of the one before.
-            SAFETY * left / (1.0 - left) * now.max(left * before)
-        })
-    };
-    (0..now.len()).map(row).collect()
+    now
 }
 
 impl Errors {
@@ -256,8 +197,7 @@ impl Errors {
     ) -> Self {
         let mut errors = Self::between(task, fine, coarse, 0.0);
         let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
-        let bounds = bounds(task.oscillator, stride);
-        errors.space = geometric(fine, [&now, &before], &errors.scales, bounds);
+        errors.space = of_differences(fine, [&now, &before], &errors.scales, stride);
         let splitting = match rung.scheme {
             Scheme::FlowMap => UNSEEN * rung.flow_map().splitting_error(task.oscillator),
             Scheme::Volumes(_) => 0.0,
@@ -323,8 +263,10 @@ impl Errors {
 
     /// The largest part of the steps of the scene, in natural scales.
     pub(super) fn steps(&self) -> f64 {
-        let rows = self.time.iter().zip(&self.scales);
-        largest(rows.map(|(row, scale)| over(row, scale)))
+        let parts = self.time.iter().zip(&self.scales);
+        let parts = parts.flat_map(|(row, scale)| row.iter().zip(scale));
+        let parts = parts.map(|(x, scale)| if *x == 0.0 { 0.0 } else { x / scale });
+        parts.fold(0.0, f64::max)
     }
 
     /// Adds what steps of the scene do, from two runs on one mesh, one with half of them: of order 2 or more, and of order 1

@@ -102,6 +102,11 @@ pub(crate) const RATIO: f64 = 1.35;
 pub(crate) const FIRST: f64 = 1.33;
 const COARSEST: f64 = 7.5e-2;
 
+/// The L1 error of the splitting over what a rung aims at. Steps become shorter as slowly as that allows: each pass over
+/// the mesh adds its interpolation error, and steps cut as the cells are (1.35 a rung) took the errors of a kink with
+/// them: order 2 was left of 3.
+const SPLITTING: f64 = 0.013;
+
 /// How many times finer than for the stationary law a mesh may be for the sake of its initial condition: beyond, a
 /// moving local grid carries it until it is wide enough.
 pub(crate) const REFINED: f64 = 2.0;
@@ -209,7 +214,10 @@ impl Recipe {
             // Beyond the longest useful step the error is not known, and two runs would not show it.
             (Scheme::FlowMap, Some(step)) => Some(step.min(flow_map::Settings::LONGEST)),
             (Scheme::Volumes(_), Some(step)) => Some(step),
-            (Scheme::FlowMap, None) => Some(longest_step(oscillator)? * RATIO.powf(-r)),
+            (Scheme::FlowMap, None) => {
+                let splitting = flow_map::Settings::to(SPLITTING * tolerance, oscillator)?;
+                Some(splitting.step)
+            }
             (Scheme::Volumes(_), None) => None,
         };
         Ok(Rung {
@@ -273,12 +281,4 @@ pub(crate) fn domain(
         FirstGrid::Falling(_) => law.enlarged(oscillator, ROOM * BEYOND),
         _ => law.raised(oscillator, initial, until),
     })
-}
-
-/// The longest step of a flow map on the first rung.
-///
-/// # Errors
-/// Those of [`flow_map::Settings::to`].
-fn longest_step(oscillator: &Oscillator) -> Result<f64> {
-    Ok(flow_map::Settings::to(0.07 * COARSEST, oscillator)?.step)
 }

@@ -1,0 +1,176 @@
+//! Filled contours of numbers over two axes, with a line at a chosen level.
+
+use super::ruler::{Ruler, axes};
+use super::scale::{Scale, colours};
+use crate::error::Result;
+use crate::format::bare;
+use crate::report::File;
+use crate::report::plot::canvas::{
+    Area, Colour, Drawn, FAINT, GREY, Hang, INK, Panel, TITLE, VERMILION, line, picture, rectangle,
+    write,
+};
+use crate::report::plot::contours::{self, between, level_line, locate};
+
+/// One panel of contours.
+pub(super) struct Sheet<'a> {
+    pub(super) title: String,
+    pub(super) values: &'a [f64],
+    pub(super) errors: &'a [f64],
+    pub(super) level: Option<f64>,
+}
+
+/// Filled contours, a panel a sheet; one scale for all of them, or one each.
+pub(super) fn plane(
+    (x, y): (&Ruler, &Ruler),
+    sheets: &[Sheet<'_>],
+    scales: &[Scale],
+    heading: &str,
+) -> Result<Option<File>> {
+    let (Some(range_x), Some(range_y), false) = (x.range(), y.range(), sheets.is_empty()) else {
+        return Ok(None);
+    };
+    let shared = scales.len() == 1 && sheets.len() > 1;
+    let columns = sheets.len().min(if shared { 3 } else { 2 });
+    let rows = sheets.len().div_ceil(columns);
+    let (width, height) = if shared {
+        (236.0, 190.0)
+    } else {
+        (330.0, 250.0)
+    };
+    let (key_each, key_last) = if shared { (0.0, 96.0) } else { (96.0, 0.0) };
+    let (across, down) = (width + 92.0 + key_each, height + 84.0);
+    let top = if heading.is_empty() { 40.0 } else { 66.0 };
+    let size = (
+        (across * columns as f64 + key_last + 12.0) as u32,
+        (top + down * rows as f64 - 18.0) as u32,
+    );
+    picture("map.svg", size, |area| {
+        write(area, heading, (92.0, 20.0), TITLE)?;
+        for (k, sheet) in sheets.iter().enumerate() {
+            let place = [
+                92.0 + across * (k % columns) as f64,
+                top + down * (k / columns) as f64,
+                width,
+                height,
+            ];
+            let panel = Panel::new(place, range_x, range_y);
+            let scale = if shared { &scales[0] } else { &scales[k] };
+            let first_of_row = k % columns == 0;
+            let lowest = k + columns >= sheets.len();
+            let x_label = if shared && !lowest { "" } else { &x.label };
+            let y_label = if shared && !first_of_row {
+                ""
+            } else {
+                &y.label
+            };
+            axes(area, &panel, (x, x_label), (y, y_label))?;
+            sheet.draw(area, &panel, (x, y), scale)?;
+            panel.frame(area)?;
+            let above = (panel.left, panel.top - 13.0);
+            write(area, &sheet.title, above, (13.5, Hang::Left, INK))?;
+            if !shared || k == columns - 1 {
+                key(area, (panel.right() + 16.0, panel.top), scale, sheet)?;
+            }
+        }
+        Ok(())
+    })
+    .map(Some)
+}
+
+impl Sheet<'_> {
+    fn draw(
+        &self,
+        area: &Area<'_>,
+        panel: &Panel,
+        (x, y): (&Ruler, &Ruler),
+        scale: &Scale,
+    ) -> Drawn {
+        let corners = [(panel.left, panel.top), (panel.right(), panel.bottom())];
+        rectangle(area, corners, FAINT, None)?;
+        let (xs, ys) = (x.places(), y.places());
+        let number = |i: usize, j: usize| self.values[i * ys.len() + j];
+        let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
+        let levels = scale.levels();
+        let below = [f64::NEG_INFINITY].into_iter();
+        let levels: Vec<(f64, Colour)> = below
+            .chain(levels.iter().map(|it| it.0))
+            .zip(colours(levels.len()))
+            .collect();
+        contours::fill(area, panel, &levels, |from_top, columns| {
+            let j = locate(&ys, place((panel.y.1, panel.y.0), from_top))?;
+            let at = |k: usize| {
+                let i = locate(&xs, place(panel.x, k as f64 / columns as f64));
+                i.map_or(f64::NAN, |i| {
+                    between(|i, j| scale.place(number(i, j)), (i, j))
+                })
+            };
+            Some((0..=columns).map(at).collect())
+        })?;
+        let Some(level) = self.level else {
+            return Ok(());
+        };
+        let error = |i: usize, j: usize| {
+            let error = self.errors[i * ys.len() + j];
+            if error.is_finite() { error } else { 0.0 }
+        };
+        // Where the level may lie: on one line with the level itself unless errors are large.
+        for sign in [-1.0, 1.0] {
+            let moved = |i: usize, j: usize| scale.place(number(i, j) + sign * error(i, j));
+            let grid = (&xs[..], &ys[..]);
+            level_line(
+                area,
+                panel,
+                grid,
+                moved,
+                scale.place(level),
+                (VERMILION, 0.75),
+            )?;
+        }
+        let exact = |i: usize, j: usize| scale.place(number(i, j));
+        let grid = (&xs[..], &ys[..]);
+        level_line(
+            area,
+            panel,
+            grid,
+            exact,
+            scale.place(level),
+            (VERMILION, 2.0),
+        )
+    }
+}
+
+/// The key to the colours, the line and the holes.
+fn key(area: &Area<'_>, (x, y): (f64, f64), scale: &Scale, sheet: &Sheet<'_>) -> Drawn {
+    const STEP: f64 = 17.0;
+    let levels = scale.levels();
+    let colours = colours(levels.len());
+    for (k, colour) in colours.iter().rev().enumerate() {
+        let top = y + STEP * k as f64;
+        rectangle(
+            area,
+            [(x, top), (x + 18.0, top + STEP)],
+            *colour,
+            Some(GREY),
+        )?;
+    }
+    for (k, (_, text)) in levels.iter().rev().enumerate() {
+        let at = (x + 24.0, y + STEP * (k + 1) as f64);
+        write(area, text, at, (11.5, Hang::Left, INK))?;
+    }
+    let mut at = y + STEP * colours.len() as f64 + 16.0;
+    if let Some(level) = sheet.level {
+        line(area, &[(x, at), (x + 18.0, at)], VERMILION, 2.0)?;
+        write(area, &bare(level), (x + 24.0, at), (11.5, Hang::Left, INK))?;
+        at += STEP;
+    }
+    if sheet.values.iter().any(|it| it.is_nan()) {
+        rectangle(
+            area,
+            [(x, at - 6.0), (x + 18.0, at + 6.0)],
+            FAINT,
+            Some(GREY),
+        )?;
+        write(area, "none", (x + 24.0, at), (11.5, Hang::Left, INK))?;
+    }
+    Ok(())
+}

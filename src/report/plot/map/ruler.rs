@@ -1,0 +1,138 @@
+//! An axis of a map: where its points stand, what is written along it.
+
+use crate::format::{bare, rounded};
+use crate::report::plot::canvas::{
+    Area, CENTRED, Drawn, FAINT, Hang, INK, Panel, line, range, superscript, ticks, write,
+};
+
+/// An axis as it is drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Ruler {
+    /// Its words.
+    pub(crate) label: String,
+    /// Where its points are.
+    pub(crate) values: Vec<f64>,
+    /// Whether its distances are ratios.
+    pub(crate) log: bool,
+    /// What its points are called, where they are no numbers.
+    pub(crate) words: Option<Vec<String>>,
+}
+
+impl Ruler {
+    fn place(&self, x: f64) -> f64 {
+        if self.log { x.log10() } else { x }
+    }
+
+    pub(super) fn places(&self) -> Vec<f64> {
+        self.values.iter().map(|x| self.place(*x)).collect()
+    }
+
+    pub(super) fn range(&self) -> Option<(f64, f64)> {
+        let share = if self.words.is_some() { 0.1 } else { 0.0 };
+        range(self.places(), share)
+    }
+
+    /// Numbers along it, and lines between them.
+    pub(super) fn marks(&self, range: (f64, f64), room: f64) -> Vec<(f64, String)> {
+        if let Some(words) = &self.words {
+            return self.places().into_iter().zip(words.clone()).collect();
+        }
+        marks(range, self.log, (room / 60.0).clamp(2.0, 8.0) as usize)
+    }
+
+    /// What a point of it is called.
+    pub(super) fn called(&self, k: usize) -> String {
+        match &self.words {
+            Some(words) => words[k].clone(),
+            None => bare(self.values[k]),
+        }
+    }
+}
+
+/// About `count` round numbers of a scale as they are written; of a logarithmic one its powers of ten, or 1, 2 and 5 of
+/// each where these are few.
+pub(super) fn marks((low, high): (f64, f64), log: bool, count: usize) -> Vec<(f64, String)> {
+    if !log {
+        return ticks((low, high), count);
+    }
+    let margin = 1e-9 * (high - low);
+    let within = |x: f64| x >= low - margin && x <= high + margin;
+    let powers = || low.floor() as i64..=high.ceil() as i64;
+    let decades: Vec<i64> = powers().filter(|k| within(*k as f64)).collect();
+    if decades.len() > 2 {
+        let each = decades.len().div_ceil(count.max(2)) as i64;
+        let shown = decades.into_iter().filter(|k| k.rem_euclid(each) == 0);
+        return shown
+            .map(|k| (k as f64, format!("10{}", superscript(k))))
+            .collect();
+    }
+    let some = digits((low, high), &[1.0, 2.0, 5.0]);
+    if some.len() > 2 {
+        return some;
+    }
+    digits((low, high), &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+}
+
+/// The numbers of a logarithmic scale that begin with one of some digits.
+pub(super) fn digits((low, high): (f64, f64), first: &[f64]) -> Vec<(f64, String)> {
+    let margin = 1e-9 * (high - low);
+    let powers = low.floor() as i64..=high.ceil() as i64;
+    let parts = powers.flat_map(|k| first.iter().map(move |m| (k, *m)));
+    let all = parts.map(|(k, m)| {
+        let x = rounded(m * 10f64.powi(k as i32), 3);
+        let text = if (-3..4).contains(&k) {
+            bare(x)
+        } else if m == 1.0 {
+            format!("10{}", superscript(k))
+        } else {
+            format!("{m}\u{b7}10{}", superscript(k))
+        };
+        (x.log10(), text)
+    });
+    all.filter(|(x, _)| *x >= low - margin && *x <= high + margin)
+        .collect()
+}
+
+/// Grid, numbers and words of both axes; words are left out where they are empty.
+pub(super) fn axes(area: &Area<'_>, panel: &Panel, x: (&Ruler, &str), y: (&Ruler, &str)) -> Drawn {
+    for (x, text) in x.0.marks(panel.x, panel.width) {
+        let (px, _) = panel.at(x, panel.y.0);
+        line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
+        line(
+            area,
+            &[(px, panel.bottom()), (px, panel.bottom() + 4.0)],
+            INK,
+            1.0,
+        )?;
+        write(area, &text, (px, panel.bottom() + 13.0), CENTRED)?;
+    }
+    for (y, text) in y.0.marks(panel.y, panel.height * 1.4) {
+        let (_, py) = panel.at(panel.x.0, y);
+        line(area, &[(panel.left, py), (panel.right(), py)], FAINT, 0.75)?;
+        line(area, &[(panel.left - 4.0, py), (panel.left, py)], INK, 1.0)?;
+        write(
+            area,
+            &text,
+            (panel.left - 7.0, py),
+            (13.0, Hang::Right, INK),
+        )?;
+    }
+    panel.labels(area, x.1, y.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_logarithmic_scale_is_marked_at_powers_of_ten_or_at_1_2_and_5() {
+        let texts = |range, log| {
+            let all = marks(range, log, 5);
+            all.into_iter().map(|it| it.1).collect::<Vec<_>>()
+        };
+        assert_eq!(texts((-3.0, -1.0), true).len(), 3);
+        assert_eq!(texts((-2.0, -1.0), true), ["0.01", "0.02", "0.05", "0.1"]);
+        assert_eq!(texts((-12.0, 0.0), true).len(), 5);
+        assert_eq!(texts((0.0, 1.0), false).len(), 6);
+    }
+}
