@@ -106,15 +106,22 @@ fn calibrate(survey: &Survey) -> Outcome {
         None => None,
     };
     let cases = truths::cases()?;
-    let bar = progress(cases.len() * calibration::TOLERANCES.len(), false);
-    let calibration = Calibration::of(&cases, &calibration::TOLERANCES, &|_| bar.inc(1));
+    // Only some of what is given by hand: it takes cells and steps from free runs at one tolerance.
+    let tolerances = match survey.only {
+        Some(_) => &[by_hand::TOLERANCE][..],
+        None => &calibration::TOLERANCES,
+    };
+    let bar = progress(cases.len() * tolerances.len(), false);
+    let calibration = Calibration::of(&cases, tolerances, &|_| bar.inc(1));
     bar.finish_and_clear();
     if let Some(folder) = &folder {
         folder.write(&[calibration.csv()])?;
     }
     print(&calibration.to_string())?;
     let bar = progress(by_hand::count(&cases), false);
-    let hands = by_hand::by_hand(&cases, &calibration, &|_| bar.inc(1));
+    let hands = by_hand::by_hand(&cases, &calibration, &|it| survey.wants(it), &|_| {
+        bar.inc(1)
+    });
     bar.finish_and_clear();
     print(&by_hand::table(&hands))?;
     let rates = Rates::calibrate()?;

@@ -1,7 +1,7 @@
 //! Are error estimates true where the scene takes the wheel? Every case of the calibration once more, with cells, steps or
 //! schemes given.
 
-use super::calibration::{Calibration, End, Judged, Run};
+use super::calibration::{self, Calibration, End, Judged, Run};
 use super::truths::Case;
 use std::fmt::Write;
 use vibroimpact::fokker_planck::{Drift, TimeScheme, TransientMethod};
@@ -39,10 +39,12 @@ const ALL: [Given; 8] = [
     }),
 ];
 
-/// The runs of every case by each way to give something, after the free ones of `calibration`; `watch` is told each run.
+/// The runs of every case by each way to give something that is wanted, after the free ones of `calibration`; `watch` is
+/// told each run.
 pub fn by_hand(
     cases: &[Case],
     calibration: &Calibration,
+    wants: &dyn Fn(&str) -> bool,
     watch: &dyn Fn(&Run),
 ) -> Vec<(&'static str, Calibration)> {
     let free = |number: usize| {
@@ -61,7 +63,7 @@ pub fn by_hand(
         });
         (name, Calibration::from_runs(TOLERANCE, runs.collect()))
     };
-    ALL.map(of).into()
+    ALL.into_iter().filter(|it| wants(it.0)).map(of).collect()
 }
 
 /// How many runs [`by_hand`] makes.
@@ -69,7 +71,10 @@ pub fn count(cases: &[Case]) -> usize {
     ALL.len() * cases.len()
 }
 
-/// The table.
+/// Numbers beyond their estimate that are named, of each way.
+const NAMED: usize = 3;
+
+/// The table, and below it the numbers farthest beyond their estimate.
 pub fn table(all: &[(&str, Calibration)]) -> String {
     let mut text = format!(
         "\nGiven by hand, tolerance {TOLERANCE:e}\n{:<38}  answers  numbers  beyond their estimate  at most  median\n",
@@ -97,6 +102,11 @@ pub fn table(all: &[(&str, Calibration)]) -> String {
             "{name:<38}  {answers:>7}  {:>7}  {beyond:>11} = {share:>5.2} %  {most:>7.1}  {median:>6.1}",
             numbers().count()
         );
+    }
+    for (name, it) in all {
+        for (run, number) in it.wrong().into_iter().take(NAMED) {
+            let _ = writeln!(text, "{name}:{}", calibration::line(run, number));
+        }
     }
     text
 }

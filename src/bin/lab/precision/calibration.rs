@@ -399,6 +399,22 @@ fn median(mut of: Vec<f64>) -> f64 {
     of.get(of.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// A number of a run beside what is known of it.
+pub fn line(run: &Run, it: &Judged) -> String {
+    format!(
+        "  scene {}, tolerance {:.0e}, {} at t = {}: {:.7e} ± {:.1e}, true {:.7e} ± {:.0e}, error/bar {:.1}",
+        run.scene,
+        run.tolerance,
+        it.name(),
+        it.truth.t,
+        it.value,
+        it.bar,
+        it.truth.value,
+        it.truth.uncertainty,
+        it.error() / it.bar
+    )
+}
+
 /// The table, and below it the bars that are too small.
 impl fmt::Display for Calibration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -446,20 +462,7 @@ impl fmt::Display for Calibration {
         writeln!(f, "{verdict}")?;
         let wrong = self.wrong();
         for (run, it) in wrong.iter().take(WORST) {
-            writeln!(
-                f,
-                "  scene {}, tolerance {:.0e}, {} at t = {}: {:.7e} ± {:.1e}, true {:.7e} ± {:.0e}, error/bar \
-                 {:.1}",
-                run.scene,
-                run.tolerance,
-                it.name(),
-                it.truth.t,
-                it.value,
-                it.bar,
-                it.truth.value,
-                it.truth.uncertainty,
-                it.error() / it.bar
-            )?;
+            writeln!(f, "{}", line(run, it))?;
         }
         if wrong.len() > WORST {
             writeln!(f, "  and {} more", wrong.len() - WORST)?;
