@@ -121,7 +121,7 @@ pub(super) fn run(
             let (transport, diffusion) = generator.radii();
             match time {
                 TimeScheme::BackwardEuler => {
-                    let step = propagator::euler_step(generator.mesh(), rung.step);
+                    let step = propagator::step_of(rung, oscillator, generator.mesh(), until);
                     let steps = until / step;
                     (steps, n * (timing::LU + timing::SOLVE * steps))
                 }
