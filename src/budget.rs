@@ -65,6 +65,11 @@ impl StopFlag {
         self.0.store(true, Ordering::Relaxed);
     }
 
+    /// The flag itself, for what raises it from a signal.
+    pub(crate) fn shared(&self) -> Arc<AtomicBool> {
+        self.0.clone()
+    }
+
     /// Whether it was raised.
     pub fn raised(&self) -> bool {
         self.0.load(Ordering::Relaxed)

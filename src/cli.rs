@@ -4,23 +4,31 @@
 use crate::error::{Error, Result};
 use crate::format::seconds;
 use crate::map::{self, Axis, Map, MapError};
-use crate::plan::{Part, Plan, Watch};
+use crate::plan::{Part, Plan, StopFlag, Watch};
 use crate::report::folder::{Existing, Folder};
 use crate::report::{self, terminal};
 use crate::results::Results;
 use crate::scene::text::{BUILT_IN, SceneError, SceneText, built_in, nearest};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use signal_hook::consts::SIGINT;
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::time::Instant;
 
-/// Random vibration of a preloaded Hertzian contact that now and then loses contact.
+/// Random vibration of a preloaded Hertzian contact that now and then loses contact: stationary law in closed form,
+/// transients, spectra and first passage from the Fokker-Planck equation, Monte Carlo; every number with its error.
 ///
-/// Without a command: runs the default scene.
+/// Without a command it runs the default scene; `vibroimpact my.toml` is `vibroimpact run my.toml`.
 #[derive(Parser)]
-#[command(version, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "vibroimpact",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = "First steps: vibroimpact scenes displaced > my.toml; vibroimpact plan my.toml; vibroimpact run my.toml --open"
+)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -30,14 +38,14 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a scene: table on the terminal, numbers and pictures in a folder
+    /// Run a scene: a table here; numbers with their errors, pictures and a page in a folder
     Run {
         #[command(flatten)]
         scene: SceneChoice,
         #[command(flatten)]
         options: RunOptions,
     },
-    /// Print what a run would compute, its size and its time; computes nothing
+    /// Print methods, cells, time steps, memory and expected time of a run; computes nothing
     Plan {
         #[command(flatten)]
         scene: SceneChoice,
@@ -68,6 +76,13 @@ enum Command {
         /// A built-in scene
         name: Option<String>,
     },
+    /// Print completions for a shell, as `vibroimpact completions bash > ~/.local/share/bash-completion/completions/vibroimpact`
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page, as `vibroimpact manual > ~/.local/share/man/man1/vibroimpact.1`
+    Manual,
 }
 
 #[derive(Args)]
@@ -90,6 +105,9 @@ struct RunOptions {
     /// Print nothing but errors
     #[arg(long, short)]
     quiet: bool,
+    /// Open the page of results when it is written
+    #[arg(long)]
+    open: bool,
 }
 
 #[derive(Args)]
@@ -222,7 +240,7 @@ pub type Outcome = std::result::Result<u8, Stop>;
 /// The program `vibroimpact` on a command line, its own name first; returns the exit status, which a process or an
 /// interpreter can end with.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let mut arguments: Vec<OsString> = arguments.into_iter().collect();
     let laboratory = ["validate", "precision", "stability"];
     let moved = |it: &&str| laboratory.contains(it);
     if let Some(name) = arguments.get(1).and_then(|it| it.to_str()).filter(moved) {
@@ -232,7 +250,30 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         let _ = writeln!(io::stderr(), "{line}");
         return 2;
     }
+    if names_a_scene(&arguments) {
+        arguments.insert(1, "run".into());
+    }
     with(arguments, command)
+}
+
+/// Whether a command line without a command has a scene file: `vibroimpact my.toml --quiet`.
+fn names_a_scene(arguments: &[OsString]) -> bool {
+    let given = || arguments.iter().skip(1);
+    let command = |it: &OsString| {
+        let name = it.to_str().unwrap_or_default();
+        name == "help"
+            || Cli::command()
+                .get_subcommands()
+                .any(|it| it.get_name() == name)
+    };
+    let file = |it: &OsString| Path::new(it).extension().is_some_and(|it| it == "toml");
+    // Behind --set or --out a name of that ending may stand too; then another argument is the scene, or none.
+    let value = |k: usize| {
+        let before = arguments.get(k.wrapping_sub(1)).and_then(|it| it.to_str());
+        before.is_some_and(|it| matches!(it, "--set" | "--out" | "--threads"))
+    };
+    let scene = |(k, it): (usize, &OsString)| file(it) && !value(k);
+    !given().any(command) && arguments.iter().enumerate().skip(1).any(scene)
 }
 
 /// Reads a command line, obeys it, and prints why it ended early, if it did; the exit status.
@@ -285,6 +326,18 @@ fn command(cli: Cli) -> Outcome {
                 })
                 .collect();
             print(&lines.concat()).map(|()| 0)
+        }
+        Some(Command::Completions { shell }) => {
+            let mut text = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "vibroimpact", &mut text);
+            print(&String::from_utf8_lossy(&text)).map(|()| 0)
+        }
+        Some(Command::Manual) => {
+            let mut text = Vec::new();
+            let page = clap_mangen::Man::new(Cli::command());
+            let made = page.render(&mut text);
+            made.map_err(|error| Stop::new(1, error.to_string(), ""))?;
+            print(&String::from_utf8_lossy(&text)).map(|()| 0)
         }
         Some(Command::Scenes { name: Some(name) }) => match built_in(&name) {
             Some(text) => print(text).map(|()| 0),
@@ -375,15 +428,24 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     let plan = Plan::of(text.scene()).map_err(explain)?;
     let folder = options.output.folder(&text.scene().folder())?;
     let path = folder.path().to_owned();
-    let observer = Observer {
-        bar: Mutex::new(ProgressBar::hidden()),
-        quiet: options.quiet,
-    };
+    let observer = Observer::new(options.quiet);
     let results = report::run_into(&plan, folder, &observer);
     observer.clear();
     let results = match results {
         Ok(results) => results,
         Err(error @ Error::Io { .. }) => return Err(error.into()),
+        Err(error @ Error::Stopped { .. }) => {
+            let kept = path.join("report.html");
+            let kept = if kept.is_file() {
+                format!("what had ended is kept: {}", kept.display())
+            } else {
+                "no stage had ended: there is nothing to keep".to_owned()
+            };
+            let _ = writeln!(io::stderr(), "{error}; {kept}");
+            // The shell learns that it was the signal, and ends its loop too.
+            let _ = signal_hook::low_level::emulate_default_handler(SIGINT);
+            return Ok(1);
+        }
         Err(error) => return Err(explain(error)),
     };
     let status = if results.falls_short() { 3 } else { 0 };
@@ -396,6 +458,13 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     }
     let table = terminal::table(&results, colour(&io::stdout()));
     print(&format!("{table}files: {}\n", path.display()))?;
+    if options.open {
+        let page = path.join("report.html");
+        if let Err(error) = open::that_detached(&page) {
+            let page = page.display();
+            let _ = writeln!(io::stderr(), "{page} could not be opened: {error}");
+        }
+    }
     Ok(status)
 }
 
@@ -497,17 +566,58 @@ fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Watches a run: a progress bar.
+/// Watches a run: a progress bar on a terminal, else a line now and then. The first Ctrl-C ends the run where it next looks
+/// at the clock, the second at once.
 struct Observer {
     bar: Mutex<ProgressBar>,
     quiet: bool,
+    stop: StopFlag,
+    /// When the stage began, and when it was last told of.
+    told: Mutex<(Instant, Instant)>,
 }
 
 impl Observer {
+    /// Seconds between lines in the log of a batch job: a run that is shorter prints none.
+    const PAUSE: u64 = 10;
+
+    fn new(quiet: bool) -> Self {
+        let (stop, now) = (StopFlag::default(), Instant::now());
+        // Where signals cannot be caught the program ends as any other.
+        let again = signal_hook::flag::register_conditional_default(SIGINT, stop.shared());
+        let first = signal_hook::flag::register(SIGINT, stop.shared());
+        let _ = again.and(first);
+        Self {
+            bar: Mutex::new(ProgressBar::hidden()),
+            quiet,
+            stop,
+            told: Mutex::new((now, now)),
+        }
+    }
+
     fn clear(&self) {
         if let Ok(bar) = self.bar.lock() {
             bar.finish_and_clear();
         }
+    }
+
+    /// A line on standard error where there is no bar.
+    fn tell(&self, part: Part, fraction: f64) {
+        let Ok(mut told) = self.told.lock() else {
+            return;
+        };
+        let (began, last) = *told;
+        if last.elapsed().as_secs() < Self::PAUSE {
+            return;
+        }
+        told.1 = Instant::now();
+        let spent = began.elapsed().as_secs_f64();
+        let left = if fraction > 0.01 {
+            format!(", about {} left", seconds(spent * (1.0 / fraction - 1.0)))
+        } else {
+            String::new()
+        };
+        let done = 100.0 * fraction;
+        let _ = writeln!(io::stderr(), "{}: {done:.0} %{left}", part.name());
     }
 }
 
@@ -520,18 +630,30 @@ impl Watch for Observer {
             old.finish_and_clear();
             *old = bar;
         }
+        if let Ok(mut told) = self.told.lock() {
+            told.0 = Instant::now();
+        }
     }
 
-    fn progress(&self, _: Part, fraction: f64) {
-        if let Ok(bar) = self.bar.lock() {
-            let done = (fraction.clamp(0.0, 1.0) * 1000.0) as u64;
-            bar.set_position(done.max(bar.position()));
+    fn progress(&self, part: Part, fraction: f64) {
+        let Ok(bar) = self.bar.lock() else {
+            return;
+        };
+        let fraction = fraction.clamp(0.0, 1.0);
+        let done = (fraction * 1000.0) as u64;
+        bar.set_position(done.max(bar.position()));
+        if !self.quiet && bar.is_hidden() {
+            self.tell(part, fraction);
         }
     }
 
     fn ends(&self, _: Part, _: &Results) -> Result<()> {
         self.clear();
         Ok(())
+    }
+
+    fn stop(&self) -> StopFlag {
+        self.stop.clone()
     }
 }
 

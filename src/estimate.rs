@@ -61,6 +61,15 @@ impl Estimate {
         }
     }
 
+    /// 1 - value of a probability, with the same error.
+    #[must_use]
+    pub fn complement(self) -> Self {
+        Self {
+            value: 1.0 - self.value,
+            ..self
+        }
+    }
+
     /// `f(value)` where `slope` bounds `|f'|` within the error.
     #[must_use]
     pub fn mapped(self, value: f64, slope: f64) -> Self {
@@ -149,9 +158,14 @@ impl fmt::Display for Warning {
 
 /// A number's name with its time, as warnings and tables write it.
 pub fn name_at(name: &str, t: f64) -> String {
+    format!("{name} at t = {}", time_shown(t))
+}
+
+/// A time as warnings and tables write it.
+pub(crate) fn time_shown(t: f64) -> String {
     if t != 0.0 && t.abs() < 1e-4 {
-        format!("{name} at t = {t:e}")
+        format!("{t:e}")
     } else {
-        format!("{name} at t = {t}")
+        format!("{t}")
     }
 }

@@ -36,6 +36,7 @@
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
+//! | The unit of times, in a scene and in what is written | [`clock`] |
 //! | Signs, units, one- and two-sided | [`conventions`] |
 //! | What an error is, and relative to what | [`estimate`], [`scales`] |
 //! | Tables, files, pictures | [`report`] |
@@ -46,6 +47,7 @@
 
 mod budget;
 pub mod cli;
+pub mod clock;
 pub mod contact;
 pub mod conventions;
 pub mod error;

@@ -3,16 +3,18 @@
 
 use crate::budget::Limits;
 pub use crate::budget::StopFlag;
+use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{
-    self, Eigenvalues, FirstPassage, Recipe, Resolvent, Settings, SteadyState,
+    self, Eigenvalues, FirstPassage, Reach, Recipe, Resolvent, Settings, SteadyState,
 };
-use crate::format::num;
+use crate::format::{brief, num};
 pub use crate::format::{bytes, seconds};
+use crate::moments::Moment;
 use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
-use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
-use crate::scene::{self, MonteCarlo, Scene, SpectrumRequest};
+use crate::results::{InUnit, Numbers, Results, SpectrumNumbers, peak_memory};
+use crate::scene::{self, MonteCarlo, ReachRequest, Scene, SpectrumRequest};
 use crate::spectrum::Welch;
 use crate::stationary::Stationary;
 use std::f64::consts::PI;
@@ -30,7 +32,11 @@ use std::time::Instant;
 /// ```
 #[derive(Debug, Clone)]
 pub struct Plan {
+    /// The scene as it was given.
+    given: Scene,
+    /// The same with every time dimensionless: what is computed.
     scene: Scene,
+    clock: Clock,
     settings: Settings,
     recipes: Recipes,
     stages: Vec<Stage>,
@@ -46,6 +52,7 @@ struct Recipes {
     eigenvalues: Option<Eigenvalues>,
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
+    reach: Option<Reach>,
     ensemble: Option<Ensemble>,
     series: Option<Series>,
     first_losses: Option<FirstLosses>,
@@ -74,6 +81,8 @@ pub enum Part {
     FirstLoss,
     /// The transient of the Fokker-Planck equation.
     Transient,
+    /// When a moment of it reaches a level.
+    Reach,
     /// Its steady state on the mesh.
     Steady,
     /// The slowest eigenvalues of L.
@@ -98,6 +107,7 @@ impl Part {
             Self::Crossings => "crossings",
             Self::FirstLoss => "first_loss",
             Self::Transient => "transient",
+            Self::Reach => "reach",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
             Self::Spectrum => "spectrum",
@@ -185,6 +195,17 @@ const RESERVED: f64 = 3.0;
 /// A stage may begin after the limit of time if it is foreseen to end, RESERVED times, within so many times the limit.
 const OVERRUN: f64 = 1.3;
 
+/// Keys of a scene under which times stand.
+const TIMES: [&str; 7] = [
+    "outputs.moments_at",
+    "outputs.density_at",
+    "outputs.first_loss",
+    "outputs.crossings",
+    "monte_carlo.step",
+    "monte_carlo.duration",
+    "method.step",
+];
+
 /// Steps beyond which a scene is taken for a slip of the pen.
 const MOST_STEPS: u64 = 10_000_000_000;
 
@@ -196,8 +217,13 @@ impl Plan {
     pub fn of(scene: &Scene) -> Result<Self> {
         scene.check()?;
         let start = Instant::now();
+        let given = scene;
+        let scene = &given.dimensionless();
+        let clock = given.clock();
         let mut plan = Self {
+            given: given.clone(),
             scene: scene.clone(),
+            clock,
             settings: Settings {
                 method: scene.method.transient,
                 drift: scene.method.drift,
@@ -214,6 +240,8 @@ impl Plan {
             stages: Vec::new(),
             planning: 0.0,
         };
+        // A time that is short in its unit may be too long in dimensionless time.
+        scene.check().map_err(|error| plan.as_typed(error))?;
         for (part, keys) in asked(scene) {
             let keys = keys.into_iter().filter(|(_, asked)| *asked);
             let needed_by: Vec<&'static str> = keys.map(|(key, _)| key).collect();
@@ -235,19 +263,46 @@ impl Plan {
         Ok(plan)
     }
 
-    /// A stage that takes finer cells than the scene's for its error is refused by the scene's own.
+    /// A stage that takes finer cells than the scene's for its error is refused by the scene's own; times as the scene
+    /// has them.
     fn as_typed(&self, error: Error) -> Error {
+        let clock = &self.clock;
         match (error, self.scene.method.cells) {
             (Error::Invalid { key, accepted, .. }, Some([q, v])) if key == "method.cells" => {
                 Error::invalid(key, format!("[{q}, {v}]"), accepted)
             }
+            (error, _) if clock.is_dimensionless() => error,
+            (
+                Error::Invalid {
+                    key,
+                    value,
+                    accepted,
+                },
+                _,
+            ) if TIMES.iter().any(|it| key.starts_with(it)) => {
+                let value = match value.parse() {
+                    Ok(tau) => num(clock.time(tau)),
+                    Err(_) => value,
+                };
+                let accepted = format!(
+                    "{accepted} (in dimensionless time, of which outputs.time_unit = \"{}\" is {})",
+                    clock.unit().name(),
+                    brief(clock.dimensionless(1.0))
+                );
+                Error::invalid(key, value, accepted)
+            }
+            (Error::Limit { key, limit, what }, _) => Error::Limit {
+                key,
+                limit,
+                what: clock.retold(&what),
+            },
             (error, _) => error,
         }
     }
 
-    /// The scene.
+    /// The scene, its times in its own unit.
     pub fn scene(&self) -> &Scene {
-        &self.scene
+        &self.given
     }
 
     /// The stages in the order they run.
@@ -348,6 +403,14 @@ impl Plan {
                 self.recipes.transient = Some(recipe);
                 cost
             }
+            Part::Reach => {
+                let (quantity, fraction, stationary) = self.reach()?;
+                let problem = (oscillator, initial);
+                let recipe = Reach::of(problem, quantity, (fraction, stationary), &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.reach = Some(recipe);
+                cost
+            }
             Part::Steady => {
                 let recipe = SteadyState::of(oscillator, &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
@@ -363,6 +426,21 @@ impl Plan {
             }
         };
         Ok(Cost::on_mesh(it, method))
+    }
+
+    /// What `outputs.reach` asks for: moment, fraction, and the stationary value that it is a fraction of.
+    fn reach(&self) -> Result<(Moment, f64, f64)> {
+        let Some(ReachRequest { quantity, fraction }) = self.scene.outputs.reach else {
+            return Err(Error::invalid("outputs.reach", "nothing", "a moment"));
+        };
+        let law = Stationary::of(&self.scene.oscillator)?.moments();
+        let stationary = law.get(quantity).filter(|it| it.value.abs() > it.error);
+        let name = quantity.name();
+        let stationary = stationary.ok_or_else(|| {
+            let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
+            Error::invalid("outputs.reach.quantity", format!("{name:?}"), accepted)
+        })?;
+        Ok((quantity, fraction, stationary.value))
     }
 
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
@@ -466,15 +544,22 @@ impl Plan {
                 if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss)
                 {
                     let problem = (oscillator, initial);
-                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    let times = it.times.iter().map(|t| self.clock.dimensionless(*t));
+                    let times: Vec<f64> = times.collect();
+                    let it = recipe.run(problem, &times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_loss_paths = Some(it);
                     results.agreement = results.agree();
                 }
             }
             Part::Transient => {
-                let (moments_at, density_at) =
-                    (outputs.moments_at.list(), outputs.density_at.list());
+                let density_at = outputs.density_at.list();
+                // Who asks for densities alone gets the numbers of these times.
+                let moments_at = if outputs.moments_at.is_empty() {
+                    density_at.clone()
+                } else {
+                    outputs.moments_at.list()
+                };
                 let Some(recipe) = &self.recipes.transient else {
                     return Ok(());
                 };
@@ -485,6 +570,15 @@ impl Plan {
                 results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.transient = Some(it);
+            }
+            Part::Reach => {
+                if let Some(recipe) = &self.recipes.reach {
+                    let it = recipe.solve((oscillator, initial), &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.reach = Some(it);
+                }
             }
             Part::Steady => {
                 let Some(recipe) = &self.recipes.steady else {
@@ -547,6 +641,40 @@ impl Plan {
             }
         }
         Ok(())
+    }
+
+    /// What a stage has answered, in the scene's unit of time; `told` warnings and shortfalls were there before it.
+    fn put_in_unit(&self, part: Part, results: &mut Results, told: (usize, usize)) {
+        let clock = &self.clock;
+        if clock.is_dimensionless() {
+            return;
+        }
+        match part {
+            Part::Stationary => results.stationary.put_in(clock),
+            Part::Crossings => {
+                results.crossings.put_in(clock);
+                results.flights.put_in(clock);
+            }
+            Part::FirstLoss => results.first_loss.put_in(clock),
+            Part::Transient => results.transient.put_in(clock),
+            Part::Reach => results.reach.put_in(clock),
+            Part::Steady => results.steady.put_in(clock),
+            Part::DecayRates => results.decay_rates.put_in(clock),
+            // The solved spectrum holds no time.
+            Part::Spectrum => {}
+            Part::Series => results.spectrum.put_in(clock),
+            Part::MonteCarlo => results.monte_carlo.put_in(clock),
+            Part::FirstLossPaths => results.first_loss_paths.put_in(clock),
+            Part::Records => results.records.put_in(clock),
+        }
+        let (warnings, shortfalls) = told;
+        let warnings = results.run.warnings.iter_mut().skip(warnings);
+        warnings.for_each(|it| it.put_in(clock));
+        let shortfalls = results.shortfalls.iter_mut().skip(shortfalls);
+        shortfalls.for_each(|(_, it)| it.put_in(clock));
+        if results.agreement.is_some() {
+            results.agreement = results.agree();
+        }
     }
 
     fn compute_spectrum(
@@ -653,9 +781,23 @@ impl Plan {
     /// The first error of a stage or of `watch`, or [`Error::Stopped`]. Results of the stages before it have been shown
     /// to `watch`.
     pub fn run(&self, watch: &dyn Watch) -> Result<Results> {
+        let mut results = Results::empty(&self.given);
+        self.run_on(&mut results, watch)?;
+        Ok(results)
+    }
+
+    /// The same into `results`, which after an error hold the stages that have ended.
+    ///
+    /// # Errors
+    /// Those of [`Plan::run`].
+    pub(crate) fn run_on(&self, results: &mut Results, watch: &dyn Watch) -> Result<()> {
         let start = Instant::now();
         let spent = || self.planning + start.elapsed().as_secs_f64();
-        let mut results = Results::empty(&self.scene);
+        let doubts = self.given.doubts();
+        results
+            .run
+            .warnings
+            .extend(doubts.into_iter().map(Warning::from));
         let stop = watch.stop();
         for (k, stage) in self.stages.iter().enumerate() {
             let limit = self.scene.accuracy.max_seconds;
@@ -672,13 +814,15 @@ impl Plan {
             let part = stage.part;
             watch.begins(part);
             let begin = Instant::now();
+            let told = (results.run.warnings.len(), results.shortfalls.len());
             let progress = |fraction| watch.progress(part, fraction);
-            let computed = self.compute(part, &mut results, (&progress, &stop));
+            let computed = self.compute(part, results, (&progress, &stop));
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
                 return Err(Error::Stopped { what });
             }
             // A stage knows only what the stages before it left of the time.
+            let computed = computed.map_err(|error| self.as_typed(error));
             computed.map_err(|error| match error {
                 Error::Limit {
                     key: key @ "accuracy.max_seconds",
@@ -691,6 +835,7 @@ impl Plan {
                 },
                 other => other,
             })?;
+            self.put_in_unit(part, results, told);
             results
                 .run
                 .stages
@@ -702,15 +847,28 @@ impl Plan {
                 .map(|it| it.part.name())
                 .collect();
             if open.is_empty() {
-                watch.ends(part, &results)?;
+                watch.ends(part, results)?;
             } else {
-                let warning = format!("unfinished: {} had not ended yet", open.join(", "));
-                results.run.warnings.push(warning.into());
-                watch.ends(part, &results)?;
+                results.run.warnings.push(unfinished(&open));
+                watch.ends(part, results)?;
                 results.run.warnings.pop();
             }
         }
-        Ok(results)
+        Ok(())
+    }
+
+    /// What is left to do after these results, as the warning that they then carry.
+    pub(crate) fn left_after(&self, results: &Results) -> Option<Warning> {
+        let ended = |it: &Stage| {
+            results
+                .run
+                .stages
+                .iter()
+                .any(|(name, _)| *name == it.part.name())
+        };
+        let open = self.stages.iter().filter(|it| !ended(it));
+        let open: Vec<&str> = open.map(|it| it.part.name()).collect();
+        (!open.is_empty()).then(|| unfinished(&open))
     }
 
     /// Run every stage, telling nobody.
@@ -722,8 +880,13 @@ impl Plan {
     }
 }
 
+/// What results say while stages are still to come.
+fn unfinished(open: &[&str]) -> Warning {
+    Warning::from(format!("unfinished: {} had not ended yet", open.join(", ")))
+}
+
 /// The keys that ask for each part, and whether they do.
-fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 12] {
     let it = &scene.outputs;
     let crossings = ("outputs.crossings", it.crossings.is_some());
     let first_loss = ("outputs.first_loss", it.first_loss.is_some());
@@ -744,6 +907,7 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
         (Part::Crossings, vec![crossings]),
         (Part::FirstLoss, vec![first_loss]),
         (Part::Transient, vec![moments, densities]),
+        (Part::Reach, vec![("outputs.reach", it.reach.is_some())]),
         (Part::Steady, vec![("outputs.steady", it.steady)]),
         (
             Part::DecayRates,

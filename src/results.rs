@@ -1,13 +1,16 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
+mod in_unit;
 mod spectrum;
 mod tree;
+
+pub(crate) use in_unit::InUnit;
 
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Steady, Transient};
+use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Reached, Steady, Transient};
 use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
@@ -43,6 +46,8 @@ pub struct Results {
     pub first_loss: Option<FirstLoss>,
     /// The transient of the Fokker-Planck equation.
     pub transient: Option<Transient>,
+    /// When a moment of it reaches a level.
+    pub reach: Option<Reached>,
     /// Its steady state on the mesh.
     pub steady: Option<Steady>,
     /// The slowest eigenvalues of L.
@@ -76,6 +81,12 @@ const BESIDE: [Entry; 5] = [
     Entry::new("losses_in_window", "nu t", "in the window", "1"),
     Entry::new("mean_impact_speed", "E|v|", "speed at return", "u W"),
 ];
+
+/// What one of a number is on the rig by its name in results.json; "1" for one that has no entry.
+pub(crate) fn dimension(name: &str) -> &'static str {
+    let entry = entries().find(|it| it.name == name);
+    entry.map_or("1", |it| it.unit)
+}
 
 /// How every number of stationary motion is written, the moments first.
 pub(crate) fn entries() -> impl Iterator<Item = &'static Entry> {
@@ -271,6 +282,7 @@ impl Results {
             flights: None,
             first_loss: None,
             transient: None,
+            reach: None,
             steady: None,
             decay_rates: None,
             spectrum: None,
@@ -324,7 +336,7 @@ impl Results {
 
     /// The crossings of the long records, if they are asked for and the scheme sees them.
     pub(crate) fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
-        let time = self.scene.crossings_window()?;
+        let time = self.scene.clock().time(self.scene.crossings_window()?);
         let it = self.records.as_ref()?.crossings.as_ref()?;
         Some((it, Numbers::seen(it, time)))
     }
@@ -383,11 +395,8 @@ impl Results {
                 exact(rig.seconds(0.5 / self.scene.oscillator.zeta())),
             ),
         ];
-        let window = self
-            .scene
-            .outputs
-            .crossings
-            .filter(|_| self.crossings.is_some());
+        let window = self.scene.window_seconds(rig);
+        let window = window.filter(|_| self.crossings.is_some());
         all.extend(window.map(|window| ("window_s", exact(window))));
         let of = |name: &str| {
             let law = self.stationary.as_ref().and_then(|it| it.get(name));
@@ -401,6 +410,11 @@ impl Results {
             let width = peak.width.map(|it| it.scaled(rig.hertz(1.0)));
             all.extend(width.map(|it| ("half_power_width_hz", it)));
         }
+        let seconds = self.scene.clock().seconds(rig);
+        let reached = self.reach.as_ref().and_then(|it| it.t);
+        all.extend(reached.map(|t| ("reach_s", t.scaled(seconds))));
+        let first = self.first_loss.as_ref().map(|it| it.mean_time);
+        all.extend(first.map(|t| ("mean_time_to_loss_s", t.scaled(seconds))));
         all
     }
 
@@ -425,10 +439,10 @@ impl Results {
     ) -> Vec<(&'static str, Estimate)> {
         let micrometre = (rig.compression(1.0) - rig.compression(0.0)) * 1e6;
         let velocity = rig.velocity(1.0) * 1e3;
-        let millisecond = rig.seconds(1.0) * 1e3;
+        let millisecond = self.scene.clock().seconds(rig) * 1e3;
         let root = |x: Estimate| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt());
         let unit = |name: &str, unit: f64| of(name).map(|x| x.scaled(unit));
-        let lost = lost_share.zip(self.scene.outputs.crossings);
+        let lost = lost_share.zip(self.scene.window_seconds(rig));
         let all = [
             ("std_force_n", unit("std_force", rig.newtons(1.0))),
             ("mean_displacement_um", unit("mean_q", micrometre)),
@@ -440,6 +454,7 @@ impl Results {
                 "std_velocity_mm_per_s",
                 of("var_v").map(|x| root(x).scaled(velocity)),
             ),
+            ("contact_loss_probability", of("contact_loss_probability")),
             ("losses_per_second", unit("loss_rate", 1e3 / millisecond)),
             ("losses_in_window", of("losses_in_window")),
             ("mean_flight_ms", unit("mean_flight", millisecond)),
@@ -458,6 +473,33 @@ impl Results {
 
     pub(crate) fn contact(&self) -> &ContactLaw {
         self.scene.oscillator.contact()
+    }
+}
+
+/// A number of [`Results::physical`] by its name: in words, its unit, and whether the scene typed it or nearly so, so that
+/// its error says nothing.
+pub(crate) fn physical_words(name: &str) -> (&str, &'static str, bool) {
+    match name {
+        "force_psd_n2_per_hz" => ("excitation, one-sided", "N^2/Hz", true),
+        "mass_kg" => ("moving mass", "kg", true),
+        "period_ms" => ("period", "ms", true),
+        "memory_s" => ("correlation time", "s", true),
+        "std_force_n" => ("deviation of the force", "N", false),
+        "mean_displacement_um" => ("mean displacement", "um", false),
+        "std_displacement_um" => ("its deviation", "um", false),
+        "std_velocity_mm_per_s" => ("deviation of velocity", "mm/s", false),
+        "contact_loss_probability" => ("out of contact", "of time", false),
+        "losses_per_second" => ("losses of contact", "1/s", false),
+        "window_s" => ("window", "s", true),
+        "losses_in_window" => ("losses in the window", "", false),
+        "time_out_of_contact_s" => ("out of contact in it", "s", false),
+        "mean_impact_speed_mm_per_s" => ("mean speed at return", "mm/s", false),
+        "mean_flight_ms" => ("mean flight", "ms", false),
+        "peak_frequency_hz" => ("peak of the spectrum", "Hz", false),
+        "half_power_width_hz" => ("its half-power width", "Hz", false),
+        "reach_s" => ("time to the level", "s", false),
+        "mean_time_to_loss_s" => ("mean time to first loss", "s", false),
+        other => (other, "", false),
     }
 }
 

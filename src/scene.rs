@@ -18,10 +18,11 @@
 
 pub mod text;
 
+use crate::clock::{Clock, TIME_UNITS, TimeUnit};
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
-use crate::format::{num, rounded};
+use crate::format::{brief, num, rounded};
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
@@ -39,6 +40,9 @@ pub struct Scene {
     pub title: String,
     /// Contact law, damping and noise.
     pub oscillator: Oscillator,
+    /// The one-sided density of the excitation on the rig in N^2/Hz, where the input level was given by it; it is written
+    /// in place of h as long as it stands for the level of the oscillator.
+    pub force_psd: Option<f64>,
     /// The rig, if results are wanted in newtons, micrometres, hertz and seconds too.
     pub rig: Option<Rig>,
     /// Where the motion starts.
@@ -72,8 +76,13 @@ pub struct Outputs {
     pub spectrum: Option<SpectrumRequest>,
     /// Survival until the first loss of contact, up to this time.
     pub first_loss: Option<f64>,
-    /// Losses of contact in a window of this length (seconds with a rig, else dimensionless time).
+    /// Losses of contact in a window of this length: in the unit of time, and without one in seconds with a rig, else in
+    /// dimensionless time.
     pub crossings: Option<f64>,
+    /// The first time at which a moment of the transient is a fraction of its stationary value.
+    pub reach: Option<ReachRequest>,
+    /// The unit of every time of the scene and of its results; None is dimensionless time.
+    pub time_unit: Option<TimeUnit>,
 }
 
 impl Default for Outputs {
@@ -104,6 +113,8 @@ impl Outputs {
             spectrum: None,
             first_loss: None,
             crossings: None,
+            reach: None,
+            time_unit: None,
         }
     }
 }
@@ -197,6 +208,12 @@ impl Times {
         Ok(())
     }
 
+    /// The same in dimensionless time.
+    fn dimensionless(&self, clock: &Clock) -> Self {
+        let times = self.list();
+        Self::List(times.iter().map(|t| clock.dimensionless(*t)).collect())
+    }
+
     fn tree(&self) -> Value {
         match self {
             Self::List(times) => json!(times),
@@ -212,6 +229,15 @@ pub struct SpectrumRequest {
     pub until: f64,
     /// Of the force or of the displacement.
     pub quantity: Quantity,
+}
+
+/// The first time at which a moment reaches a part of its stationary value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReachRequest {
+    /// The moment.
+    pub quantity: Moment,
+    /// The part.
+    pub fraction: f64,
 }
 
 /// The ensemble of paths.
@@ -306,6 +332,7 @@ impl Scene {
         Self {
             title: "untitled".into(),
             oscillator,
+            force_psd: None,
             rig: None,
             initial: Initial::Rest,
             outputs: Outputs::default(),
@@ -331,10 +358,103 @@ impl Scene {
         it.is_some_and(|it| asked(it) || stationary)
     }
 
+    /// The unit of times; seconds that no rig defines are refused by [`Scene::check`].
+    pub fn clock(&self) -> Clock {
+        let unit = self.outputs.time_unit.unwrap_or_default();
+        Clock::new(unit, self.rig.as_ref()).unwrap_or_default()
+    }
+
+    /// The same scene with every time dimensionless.
+    pub(crate) fn dimensionless(&self) -> Self {
+        let clock = self.clock();
+        if clock.is_dimensionless() {
+            return self.clone();
+        }
+        let mut it = self.clone();
+        let window = self.crossings_window();
+        let outputs = &mut it.outputs;
+        outputs.time_unit = Some(TimeUnit::Dimensionless);
+        outputs.moments_at = outputs.moments_at.dimensionless(&clock);
+        outputs.density_at = outputs.density_at.dimensionless(&clock);
+        outputs.crossings = window;
+        let sampling = it.monte_carlo.as_mut();
+        let sampling = sampling.map(|it| [&mut it.step, &mut it.duration]);
+        let times = [&mut outputs.first_loss, &mut it.method.step];
+        for time in times.into_iter().chain(sampling.into_iter().flatten()) {
+            *time = time.map(|time| clock.dimensionless(time));
+        }
+        it
+    }
+
     /// The window of [`Outputs::crossings`] as a dimensionless time.
     pub(crate) fn crossings_window(&self) -> Option<f64> {
         let window = self.outputs.crossings?;
-        Some(self.rig.map_or(window, |rig| rig.time(window)))
+        Some(match (self.outputs.time_unit, &self.rig) {
+            (None, Some(rig)) => rig.time(window),
+            _ => self.clock().dimensionless(window),
+        })
+    }
+
+    /// The same in seconds on a rig.
+    pub(crate) fn window_seconds(&self, rig: &Rig) -> Option<f64> {
+        let window = self.outputs.crossings?;
+        Some(match self.outputs.time_unit {
+            None => window,
+            Some(_) => self.clock().seconds(rig) * window,
+        })
+    }
+
+    /// What is accepted and yet hardly meant: units of a rig, a damping in per cent, an initial condition of nothing.
+    pub(crate) fn doubts(&self) -> Vec<String> {
+        let mut doubts = Vec::new();
+        let outputs = &self.outputs;
+        if let Some(rig) = &self.rig {
+            let (z, mass) = (rig.static_compression(), rig.mass());
+            if z > 1e-3 {
+                doubts.push(format!(
+                    "rig.static_compression = {} is in metres, {} mm; 3.5 um would be 3.5e-6",
+                    brief(z),
+                    brief(rounded(z * 1e3, 4))
+                ));
+            }
+            if !(1e-6..=1e5).contains(&mass) {
+                doubts.push(format!(
+                    "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {} kg",
+                    brief(rounded(mass, 3))
+                ));
+            }
+            let zeta = self.oscillator.zeta();
+            if zeta > 0.2 {
+                doubts.push(format!(
+                    "oscillator.zeta = {} is {} %; 0.8 % would be 0.008",
+                    brief(zeta),
+                    brief(rounded(100.0 * zeta, 4))
+                ));
+            }
+            let last = outputs.moments_at.last().max(outputs.density_at.last());
+            if outputs.time_unit.is_none() && last > 0.0 && last < TAU {
+                doubts.push(format!(
+                    "times are in units of 1/Omega: the last, {}, is {} ms; outputs.time_unit = \"s\" makes them seconds",
+                    brief(last),
+                    brief(rounded(rig.seconds(last) * 1e3, 3))
+                ));
+            }
+        }
+        if self.initial != Initial::Rest && !self.begins_somewhere() {
+            doubts.push(
+                "initial: nothing that is asked for depends on the initial condition".to_owned(),
+            );
+        }
+        doubts
+    }
+
+    /// Whether anything asked for depends on the initial condition.
+    fn begins_somewhere(&self) -> bool {
+        let it = &self.outputs;
+        !it.moments_at.is_empty()
+            || !it.density_at.is_empty()
+            || it.first_loss.is_some()
+            || it.reach.is_some()
     }
 
     /// Everything that can be said against the scene without computing.
@@ -387,10 +507,18 @@ impl Scene {
 
     fn check_outputs(&self) -> Result<()> {
         let outputs = &self.outputs;
-        if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
+        let asked = Outputs {
+            time_unit: None,
+            ..outputs.clone()
+        };
+        if asked == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum, first_loss or crossings";
+                            decay_rates, spectrum, first_loss, crossings or reach";
             return Err(Error::invalid("outputs", "nothing", accepted));
+        }
+        if outputs.time_unit == Some(TimeUnit::Second) && self.rig.is_none() {
+            let accepted = "\"dimensionless\" or \"period\"; \"s\" needs a [rig]";
+            return Err(Error::invalid("outputs.time_unit", "\"s\"", accepted));
         }
         if !self.oscillator.contact().is_confining() {
             for (key, asked) in [
@@ -437,6 +565,38 @@ impl Scene {
         }
         if let Some(window) = outputs.crossings {
             self.check_lost("crossings", "window", window)?;
+        }
+        if let Some(reach) = outputs.reach {
+            self.check_reach(reach)?;
+        }
+        Ok(())
+    }
+
+    fn check_reach(&self, reach: ReachRequest) -> Result<()> {
+        let ReachRequest { quantity, fraction } = reach;
+        let (key, name) = ("outputs.reach.quantity", quantity.name());
+        if !self.oscillator.contact().is_confining() {
+            return Err(self.no_law("outputs.reach", &format!("{{ quantity = \"{name}\" }}")));
+        }
+        positive("outputs.reach.fraction", fraction)?;
+        if fraction == 1.0 {
+            let accepted = "a number > 0 other than 1, which is reached in the limit alone";
+            return Err(Error::invalid("outputs.reach.fraction", 1, accepted));
+        }
+        if matches!(quantity, Moment::MeanV | Moment::CovQv | Moment::MeanForce) {
+            let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
+            return Err(Error::invalid(key, format!("{name:?}"), accepted));
+        }
+        if quantity == Moment::ContactLossProbability
+            && self.oscillator.contact().loss_point().is_none()
+        {
+            let law = self.oscillator.contact().name();
+            let accepted = format!("a moment that the contact law \"{law}\" has");
+            return Err(Error::invalid(key, format!("{name:?}"), accepted));
+        }
+        if self.initial == Initial::Stationary {
+            let accepted = "\"gaussian\" or \"rest\" with outputs.reach: the stationary law is there from the start";
+            return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
         }
         Ok(())
     }
@@ -563,7 +723,8 @@ impl Scene {
             initial["deviation"] = json!(deviation);
         }
         let monte_carlo = self.monte_carlo.as_ref().map(|it| {
-            let records = self.wants_records().then_some(MonteCarlo::DURATION);
+            let records = self.wants_records();
+            let records = records.then(|| self.clock().time(MonteCarlo::DURATION));
             let noise = match it.noise {
                 Noise::White => json!("white"),
                 Noise::Cosines { cosines, band } => json!({ "cosines": cosines, "band": band }),
@@ -584,6 +745,10 @@ impl Scene {
                 "static_compression": rig.static_compression(),
             })
         });
+        let level = self.rig.zip(self.force_psd);
+        let level =
+            level.filter(|(rig, psd)| rig.level_from_force_psd(*psd) == self.oscillator.h());
+        let level = level.map_or(("h", self.oscillator.h()), |(_, psd)| ("force_psd", psd));
         let outputs = &self.outputs;
         let spectrum = outputs.spectrum;
         let spectrum =
@@ -593,7 +758,7 @@ impl Scene {
             "oscillator": {
                 "contact": self.oscillator.contact().name(),
                 "zeta": self.oscillator.zeta(),
-                "h": self.oscillator.h(),
+                level.0: level.1,
             },
             "rig": rig,
             "initial": initial,
@@ -607,6 +772,8 @@ impl Scene {
                 "spectrum": spectrum,
                 "first_loss": outputs.first_loss.map(|until| json!({ "until": until })),
                 "crossings": outputs.crossings.map(|window| json!({ "window": window })),
+                "reach": outputs.reach.map(|it| json!({ "quantity": it.quantity.name(), "fraction": it.fraction })),
+                "time_unit": outputs.time_unit.map(TimeUnit::name),
             })),
             "monte_carlo": monte_carlo,
             "accuracy": {

@@ -437,7 +437,7 @@ fn a_line_holds_the_numbers_of_a_run_and_curves_that_are_asked_for() {
     let header = fs::read_to_string(room.join("b/map.csv")).unwrap();
     let header = header.lines().next().unwrap();
     assert!(
-        header.contains("spectrum.peaks.half_power_width[0] [W]"),
+        header.contains("spectrum.peaks.half_power_width[0] [Omega]"),
         "{header}"
     );
     assert!(!header.contains("survival"));

@@ -258,7 +258,7 @@ fn results_json_has_every_section_and_name_of_its_contract() {
         );
     }
     let table = fs::read_to_string(folder.join("moments.csv")).unwrap();
-    assert!(table.contains(",negative_mass [1],negative_mass error [1],"));
+    assert!(table.contains(",negative_mass [1],error of negative_mass [1],"));
     // Paths have none of these, and say so at every time.
     for name in OF_THE_DENSITY {
         let none = serde_json::json!([null, null, null]);
@@ -812,7 +812,11 @@ fn long_records_stand_beside_the_closed_form_with_their_errors() {
         ],
     );
     let csv = fs::read_to_string(folder.join("records_force.csv")).unwrap();
-    assert!(csv.starts_with("N from [F],N to [F],density [1/F],standard error [1/F]\n"));
+    assert!(
+        csv.starts_with(
+            "N from [F_s],N to [F_s],density [1/F_s],standard error of density [1/F_s]"
+        )
+    );
     assert_eq!(csv.lines().count(), 101);
     assert!(
         fs::read_to_string(folder.join("force.svg"))
@@ -1417,6 +1421,46 @@ const BAD: &[(&str, &str)] = &[
     (
         "records in free fall",
         "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\ndensity_at = [1]\n[monte_carlo]\npaths = 10",
+    ),
+    (
+        "unit of time misspelt",
+        "@[outputs]\nmoments_at = [1]\ntime_unit = \"periods\"",
+    ),
+    (
+        "seconds without a rig",
+        "@[outputs]\nmoments_at = [1]\ntime_unit = \"s\"",
+    ),
+    (
+        "a time beyond the last in its unit",
+        "@[outputs]\nmoments_at = [9e8]\ntime_unit = \"period\"",
+    ),
+    (
+        "reach without quantity",
+        "@[outputs]\nreach = { fraction = 0.9 }",
+    ),
+    (
+        "reach of an unknown moment",
+        "@[outputs]\nreach = { quantity = \"mean_enrgy\", fraction = 0.9 }",
+    ),
+    (
+        "reach of what tends to zero",
+        "@[outputs]\nreach = { quantity = \"mean_force\", fraction = 0.9 }",
+    ),
+    (
+        "reach of a skewness that is zero",
+        "[oscillator]\ncontact = \"linear\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nreach = { quantity = \"mean_q\", fraction = 0.5 }",
+    ),
+    (
+        "reach of all",
+        "@[outputs]\nreach = { quantity = \"mean_energy\", fraction = 1 }",
+    ),
+    (
+        "reach of less than nothing",
+        "@[outputs]\nreach = { quantity = \"mean_energy\", fraction = -0.5 }",
+    ),
+    (
+        "reach from the stationary law",
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n[initial]\nkind = \"stationary\"\n[outputs]\nreach = { quantity = \"mean_energy\", fraction = 0.5 }",
     ),
     (
         "duration in free fall",

@@ -232,7 +232,7 @@ class Results(Mapping[str, Any]):
                 panels.append(_Panel(self[section][axis], self[section][name], (section, name, axis)))
         files = self.files()
         if not panels and "stationary_q.csv" in files:
-            q, p = np.loadtxt(io.BytesIO(files["stationary_q.csv"]), delimiter=",", skiprows=1, unpack=True)
+            q, p = np.loadtxt(io.BytesIO(files["stationary_q.csv"]), delimiter=",", skiprows=1, usecols=(0, 1), unpack=True)
             panels.append(_Panel(q, Curve(p, np.zeros_like(p)), ("stationary", "density of q", "q")))
         if not panels:
             raise SceneError("there is nothing to plot: the scene asked for no density, moments, spectrum or survival")

@@ -52,5 +52,5 @@ pub(crate) use plane::{domain, interpolation, mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
-pub(crate) use transient::Recipe;
-pub use transient::{Transient, transient, transient_cost, uncertified};
+pub(crate) use transient::{Reach, Recipe};
+pub use transient::{Reached, Transient, transient, transient_cost, uncertified};

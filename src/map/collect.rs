@@ -8,6 +8,7 @@ use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
 use super::table::{Column, Table, bracketed, is_time, plain, shown, walk};
+use crate::clock::TimeUnit;
 use crate::error::{Error, Result};
 use crate::format::num;
 use crate::report::folder;
@@ -143,7 +144,9 @@ fn read(dir: &Path) -> Result<Collected> {
         .collect();
     parts.sort_unstable();
     let files: Vec<PathBuf> = parts.iter().map(|it| dir.join(it.file())).collect();
-    let mut table = Table::new(points);
+    let unit = map["scene"]["outputs"]["time_unit"].as_str();
+    let unit = unit.and_then(TimeUnit::named).unwrap_or_default();
+    let mut table = Table::new(points, unit);
     let mut found: HashMap<usize, Place> = HashMap::new();
     let (mut failed, mut short) = (0, 0);
     for (file, path) in files.iter().enumerate() {
@@ -347,7 +350,8 @@ fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate
             _ => None,
         };
         Some(Field {
-            label: shown(&it.name, place) + bracketed(&it.name).replace(" [1]", "").as_str(),
+            label: shown(&it.name, place)
+                + bracketed(&it.name, table.time).replace(" [1]", "").as_str(),
             values: all(|it| &it.values),
             errors: all(|it| &it.errors),
             level: it.level,

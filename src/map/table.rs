@@ -3,9 +3,10 @@
 use super::axis::Axis;
 use super::grid::Ending;
 use super::numbers::is_curve;
+use crate::clock::TimeUnit;
 use crate::error::Result;
 use crate::format::num;
-use crate::report::{File, data};
+use crate::report::{File, data, spelled};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -35,6 +36,8 @@ impl Column {
 #[derive(Debug, Default)]
 pub(super) struct Table {
     points: usize,
+    /// The unit of the times of the scene.
+    pub(super) time: TimeUnit,
     columns: Vec<Column>,
     at: HashMap<String, usize>,
     /// How each point ended; None for a missing one.
@@ -44,9 +47,10 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(points: usize) -> Self {
+    pub(super) fn new(points: usize, time: TimeUnit) -> Self {
         Self {
             points,
+            time,
             endings: vec![None; points],
             ..Self::default()
         }
@@ -149,7 +153,7 @@ impl Table {
             .collect();
         let with_errors: Vec<bool> = columns.iter().map(|it| it.has_errors()).collect();
         for (column, errors) in columns.iter().zip(&with_errors) {
-            let (name, unit) = (self.title(column), bracketed(&column.name));
+            let (name, unit) = (self.title(column), bracketed(&column.name, self.time));
             let _ = write!(text, ",{name}{unit}");
             if *errors {
                 let _ = write!(text, ",{name} error{unit}");
@@ -308,8 +312,10 @@ pub(super) fn unit(name: &str) -> Option<&'static str> {
 }
 
 /// A unit as headings have it.
-pub(super) fn bracketed(name: &str) -> String {
-    unit(name).map_or_else(String::new, |unit| format!(" [{unit}]"))
+pub(super) fn bracketed(name: &str, time: TimeUnit) -> String {
+    let circular = name.contains("spectrum.");
+    let of = |unit| if circular { unit } else { time.of(unit) };
+    unit(name).map_or_else(String::new, |unit| format!(" [{}]", spelled(of(unit))))
 }
 
 fn field(x: f64) -> String {
@@ -346,7 +352,7 @@ mod tests {
             "spectrum": { "quantity": "force", "peaks": [{ "omega": { "value": 3.0, "error": 0.2 } }] },
             "oscillator": { "h": 0.1 },
         });
-        let mut table = Table::new(2);
+        let mut table = Table::new(2, TimeUnit::Dimensionless);
         let line = json!({ "name": "a", "results": results });
         table.put(1, &line, Ending::Well);
         let axis = Axis::parse("oscillator.h=[0.2, 0.1]").unwrap();

@@ -1,45 +1,26 @@
 //! Numbers as files: JSON, CSV with units in the header, NumPy arrays.
 
 use super::File;
+use super::csv::{Csv, Rows, micrometre};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
-use crate::format::{bare, num};
+use crate::format::bare;
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
-use crate::results::{Results, entries};
+use crate::results::{Results, dimension};
+use crate::rig::Rig;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
 use ndarray::{Array1, Array2, ArrayD, IxDyn, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
-use std::fmt::Write;
 use std::io::Cursor;
 use std::path::PathBuf;
 
 /// The unit of a number of stationary motion or of a moment; "1" for any other.
 pub(crate) fn unit(name: &str) -> &'static str {
-    entries()
-        .find(|it| it.name == name)
-        .map_or("1", |it| it.unit)
-}
-
-/// A number as it reads back exactly; empty where it does not exist.
-pub(super) fn field(x: f64) -> String {
-    if x.is_finite() { num(x) } else { String::new() }
-}
-
-fn line(numbers: &[f64]) -> String {
-    let fields: Vec<String> = numbers.iter().copied().map(field).collect();
-    fields.join(",") + "\n"
-}
-
-/// Value and error, or two empty fields.
-pub(super) fn fields(it: Option<Estimate>) -> String {
-    let it = it.filter(|it| it.value.is_finite());
-    it.map_or(",".into(), |it| {
-        format!("{},{}", field(it.value), field(it.error))
-    })
+    dimension(name)
 }
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
@@ -48,34 +29,45 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     let law = Stationary::of(&results.scene.oscillator)?;
-    let mut table = String::from("name,value,error,unit\n");
+    let mut table = Rows::of(results, &["value,error"]);
     for (name, number) in numbers.iter() {
-        let _ = writeln!(table, "{name},{},{}", fields(number), unit(name));
+        table.put(name, unit(name), &[number]);
     }
     let t = results.scene.oscillator.temperature();
     let (low, high) = results
         .contact()
         .turning_points(18.0 * t)
         .unwrap_or((0.0, 0.0));
-    let mut by_q = String::from("q [u],p_q [1/u]\n");
-    let mut by_force = String::from("N [F],p_N without its Dirac mass [1/F],P(N <= this) [1]\n");
-    for q in grid(low, high) {
-        by_q += &line(&[q, law.density_q(q)]);
-    }
-    let bottom = results.contact().force(low);
-    for force in grid(bottom, results.contact().force(high)) {
-        let (density, below) = (law.density_force(force), law.distribution_force(force));
-        by_force += &line(&[force, density, below]);
-    }
-    let mut by_v = String::from("v [u W],p_v [1/(u W)]\n");
-    for v in grid(-6.0 * t.sqrt(), 6.0 * t.sqrt()) {
-        by_v += &line(&[v, law.density_v(v)]);
-    }
+    let (bottom, top) = (results.contact().force(low), results.contact().force(high));
+    let q = || grid(low, high);
+    let force = || grid(bottom, top);
+    let v = || grid(-6.0 * t.sqrt(), 6.0 * t.sqrt());
+    let by_q =
+        Csv::of(results)
+            .plain("q", "u", q())
+            .plain("p_q", "1/u", q().map(|q| law.density_q(q)));
+    let by_force = Csv::of(results)
+        .plain("N", "F", force())
+        .plain(
+            "p_N without its Dirac mass",
+            "1/F",
+            force().map(|n| law.density_force(n)),
+        )
+        .plain(
+            "P(N <= this)",
+            "1",
+            force().map(|n| law.distribution_force(n)),
+        );
+    let by_v = Csv::of(results).plain("v", "u W", v()).plain(
+        "p_v",
+        "1/(u W)",
+        v().map(|v| law.density_v(v)),
+    );
     Ok(vec![
-        File::text("stationary.csv", table),
-        File::text("stationary_q.csv", by_q),
-        File::text("stationary_v.csv", by_v),
-        File::text("stationary_force.csv", by_force),
+        table.file("stationary.csv"),
+        by_q.file("stationary_q.csv"),
+        by_v.file("stationary_v.csv"),
+        by_force.file("stationary_force.csv"),
     ])
 }
 
@@ -83,29 +75,13 @@ fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {
     (0..=400).map(move |k| low + (high - low) * f64::from(k) / 400.0)
 }
 
-fn moments_csv(
-    times: &[f64],
-    moments: &[Moments],
-    more: &[(&str, Vec<Option<Estimate>>)],
-) -> String {
-    let mut table = String::from("t [1/W]");
+/// Moments against time; `kind` is that of their errors.
+fn moments_csv(results: &Results, times: &[f64], moments: &[Moments], kind: &str) -> Csv {
+    let mut table = Csv::of(results).plain("t", "1/W", times.iter().copied());
     let asked = |it: &Moment| !moments.iter().any(|at| at.leaves_out(*it));
-    let asked: Vec<Moment> = Moment::ALL.into_iter().filter(asked).collect();
-    let names = asked.iter().map(|it| it.name());
-    for name in names.chain(more.iter().map(|(name, _)| *name)) {
-        let unit = unit(name);
-        let _ = write!(table, ",{name} [{unit}],{name} error [{unit}]");
-    }
-    table.push('\n');
-    for (k, (t, moments)) in times.iter().zip(moments).enumerate() {
-        table += &field(*t);
-        for it in &asked {
-            let _ = write!(table, ",{}", fields(moments.get(*it)));
-        }
-        for (_, curve) in more {
-            let _ = write!(table, ",{}", fields(curve.get(k).copied().flatten()));
-        }
-        table.push('\n');
+    for it in Moment::ALL.into_iter().filter(asked) {
+        let values = moments.iter().map(|at| at.get(it));
+        table.add(it.name(), kind, unit(it.name()), values);
     }
     table
 }
@@ -117,22 +93,23 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     };
     let mut files = Vec::new();
     if !it.times.is_empty() {
-        let some = |curve: &[Estimate]| curve.iter().copied().map(Some).collect();
-        let more = [
-            ("mass", some(&it.mass)),
-            ("lowest_density", some(&it.lowest_density)),
-            ("negative_mass", some(&it.negative_mass)),
-            ("relative_entropy", it.relative_entropy.clone()),
-            ("l1_distance", it.distance.clone()),
-        ];
-        files.push(File::text(
-            "moments.csv",
-            moments_csv(&it.times, &it.moments, &more),
-        ));
+        let some = |curve: &[Estimate]| curve.iter().copied().map(Some).collect::<Vec<_>>();
+        let table = moments_csv(results, &it.times, &it.moments, "error")
+            .numbers("mass", "error", "1", some(&it.mass))
+            .numbers("lowest_density", "error", "1", some(&it.lowest_density))
+            .numbers("negative_mass", "error", "1", some(&it.negative_mass))
+            .numbers(
+                "relative_entropy",
+                "error",
+                "1",
+                it.relative_entropy.clone(),
+            )
+            .numbers("l1_distance", "error", "1", it.distance.clone());
+        files.push(table.file("moments.csv"));
     }
     for snapshot in &it.densities {
         let name = format!("density_{}.npz", bare(snapshot.t));
-        files.push(density(name, snapshot)?);
+        files.push(density(name, snapshot, results.scene.rig.as_ref())?);
     }
     Ok(files)
 }
@@ -141,13 +118,17 @@ pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.steady else {
         return Ok(Vec::new());
     };
-    let mut files = vec![density("steady.npz".into(), &it.density)?];
+    let rig = results.scene.rig.as_ref();
+    let mut files = vec![density("steady.npz".into(), &it.density, rig)?];
     if !it.approach.is_empty() {
-        let mut table = String::from("t [1/W],L1 distance to the closed form [1]\n");
-        for (t, distance) in &it.approach {
-            table += &line(&[*t, *distance]);
-        }
-        files.push(File::text("approach.csv", table));
+        let table = Csv::of(results)
+            .plain("t", "1/W", it.approach.iter().map(|it| it.0))
+            .plain(
+                "L1 distance to the closed form",
+                "1",
+                it.approach.iter().map(|it| it.1),
+            );
+        files.push(table.file("approach.csv"));
     }
     Ok(files)
 }
@@ -156,17 +137,21 @@ pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     let Some(it) = &results.decay_rates else {
         return Vec::new();
     };
-    let mut table = String::from("re [W],im [W],error [W]\n");
-    for rate in &it.rates {
-        table += &line(&[rate.re, rate.im, rate.error]);
-    }
-    vec![File::text("decay_rates.csv", table)]
+    let table = Csv::of(results)
+        .plain("re", "W", it.rates.iter().map(|it| it.re))
+        .plain("im", "W", it.rates.iter().map(|it| it.im))
+        .plain(
+            "error of re + i im",
+            "W",
+            it.rates.iter().map(|it| it.error),
+        );
+    vec![table.file("decay_rates.csv")]
 }
 
 pub(super) fn monte_carlo(results: &Results) -> Vec<File> {
     let table = |it: &EnsembleResult| {
-        let table = moments_csv(&it.times, &it.moments, &[]);
-        File::text("monte_carlo.csv", table)
+        let table = moments_csv(results, &it.times, &it.moments, "standard error");
+        table.file("monte_carlo.csv")
     };
     results.monte_carlo.iter().map(table).collect()
 }
@@ -176,12 +161,13 @@ pub(super) fn records(results: &Results) -> Vec<File> {
     let (Some(it), Some(numbers)) = (&results.records, results.sampled_stationary()) else {
         return Vec::new();
     };
-    let mut table = String::from("name,value,standard error,unit\n");
+    let mut table = Rows::of(results, &["value,standard error"]);
     for (name, number) in numbers.iter() {
-        let _ = writeln!(table, "{name},{},{}", fields(number), unit(name));
+        table.put(name, unit(name), &[number]);
     }
+    let histogram = |file, name, units, of| histogram(results, file, (name, units), of);
     let mut files = vec![
-        File::text("records.csv", table),
+        table.file("records.csv"),
         histogram("records_q.csv", "q", ["u", "1/u"], &it.displacement),
         histogram("records_v.csv", "v", ["u W", "1/(u W)"], &it.velocity),
         histogram("records_force.csv", "N", ["F", "1/F"], &it.force),
@@ -193,14 +179,24 @@ pub(super) fn records(results: &Results) -> Vec<File> {
 }
 
 /// A histogram, one bin a line; the Dirac mass is not in it.
-fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> File {
-    let mut table =
-        format!("{name} from [{unit}],{name} to [{unit}],density [{per}],standard error [{per}]\n");
-    for (ends, density) in it.edges.windows(2).zip(&it.density) {
-        let (from, to) = (field(ends[0]), field(ends[1]));
-        let _ = writeln!(table, "{from},{to},{}", fields(Some(*density)));
-    }
-    File::text(file, table)
+fn histogram(
+    results: &Results,
+    file: &str,
+    (name, [unit, per]): (&str, [&'static str; 2]),
+    it: &Histogram,
+) -> File {
+    let bins = it.density.len();
+    let ends = |from: usize| it.edges.iter().skip(from).take(bins).copied();
+    Csv::of(results)
+        .plain(&format!("{name} from"), unit, ends(0))
+        .plain(&format!("{name} to"), unit, ends(1))
+        .numbers(
+            "density",
+            "standard error",
+            per,
+            it.density.iter().copied().map(Some),
+        )
+        .file(file)
 }
 
 /// Losses of contact, by Rice's formula and as the records saw them.
@@ -209,13 +205,12 @@ pub(super) fn crossings(results: &Results) -> Vec<File> {
         return Vec::new();
     };
     let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
-    let mut table = String::from("name,value,error,Monte Carlo,standard error,unit\n");
+    let mut table = Rows::of(results, &["value,error", "Monte Carlo,standard error"]);
     for (name, number) in numbers.iter() {
         let seen = sampled.as_ref().and_then(|it| it.get(name));
-        let (number, seen) = (fields(number), fields(seen));
-        let _ = writeln!(table, "{name},{number},{seen},{}", unit(name));
+        table.put(name, unit(name), &[number, seen]);
     }
-    vec![File::text("crossings.csv", table)]
+    vec![table.file("crossings.csv")]
 }
 
 /// Files of the spectrum: as a table and as arrays.
@@ -232,37 +227,48 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
             ("um^2/Hz", displacement_per_hertz(&rig), rig)
         }
     });
-    let mut table = format!(
-        "omega [W],G one-sided with integral over omega = variance [{unit}],error [{unit}],linear \
-         oscillator [{unit}]"
-    );
-    if it.sampled.is_some() {
-        let _ = write!(
-            table,
-            ",Welch [{unit}],standard error [{unit}],expectation of Welch [{unit}],RMS magnitude \
-             sqrt(G x 1.5 bins) [{}]",
-            if force { "F" } else { "u" }
-        );
+    let some = |all: &[Estimate]| all.iter().copied().map(Some).collect::<Vec<_>>();
+    let density = "G one-sided with integral over omega = variance";
+    let mut table = Csv::of(results)
+        .bare("omega", "W", it.solved.omega.clone())
+        .circular()
+        .numbers(density, "error", unit, some(&it.solved.density))
+        .bare("G of the linear oscillator", unit, it.linear.clone());
+    if let Some(it) = &it.sampled {
+        let unit_of_magnitude = if force { "F" } else { "u" };
+        table = table
+            .numbers("G by Welch", "standard error", unit, some(&it.density))
+            .bare("expectation of G by Welch", unit, it.expectation.clone())
+            .plain(
+                "RMS magnitude sqrt(G x 1.5 bins)",
+                unit_of_magnitude,
+                it.magnitude.iter().copied(),
+            );
     }
-    if let Some((unit, ..)) = per_hertz {
-        let _ = write!(
-            table,
-            ",frequency [Hz],G one-sided with integral over frequency = variance [{unit}]"
-        );
-    }
-    table.push('\n');
-    for (k, (omega, density)) in it.solved.omega.iter().zip(&it.solved.density).enumerate() {
-        table += &field(*omega);
-        let _ = write!(table, ",{},{}", fields(Some(*density)), field(it.linear[k]));
+    if let Some((unit, scale, rig)) = &per_hertz {
+        let scaled = |all: &[Estimate]| {
+            let all = all.iter().map(|it| Some(it.scaled(*scale)));
+            all.collect::<Vec<_>>()
+        };
+        let density = "G one-sided with integral over frequency = variance";
+        let frequency = it.solved.omega.iter().map(|w| rig.hertz(*w)).collect();
+        table = table
+            .bare("frequency", "Hz", frequency)
+            .numbers(density, "error", unit, scaled(&it.solved.density))
+            .bare(
+                "G of the linear oscillator",
+                unit,
+                it.linear.iter().map(|g| g * scale).collect(),
+            );
         if let Some(it) = &it.sampled {
-            let (welch, expected) = (fields(Some(it.density[k])), field(it.expectation[k]));
-            let _ = write!(table, ",{welch},{expected},{}", field(it.magnitude[k]));
+            table = table
+                .numbers("G by Welch", "standard error", unit, scaled(&it.density))
+                .bare(
+                    "expectation of G by Welch",
+                    unit,
+                    it.expectation.iter().map(|g| g * scale).collect(),
+                );
         }
-        if let Some((_, scale, rig)) = &per_hertz {
-            let (hertz, value) = (rig.hertz(*omega), density.value * scale);
-            let _ = write!(table, ",{},{}", field(hertz), field(value));
-        }
-        table.push('\n');
     }
     let values = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.value));
     let errors = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.error));
@@ -279,22 +285,39 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
         arrays.push(("monte_carlo_expectation", expectation));
         arrays.push(("magnitude", Array1::from_vec(it.magnitude.clone())));
     }
+    if let Some((_, scale, rig)) = &per_hertz {
+        // The names say the unit: N^2/Hz, or um^2/Hz of the displacement.
+        let names = if force {
+            ["fokker_planck_n2_per_hz", "error_n2_per_hz"]
+        } else {
+            ["fokker_planck_um2_per_hz", "error_um2_per_hz"]
+        };
+        let hertz = it.solved.omega.iter().map(|w| rig.hertz(*w));
+        arrays.push(("frequency_hz", hertz.collect()));
+        arrays.push((names[0], values(&it.solved.density) * *scale));
+        arrays.push((names[1], errors(&it.solved.density) * *scale));
+    }
     let arrays = packed("spectrum.npz".into(), |npz| {
         arrays
             .iter()
             .try_for_each(|(name, array)| npz.add_array(*name, array))
     })?;
-    Ok(vec![File::text("spectrum.csv", table), arrays])
+    Ok(vec![table.file("spectrum.csv"), arrays])
 }
 
-/// p\[q, v\] with q, v and t, as numpy.load reads it.
-fn density(name: String, snapshot: &Snapshot) -> Result<File> {
+/// p\[q, v\] with q, v and t, as numpy.load reads it; on a rig the axes in micrometres and millimetres per second too.
+fn density(name: String, snapshot: &Snapshot, rig: Option<&Rig>) -> Result<File> {
     packed(name, |npz| {
         // C order whatever the layout in memory.
         npz.add_array("p", &snapshot.p.as_standard_layout())?;
         npz.add_array("q", &snapshot.q)?;
         npz.add_array("v", &snapshot.v)?;
-        npz.add_array("t", &arr0(snapshot.t))
+        npz.add_array("t", &arr0(snapshot.t))?;
+        if let Some(rig) = rig {
+            npz.add_array("q_um", &(&snapshot.q * micrometre(rig)))?;
+            npz.add_array("v_mm_per_s", &(&snapshot.v * (1e3 * rig.velocity(1.0))))?;
+        }
+        Ok(())
     })
 }
 
@@ -355,19 +378,30 @@ pub(crate) fn archive<'a>(
     })
 }
 
-/// t, and each curve and number with its error.
+/// t, and each curve and number with its error; on a rig times and densities of a time with seconds too.
 pub(super) fn arrays(
     name: &str,
+    results: &Results,
     times: &[f64],
     curves: &[(&str, &[Estimate])],
     numbers: &[(&str, Estimate)],
 ) -> Result<File> {
+    let scene = &results.scene;
+    let seconds = scene.rig.map(|rig| scene.clock().seconds(&rig));
     packed(name.into(), |npz| {
-        npz.add_array("t", &Array1::from(times.to_vec()))?;
+        let times = Array1::from(times.to_vec());
+        npz.add_array("t", &times)?;
+        if let Some(seconds) = seconds {
+            npz.add_array("t_s", &(&times * seconds))?;
+        }
         for (name, curve) in curves {
             let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
             npz.add_array(*name, &of(|x| x.value))?;
             npz.add_array(format!("{name}_error"), &of(|x| x.error))?;
+            if let Some(seconds) = seconds.filter(|_| *name == "density") {
+                npz.add_array("density_per_s", &(of(|x| x.value) / seconds))?;
+                npz.add_array("density_per_s_error", &(of(|x| x.error) / seconds))?;
+            }
         }
         for (name, number) in numbers {
             npz.add_array(*name, &arr0(number.value))?;

@@ -1,10 +1,11 @@
 //! First losses and flights as files.
 
 use super::File;
-use super::data::{arrays, field, fields};
+use super::csv::Csv;
+use super::data::arrays;
 use crate::error::Result;
+use crate::estimate::Estimate;
 use crate::results::Results;
-use std::fmt::Write;
 
 /// first_loss.csv and first_loss.npz: survival, its complement and density of the first loss, beside the paths.
 pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
@@ -12,24 +13,26 @@ pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     let paths = results.first_loss_paths.as_ref();
-    let mut table = String::from(
-        "t [1/W],survival [1],error [1],lost [1],error [1],density [W],error [W],survival of paths [1],standard error [1],\
-         mean density since the time before [W],standard error [W]\n",
-    );
-    for (k, t) in it.times.iter().enumerate() {
-        let _ = writeln!(
-            table,
-            "{},{},{},{},{},{}",
-            field(*t),
-            fields(it.survival.get(k).copied()),
-            fields(it.lost.get(k).copied()),
-            fields(it.density.get(k).copied()),
-            fields(paths.and_then(|it| it.survival.get(k).copied())),
-            fields(paths.and_then(|it| it.density.get(k).copied()))
-        );
+    let some = |all: &[Estimate]| all.iter().copied().map(Some).collect::<Vec<_>>();
+    let mut table = Csv::of(results)
+        .plain("t", "1/W", it.times.iter().copied())
+        .numbers("survival", "error", "1", some(&it.survival))
+        .numbers("lost", "error", "1", some(&it.lost))
+        .numbers("density", "error", "W", some(&it.density));
+    if let Some(paths) = paths {
+        let mean = "mean density of paths since the time before";
+        table = table
+            .numbers(
+                "survival of paths",
+                "standard error",
+                "1",
+                some(&paths.survival),
+            )
+            .numbers(mean, "standard error", "W", some(&paths.density));
     }
     let arrays = arrays(
         "first_loss.npz",
+        results,
         &it.times,
         &[
             ("survival", &it.survival),
@@ -38,7 +41,7 @@ pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
         ],
         &[("mean_time", it.mean_time), ("rate", it.rate)],
     )?;
-    Ok(vec![File::text("first_loss.csv", table), arrays])
+    Ok(vec![table.file("first_loss.csv"), arrays])
 }
 
 /// flight_law.csv and flight_law.npz: the density of the time of flight.
@@ -46,15 +49,20 @@ pub(super) fn flights(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.flights else {
         return Ok(Vec::new());
     };
-    let mut table = String::from("flight time [1/W],density [W],error [W]\n");
-    for (t, density) in it.times.iter().zip(&it.density) {
-        let _ = writeln!(table, "{},{}", field(*t), fields(Some(*density)));
-    }
+    let table = Csv::of(results)
+        .plain("flight time", "1/W", it.times.iter().copied())
+        .numbers(
+            "density",
+            "error",
+            "W",
+            it.density.iter().copied().map(Some),
+        );
     let arrays = arrays(
         "flight_law.npz",
+        results,
         &it.times,
         &[("density", &it.density)],
         &[],
     )?;
-    Ok(vec![File::text("flight_law.csv", table), arrays])
+    Ok(vec![table.file("flight_law.csv"), arrays])
 }

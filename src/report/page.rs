@@ -1,7 +1,7 @@
 //! report.html: table, pictures, settings and warnings in one file that needs nothing else.
 
 use super::file::{File, RESULTS};
-use super::terminal;
+use super::tables;
 use crate::results::Results;
 use std::fmt::Write;
 
@@ -9,6 +9,10 @@ const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:1000px;ma
 padding:0 1em;color:#191919;background:#fff}\
 pre{font:13px/1.45 ui-monospace,'DejaVu Sans Mono',monospace;overflow-x:auto;background:#f7f7f5;\
 padding:1em;border-radius:6px}\
+table{border-collapse:collapse;font-variant-numeric:tabular-nums;margin:0 0 1.5em}\
+td,th{padding:.15em 1.2em .15em 0;text-align:left;vertical-align:top}\
+th{border-bottom:1px solid #999;font-weight:600}tr:hover td{background:#f7f7f5}\
+.summary{font-size:18px}summary{cursor:pointer;color:#555}\
 svg{max-width:100%;height:auto}figure{margin:1.5em 0}\
 figcaption{color:#555;font-size:14px}.warning{border-left:4px solid #d55e00;padding-left:1em}";
 
@@ -42,8 +46,9 @@ pub(super) fn content(results: &Results, pictures: &[(File, &str)]) -> String {
     for warning in &results.run.warnings {
         let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(&warning.text));
     }
-    let table = escaped(&terminal::table(results, false));
-    let _ = writeln!(page, "<pre>{table}</pre>");
+    page += &tables::summary(results);
+    page += &tables::symbols(results);
+    page += &tables::tables(results);
     for (file, words) in pictures {
         let svg = String::from_utf8_lossy(&file.bytes);
         let name = escaped(&file.name);

@@ -2,7 +2,7 @@
 
 use super::folder::Folder;
 use super::manifest;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::plan::{Part, Plan, StopFlag, Watch};
 use crate::results::Results;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A scene that is refused before its first stage has ended leaves nothing behind.
 ///
 /// # Errors
-/// Those of [`Plan::run`] and of [`Folder::write`]; files of finished stages stay.
+/// Those of [`Plan::run`] and of [`Folder::write`]; files of finished stages stay, with a page of them.
 pub fn run_into(plan: &Plan, folder: Folder, watch: &dyn Watch) -> Result<Results> {
     folder.write(&manifest::at_the_start(plan.scene()))?;
     let writer = Writer {
@@ -20,16 +20,22 @@ pub fn run_into(plan: &Plan, folder: Folder, watch: &dyn Watch) -> Result<Result
         stop: watch.stop(),
         ended: AtomicBool::new(false),
     };
-    let results = plan.run(&writer);
+    let mut results = Results::empty(plan.scene());
+    let ran = plan.run_on(&mut results, &writer);
     let ended = writer.ended.into_inner();
-    match results {
-        Ok(results) => {
+    match ran {
+        Ok(()) => {
             folder.write(&manifest::at_the_end(&results)?)?;
             Ok(results)
         }
         Err(error) => {
             if error.is_refusal() && !ended {
                 folder.discard();
+            } else if ended && !matches!(error, Error::Io { .. }) {
+                // A page of what had ended, and why there is no more.
+                results.run.warnings.extend(plan.left_after(&results));
+                results.run.warnings.push(error.to_string().into());
+                folder.write(&manifest::at_the_end(&results)?)?;
             }
             Err(error)
         }

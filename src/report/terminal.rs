@@ -1,12 +1,13 @@
 //! The table on the terminal: 80 columns, readable by a stranger.
 
+use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRate;
-use crate::format::{brief, bytes, cell, many, seconds};
+use crate::format::{brief, bytes, cell, many, rounded, seconds};
 use crate::initial::Initial;
 use crate::moments::{Entry, Moment, Moments};
 use crate::plan::{Part, Plan, Stage};
-use crate::results::{Results, distance, entries};
+use crate::results::{Results, distance, entries, physical_words};
 use std::fmt::Write;
 
 const WIDTH: usize = 80;
@@ -123,6 +124,7 @@ pub fn table(results: &Results, colour: bool) -> String {
     crossings(&mut table, results);
     first_loss(&mut table, results);
     deterministic(&mut table, results);
+    reach(&mut table, results);
     spectrum(&mut table, results);
     course(&mut table, results);
     agreement(&mut table, results);
@@ -149,7 +151,15 @@ fn head(table: &mut Table, results: &Results) {
         oscillator.temperature()
     );
     table.paragraph("", &text);
-    table.line("All numbers dimensionless; each is printed with its error (\"value ± error\").");
+    let text = match results.scene.clock().unit() {
+        TimeUnit::Dimensionless => "All numbers dimensionless",
+        TimeUnit::Period => "Times in periods 2 pi/Omega, rates per period, all else dimensionless",
+        TimeUnit::Second => "Times in seconds, rates per second, all else dimensionless",
+    };
+    table.paragraph(
+        "",
+        &format!("{text}; each number is printed with its error (\"value ± error\")."),
+    );
 }
 
 /// The last moments with their time.
@@ -293,7 +303,12 @@ fn crossings(table: &mut Table, results: &Results) {
     let row = |(name, number)| (name, number, sampled.as_ref().and_then(|it| it.get(name)));
     let rows: Vec<Sides> = numbers.iter().map(row).collect();
     sides(table, "LOSSES OF CONTACT", &rows);
-    let unit = results.scene.rig.map_or("", |_| " s");
+    let scene = &results.scene;
+    let unit = match (scene.outputs.time_unit, scene.rig) {
+        (None, Some(_)) | (Some(TimeUnit::Second), _) => " s",
+        (Some(TimeUnit::Period), _) => " periods",
+        _ => "",
+    };
     table.line(format!("the window is {}{unit}", brief(window)));
 }
 
@@ -364,6 +379,11 @@ fn first_loss(table: &mut Table, results: &Results) {
         let words = format!("survives {}", brief(it.times[k]));
         put("S", &words, it.survival[k], seen);
     }
+    for k in [last / 2, last] {
+        let seen = sampled.and_then(|it| it.survival.get(k).copied());
+        let words = format!("lost by {}", brief(it.times[k]));
+        put("1 - S", &words, it.lost[k], seen.map(Estimate::complement));
+    }
     let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
     put(
         "mean",
@@ -374,14 +394,14 @@ fn first_loss(table: &mut Table, results: &Results) {
     put("rate", "S ~ exp(-rate t)", it.rate, None);
     put("", "over Rice's rate", it.rate_over_rice, None);
     let text = format!(
-        "{} x {} nodes, step {:.3}; in the end the survival falls as exp(-rate t); from {}",
+        "{} x {} nodes, step {}; in the end the survival falls as exp(-rate t); from {}",
         it.method.cells[0],
         it.method.cells[1],
-        it.method.step,
+        brief(rounded(it.method.step, 3)),
         match results.scene.initial {
             Initial::Rest => "rest",
             Initial::Stationary => "the stationary law given contact",
-            Initial::Gaussian { .. } => "the Gaussian start",
+            Initial::Gaussian { .. } => "a Gaussian initial condition",
         }
     );
     table.paragraph("", &text);
@@ -394,8 +414,7 @@ fn deterministic(table: &mut Table, results: &Results) {
         && distance.value > 0.02
     {
         let text = format!(
-            "at t = {} the motion is not stationary yet: {:.2} of its probability is still to be \
-             moved",
+            "at t = {} the motion is not stationary yet: total-variation distance to the stationary law {:.2}",
             brief(t),
             0.5 * distance.value
         );
@@ -425,11 +444,24 @@ fn deterministic(table: &mut Table, results: &Results) {
         };
         let mut words: Vec<String> = it.rates.iter().map(rate).collect();
         if let Some(edge) = it.continuous_from {
-            words.push(format!("continuous from {edge:.4} on"));
+            words.push(format!("continuous from {} on", brief(rounded(edge, 5))));
         }
         table.line("");
         table.paragraph("decay rates:  ", &words.join(";  "));
     }
+}
+
+fn reach(table: &mut Table, results: &Results) {
+    let (Some(it), Some(asked)) = (&results.reach, results.scene.outputs.reach) else {
+        return;
+    };
+    let entry = asked.quantity.entry();
+    let words = format!("reaches {} of its", brief(asked.fraction));
+    table.line("");
+    table.line(row(&format!("{:<8} {words}", entry.symbol), &[], false));
+    let number =
+        it.t.map_or("never".into(), |t| format!("t = {}", cell(Some(t))));
+    table.line(format!("{:<8} stationary value at {number}", ""));
 }
 
 fn course(table: &mut Table, results: &Results) {
@@ -538,26 +570,11 @@ fn physical(table: &mut Table, results: &Results) {
     }
     for (name, number) in numbers {
         let seen = sampled.iter().find(|(it, _)| *it == name).map(|it| it.1);
-        let (name, unit) = match name {
-            "force_psd_n2_per_hz" => ("excitation, one-sided", "N^2/Hz"),
-            "mass_kg" => ("moving mass", "kg"),
-            "period_ms" => ("period", "ms"),
-            "memory_s" => ("memory 1/(2 zeta)", "s"),
-            "std_force_n" => ("deviation of the force", "N"),
-            "mean_displacement_um" => ("mean displacement", "um"),
-            "std_displacement_um" => ("its deviation", "um"),
-            "std_velocity_mm_per_s" => ("deviation of velocity", "mm/s"),
-            "losses_per_second" => ("losses of contact", "1/s"),
-            "window_s" => ("window", "s"),
-            "losses_in_window" => ("losses in the window", ""),
-            "time_out_of_contact_s" => ("out of contact in it", "s"),
-            "mean_impact_speed_mm_per_s" => ("mean speed at return", "mm/s"),
-            "mean_flight_ms" => ("mean flight", "ms"),
-            "peak_frequency_hz" => ("peak of the spectrum", "Hz"),
-            "half_power_width_hz" => ("its half-power width", "Hz"),
-            other => (other, ""),
+        let (name, unit, typed) = physical_words(name);
+        let mut line = match number {
+            Some(it) if typed => format!("{name:<26} {:>17}", brief(rounded(it.value, 6))),
+            _ => row(name, &[number], false),
         };
-        let mut line = row(name, &[number], false);
         if !sampled.is_empty() {
             let seen = seen.map_or(String::new(), |it| cell(Some(it)));
             let _ = write!(line, " {seen:>17}");
@@ -665,8 +682,7 @@ pub fn plan(plan: &Plan) -> String {
     table.paragraph("", &text);
     let refines = |it: &Stage| matches!(it.part, Part::Transient | Part::FirstLoss);
     if scene.method.cells.is_none() && plan.stages().iter().any(refines) {
-        let text = "a mesh that the error bars find too coarse for the tolerance is refined, at several \
-                    times that";
+        let text = "refinement may multiply this time";
         table.paragraph("", text);
     }
     let left_out: Vec<&str> = [
@@ -675,6 +691,7 @@ pub fn plan(plan: &Plan) -> String {
         (Part::FirstLoss, "first loss"),
         (Part::FirstLossPaths, "paths of the first loss"),
         (Part::Transient, "transient"),
+        (Part::Reach, "time to a level"),
         (Part::Steady, "steady state"),
         (Part::DecayRates, "decay rates"),
         (Part::Spectrum, "spectrum"),
@@ -713,8 +730,8 @@ mod tests {
             assert!(text.contains("not asked for, not computed:"), "{text}");
             let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let most = flat.ends_with(
-                "not computed: crossings, first loss, paths of the first loss, spectrum, Welch's spectrum, long \
-                 records",
+                "not computed: crossings, first loss, paths of the first loss, time to a level, spectrum, Welch's \
+                 spectrum, long records",
             );
             assert_eq!(most, *name == "default", "{text}");
         }

@@ -61,6 +61,11 @@ impl Results {
         );
         put("first_loss", self.first_loss.as_ref().map(first_loss));
         put("transient", self.transient.as_ref().map(transient));
+        let reach = self.reach.as_ref().zip(self.scene.outputs.reach);
+        let reach = reach.map(|(it, asked)| {
+            json!({ "quantity": asked.quantity.name(), "fraction": asked.fraction, "t": it.t, "method": it.method })
+        });
+        put("reach", reach);
         let steady = |it: &crate::fokker_planck::Steady| json!({ "l1_error": it.l1_error, "residual": it.residual, "method": it.method });
         put("steady", self.steady.as_ref().map(steady));
         let rates = self.decay_rates.as_ref();

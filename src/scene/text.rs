@@ -1,8 +1,8 @@
 //! Scenes from TOML, with messages that show the line.
 
 use super::{
-    Accuracy, CONTACTS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, SCHEMES, Scene,
-    SpectrumRequest, TIME, TRANSIENT, Times,
+    Accuracy, CONTACTS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, ReachRequest,
+    SCHEMES, Scene, SpectrumRequest, TIME, TIME_UNITS, TRANSIENT, Times,
 };
 use crate::error::{Error, positive};
 use crate::fokker_planck::Drift;
@@ -511,15 +511,17 @@ impl Document {
             None => stem.unwrap_or_default().chars().take(100).collect(),
         };
         scene.rig = rig;
+        scene.force_psd = root.section("oscillator")?.number("force_psd")?;
         scene.initial = Self::initial(&root)?;
         if let Some(outputs) = Self::outputs(&root)? {
             scene.outputs = outputs;
         }
         scene.monte_carlo = Self::monte_carlo(&root)?;
         let confines = scene.oscillator.contact().is_confining();
-        let records = scene.wants_records() && confines;
+        let (records, clock) = (scene.wants_records() && confines, scene.clock());
         if let Some(it) = scene.monte_carlo.as_mut().filter(|_| records) {
-            it.duration.get_or_insert(MonteCarlo::DURATION);
+            let duration = clock.time(MonteCarlo::DURATION);
+            it.duration.get_or_insert(duration);
         }
         if !root.has("outputs") && scene.outputs.stationary && !confines {
             let at = self.find("oscillator.contact").map(|node| &node.at);
@@ -646,6 +648,8 @@ impl Document {
             "spectrum",
             "first_loss",
             "crossings",
+            "reach",
+            "time_unit",
         ])?;
         if section.table.is_none() {
             return Ok(None);
@@ -657,6 +661,8 @@ impl Document {
             density_at: section.times("density_at")?,
             steady: section.flag("steady")?.unwrap_or(false),
             decay_rates: section.whole("decay_rates", 100)?.unwrap_or(0) as usize,
+            reach: Self::reach(&section)?,
+            time_unit: section.choice("time_unit", TIME_UNITS)?,
             ..Outputs::nothing()
         };
         let spectrum = section.section("spectrum")?;
@@ -683,6 +689,25 @@ impl Document {
             }
         }
         Ok(Some(it))
+    }
+
+    fn reach(outputs: &Section<'_>) -> Read<Option<ReachRequest>> {
+        let section = outputs.section("reach")?;
+        section.known(&["quantity", "fraction"])?;
+        if section.table.is_none() {
+            return Ok(None);
+        }
+        let moments = Moment::ALL.map(|it| (it.name(), it));
+        let quantity = section.choice("quantity", &moments)?;
+        let fraction = section.number("fraction")?;
+        Ok(Some(ReachRequest {
+            quantity: section.required(
+                quantity,
+                "quantity",
+                "the name of a moment, as \"mean_energy\"",
+            )?,
+            fraction: section.required(fraction, "fraction", "a number > 0, as 0.9")?,
+        }))
     }
 
     fn monte_carlo(root: &Section<'_>) -> Read<Option<MonteCarlo>> {

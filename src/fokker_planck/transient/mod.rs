@@ -6,6 +6,7 @@ mod error_estimate;
 mod ladder;
 mod opening;
 mod propagator;
+mod reach;
 mod recipe;
 mod report;
 mod run;
@@ -13,6 +14,8 @@ mod solve;
 
 pub use decide::{mesh, time_scheme};
 pub use propagator::march;
+pub(crate) use reach::Reach;
+pub use reach::Reached;
 #[cfg(test)]
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;

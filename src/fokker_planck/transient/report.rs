@@ -60,7 +60,7 @@ impl Task<'_> {
         warnings.extend(shortfall.iter().map(Shortfall::to_string));
         if let Some(t) = fine.settled {
             warnings.push(format!(
-                "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: the march \
+                "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: time integration \
                  stopped there, and later times repeat it",
                 SETTLED * self.recipe.tolerance
             ));

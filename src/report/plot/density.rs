@@ -219,9 +219,10 @@ pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     let mut files = Vec::new();
+    let [symbol, unit] = results.scene.clock().symbol();
     for snapshot in &it.densities {
         let name = format!("density_{}.svg", bare(snapshot.t));
-        let title = format!("p(q, q\u{307}) at \u{3c4} = {}", bare(snapshot.t));
+        let title = format!("p(q, q\u{307}) at {symbol} = {}{unit}", bare(snapshot.t));
         files.extend(density_picture(name, &title, snapshot, results)?);
     }
     files.extend(snapshots(results, &it.densities)?);
@@ -260,6 +261,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
         (86.0 + columns as f64 * (width + 18.0) + 74.0) as u32,
         (36.0 + rows as f64 * (height + 26.0) + 40.0) as u32,
     );
+    let [symbol, unit] = results.scene.clock().symbol();
     picture("snapshots.svg", size, |area| {
         write(area, "p(q, q\u{307})", (86.0, 18.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
@@ -283,7 +285,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
             sheet.fill(area, &panel)?;
             loss_line(area, &panel, results, false)?;
             panel.frame(area)?;
-            let title = format!("\u{3c4} = {}", bare(sheet.snapshot.t));
+            let title = format!("{symbol} = {}{unit}", bare(sheet.snapshot.t));
             let middle = panel.left + 0.5 * width;
             write(area, &title, (middle, panel.top - 10.0), CENTRED)?;
         }

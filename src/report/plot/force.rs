@@ -47,7 +47,8 @@ impl ForceCurves {
             (None, Some(it)) => {
                 let last = it.densities.last();
                 let t = last.map_or(String::new(), |it| bare(it.t));
-                (last, format!("on the mesh, \u{3c4} = {t}"))
+                let [symbol, unit] = results.scene.clock().symbol();
+                (last, format!("on the mesh, {symbol} = {t}{unit}"))
             }
             _ => (None, String::new()),
         };

@@ -16,6 +16,7 @@ pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     let paths = results.first_loss_paths.as_ref();
+    let time = results.scene.clock().axis();
     let until = it.times[it.times.len() - 1];
     let points = |curve: &[Estimate], log: bool| -> Points {
         let height = |p: f64| if log { p.max(1e-300).log10() } else { p };
@@ -46,8 +47,8 @@ pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
     picture("survival.svg", (990, 420), |area| {
         let title = "First loss of contact: survival, and density of its time";
         write(area, title, (left.left, 22.0), TITLE)?;
-        left.axes(area, "\u{3c4}", "survival")?;
-        right.axes(area, "\u{3c4}", "density")?;
+        left.axes(area, time, "survival")?;
+        right.axes(area, time, "density")?;
         left.curve(area, &linear, BLUE, 1.5)?;
         right.curve(area, &logarithmic, BLUE, 1.5)?;
         if let Some(paths) = paths {
@@ -91,7 +92,8 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     // The speed of a loss has the Rayleigh law of scale sqrt(T), and a free flight lasts 2 v/fall.
-    let scale = 2.0 * results.scene.oscillator.temperature().sqrt() / fall;
+    let clock = results.scene.clock();
+    let scale = clock.time(2.0 * results.scene.oscillator.temperature().sqrt() / fall);
     let free = |t: f64| t / (scale * scale) * (-0.5 * (t / scale).powi(2)).exp();
     let end = 4.5 * scale;
     let ballistic: Points = (0..=300)
@@ -119,7 +121,8 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
             None => "Time of flight: density".into(),
         };
         write(area, &title, (panel.left, 22.0), TITLE)?;
-        panel.axes(area, "time from loss to return, \u{3c4}", "density")?;
+        let label = format!("from loss to return: {}", clock.axis());
+        panel.axes(area, &label, "density")?;
         if let Some((_, it)) = &seen {
             panel.histogram(area, it)?;
         }

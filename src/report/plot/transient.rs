@@ -69,7 +69,7 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
                 x,
                 y,
             );
-            panel.axes(area, "\u{3c4}", label)?;
+            panel.axes(area, results.scene.clock().axis(), label)?;
             if let Some(level) = level {
                 panel.level(area, level, INK)?;
             }
@@ -142,6 +142,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
             .map(|(t, y)| (t, y.log10()))
             .collect()
     };
+    let time = results.scene.clock().axis();
     let (mut distance, mut entropy) = (Points::new(), Points::new());
     if let Some(it) = &results.transient {
         let curve = |numbers: &[Option<Estimate>]| {
@@ -180,7 +181,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
                 (panel.left, 22.0),
                 TITLE,
             )?;
-            panel.axes(area, "\u{3c4}", "distance to (21)")?;
+            panel.axes(area, time, "distance to (21)")?;
             panel.curve(area, &distance, BLUE, 2.0)?;
             panel.curve(area, &entropy, VERMILION, 2.0)?;
             let (x, y) = (panel.right() - 246.0, panel.top + 16.0);
@@ -208,7 +209,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
                 (panel.left, 22.0),
                 TITLE,
             )?;
-            panel.axes(area, "\u{3c4}", "L\u{b9} distance to (21)")?;
+            panel.axes(area, time, "L\u{b9} distance to (21)")?;
             panel.curve(area, &marched, BLUE, 2.0)?;
             panel.frame(area)?;
         }
@@ -248,7 +249,7 @@ impl Decay {
         let words = if self.power == 0.0 {
             format!("slowest eigenvalue, {:.6}", self.rate)
         } else {
-            format!("\u{3c4}^(-3/2) exp({:.4} \u{3c4})", self.rate)
+            format!("t^(-3/2) exp({:.4} t)", self.rate)
         };
         words.replace('-', "\u{2212}")
     }

@@ -1,0 +1,428 @@
+//! The first time at which a moment of the transient reaches a level: a course over the relaxation of the oscillator
+//! that finds the crossing, then finer times and a finer tolerance about it until its error is within the tolerance.
+
+use super::recipe::Recipe;
+use super::report::Transient;
+use crate::error::{Error, Result};
+use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::budget::{Cost, Limits};
+use crate::fokker_planck::settings::{Method, Settings};
+use crate::initial::Initial;
+use crate::moments::Moment;
+use crate::oscillator::Oscillator;
+use std::f64::consts::TAU;
+
+/// The answer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reached {
+    /// The first time at which the moment has the level; None where it never does.
+    pub t: Option<Estimate>,
+    /// What the last course was computed with.
+    pub method: Method,
+    /// What was not reached of the tolerance, relative to the time itself.
+    pub shortfall: Option<Shortfall>,
+    /// What the reader should know.
+    pub warnings: Vec<String>,
+}
+
+/// How it will be found.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Reach {
+    moment: Moment,
+    /// The level, and the stationary value that the moment tends to.
+    level: f64,
+    stationary: f64,
+    settings: Settings,
+    times: Vec<f64>,
+    first: Recipe,
+    /// What it will take.
+    pub(crate) cost: Cost,
+}
+
+/// Between two times of the first course: eight in a period of v^2, twice as fast as the motion.
+const SPACING: f64 = 0.4;
+/// Times of a course; with more, those of a very weakly damped oscillator lie farther apart.
+const MOST: usize = 20_000;
+/// Courses of twice the length each, before the level is given up.
+const LENGTHS: usize = 4;
+/// Courses about the crossing, each with finer times or a finer tolerance.
+const PASSES: usize = 5;
+/// Times of a course about the crossing.
+const FINE: usize = 16;
+/// The part of the tolerance that a finer course aims at: the slope is not known any better.
+const AIM: f64 = 0.4;
+/// The finest tolerance that a course is given.
+const FINEST: f64 = 1e-10;
+/// Of the cost of the first course, what those about the crossing add.
+const AGAIN: f64 = 1.0;
+
+impl Reach {
+    /// The recipe for the time at which `moment` is `fraction` of its `stationary` value.
+    ///
+    /// # Errors
+    /// Those of [`Recipe::of`].
+    pub(crate) fn of(
+        (oscillator, initial): (&Oscillator, &Initial),
+        moment: Moment,
+        (fraction, stationary): (f64, f64),
+        settings: &Settings,
+    ) -> Result<Self> {
+        let zeta = oscillator.zeta();
+        let relaxation = (0.5 / zeta).max(2.0 * zeta).max(TAU);
+        // A relaxation towards the stationary value has come so far after this many of them, and some more.
+        let lengths = (1.0 - fraction).abs().recip().ln().clamp(0.0, 30.0);
+        let times = course(0.0, relaxation * (1.3 * lengths + 0.6));
+        let settings = Settings {
+            moments: Some(vec![moment]),
+            ..settings.clone()
+        };
+        let first = Recipe::of(oscillator, initial, &times, &settings)?;
+        let cost = Cost {
+            seconds: first.cost.seconds * (1.0 + AGAIN),
+            ..first.cost
+        };
+        Ok(Self {
+            moment,
+            level: fraction * stationary,
+            stationary,
+            settings,
+            times,
+            first,
+            cost,
+        })
+    }
+
+    /// The method, for people.
+    pub(crate) fn words(&self) -> String {
+        let until = self.times.last().copied().unwrap_or(0.0);
+        format!(
+            "{}, in courses first to t = {until:.0}, then about the crossing; {}",
+            self.first.name(),
+            self.first.reason
+        )
+    }
+
+    /// Finds the time.
+    ///
+    /// # Errors
+    /// Those of a transient, of the first course.
+    pub(crate) fn solve(
+        &self,
+        problem: (&Oscillator, &Initial),
+        limits: &Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Reached> {
+        let (mut times, mut settings) = (self.times.clone(), self.settings.clone());
+        let mut best: Option<(Crossing, Transient)> = None;
+        let mut reason = "its courses bring it no nearer".to_owned();
+        let (mut lengths, mut stalls, mut side) = (1, 0, None);
+        for pass in 0..LENGTHS + PASSES {
+            let from = pass as f64 / (LENGTHS + PASSES) as f64;
+            let part = |x: f64| progress(from + x / (LENGTHS + PASSES) as f64);
+            let it = if pass == 0 {
+                self.first.solve(problem, (&times, &[]), limits, &part)
+            } else {
+                Recipe::of(problem.0, problem.1, &times, &settings)
+                    .and_then(|recipe| recipe.solve(problem, (&times, &[]), limits, &part))
+            };
+            let it = match (it, &best) {
+                (Ok(it), _) => it,
+                // An answer is not lost to a finer course that fails.
+                (Err(error), Some(_)) if !matches!(error, Error::Stopped { .. }) => {
+                    reason = format!("a finer course ended early: {error}");
+                    break;
+                }
+                (Err(error), _) => return Err(error),
+            };
+            let crossing = match self.look(&it, &mut side) {
+                Seen::Crossing(crossing) => crossing,
+                Seen::AtOnce => {
+                    let words = "the initial condition has that fraction already";
+                    let t = Some(Estimate::closed_form(0.0));
+                    return Ok(self.answer(t, it, words));
+                }
+                Seen::Never(_) | Seen::NotYet(_) if best.is_some() => {
+                    reason = "a finer course did not find it again".into();
+                    break;
+                }
+                Seen::NotYet(_) if lengths < LENGTHS => {
+                    lengths += 1;
+                    times = course(0.0, 2.0 * times.last().copied().unwrap_or(SPACING));
+                    continue;
+                }
+                Seen::NotYet(words) | Seen::Never(words) => {
+                    return Ok(self.answer(None, it, &words));
+                }
+            };
+            let tolerance = self.settings.tolerance * crossing.t;
+            let error = crossing.error();
+            let before = best.as_ref().map_or(f64::INFINITY, |(it, _)| it.error());
+            // Two courses in which nothing is gained: the cells of the scene, say.
+            stalls += usize::from(error > 0.8 * before);
+            if error < before {
+                best = Some((crossing, it));
+            }
+            if error <= tolerance || stalls == 2 || pass + 1 == LENGTHS + PASSES {
+                break;
+            }
+            times = crossing.window();
+            if crossing.by_value > crossing.by_time {
+                let finer = AIM * tolerance / crossing.by_value;
+                settings.tolerance = (settings.tolerance * finer.clamp(0.02, 0.7)).max(FINEST);
+            }
+        }
+        progress(1.0);
+        let Some((crossing, it)) = best else {
+            return Err(limits.out_of_time("reach: no course had ended".into()));
+        };
+        let tolerance = self.settings.tolerance;
+        let ratio = crossing.error() / (tolerance * crossing.t);
+        let shortfall = (ratio.is_nan() || ratio > 1.0).then_some(Shortfall {
+            number: "reach.t".into(),
+            ratio,
+            tolerance,
+            free: self.settings.cells.is_none() && self.settings.step.is_none(),
+            reason,
+        });
+        Ok(Reached {
+            t: Some(Estimate::new(
+                crossing.t,
+                crossing.error(),
+                if crossing.by_value > crossing.by_time {
+                    Origin::Space
+                } else {
+                    Origin::Time
+                },
+            )),
+            method: it.method,
+            shortfall,
+            // Those of a course that had another tolerance say nothing of this number.
+            warnings: Vec::new(),
+        })
+    }
+
+    fn answer(&self, t: Option<Estimate>, it: Transient, why: &str) -> Reached {
+        Reached {
+            t,
+            method: it.method,
+            shortfall: None,
+            warnings: vec![format!("reach: {}: {why}", self.moment.name())],
+        }
+    }
+
+    /// What a course shows.
+    fn look(&self, it: &Transient, side: &mut Option<f64>) -> Seen {
+        let Some(curve) = Curve::of(self.moment, self.level, it, side) else {
+            return Seen::Never("it does not exist at every time".into());
+        };
+        if curve.at_once() {
+            return Seen::AtOnce;
+        }
+        if let Some(crossing) = curve.crossing() {
+            return Seen::Crossing(crossing);
+        }
+        let value = |it: Option<&Estimate>| it.map_or(f64::NAN, |it| it.value);
+        let words = format!(
+            "from {:.4e} at first to {:.4e} at t = {:e} it does not pass {:.4e}",
+            value(curve.values.first()),
+            value(curve.values.last()),
+            it.times.last().copied().unwrap_or(0.0),
+            self.level
+        );
+        if curve.rests(self.stationary) {
+            Seen::Never(words)
+        } else {
+            Seen::NotYet(words)
+        }
+    }
+}
+
+/// Equally spaced times from one to another, both among them.
+fn course(from: f64, to: f64) -> Vec<f64> {
+    let count = ((to - from) / SPACING).ceil().clamp(8.0, MOST as f64 - 1.0);
+    (0..=count as u32)
+        .map(|k| from + (to - from) * f64::from(k) / count)
+        .collect()
+}
+
+/// What a course shows.
+enum Seen {
+    Crossing(Crossing),
+    AtOnce,
+    /// Nothing yet, in words.
+    NotYet(String),
+    /// Nothing, and it will stay so.
+    Never(String),
+}
+
+/// A moment against time, turned so that it rises through 0 where it first reaches the level.
+struct Curve<'a> {
+    times: &'a [f64],
+    values: Vec<Estimate>,
+    level: f64,
+    sign: f64,
+}
+
+/// Where a curve crosses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Crossing {
+    t: f64,
+    /// Before `low` it cannot have crossed, after `high` it must have.
+    low: f64,
+    high: f64,
+    /// Of the error, what that of the moment makes, and what lies between the times.
+    by_value: f64,
+    by_time: f64,
+}
+
+impl Crossing {
+    fn error(&self) -> f64 {
+        // Never less than the rounding of the times themselves.
+        (self.t - self.low)
+            .max(self.high - self.t)
+            .max(1e-13 * self.t)
+    }
+
+    /// Times about it, some beyond its error at both ends for the interpolation.
+    fn window(&self) -> Vec<f64> {
+        let reach = self.error().max(1e-9 * self.t);
+        let from = (self.t - 2.0 * reach).max(0.0);
+        let to = self.t + 2.0 * reach;
+        let count = FINE as f64;
+        (0..=FINE)
+            .map(|k| from + (to - from) * k as f64 / count)
+            .collect()
+    }
+}
+
+impl<'a> Curve<'a> {
+    /// None where the moment does not exist at some time. `side` remembers from which side the first course began: a
+    /// course about the crossing does not see it.
+    fn of(moment: Moment, level: f64, it: &'a Transient, side: &mut Option<f64>) -> Option<Self> {
+        let values = it.moments.iter().map(|at| at.get(moment));
+        let values: Option<Vec<Estimate>> = values.collect();
+        let values = values?;
+        if values.iter().any(|it| !it.value.is_finite()) {
+            return None;
+        }
+        let below = values.first()?.value < level;
+        let sign = *side.get_or_insert(if below { 1.0 } else { -1.0 });
+        Some(Self {
+            times: &it.times,
+            values,
+            level,
+            sign,
+        })
+    }
+
+    /// Whether the very first time has the level.
+    fn at_once(&self) -> bool {
+        self.times.first() == Some(&0.0)
+            && self
+                .values
+                .first()
+                .is_some_and(|it| (it.value - self.level).abs() <= it.error)
+    }
+
+    /// Whether the last value is the stationary one within its error.
+    fn rests(&self, stationary: f64) -> bool {
+        let last = self.values.last();
+        last.is_some_and(|it| (it.value - stationary).abs() <= it.error)
+    }
+
+    /// Height over the level.
+    fn over(&self, k: usize) -> f64 {
+        self.sign * (self.values[k].value - self.level)
+    }
+
+    /// The cubic through the four times about interval `k`, and how far it is from the parabola through three.
+    fn between(&self, k: usize, t: f64) -> (f64, f64) {
+        let last = self.times.len() - 1;
+        let from = k.saturating_sub(1).min(last.saturating_sub(3));
+        let to = (from + 3).min(last);
+        let cubic = self.lagrange(from..=to, t);
+        let parabola = self.lagrange(from..=to.min(from + 2), t);
+        // The parabola that reaches over the interval.
+        let other = self.lagrange((from + 1).min(to)..=to, t);
+        let near = if k > from + 1 { other } else { parabola };
+        (cubic, (cubic - near).abs())
+    }
+
+    fn lagrange(&self, nodes: std::ops::RangeInclusive<usize>, t: f64) -> f64 {
+        let value = |i: usize| {
+            let others = nodes.clone().filter(|j| *j != i);
+            let weight: f64 = others
+                .map(|j| (t - self.times[j]) / (self.times[i] - self.times[j]))
+                .product();
+            weight * self.over(i)
+        };
+        nodes.clone().map(value).sum()
+    }
+
+    /// The first crossing, between what is possible and what is certain; None where none is certain.
+    fn crossing(&self) -> Option<Crossing> {
+        let last = self.times.len() - 1;
+        if last == 0 {
+            return None;
+        }
+        let (mut low, mut t) = (None, None);
+        let mut by = (0.0_f64, 0.0_f64);
+        for k in 0..last {
+            let error = self.values[k].error.max(self.values[k + 1].error);
+            let width = self.times[k + 1] - self.times[k];
+            // Where even a peak between the times stays away nothing is looked at more closely.
+            let top = self.over(k).max(self.over(k + 1));
+            let bend = (self.over(k) - self.over(k + 1)).abs();
+            if top + error + bend < 0.0 {
+                continue;
+            }
+            let pieces = 64;
+            for j in 0..=pieces {
+                let at = self.times[k] + width * f64::from(j) / f64::from(pieces);
+                let (height, unsure) = self.between(k, at);
+                if low.is_none() && height + error + unsure >= 0.0 {
+                    low = Some(at);
+                }
+                if t.is_none() && height >= 0.0 {
+                    t = Some(self.root(k, at - width / f64::from(pieces), at));
+                    by = (error, unsure);
+                }
+                if height - error - unsure >= 0.0
+                    && let (Some(low), Some(t)) = (low, t)
+                {
+                    // The pieces are a resolution too.
+                    let piece = width / f64::from(pieces);
+                    let (low, high) = (low.min(t), at.max(t));
+                    let spread = (t - low).max(high - t);
+                    let share = by.0 / (by.0 + by.1).max(f64::MIN_POSITIVE);
+                    // Nearer than a few pieces it is they that are seen.
+                    let by_time = (1.0 - share) * spread + piece;
+                    return Some(Crossing {
+                        t,
+                        low: (low - piece).max(0.0),
+                        high: high + piece,
+                        by_value: share * spread,
+                        by_time,
+                    });
+                }
+            }
+        }
+        None
+    }
+
+    /// Where the interpolant crosses between two places, by bisection.
+    fn root(&self, k: usize, mut low: f64, mut high: f64) -> f64 {
+        if self.between(k, low).0 >= 0.0 {
+            return high;
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if self.between(k, middle).0 >= 0.0 {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        0.5 * (low + high)
+    }
+}

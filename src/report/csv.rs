@@ -1,0 +1,257 @@
+//! Tables as CSV: a column a quantity, its unit in the header, beside it its error, and with a rig the same in SI units.
+
+use super::File;
+use crate::clock::{Clock, TimeUnit};
+use crate::estimate::Estimate;
+use crate::format::num;
+use crate::results::Results;
+use crate::rig::Rig;
+
+/// A number as it reads back exactly; empty where it does not exist.
+pub(super) fn field(x: f64) -> String {
+    if x.is_finite() { num(x) } else { String::new() }
+}
+
+/// Value and error, or two empty fields.
+pub(super) fn fields(it: Option<Estimate>) -> String {
+    let it = it.filter(|it| it.value.is_finite());
+    it.map_or(",".into(), |it| {
+        format!("{},{}", field(it.value), field(it.error))
+    })
+}
+
+/// A unit of the manual as people write it: z_s the static compression, F_s the static load, Omega the circular
+/// frequency of small vibrations, m the mass.
+pub(crate) fn spelled(unit: &str) -> &str {
+    match unit {
+        "u" => "2 z_s/3",
+        "1/u" => "1/(2 z_s/3)",
+        "u^2" => "(2 z_s/3)^2",
+        "u W" => "2 z_s Omega/3",
+        "1/(u W)" => "1/(2 z_s Omega/3)",
+        "(u W)^2" => "(2 z_s Omega/3)^2",
+        "u^2 W" => "(2 z_s/3)^2 Omega",
+        "(u W)^2 m" => "m (2 z_s Omega/3)^2",
+        "u^2/W" => "(2 z_s/3)^2/Omega",
+        "F" => "F_s",
+        "1/F" => "1/F_s",
+        "F^2/W" => "F_s^2/Omega",
+        "W" => "Omega",
+        "1/W" => "1/Omega",
+        "W/(2 pi)" => "1/period",
+        "2 pi/W" => "periods",
+        other => other,
+    }
+}
+
+/// A unit of the manual on a rig: its SI unit, and how many of these it is. None for what has no dimension.
+pub(crate) fn si(unit: &str, rig: &Rig) -> Option<(&'static str, f64)> {
+    let (length, speed) = (micrometre(rig), rig.velocity(1.0) * 1e3);
+    let (force, second) = (rig.newtons(1.0), rig.seconds(1.0));
+    Some(match unit {
+        "u" => ("um", length),
+        "1/u" => ("1/um", 1.0 / length),
+        "u^2" => ("um^2", length * length),
+        "u W" => ("mm/s", speed),
+        "1/(u W)" => ("1/(mm/s)", 1.0 / speed),
+        "(u W)^2" => ("(mm/s)^2", speed * speed),
+        "u^2 W" => ("um mm/s", length * speed),
+        "(u W)^2 m" => ("J", rig.mass() * rig.velocity(1.0).powi(2)),
+        "F" => ("N", force),
+        "1/F" => ("1/N", 1.0 / force),
+        "W" => ("1/s", 1.0 / second),
+        "1/W" => ("s", second),
+        _ => return None,
+    })
+}
+
+/// Micrometres of one dimensionless displacement.
+pub(crate) fn micrometre(rig: &Rig) -> f64 {
+    (rig.compression(1.0) - rig.compression(0.0)) * 1e6
+}
+
+/// Columns of a table.
+pub(super) struct Csv {
+    clock: Clock,
+    rig: Option<Rig>,
+    columns: Vec<Column>,
+}
+
+struct Column {
+    head: String,
+    /// In the units of the manual, whatever the unit of times.
+    unit: &'static str,
+    values: Vec<f64>,
+    /// Whether the numbers of a rig are to stand beside it.
+    physical: bool,
+}
+
+impl Csv {
+    /// A table of the scene of `results`.
+    pub(super) fn of(results: &Results) -> Self {
+        Self {
+            clock: results.scene.clock(),
+            rig: results.scene.rig,
+            columns: Vec::new(),
+        }
+    }
+
+    fn put(&mut self, head: String, unit: &'static str, values: Vec<f64>, physical: bool) {
+        self.columns.push(Column {
+            head,
+            unit,
+            values,
+            physical,
+        });
+    }
+
+    /// Numbers without errors.
+    pub(super) fn plain(
+        mut self,
+        head: &str,
+        unit: &'static str,
+        values: impl IntoIterator<Item = f64>,
+    ) -> Self {
+        let values = values.into_iter().collect();
+        self.put(head.to_owned(), unit, values, true);
+        self
+    }
+
+    /// The same, of which a rig has another column already.
+    pub(super) fn bare(mut self, head: &str, unit: &'static str, values: Vec<f64>) -> Self {
+        self.put(head.to_owned(), unit, values, false);
+        self
+    }
+
+    /// The last column is a circular frequency: in units of Omega whatever the unit of times.
+    pub(super) fn circular(mut self) -> Self {
+        if let Some(last) = self.columns.last_mut() {
+            last.unit = "Omega";
+        }
+        self
+    }
+
+    /// Numbers, and their errors in the next column; `kind` is "error" or "standard error".
+    pub(super) fn numbers(
+        mut self,
+        head: &str,
+        kind: &str,
+        unit: &'static str,
+        numbers: impl IntoIterator<Item = Option<Estimate>>,
+    ) -> Self {
+        self.add(head, kind, unit, numbers);
+        self
+    }
+
+    /// The same in place.
+    pub(super) fn add(
+        &mut self,
+        head: &str,
+        kind: &str,
+        unit: &'static str,
+        numbers: impl IntoIterator<Item = Option<Estimate>>,
+    ) {
+        let numbers = numbers.into_iter().map(|it| match it {
+            Some(it) if it.value.is_finite() => (it.value, it.error),
+            _ => (f64::NAN, f64::NAN),
+        });
+        let (values, errors) = numbers.unzip();
+        self.put(head.to_owned(), unit, values, true);
+        self.put(format!("{kind} of {head}"), unit, errors, true);
+    }
+
+    /// The table: as it was put together, then with a rig every column that has a dimension once more in SI units.
+    pub(super) fn file(mut self, name: &str) -> File {
+        let of_time = |unit: &str| matches!(unit, "W" | "1/W");
+        let clock = self.clock;
+        let mut physical = Vec::new();
+        if let Some(rig) = &self.rig {
+            for it in self.columns.iter().filter(|it| it.physical) {
+                // Times are in seconds already, or in a unit of their own.
+                let (unit, scale) = match (si(it.unit, rig), of_time(it.unit)) {
+                    (None, _) => continue,
+                    (Some(_), true) if clock.unit() == TimeUnit::Second => continue,
+                    (Some((unit, _)), true) if it.unit == "1/W" => (unit, clock.seconds(rig)),
+                    (Some((unit, _)), true) => (unit, 1.0 / clock.seconds(rig)),
+                    (Some(it), false) => it,
+                };
+                physical.push(Column {
+                    head: it.head.clone(),
+                    unit,
+                    values: it.values.iter().map(|x| x * scale).collect(),
+                    physical: false,
+                });
+            }
+        }
+        self.columns.extend(physical);
+        let head = |it: &Column| {
+            let unit = clock.unit().of(it.unit);
+            format!("{} [{}]", it.head, spelled(unit))
+        };
+        let heads: Vec<String> = self.columns.iter().map(head).collect();
+        let mut text = heads.join(",");
+        text.push('\n');
+        let rows = self.columns.iter().map(|it| it.values.len()).max();
+        for k in 0..rows.unwrap_or(0) {
+            let value = |it: &Column| field(it.values.get(k).copied().unwrap_or(f64::NAN));
+            let values: Vec<String> = self.columns.iter().map(value).collect();
+            text += &values.join(",");
+            text.push('\n');
+        }
+        File::text(name, text)
+    }
+}
+
+/// Rows of a table of single numbers: name, value and error, its unit, and on a rig the same in SI units.
+pub(super) struct Rows {
+    clock: Clock,
+    rig: Option<Rig>,
+    text: String,
+}
+
+impl Rows {
+    /// A table of the scene of `results`, its numbers under these heads, as "value,error".
+    pub(super) fn of(results: &Results, heads: &[&str]) -> Self {
+        let rig = results.scene.rig;
+        let mut text = format!("name,{},unit", heads.join(","));
+        if rig.is_some() {
+            let si: Vec<String> = heads
+                .iter()
+                .flat_map(|it| it.split(','))
+                .map(|it| format!("{it} in SI units"))
+                .collect();
+            text += &format!(",{},SI unit", si.join(","));
+        }
+        text.push('\n');
+        Self {
+            clock: results.scene.clock(),
+            rig,
+            text,
+        }
+    }
+
+    /// A row.
+    pub(super) fn put(&mut self, name: &str, unit: &'static str, numbers: &[Option<Estimate>]) {
+        let all = |scale: f64| -> String {
+            let scaled = |it: &Option<Estimate>| fields(it.map(|it| it.scaled(scale)));
+            numbers.iter().map(scaled).collect::<Vec<_>>().join(",")
+        };
+        let shown = spelled(self.clock.unit().of(unit));
+        self.text += &format!("{name},{},{shown}", all(1.0));
+        if let Some(rig) = &self.rig {
+            let (unit, scale) = match (unit, si(unit, rig)) {
+                ("1/W", _) => ("s", self.clock.seconds(rig)),
+                ("W", _) => ("1/s", 1.0 / self.clock.seconds(rig)),
+                (_, Some(it)) => it,
+                (_, None) => ("1", 1.0),
+            };
+            self.text += &format!(",{},{unit}", all(scale));
+        }
+        self.text.push('\n');
+    }
+
+    /// The table.
+    pub(super) fn file(self, name: &str) -> File {
+        File::text(name, self.text)
+    }
+}

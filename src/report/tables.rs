@@ -1,0 +1,421 @@
+//! The results in words and in tables of HTML, for the page.
+
+use super::page::escaped;
+use crate::clock::TimeUnit;
+use crate::estimate::Estimate;
+use crate::format::{brief, cell, seconds};
+use crate::initial::Initial;
+use crate::moments::{Entry, Moment, Moments};
+use crate::results::{Results, distance, entries, physical_words};
+use std::fmt::Write;
+
+/// Times of a transient shown on the page; all are in the files.
+const TIMES: usize = 12;
+
+/// A table: heads, and rows of as many cells.
+struct Table {
+    heads: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn of<const N: usize>(heads: [&str; N]) -> Self {
+        Self {
+            heads: heads.map(str::to_owned).to_vec(),
+            rows: Vec::new(),
+        }
+    }
+
+    fn put<const N: usize>(&mut self, cells: [String; N]) {
+        self.rows.push(cells.to_vec());
+    }
+
+    /// With its title; nothing without rows. Columns without a single entry are left out.
+    fn html(&self, title: &str) -> String {
+        if self.rows.is_empty() {
+            return String::new();
+        }
+        let filled = |k: usize| {
+            self.rows
+                .iter()
+                .any(|row| !matches!(row[k].as_str(), "" | "-"))
+        };
+        let kept: Vec<usize> = (0..self.heads.len()).filter(|k| filled(*k)).collect();
+        let row = |tag: &str, cells: &[String]| {
+            let cells = kept
+                .iter()
+                .map(|k| format!("<{tag}>{}</{tag}>", escaped(&cells[*k])));
+            format!("<tr>{}</tr>\n", cells.collect::<String>())
+        };
+        let body: String = self.rows.iter().map(|it| row("td", it)).collect();
+        let head = row("th", &self.heads);
+        format!(
+            "<h2>{}</h2>\n<table>\n{head}{body}</table>\n",
+            escaped(title)
+        )
+    }
+}
+
+fn shown(it: Option<Estimate>) -> String {
+    it.map_or(String::new(), |it| cell(Some(it)))
+}
+
+/// What came out, in a few sentences.
+pub(super) fn summary(results: &Results) -> String {
+    let oscillator = &results.scene.oscillator;
+    let contact = oscillator.contact().name();
+    let mut text = format!(
+        "A {contact} contact with damping ratio \u{3b6} = {} under white noise of level h = {}, T = \
+         \u{3c0}h/(2\u{3b6}) = {}.",
+        brief(oscillator.zeta()),
+        brief(oscillator.h()),
+        brief(oscillator.temperature())
+    );
+    let rig = results.scene.rig.as_ref();
+    let law = results.stationary.as_ref();
+    let of = |name: &str| law.and_then(|it| it.get(name)).map(|it| it.value);
+    if let Some(deviation) = of("std_force") {
+        let newtons = rig.map_or(String::new(), |rig| {
+            format!("{} N, ", brief(rounded(rig.newtons(deviation))))
+        });
+        let _ = write!(
+            text,
+            " In the stationary motion the contact force deviates by {newtons}{:.3} static loads from its mean",
+            deviation
+        );
+        match of("contact_loss_probability") {
+            Some(lost) if lost > 0.0 => {
+                let _ = write!(text, ", and contact is lost {} of the time.", share(lost));
+            }
+            _ => text.push_str(", and contact is never lost."),
+        }
+    }
+    let last = results.transient.as_ref();
+    if let Some((t, moments)) = last.and_then(|it| it.times.last().zip(it.moments.last())) {
+        let from = match results.scene.initial {
+            Initial::Rest => "from rest",
+            Initial::Stationary => "from the stationary law",
+            Initial::Gaussian { .. } => "from a Gaussian initial condition",
+        };
+        let _ = write!(text, " At t = {}{}, {from}", brief(*t), unit(results));
+        match moments.get(Moment::ContactLossProbability) {
+            Some(lost) => {
+                let _ = write!(
+                    text,
+                    ", contact is lost with probability {}.",
+                    share(lost.value)
+                );
+            }
+            None => match moments.get(Moment::MeanEnergy) {
+                Some(it) => {
+                    let _ = write!(text, ", the mean energy is {}.", brief(rounded(it.value)));
+                }
+                None => text.push_str(", the moments are those below."),
+            },
+        }
+    }
+    if let (Some(it), Some(asked)) = (&results.reach, results.scene.outputs.reach)
+        && let Some(t) = it.t
+    {
+        let _ = write!(
+            text,
+            " {} reaches {} of its stationary value at t = {}{}.",
+            asked.quantity.entry().symbol,
+            brief(asked.fraction),
+            cell(Some(t)),
+            unit(results)
+        );
+    }
+    if let Some(it) = &results.first_loss {
+        let _ = write!(
+            text,
+            " The first loss of contact takes {}{} in the mean.",
+            cell(Some(it.mean_time)),
+            unit(results)
+        );
+    }
+    if let Some(it) = &results.agreement {
+        let _ = write!(
+            text,
+            " Over {} pairs of numbers, Monte Carlo and the other methods differ by at most {:.1} joint errors; chance \
+             alone would give about {:.1}.",
+            it.compared, it.worst, it.expected_worst
+        );
+    }
+    format!("<p class=\"summary\">{}</p>\n", escaped(&text))
+}
+
+/// What the letters mean, and what an error covers.
+pub(super) fn symbols(results: &Results) -> String {
+    let times = match results.scene.clock().unit() {
+        TimeUnit::Dimensionless => {
+            "times t are in units of 1/\u{3a9}, \u{3a9} = 2\u{3c0}f\u{2080}: a period of small vibrations is 2\u{3c0}"
+        }
+        TimeUnit::Period => {
+            "times t are in periods 1/f\u{2080} of small vibrations, rates per period"
+        }
+        TimeUnit::Second => "times t are in seconds, rates per second",
+    };
+    format!(
+        "<details><summary>Symbols, units, and what \u{b1} means</summary>\n<p>q = (3/2)(z \u{2212} z_s)/z_s is the \
+         displacement, z the compression and z_s the static one; v = dq/d\u{3c4} with \u{3c4} = \u{3a9}t; N = F/F_s \
+         \u{2212} 1 is the dynamic contact force, F_s the static load; H = v\u{b2}/2 + U(q) is the energy; P(loss) is the \
+         probability of no contact; {times}. h is the two-sided density of the excitation per unit of \u{3c9}: 2h \
+         is the one-sided one. T = \u{3c0}h/(2\u{3b6}) is the stationary variance of v.</p>\n<p>Without sampling, \
+         \u{b1} is an estimate that the actual error is meant to stay below: mesh, time steps, truncated domain, \
+         rounding. With sampling it is one standard error. It covers the numerics, not the model and not the \
+         values of the scene.</p></details>\n"
+    )
+}
+
+fn unit(results: &Results) -> &'static str {
+    results.scene.clock().symbol()[1]
+}
+
+fn rounded(x: f64) -> f64 {
+    crate::format::rounded(x, 4)
+}
+
+/// A probability for people.
+fn share(p: f64) -> String {
+    if p >= 1e-3 {
+        format!("{} %", brief(crate::format::rounded(100.0 * p, 3)))
+    } else {
+        format!("{p:.2e}")
+    }
+}
+
+fn words(it: &Entry) -> [String; 2] {
+    [it.words.to_owned(), it.symbol.to_owned()]
+}
+
+/// Every table, SI units first.
+pub(super) fn tables(results: &Results) -> String {
+    let all = [
+        physical(results),
+        stationary(results),
+        crossings(results),
+        first_passage(results),
+        spectrum(results),
+        eigenvalues(results),
+        course(results),
+        stages(results),
+    ];
+    all.concat()
+}
+
+fn physical(results: &Results) -> String {
+    let Some(rig) = &results.scene.rig else {
+        return String::new();
+    };
+    let sampled = results.physical_sampled(rig);
+    let solved = results.physical(rig);
+    let mut names: Vec<&str> = solved.iter().map(|it| it.0).collect();
+    let more = sampled
+        .iter()
+        .map(|it| it.0)
+        .filter(|it| !names.contains(it));
+    let more: Vec<&str> = more.collect();
+    names.extend(more);
+    let mut table = Table::of(["", "value", "long realisations", "unit"]);
+    for name in names {
+        let of = |all: &[(&str, Estimate)]| all.iter().find(|it| it.0 == name).map(|it| it.1);
+        let (words, unit, typed) = physical_words(name);
+        let value = match of(&solved) {
+            Some(it) if typed => brief(crate::format::rounded(it.value, 6)),
+            it => shown(it),
+        };
+        table.put([
+            words.to_owned(),
+            value,
+            shown(of(&sampled)),
+            unit.to_owned(),
+        ]);
+    }
+    table.html(&format!(
+        "On the rig: {} N, {} Hz, {} \u{b5}m",
+        brief(rig.static_load()),
+        brief(rig.frequency()),
+        brief(crate::format::rounded(rig.static_compression() * 1e6, 6))
+    ))
+}
+
+fn stationary(results: &Results) -> String {
+    let closed = results.stationary.as_ref();
+    let steady = results.steady.as_ref().map(|it| it.moments);
+    let sampled = results.sampled_stationary();
+    let mut table = Table::of([
+        "",
+        "symbol",
+        "closed form",
+        "stationary solution on the mesh",
+        "long realisations",
+        "z",
+    ]);
+    for (k, entry) in entries().enumerate() {
+        let a = closed.and_then(|it| it.get(entry.name));
+        let meshed = Moment::ALL.get(k).and_then(|it| steady?.get(*it));
+        let b = sampled.as_ref().and_then(|it| it.get(entry.name));
+        if a.is_none() && meshed.is_none() && b.is_none() {
+            continue;
+        }
+        let z = a.zip(b).and_then(|(a, b)| distance(a, b));
+        let z = z.map_or(String::new(), |z| format!("{z:.1}"));
+        let [words, symbol] = words(entry);
+        table.put([words, symbol, shown(a), shown(meshed), shown(b), z]);
+    }
+    table.html("Stationary motion")
+}
+
+fn crossings(results: &Results) -> String {
+    let Some(numbers) = &results.crossings else {
+        return String::new();
+    };
+    let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
+    let mut table = Table::of(["", "symbol", "Rice, closed form", "long realisations"]);
+    for (name, number) in numbers.iter() {
+        let Some(entry) = entries().find(|it| it.name == name) else {
+            continue;
+        };
+        let seen = sampled.as_ref().and_then(|it| it.get(name));
+        let [words, symbol] = words(entry);
+        table.put([words, symbol, shown(number), shown(seen)]);
+    }
+    table.html("Losses of contact")
+}
+
+fn first_passage(results: &Results) -> String {
+    let Some(it) = &results.first_loss else {
+        return String::new();
+    };
+    let paths = results.first_loss_paths.as_ref();
+    let mut table = Table::of(["", "backward equation", "Monte Carlo"]);
+    let last = it.times.len() - 1;
+    for k in [last / 8, last / 4, last / 2, last] {
+        let t = format!("{}{}", brief(it.times[k]), unit(results));
+        let survival = paths.and_then(|it| it.survival.get(k).copied());
+        table.put([
+            format!("probability of no loss until {t}"),
+            shown(Some(it.survival[k])),
+            shown(survival),
+        ]);
+        table.put([
+            format!("probability of a loss until {t}"),
+            shown(Some(it.lost[k])),
+            shown(survival.map(Estimate::complement)),
+        ]);
+    }
+    for (words, number) in [
+        ("mean time to the first loss", it.mean_time),
+        ("asymptotic hazard rate", it.rate),
+        ("the same over Rice's rate", it.rate_over_rice),
+    ] {
+        table.put([words.to_owned(), shown(Some(number)), String::new()]);
+    }
+    table.html("First passage to contact loss")
+}
+
+fn spectrum(results: &Results) -> String {
+    let Some(it) = &results.spectrum else {
+        return String::new();
+    };
+    let rig = results.scene.rig;
+    let hertz = |x: Option<Estimate>| shown(rig.zip(x).map(|(rig, x)| x.scaled(rig.hertz(1.0))));
+    let mut table = Table::of([
+        "",
+        "frequency, Hz",
+        "half-power width, Hz",
+        "\u{3c9}",
+        "half-power width",
+        "one-sided density",
+    ]);
+    for (k, peak) in it.peaks.iter().take(4).enumerate() {
+        table.put([
+            format!("peak {}", k + 1),
+            hertz(Some(peak.omega)),
+            hertz(peak.width),
+            shown(Some(peak.omega)),
+            shown(peak.width),
+            shown(Some(peak.density)),
+        ]);
+    }
+    table.html(&format!("Spectrum of the {}", it.solved.quantity.name()))
+}
+
+fn eigenvalues(results: &Results) -> String {
+    let Some(it) = &results.decay_rates else {
+        return String::new();
+    };
+    let mut table = Table::of(["", "real part", "imaginary part", "relaxation time"]);
+    for (k, rate) in it.rates.iter().enumerate() {
+        let part = |value: f64| Estimate {
+            value,
+            error: rate.error,
+            ..Estimate::default()
+        };
+        let re = part(rate.re);
+        let time = Estimate {
+            value: -1.0 / rate.re,
+            error: rate.error / rate.re.powi(2),
+            ..re
+        };
+        let im = (rate.im != 0.0).then(|| format!("\u{b1}{}", cell(Some(part(rate.im)))));
+        table.put([
+            (k + 1).to_string(),
+            shown(Some(re)),
+            im.unwrap_or_default(),
+            shown(Some(time)),
+        ]);
+    }
+    table.html("Slowest eigenvalues of the Fokker-Planck operator")
+}
+
+fn course(results: &Results) -> String {
+    let Some(it) = &results.transient else {
+        return String::new();
+    };
+    let empty: (&[f64], &[Moments]) = (&[], &[]);
+    let paths = results.monte_carlo.as_ref();
+    let paths = paths.map_or(empty, |it| (&it.times, &it.moments));
+    let few = it.moments.last().is_some_and(|it| it.left_out != 0);
+    let course = [
+        Moment::MeanQ,
+        Moment::StdForce,
+        Moment::MeanEnergy,
+        Moment::ContactLossProbability,
+    ];
+    let course = if few { &Moment::ALL[..] } else { &course };
+    let count = it.times.len();
+    let most = TIMES.min(count);
+    let shown_at = (1..=most).map(|k| (k * count).div_ceil(most) - 1);
+    let mut table = Table::of(["t", "", "Fokker-Planck", "Monte Carlo", "z"]);
+    for k in shown_at {
+        let t = it.times[k];
+        let there = paths.0.iter().position(|it| *it == t);
+        let there = there.and_then(|k| paths.1.get(k));
+        for (n, moment) in course.iter().enumerate() {
+            let Some(a) = it.moments.get(k).and_then(|it| it.get(*moment)) else {
+                continue;
+            };
+            let b = there.and_then(|it| it.get(*moment));
+            let z = b.and_then(|b| distance(a, b));
+            let time = format!("{}{}", brief(t), unit(results));
+            table.put([
+                if n == 0 { time } else { String::new() },
+                moment.entry().symbol.to_owned(),
+                shown(Some(a)),
+                shown(b),
+                z.map_or(String::new(), |z| format!("{z:.1}")),
+            ]);
+        }
+    }
+    table.html("On the path to the stationary motion")
+}
+
+fn stages(results: &Results) -> String {
+    let mut table = Table::of(["stage", "time"]);
+    for (name, time) in &results.run.stages {
+        table.put([(*name).to_owned(), seconds(*time)]);
+    }
+    table.html("Times of the run")
+}

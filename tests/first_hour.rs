@@ -1,0 +1,305 @@
+//! What a user of the first hour relies on: times in the unit of the scene everywhere, the time to a level, numbers of a rig
+//! beside the dimensionless ones.
+
+use serde_json::Value;
+use vibroimpact::moments::Moment;
+use vibroimpact::plan::Plan;
+use vibroimpact::report;
+use vibroimpact::results::Results;
+use vibroimpact::rig::Rig;
+use vibroimpact::scene::text::SceneText;
+
+fn run(text: &str) -> Results {
+    let text = SceneText::parse("scene", text, &[]).unwrap();
+    Plan::of(text.scene()).unwrap().run_quietly().unwrap()
+}
+
+/// Var q, Cov qv, Var v of the linear oscillator from rest at time t, by classical Runge-Kutta steps.
+fn linear(zeta: f64, h: f64, t: f64) -> [f64; 3] {
+    let rate = |[q, c, v]: [f64; 3]| {
+        let noise = 2.0 * std::f64::consts::PI * h;
+        [
+            2.0 * c,
+            v - q - 2.0 * zeta * c,
+            -2.0 * c - 4.0 * zeta * v + noise,
+        ]
+    };
+    let steps = (t / 1e-3).ceil().max(1.0);
+    let dt = t / steps;
+    let add = |x: [f64; 3], k: [f64; 3], f: f64| std::array::from_fn(|i| x[i] + f * k[i]);
+    let mut x = [0.0; 3];
+    for _ in 0..steps as u64 {
+        let a = rate(x);
+        let b = rate(add(x, a, 0.5 * dt));
+        let c = rate(add(x, b, 0.5 * dt));
+        let d = rate(add(x, c, dt));
+        x = std::array::from_fn(|i| x[i] + dt / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+    }
+    x
+}
+
+/// The first time at which `f` is above 0, by small steps and bisection.
+fn first(f: impl Fn(f64) -> f64) -> f64 {
+    let mut high = 0.05;
+    while f(high) < 0.0 {
+        high += 0.05;
+    }
+    let mut low = high - 0.05;
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if f(middle) < 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+#[test]
+fn a_linear_oscillator_reaches_a_part_of_its_energy_when_the_covariance_says() {
+    let (zeta, h) = (0.05, 0.02);
+    let t = std::f64::consts::PI * h / (2.0 * zeta);
+    for (moment, fraction) in [
+        (Moment::MeanEnergy, 0.9),
+        (Moment::VarQ, 0.5),
+        (Moment::VarV, 0.3),
+        (Moment::StdForce, 0.8),
+    ] {
+        let name = moment.name();
+        let it = run(&format!(
+            "[oscillator]\ncontact = \"linear\"\nzeta = {zeta}\nh = {h}\n[outputs]\nreach = {{ quantity = \
+             \"{name}\", fraction = {fraction} }}"
+        ));
+        let exact = first(|time| {
+            let [q, _, v] = linear(zeta, h, time);
+            let part = match moment {
+                Moment::MeanEnergy => 0.5 * (q + v) / t,
+                Moment::VarQ => q / t,
+                Moment::VarV => v / t,
+                _ => (q / t).sqrt(),
+            };
+            part - fraction
+        });
+        let reached = it.reach.as_ref().unwrap();
+        let found = reached.t.unwrap();
+        let error = (found.value - exact).abs();
+        println!(
+            "{name} to {fraction}: {found}, exact {exact:.6}, error {error:.1e}; {:?}",
+            reached.shortfall
+        );
+        assert!(error <= found.error, "{name}: {error:e}");
+        assert!(
+            found.error <= 1e-3 * exact && it.shortfalls.is_empty(),
+            "{name}"
+        );
+        let tree = it.tree();
+        assert_eq!(tree["reach"]["quantity"], name);
+        assert_eq!(tree["reach"]["fraction"], fraction);
+        assert_eq!(tree["reach"]["t"]["value"], found.value);
+    }
+}
+
+#[test]
+fn a_level_that_is_passed_only_from_above_is_reached_from_above_or_never() {
+    let scene = |fraction: f64| {
+        format!(
+            "[oscillator]\ncontact = \"linear\"\nzeta = 0.1\nh = 0.01\n[initial]\ndeviation = [1.0, 1.0]\n\
+             [outputs]\nreach = {{ quantity = \"mean_energy\", fraction = {fraction} }}"
+        )
+    };
+    // From 1/T = 6.4 times the stationary value the energy falls as exp(-2 zeta t), but for oscillations that an equal
+    // spread of q and v leaves out to first order.
+    let t = std::f64::consts::PI * 0.01 / 0.2;
+    let it = run(&scene(2.0));
+    let found = it.reach.unwrap().t.unwrap();
+    let roughly = ((1.0 / t - 1.0) / (2.0 - 1.0)).ln() / 0.2;
+    println!("{found}, roughly {roughly:.2}");
+    assert!((found.value - roughly).abs() < 0.6, "{found}");
+    let it = run(&scene(0.5));
+    assert_eq!(it.reach.as_ref().unwrap().t, None);
+    assert!(it.tree()["reach"]["t"].is_null());
+    let warnings: Vec<&str> = it.run.warnings.iter().map(|it| it.text.as_str()).collect();
+    assert!(
+        warnings
+            .iter()
+            .any(|it| it.starts_with("reach: mean_energy")),
+        "{warnings:?}"
+    );
+}
+
+/// A scene with every output that has a time. In the unit times have four digits; without one they are the same, times
+/// `length`.
+fn scene(unit: Option<&str>, length: f64) -> String {
+    let scale = if unit.is_some() { 1.0 } else { length };
+    let of = |t: f64| format!("{:?}", typed(t, length) * scale);
+    let window = if unit.is_some() {
+        of(0.01 * Rig::default().time(1.0))
+    } else {
+        format!(
+            "{:?}",
+            Rig::default().seconds(typed(0.01 * Rig::default().time(1.0), length) * length)
+        )
+    };
+    let unit = unit.map_or(String::new(), |it| format!("time_unit = \"{it}\"\n"));
+    format!(
+        "[oscillator]\nzeta = 0.05\nh = 0.02\n[rig]\nstatic_load = 110\nfrequency = 232\nstatic_compression = 7e-6\n\
+         [initial]\ndeviation = [0.8, 0.8]\n[outputs]\nstationary = true\nmoments_at = [{}, {}]\ndensity_at = [{}]\n\
+         decay_rates = 1\nfirst_loss = {{ until = {} }}\ncrossings = {{ window = {window} }}\n\
+         reach = {{ quantity = \"std_force\", fraction = 1.02 }}\n{unit}[monte_carlo]\npaths = 300\nduration = {}\n",
+        of(2.0),
+        of(4.0),
+        of(4.0),
+        of(8.0),
+        of(400.0),
+    )
+}
+
+/// A dimensionless time in units of this length, to four digits.
+fn typed(t: f64, length: f64) -> f64 {
+    format!("{:.3e}", t / length).parse().unwrap()
+}
+
+fn number(tree: &Value, path: &str) -> f64 {
+    tree.pointer(path)
+        .and_then(Value::as_f64)
+        .unwrap_or_else(|| panic!("{path}"))
+}
+
+#[test]
+fn a_scene_in_seconds_or_periods_has_the_same_answers_in_seconds_or_periods() {
+    let second = Rig::default().time(1.0);
+    for (unit, length, words) in [
+        ("dimensionless", 1.0, "1/Omega"),
+        ("period", std::f64::consts::TAU, "periods"),
+        ("s", second, "s"),
+    ] {
+        let base_tree = run(&scene(None, length)).tree();
+        let it = run(&scene(Some(unit), length));
+        let tree = it.tree();
+        assert_eq!(tree["scene"]["outputs"]["time_unit"], unit);
+        let mut compared = 0;
+        for (path, power) in [
+            ("/stationary/loss_rate/value", -1),
+            ("/stationary/mean_flight/value", 1),
+            ("/crossings/mean_impact_speed/value", 0),
+            ("/stationary/var_v/value", 0),
+            ("/transient/t/1", 1),
+            ("/transient/mean_q/value/1", 0),
+            ("/transient/method/step", 1),
+            ("/first_loss/t/7", 1),
+            ("/first_loss/survival/value/7", 0),
+            ("/first_loss/density/value/7", -1),
+            ("/first_loss/density/error/7", -1),
+            ("/first_loss/mean_time/value", 1),
+            ("/first_loss/rate/value", -1),
+            ("/first_loss/rate_over_rice/value", 0),
+            ("/crossings/losses_in_window/value", 0),
+            ("/crossings/flight_time/9", 1),
+            ("/crossings/flight_density/value/9", -1),
+            ("/decay_rates/0/re", -1),
+            ("/continuous_from", -1),
+            ("/reach/t/value", 1),
+            ("/monte_carlo/transient/t/1", 1),
+            ("/monte_carlo/transient/var_q/value/1", 0),
+            ("/monte_carlo/transient/method/step", 1),
+            ("/monte_carlo/first_loss/t/7", 1),
+            ("/monte_carlo/crossings/loss_rate/value", -1),
+            ("/monte_carlo/crossings/losses_in_window/value", 0),
+            ("/monte_carlo/stationary/method/duration", 1),
+            ("/agreement/worst", 0),
+            // What is in SI units says so in its name.
+            ("/rig/mean_flight_ms/value", 0),
+            ("/rig/losses_per_second/value", 0),
+            ("/rig/window_s/value", 0),
+            ("/rig/time_out_of_contact_s/value", 0),
+            ("/rig/reach_s/value", 0),
+        ] {
+            let (a, b) = (number(&base_tree, path), number(&tree, path));
+            let expected = a * length.powi(-power);
+            // Times go through their unit and back: 13 digits, and what a grid of steps makes of the last of them.
+            let near = (b - expected).abs() <= 1e-7 * expected.abs().max(1e-12);
+            assert!(near, "{unit}: {path}: {b:e} for {expected:e}");
+            compared += 1;
+        }
+        println!("{unit}: {compared} numbers");
+        // Times that were typed are written as they were typed.
+        let typed = typed(4.0, length);
+        assert_eq!(number(&tree, "/transient/t/1"), typed);
+        let files = report::all(&it).unwrap();
+        let file = |name: &str| {
+            let found = files.iter().find(|it| it.name == name);
+            String::from_utf8(found.unwrap_or_else(|| panic!("{name}")).bytes.clone()).unwrap()
+        };
+        let density = files.iter().filter(|it| it.name.starts_with("density_"));
+        for it in density {
+            let t = it
+                .name
+                .trim_start_matches("density_")
+                .rsplit_once('.')
+                .unwrap()
+                .0;
+            assert_eq!(t.parse::<f64>().unwrap(), typed, "{}", it.name);
+        }
+        let head = format!("t [{words}],mean_q [2 z_s/3],error of mean_q [2 z_s/3],");
+        assert!(
+            file("moments.csv").starts_with(&head),
+            "{}",
+            file("moments.csv")
+        );
+        assert!(file("moments.csv").contains("mean_force [N]"));
+        assert!(file("first_loss.csv").contains(",density ["));
+        let again = SceneText::parse("again", &file("scene.toml"), &[]).unwrap();
+        assert_eq!(again.scene(), &it.scene);
+    }
+}
+
+#[test]
+fn densities_alone_bring_the_moments_of_their_times() {
+    let it = run(
+        "[oscillator]\nzeta = 0.05\nh = 0.02\n[initial]\ndeviation = [0.8, 0.8]\n[outputs]\ndensity_at = [1, 3]",
+    );
+    let tree = it.tree();
+    assert_eq!(tree["transient"]["t"], serde_json::json!([1.0, 3.0]));
+    assert!((number(&tree, "/transient/mass/value/1") - 1.0).abs() < 1e-3);
+    let table = report::terminal::table(&it, false);
+    assert!(table.contains("t = 3"), "{table}");
+}
+
+#[test]
+fn what_is_hardly_meant_is_doubted() {
+    let rig = "[rig]\nstatic_load = 60\nfrequency = 410\n";
+    for (text, word) in [
+        (
+            format!("[oscillator]\nzeta = 0.8\nh = 2e-3\n{rig}static_compression = 3.5e-6"),
+            "0.8 % would be 0.008",
+        ),
+        (
+            format!("[oscillator]\nzeta = 0.008\nh = 2e-3\n{rig}static_compression = 3.5"),
+            "in metres",
+        ),
+        (
+            "[oscillator]\nzeta = 0.008\nh = 2e-3\n[rig]\nstatic_load = 60e6\nfrequency = 0.41\nstatic_compression = 3.5e-6".into(),
+            "moving mass",
+        ),
+        (
+            "[oscillator]\nzeta = 0.008\nh = 2e-3\n[initial]\ndeviation = [1, 1]".into(),
+            "initial condition",
+        ),
+    ] {
+        let it = run(&text);
+        let warnings: Vec<&str> = it.run.warnings.iter().map(|it| it.text.as_str()).collect();
+        assert!(warnings.iter().any(|it| it.contains(word)), "{word}: {warnings:?}");
+    }
+    let good =
+        format!("[oscillator]\nzeta = 0.008\nforce_psd = 0.02\n{rig}static_compression = 3.5e-6");
+    let it = run(&good);
+    assert!(it.run.warnings.is_empty(), "{:?}", it.run.warnings);
+    // The level stays as it was given.
+    assert!(
+        it.scene.to_toml().contains("force_psd = 0.02"),
+        "{}",
+        it.scene.to_toml()
+    );
+    assert!(it.tree()["rig"]["contact_loss_probability"]["value"].is_number());
+}
