@@ -6,7 +6,8 @@ pub use crate::budget::StopFlag;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{
-    self, Eigenvalues, FirstPassage, Recipe, Resolvent, Settings, SteadyState,
+    self, Eigenvalues, FirstPassage, PeriodicLaw, Recipe, Resolvent, ResponseCurve, Settings,
+    SteadyState,
 };
 use crate::format::num;
 pub use crate::format::{bytes, seconds};
@@ -42,6 +43,8 @@ pub struct Plan {
 #[derive(Debug, Clone, Default)]
 struct Recipes {
     transient: Option<Recipe>,
+    periodic: Option<PeriodicLaw>,
+    response: Option<ResponseCurve>,
     steady: Option<SteadyState>,
     eigenvalues: Option<Eigenvalues>,
     spectrum: Option<Resolvent>,
@@ -74,6 +77,10 @@ pub enum Part {
     FirstLoss,
     /// The transient of the Fokker-Planck equation.
     Transient,
+    /// The law that lasts under a drive.
+    Periodic,
+    /// The same over the frequency of the drive.
+    Response,
     /// Its steady state on the mesh.
     Steady,
     /// The slowest eigenvalues of L.
@@ -98,6 +105,8 @@ impl Part {
             Self::Crossings => "crossings",
             Self::FirstLoss => "first_loss",
             Self::Transient => "transient",
+            Self::Periodic => "periodic",
+            Self::Response => "response",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
             Self::Spectrum => "spectrum",
@@ -199,6 +208,7 @@ impl Plan {
         let mut plan = Self {
             scene: scene.clone(),
             settings: Settings {
+                excitation: scene.excitation.clone(),
                 method: scene.method.transient,
                 drift: scene.method.drift,
                 time: scene.method.time,
@@ -278,6 +288,7 @@ impl Plan {
             seed: it.seed,
             scheme: it.scheme,
             step: it.step,
+            excitation: self.scene.excitation.clone(),
             noise: match it.noise {
                 scene::Noise::White => monte_carlo::Noise::White,
                 scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
@@ -346,6 +357,21 @@ impl Plan {
                 let recipe = Recipe::of(oscillator, initial, &self.times(), &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.transient = Some(recipe);
+                cost
+            }
+            Part::Periodic => {
+                let phases = self.scene.outputs.periodic.unwrap_or(0);
+                let recipe = PeriodicLaw::of(oscillator, phases, &self.settings, true)?;
+                let cost = (recipe.cost(), recipe.words());
+                self.recipes.periodic = Some(recipe);
+                cost
+            }
+            Part::Response => {
+                let asked = self.scene.outputs.response;
+                let frequencies = asked.map_or(Vec::new(), |it| it.frequencies());
+                let recipe = ResponseCurve::of(oscillator, &frequencies, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.response = Some(recipe);
                 cost
             }
             Part::Steady => {
@@ -485,6 +511,24 @@ impl Plan {
                 results.run.warnings.extend(warnings.map(Warning::from));
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.transient = Some(it);
+            }
+            Part::Periodic => {
+                if let Some(recipe) = &self.recipes.periodic {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                    results.periodic = Some(it);
+                }
+            }
+            Part::Response => {
+                if let Some(recipe) = &self.recipes.response {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                    results.response = Some(it);
+                }
             }
             Part::Steady => {
                 let Some(recipe) = &self.recipes.steady else {
@@ -723,7 +767,7 @@ impl Plan {
 }
 
 /// The keys that ask for each part, and whether they do.
-fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 13] {
     let it = &scene.outputs;
     let crossings = ("outputs.crossings", it.crossings.is_some());
     let first_loss = ("outputs.first_loss", it.first_loss.is_some());
@@ -744,6 +788,14 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
         (Part::Crossings, vec![crossings]),
         (Part::FirstLoss, vec![first_loss]),
         (Part::Transient, vec![moments, densities]),
+        (
+            Part::Periodic,
+            vec![("outputs.periodic", it.periodic.is_some())],
+        ),
+        (
+            Part::Response,
+            vec![("outputs.response", it.response.is_some())],
+        ),
         (Part::Steady, vec![("outputs.steady", it.steady)]),
         (
             Part::DecayRates,

@@ -7,7 +7,9 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Steady, Transient};
+use crate::fokker_planck::{
+    DecayRates, FirstLoss, FlightLaw, Periodic, Response, Steady, Transient,
+};
 use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
@@ -43,6 +45,10 @@ pub struct Results {
     pub first_loss: Option<FirstLoss>,
     /// The transient of the Fokker-Planck equation.
     pub transient: Option<Transient>,
+    /// The law that lasts under a drive.
+    pub periodic: Option<Periodic>,
+    /// The same over the frequency of the drive.
+    pub response: Option<Response>,
     /// Its steady state on the mesh.
     pub steady: Option<Steady>,
     /// The slowest eigenvalues of L.
@@ -271,6 +277,8 @@ impl Results {
             flights: None,
             first_loss: None,
             transient: None,
+            periodic: None,
+            response: None,
             steady: None,
             decay_rates: None,
             spectrum: None,

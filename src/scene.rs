@@ -20,6 +20,7 @@ pub mod text;
 
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
+use crate::excitation::{Drive, Excitation};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::format::{num, rounded};
 use crate::initial::Initial;
@@ -41,6 +42,8 @@ pub struct Scene {
     pub oscillator: Oscillator,
     /// The rig, if results are wanted in newtons, micrometres, hertz and seconds too.
     pub rig: Option<Rig>,
+    /// What shakes the oscillator beside stationary noise.
+    pub excitation: Excitation,
     /// Where the motion starts.
     pub initial: Initial,
     /// What is asked for; nothing else is computed.
@@ -74,6 +77,10 @@ pub struct Outputs {
     pub first_loss: Option<f64>,
     /// Losses of contact in a window of this length (seconds with a rig, else dimensionless time).
     pub crossings: Option<f64>,
+    /// The periodic law under the drive, at so many phases.
+    pub periodic: Option<usize>,
+    /// The periodic law over the frequency of the drive.
+    pub response: Option<ResponseRequest>,
 }
 
 impl Default for Outputs {
@@ -104,7 +111,30 @@ impl Outputs {
             spectrum: None,
             first_loss: None,
             crossings: None,
+            periodic: None,
+            response: None,
         }
+    }
+
+    /// The outputs that need a law that does not change, as keys with what stands under them.
+    fn stationary_questions(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let until = |until: f64| format!("{{ until = {} }}", num(until));
+        [
+            ("outputs.steady", self.steady.then(|| "true".to_owned())),
+            (
+                "outputs.decay_rates",
+                (self.decay_rates > 0).then(|| self.decay_rates.to_string()),
+            ),
+            ("outputs.spectrum", self.spectrum.map(|it| until(it.until))),
+            ("outputs.first_loss", self.first_loss.map(until)),
+            (
+                "outputs.crossings",
+                self.crossings
+                    .map(|window| format!("{{ window = {} }}", num(window))),
+            ),
+        ]
+        .into_iter()
+        .filter_map(|(key, value)| Some((key, value?)))
     }
 }
 
@@ -214,6 +244,29 @@ pub struct SpectrumRequest {
     pub quantity: Quantity,
 }
 
+/// A response curve: the periodic law at equally spaced frequencies of the drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ResponseRequest {
+    /// The lowest circular frequency.
+    pub from: f64,
+    /// The highest.
+    pub to: f64,
+    /// How many, both ends included.
+    pub points: usize,
+}
+
+impl ResponseRequest {
+    /// Most points accepted.
+    const MOST: usize = 2000;
+
+    /// The frequencies.
+    pub fn frequencies(&self) -> Vec<f64> {
+        let step = (self.to - self.from) / (self.points.max(2) - 1) as f64;
+        let at = |k: usize| rounded(self.from + step * k as f64, 13);
+        (0..self.points).map(at).collect()
+    }
+}
+
 /// The ensemble of paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MonteCarlo {
@@ -307,6 +360,7 @@ impl Scene {
             title: "untitled".into(),
             oscillator,
             rig: None,
+            excitation: Excitation::default(),
             initial: Initial::Rest,
             outputs: Outputs::default(),
             monte_carlo: None,
@@ -345,6 +399,7 @@ impl Scene {
         self.check_title()?;
         self.check_initial()?;
         self.check_outputs()?;
+        self.check_excitation()?;
         self.check_monte_carlo()?;
         self.check_accuracy()
     }
@@ -389,7 +444,7 @@ impl Scene {
         let outputs = &self.outputs;
         if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum, first_loss or crossings";
+                            decay_rates, spectrum, first_loss, crossings, periodic or response";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if !self.oscillator.contact().is_confining() {
@@ -482,6 +537,65 @@ impl Scene {
         Ok(())
     }
 
+    /// What a drive or an envelope rules out, and what needs a drive.
+    fn check_excitation(&self) -> Result<()> {
+        let (outputs, excitation) = (&self.outputs, &self.excitation);
+        if !excitation.is_plain()
+            && let Some((key, value)) = outputs.stationary_questions().next()
+        {
+            let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, periodic and \
+                            response know it; stationary is the law without it";
+            return Err(Error::invalid(key, value, accepted));
+        }
+        let phases = outputs
+            .periodic
+            .map(|phases| ("outputs.periodic", format!("{{ phases = {phases} }}")));
+        let response = outputs.response.map(|it| {
+            let points = format!("{{ from = {}, to = {}, .. }}", num(it.from), num(it.to));
+            ("outputs.response", points)
+        });
+        for (key, value) in phases.into_iter().chain(response) {
+            if excitation.drive.is_none() {
+                let accepted = "with [excitation] drive = { amplitude, frequency, phase } only: without a drive \
+                                the law that lasts is the stationary one";
+                return Err(Error::invalid(key, value, accepted));
+            }
+            if excitation.envelope.is_some() {
+                let accepted = "without excitation.envelope: under noise that changes no law is periodic";
+                return Err(Error::invalid(key, value, accepted));
+            }
+            if !self.oscillator.contact().is_confining() {
+                return Err(self.no_law(key, &value));
+            }
+        }
+        if let Some(phases) = outputs.periodic
+            && !(4..=1000).contains(&phases)
+        {
+            let accepted = "a whole number from 4 to 1000";
+            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
+        }
+        if let Some(it) = outputs.response {
+            let [low, high] = Drive::FREQUENCIES;
+            for (key, value, least) in [
+                ("outputs.response.from", it.from, low),
+                ("outputs.response.to", it.to, it.from),
+            ] {
+                if !(value >= least && value <= high && (key.ends_with("from") || value > least)) {
+                    let accepted = format!(
+                        "a circular frequency above {} and up to {high}",
+                        num(least)
+                    );
+                    return Err(Error::invalid(key, num(value), accepted));
+                }
+            }
+            if !(2..=ResponseRequest::MOST).contains(&it.points) {
+                let accepted = format!("a whole number from 2 to {}", ResponseRequest::MOST);
+                return Err(Error::invalid("outputs.response.points", it.points, accepted));
+            }
+        }
+        Ok(())
+    }
+
     fn check_monte_carlo(&self) -> Result<()> {
         let Some(it) = &self.monte_carlo else {
             return Ok(());
@@ -506,6 +620,28 @@ impl Scene {
         }
         if let Some(duration) = it.duration {
             positive("monte_carlo.duration", duration)?;
+        }
+        if !self.excitation.is_plain() {
+            if it.noise != Noise::White {
+                let accepted = "\"white\", with [excitation]";
+                let key = "monte_carlo.noise";
+                return Err(Error::invalid(key, "a sum of cosines", accepted));
+            }
+            let splitting = [Scheme::Auto, Scheme::Splitting42, Scheme::Splitting62];
+            if !splitting.contains(&it.scheme) {
+                let accepted = "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+                let given = format!("\"{}\"", it.scheme);
+                return Err(Error::invalid("monte_carlo.scheme", given, accepted));
+            }
+            if let Some(duration) = it.duration {
+                let accepted = "without [excitation]: under it no long record is stationary";
+                return Err(Error::invalid("monte_carlo.duration", num(duration), accepted));
+            }
+            if self.outputs.moments_at.is_empty() {
+                let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
+                                under [excitation] there are none";
+                return Err(Error::invalid("outputs.moments_at", "[]", accepted));
+            }
         }
         if self.wants_records() && !self.oscillator.contact().is_confining() {
             if let Some(duration) = it.duration {
@@ -584,7 +720,23 @@ impl Scene {
                 "static_compression": rig.static_compression(),
             })
         });
+        let excitation = (self.excitation != Excitation::default()).then(|| {
+            let drive = self.excitation.drive.map(|it| {
+                json!({
+                    "amplitude": it.amplitude(),
+                    "frequency": it.frequency(),
+                    "phase": it.phase(),
+                })
+            });
+            let envelope = self.excitation.envelope.as_ref();
+            let envelope =
+                envelope.map(|it| json!({ "times": it.times(), "factors": it.factors() }));
+            given(json!({ "drive": drive, "envelope": envelope }))
+        });
         let outputs = &self.outputs;
+        let response = outputs
+            .response
+            .map(|it| json!({ "from": it.from, "to": it.to, "points": it.points }));
         let spectrum = outputs.spectrum;
         let spectrum =
             spectrum.map(|it| json!({ "until": it.until, "quantity": it.quantity.name() }));
@@ -596,6 +748,7 @@ impl Scene {
                 "h": self.oscillator.h(),
             },
             "rig": rig,
+            "excitation": excitation,
             "initial": initial,
             "outputs": given(json!({
                 "stationary": outputs.stationary,
@@ -607,6 +760,8 @@ impl Scene {
                 "spectrum": spectrum,
                 "first_loss": outputs.first_loss.map(|until| json!({ "until": until })),
                 "crossings": outputs.crossings.map(|window| json!({ "window": window })),
+                "periodic": outputs.periodic.map(|phases| json!({ "phases": phases })),
+                "response": response,
             })),
             "monte_carlo": monte_carlo,
             "accuracy": {

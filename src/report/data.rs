@@ -79,16 +79,19 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     ])
 }
 
+/// The head of a column of times.
+const TIME: &str = "t [1/W]";
+
 fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {
     (0..=400).map(move |k| low + (high - low) * f64::from(k) / 400.0)
 }
 
 fn moments_csv(
-    times: &[f64],
+    (axis, times): (&str, &[f64]),
     moments: &[Moments],
     more: &[(&str, Vec<Option<Estimate>>)],
 ) -> String {
-    let mut table = String::from("t [1/W]");
+    let mut table = String::from(axis);
     let asked = |it: &Moment| !moments.iter().any(|at| at.leaves_out(*it));
     let asked: Vec<Moment> = Moment::ALL.into_iter().filter(asked).collect();
     let names = asked.iter().map(|it| it.name());
@@ -127,7 +130,7 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
         ];
         files.push(File::text(
             "moments.csv",
-            moments_csv(&it.times, &it.moments, &more),
+            moments_csv((TIME, &it.times), &it.moments, &more),
         ));
     }
     for snapshot in &it.densities {
@@ -135,6 +138,67 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
         files.push(density(name, snapshot)?);
     }
     Ok(files)
+}
+
+/// Files of the law that lasts under a drive: moments over the phase, harmonics, multipliers, and its density at phase 0.
+pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.periodic else {
+        return Ok(Vec::new());
+    };
+    let axis = "W t of the drive [rad]";
+    let mut harmonics = String::from(
+        "of,number,amplitude,amplitude error,unit,phase against cos(W t) [rad],phase error [rad]\n",
+    );
+    for (name, all) in [
+        ("mean_q", &it.mean_q),
+        ("mean_v", &it.mean_v),
+        ("mean_force", &it.mean_force),
+    ] {
+        for (k, it) in (1..).zip(all) {
+            let (amplitude, phase) = (fields(Some(it.amplitude)), fields(Some(it.phase)));
+            let _ = writeln!(harmonics, "{name},{k},{amplitude},{},{phase}", unit(name));
+        }
+    }
+    let mut multipliers = String::from("re [1],im [1],error [1]\n");
+    for it in &it.multipliers {
+        multipliers += &line(&[it.re, it.im, it.error]);
+    }
+    let mut files = vec![
+        File::text("periodic.csv", moments_csv((axis, &it.phase), &it.moments, &[])),
+        File::text("harmonics.csv", harmonics),
+        File::text("multipliers.csv", multipliers),
+    ];
+    if let Some(snapshot) = &it.density {
+        files.push(density("periodic.npz".into(), snapshot)?);
+    }
+    Ok(files)
+}
+
+/// Files of the response curve.
+pub(super) fn response(results: &Results) -> Vec<File> {
+    let Some(it) = &results.response else {
+        return Vec::new();
+    };
+    let mut columns = vec![
+        ("first harmonic of E[q]", "u", &it.mean_q_1),
+        ("second harmonic of E[q]", "u", &it.mean_q_2),
+        ("first harmonic of E[N]", "F", &it.mean_force_1),
+    ];
+    let lost = it.contact_loss_probability.as_ref();
+    columns.extend(lost.map(|it| ("P(loss) averaged over the phase", "1", it)));
+    let mut table = String::from("frequency of the drive [W]");
+    for (name, unit, _) in &columns {
+        let _ = write!(table, ",{name} [{unit}],{name} error [{unit}]");
+    }
+    table.push('\n');
+    for (k, frequency) in it.frequency.iter().enumerate() {
+        table += &field(*frequency);
+        for (_, _, curve) in &columns {
+            let _ = write!(table, ",{}", fields(curve.get(k).copied()));
+        }
+        table.push('\n');
+    }
+    vec![File::text("response.csv", table)]
 }
 
 pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
@@ -165,7 +229,7 @@ pub(super) fn decay_rates(results: &Results) -> Vec<File> {
 
 pub(super) fn monte_carlo(results: &Results) -> Vec<File> {
     let table = |it: &EnsembleResult| {
-        let table = moments_csv(&it.times, &it.moments, &[]);
+        let table = moments_csv((TIME, &it.times), &it.moments, &[]);
         File::text("monte_carlo.csv", table)
     };
     results.monte_carlo.iter().map(table).collect()

@@ -47,6 +47,19 @@ const GROUPS: &[Group] = &[
         data::transient,
     ),
     (
+        "periodic.csv: moments of the periodic law over the phase of the drive
+         harmonics.csv: harmonics of its mean displacement, velocity and force
+         multipliers.csv: its Floquet multipliers
+         periodic.npz: its density at phase 0, with q, v, t: `numpy.load`",
+        &[Part::Periodic],
+        data::periodic,
+    ),
+    (
+        "response.csv: harmonics and loss probability over the frequency of the drive",
+        &[Part::Response],
+        |it| Ok(data::response(it)),
+    ),
+    (
         "steady.npz: the steady state on the mesh, as a density; t is infinite
          approach.csv: distance in L1 to the closed form on the way to it",
         &[Part::Steady],
@@ -123,6 +136,16 @@ const GROUPS: &[Group] = &[
         "moments.svg: Moments against time",
         &[Part::Transient, Part::MonteCarlo],
         plot::moments,
+    ),
+    (
+        "periodic.svg: Moments of the periodic law over the phase of the drive",
+        &[Part::Periodic],
+        plot::periodic,
+    ),
+    (
+        "response.svg: Response curve: harmonics and loss probability over the frequency of the drive",
+        &[Part::Response],
+        plot::response,
     ),
     (
         "approach.svg: Approach to the stationary law",

@@ -4,6 +4,7 @@ mod cost;
 mod decide;
 mod error_estimate;
 mod ladder;
+mod lasting;
 mod opening;
 mod propagator;
 mod recipe;
@@ -16,5 +17,5 @@ pub use propagator::march;
 #[cfg(test)]
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
-pub use report::Transient;
+pub use report::{Multiplier, Transient};
 pub use solve::{transient, transient_cost, uncertified};
