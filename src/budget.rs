@@ -26,6 +26,8 @@ pub(crate) mod timing {
     pub(crate) const MAP: f64 = 0.3e-6;
     /// A pass of the exact motion and the exact noise, a cell.
     pub(crate) const PASS: f64 = 20e-9;
+    /// An entry of a matrix of friction, noise and drive along v.
+    pub(crate) const FORCED_ENTRY: f64 = 20e-9;
     /// The numbers of an output time, a cell.
     pub(crate) const LOOK: f64 = 60e-9;
     /// A step of a moving local grid, a node.

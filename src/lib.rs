@@ -34,6 +34,8 @@
 //! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
 //! | Spectra from records | [`spectrum`] |
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
+//! | A harmonic drive, noise that grows or fades | [`excitation`] |
+//! | The motion without noise, its periodic orbits | [`noise_free`] |
 //! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | The unit of times, in a scene and in what is written | [`clock`] |
@@ -52,6 +54,7 @@ pub mod contact;
 pub mod conventions;
 pub mod error;
 pub mod estimate;
+pub mod excitation;
 pub mod fokker_planck;
 mod format;
 pub mod gaussian;
@@ -60,6 +63,7 @@ pub mod map;
 mod matrix;
 pub mod moments;
 pub mod monte_carlo;
+pub mod noise_free;
 pub mod oscillator;
 pub mod plan;
 pub mod quadrature;

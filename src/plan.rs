@@ -7,7 +7,8 @@ use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{
-    self, Eigenvalues, FirstPassage, Reach, Recipe, Resolvent, Settings, SteadyState,
+    self, Eigenvalues, FirstPassage, PeriodicLaw, Reach, Recipe, Resolvent, ResponseCurve,
+    Settings, SteadyState,
 };
 use crate::format::{brief, num};
 pub use crate::format::{bytes, seconds};
@@ -48,6 +49,8 @@ pub struct Plan {
 #[derive(Debug, Clone, Default)]
 struct Recipes {
     transient: Option<Recipe>,
+    periodic: Option<PeriodicLaw>,
+    response: Option<ResponseCurve>,
     steady: Option<SteadyState>,
     eigenvalues: Option<Eigenvalues>,
     spectrum: Option<Resolvent>,
@@ -83,6 +86,10 @@ pub enum Part {
     Transient,
     /// When a moment of it reaches a level.
     Reach,
+    /// The law that lasts under a drive.
+    Periodic,
+    /// The same over the frequency of the drive.
+    Response,
     /// Its steady state on the mesh.
     Steady,
     /// The slowest eigenvalues of L.
@@ -108,6 +115,8 @@ impl Part {
             Self::FirstLoss => "first_loss",
             Self::Transient => "transient",
             Self::Reach => "reach",
+            Self::Periodic => "periodic",
+            Self::Response => "response",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
             Self::Spectrum => "spectrum",
@@ -225,6 +234,7 @@ impl Plan {
             scene: scene.clone(),
             clock,
             settings: Settings {
+                excitation: scene.excitation.clone(),
                 method: scene.method.transient,
                 drift: scene.method.drift,
                 time: scene.method.time,
@@ -333,6 +343,7 @@ impl Plan {
             seed: it.seed,
             scheme: it.scheme,
             step: it.step,
+            excitation: self.scene.excitation.clone(),
             noise: match it.noise {
                 scene::Noise::White => monte_carlo::Noise::White,
                 scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {
@@ -409,6 +420,21 @@ impl Plan {
                 let recipe = Reach::of(problem, quantity, (fraction, stationary), &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.reach = Some(recipe);
+                cost
+            }
+            Part::Periodic => {
+                let phases = self.scene.outputs.periodic.unwrap_or(0);
+                let recipe = PeriodicLaw::of(oscillator, phases, &self.settings, true)?;
+                let cost = (recipe.cost(), recipe.words());
+                self.recipes.periodic = Some(recipe);
+                cost
+            }
+            Part::Response => {
+                let asked = self.scene.outputs.response;
+                let frequencies = asked.map_or(Vec::new(), |it| it.frequencies());
+                let recipe = ResponseCurve::of(oscillator, &frequencies, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.response = Some(recipe);
                 cost
             }
             Part::Steady => {
@@ -580,6 +606,24 @@ impl Plan {
                     results.reach = Some(it);
                 }
             }
+            Part::Periodic => {
+                if let Some(recipe) = &self.recipes.periodic {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                    results.periodic = Some(it);
+                }
+            }
+            Part::Response => {
+                if let Some(recipe) = &self.recipes.response {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                    results.response = Some(it);
+                }
+            }
             Part::Steady => {
                 let Some(recipe) = &self.recipes.steady else {
                     return Ok(());
@@ -658,6 +702,9 @@ impl Plan {
             Part::FirstLoss => results.first_loss.put_in(clock),
             Part::Transient => results.transient.put_in(clock),
             Part::Reach => results.reach.put_in(clock),
+            Part::Periodic => results.periodic.put_in(clock),
+            // Frequencies are circular, and steps not told.
+            Part::Response => {}
             Part::Steady => results.steady.put_in(clock),
             Part::DecayRates => results.decay_rates.put_in(clock),
             // The solved spectrum holds no time.
@@ -886,7 +933,7 @@ fn unfinished(open: &[&str]) -> Warning {
 }
 
 /// The keys that ask for each part, and whether they do.
-fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 12] {
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 14] {
     let it = &scene.outputs;
     let crossings = ("outputs.crossings", it.crossings.is_some());
     let first_loss = ("outputs.first_loss", it.first_loss.is_some());
@@ -908,6 +955,14 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 12] {
         (Part::FirstLoss, vec![first_loss]),
         (Part::Transient, vec![moments, densities]),
         (Part::Reach, vec![("outputs.reach", it.reach.is_some())]),
+        (
+            Part::Periodic,
+            vec![("outputs.periodic", it.periodic.is_some())],
+        ),
+        (
+            Part::Response,
+            vec![("outputs.response", it.response.is_some())],
+        ),
         (Part::Steady, vec![("outputs.steady", it.steady)]),
         (
             Part::DecayRates,

@@ -10,7 +10,9 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Reached, Steady, Transient};
+use crate::fokker_planck::{
+    DecayRates, FirstLoss, FlightLaw, Periodic, Reached, Response, Steady, Transient,
+};
 use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
@@ -48,6 +50,10 @@ pub struct Results {
     pub transient: Option<Transient>,
     /// When a moment of it reaches a level.
     pub reach: Option<Reached>,
+    /// The law that lasts under a drive.
+    pub periodic: Option<Periodic>,
+    /// The same over the frequency of the drive.
+    pub response: Option<Response>,
     /// Its steady state on the mesh.
     pub steady: Option<Steady>,
     /// The slowest eigenvalues of L.
@@ -283,6 +289,8 @@ impl Results {
             first_loss: None,
             transient: None,
             reach: None,
+            periodic: None,
+            response: None,
             steady: None,
             decay_rates: None,
             spectrum: None,

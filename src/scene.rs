@@ -21,6 +21,7 @@ pub mod text;
 use crate::clock::{Clock, TIME_UNITS, TimeUnit};
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
+use crate::excitation::{Drive, Excitation};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::format::{brief, num, rounded};
 use crate::initial::Initial;
@@ -45,6 +46,8 @@ pub struct Scene {
     pub force_psd: Option<f64>,
     /// The rig, if results are wanted in newtons, micrometres, hertz and seconds too.
     pub rig: Option<Rig>,
+    /// What shakes the oscillator beside stationary noise.
+    pub excitation: Excitation,
     /// Where the motion starts.
     pub initial: Initial,
     /// What is asked for; nothing else is computed.
@@ -83,6 +86,10 @@ pub struct Outputs {
     pub reach: Option<ReachRequest>,
     /// The unit of every time of the scene and of its results; None is dimensionless time.
     pub time_unit: Option<TimeUnit>,
+    /// The periodic law under the drive, at so many phases.
+    pub periodic: Option<usize>,
+    /// The periodic law over the frequency of the drive.
+    pub response: Option<ResponseRequest>,
 }
 
 impl Default for Outputs {
@@ -115,7 +122,30 @@ impl Outputs {
             crossings: None,
             reach: None,
             time_unit: None,
+            periodic: None,
+            response: None,
         }
+    }
+
+    /// The outputs that need a law that does not change, as keys with what stands under them.
+    fn stationary_questions(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let until = |until: f64| format!("{{ until = {} }}", num(until));
+        [
+            ("outputs.steady", self.steady.then(|| "true".to_owned())),
+            (
+                "outputs.decay_rates",
+                (self.decay_rates > 0).then(|| self.decay_rates.to_string()),
+            ),
+            ("outputs.spectrum", self.spectrum.map(|it| until(it.until))),
+            ("outputs.first_loss", self.first_loss.map(until)),
+            (
+                "outputs.crossings",
+                self.crossings
+                    .map(|window| format!("{{ window = {} }}", num(window))),
+            ),
+        ]
+        .into_iter()
+        .filter_map(|(key, value)| Some((key, value?)))
     }
 }
 
@@ -240,6 +270,29 @@ pub struct ReachRequest {
     pub fraction: f64,
 }
 
+/// A response curve: the periodic law at equally spaced frequencies of the drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ResponseRequest {
+    /// The lowest circular frequency.
+    pub from: f64,
+    /// The highest.
+    pub to: f64,
+    /// How many, both ends included.
+    pub points: usize,
+}
+
+impl ResponseRequest {
+    /// Most points accepted.
+    const MOST: usize = 2000;
+
+    /// The frequencies.
+    pub fn frequencies(&self) -> Vec<f64> {
+        let step = (self.to - self.from) / (self.points.max(2) - 1) as f64;
+        let at = |k: usize| rounded(self.from + step * k as f64, 13);
+        (0..self.points).map(at).collect()
+    }
+}
+
 /// The ensemble of paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MonteCarlo {
@@ -334,6 +387,7 @@ impl Scene {
             oscillator,
             force_psd: None,
             rig: None,
+            excitation: Excitation::default(),
             initial: Initial::Rest,
             outputs: Outputs::default(),
             monte_carlo: None,
@@ -377,6 +431,8 @@ impl Scene {
         outputs.moments_at = outputs.moments_at.dimensionless(&clock);
         outputs.density_at = outputs.density_at.dimensionless(&clock);
         outputs.crossings = window;
+        let envelope = it.excitation.envelope.as_ref();
+        it.excitation.envelope = envelope.map(|it| it.retimed(|t| clock.dimensionless(t)));
         let sampling = it.monte_carlo.as_mut();
         let sampling = sampling.map(|it| [&mut it.step, &mut it.duration]);
         let times = [&mut outputs.first_loss, &mut it.method.step];
@@ -465,6 +521,7 @@ impl Scene {
         self.check_title()?;
         self.check_initial()?;
         self.check_outputs()?;
+        self.check_excitation()?;
         self.check_monte_carlo()?;
         self.check_accuracy()
     }
@@ -513,7 +570,7 @@ impl Scene {
         };
         if asked == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum, first_loss, crossings or reach";
+                            decay_rates, spectrum, first_loss, crossings, reach, periodic or response";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if outputs.time_unit == Some(TimeUnit::Second) && self.rig.is_none() {
@@ -642,6 +699,68 @@ impl Scene {
         Ok(())
     }
 
+    /// What a drive or an envelope rules out, and what needs a drive.
+    fn check_excitation(&self) -> Result<()> {
+        let (outputs, excitation) = (&self.outputs, &self.excitation);
+        if !excitation.is_plain()
+            && let Some((key, value)) = outputs.stationary_questions().next()
+        {
+            let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, periodic and \
+                            response know it; stationary is the law without it";
+            return Err(Error::invalid(key, value, accepted));
+        }
+        let phases = outputs
+            .periodic
+            .map(|phases| ("outputs.periodic", format!("{{ phases = {phases} }}")));
+        let response = outputs.response.map(|it| {
+            let points = format!("{{ from = {}, to = {}, .. }}", num(it.from), num(it.to));
+            ("outputs.response", points)
+        });
+        for (key, value) in phases.into_iter().chain(response) {
+            if excitation.drive.is_none() {
+                let accepted = "with [excitation] drive = { amplitude, frequency, phase } only: without a drive \
+                                the law that lasts is the stationary one";
+                return Err(Error::invalid(key, value, accepted));
+            }
+            if excitation.envelope.is_some() {
+                let accepted =
+                    "without excitation.envelope: under noise that changes no law is periodic";
+                return Err(Error::invalid(key, value, accepted));
+            }
+            if !self.oscillator.contact().is_confining() {
+                return Err(self.no_law(key, &value));
+            }
+        }
+        if let Some(phases) = outputs.periodic
+            && !(4..=1000).contains(&phases)
+        {
+            let accepted = "a whole number from 4 to 1000";
+            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
+        }
+        if let Some(it) = outputs.response {
+            let [low, high] = Drive::FREQUENCIES;
+            for (key, value, least) in [
+                ("outputs.response.from", it.from, low),
+                ("outputs.response.to", it.to, it.from),
+            ] {
+                if !(value >= least && value <= high && (key.ends_with("from") || value > least)) {
+                    let accepted =
+                        format!("a circular frequency above {} and up to {high}", num(least));
+                    return Err(Error::invalid(key, num(value), accepted));
+                }
+            }
+            if !(2..=ResponseRequest::MOST).contains(&it.points) {
+                let accepted = format!("a whole number from 2 to {}", ResponseRequest::MOST);
+                return Err(Error::invalid(
+                    "outputs.response.points",
+                    it.points,
+                    accepted,
+                ));
+            }
+        }
+        Ok(())
+    }
+
     fn check_monte_carlo(&self) -> Result<()> {
         let Some(it) = &self.monte_carlo else {
             return Ok(());
@@ -666,6 +785,33 @@ impl Scene {
         }
         if let Some(duration) = it.duration {
             positive("monte_carlo.duration", duration)?;
+        }
+        if !self.excitation.is_plain() {
+            if it.noise != Noise::White {
+                let accepted = "\"white\", with [excitation]";
+                let key = "monte_carlo.noise";
+                return Err(Error::invalid(key, "a sum of cosines", accepted));
+            }
+            let splitting = [Scheme::Auto, Scheme::Splitting42, Scheme::Splitting62];
+            if !splitting.contains(&it.scheme) {
+                let accepted =
+                    "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+                let given = format!("\"{}\"", it.scheme);
+                return Err(Error::invalid("monte_carlo.scheme", given, accepted));
+            }
+            if let Some(duration) = it.duration {
+                let accepted = "without [excitation]: under it no long record is stationary";
+                return Err(Error::invalid(
+                    "monte_carlo.duration",
+                    num(duration),
+                    accepted,
+                ));
+            }
+            if self.outputs.moments_at.is_empty() {
+                let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
+                                under [excitation] there are none";
+                return Err(Error::invalid("outputs.moments_at", "[]", accepted));
+            }
         }
         if self.wants_records() && !self.oscillator.contact().is_confining() {
             if let Some(duration) = it.duration {
@@ -749,7 +895,23 @@ impl Scene {
         let level =
             level.filter(|(rig, psd)| rig.level_from_force_psd(*psd) == self.oscillator.h());
         let level = level.map_or(("h", self.oscillator.h()), |(_, psd)| ("force_psd", psd));
+        let excitation = (self.excitation != Excitation::default()).then(|| {
+            let drive = self.excitation.drive.map(|it| {
+                json!({
+                    "amplitude": it.amplitude(),
+                    "frequency": it.frequency(),
+                    "phase": it.phase(),
+                })
+            });
+            let envelope = self.excitation.envelope.as_ref();
+            let envelope =
+                envelope.map(|it| json!({ "times": it.times(), "factors": it.factors() }));
+            given(json!({ "drive": drive, "envelope": envelope }))
+        });
         let outputs = &self.outputs;
+        let response = outputs
+            .response
+            .map(|it| json!({ "from": it.from, "to": it.to, "points": it.points }));
         let spectrum = outputs.spectrum;
         let spectrum =
             spectrum.map(|it| json!({ "until": it.until, "quantity": it.quantity.name() }));
@@ -761,6 +923,7 @@ impl Scene {
                 level.0: level.1,
             },
             "rig": rig,
+            "excitation": excitation,
             "initial": initial,
             "outputs": given(json!({
                 "stationary": outputs.stationary,
@@ -774,6 +937,8 @@ impl Scene {
                 "crossings": outputs.crossings.map(|window| json!({ "window": window })),
                 "reach": outputs.reach.map(|it| json!({ "quantity": it.quantity.name(), "fraction": it.fraction })),
                 "time_unit": outputs.time_unit.map(TimeUnit::name),
+                "periodic": outputs.periodic.map(|phases| json!({ "phases": phases })),
+                "response": response,
             })),
             "monte_carlo": monte_carlo,
             "accuracy": {

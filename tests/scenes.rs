@@ -1466,6 +1466,82 @@ const BAD: &[(&str, &str)] = &[
         "duration in free fall",
         "[oscillator]\ncontact = \"free\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nduration = 10",
     ),
+    (
+        "drive of frequency 0",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 0 }",
+    ),
+    (
+        "drive of negative amplitude",
+        "@[excitation]\ndrive = { amplitude = -0.02, frequency = 1 }",
+    ),
+    (
+        "drive without frequency",
+        "@[excitation]\ndrive = { amplitude = 0.02 }",
+    ),
+    (
+        "drive misspelt",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequenzy = 1 }",
+    ),
+    (
+        "envelope out of order",
+        "@[excitation]\nenvelope = { times = [0, 5, 4], factors = [0, 1, 1] }",
+    ),
+    (
+        "envelope with a factor too few",
+        "@[excitation]\nenvelope = { times = [0, 5], factors = [1] }",
+    ),
+    (
+        "envelope below 0",
+        "@[excitation]\nenvelope = { times = [0, 5], factors = [1, -1] }",
+    ),
+    (
+        "no noise at all",
+        "@[excitation]\nenvelope = { times = [0, 5], factors = [0, 0] }",
+    ),
+    (
+        "steady state under a drive",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nsteady = true",
+    ),
+    (
+        "first loss under an envelope",
+        "@[excitation]\nenvelope = { times = [0, 5], factors = [0, 1] }\n[outputs]\nfirst_loss = { until = 5 }",
+    ),
+    (
+        "periodic law without a drive",
+        "@[outputs]\nperiodic = { phases = 32 }",
+    ),
+    (
+        "periodic law under an envelope",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\nenvelope = { times = [0, 5], factors = [0, 1] }\n[outputs]\nperiodic = { phases = 32 }",
+    ),
+    (
+        "few phases",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nperiodic = { phases = 2 }",
+    ),
+    (
+        "response downwards",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nresponse = { from = 1.2, to = 0.6, points = 61 }",
+    ),
+    (
+        "response of one point",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nresponse = { from = 0.6, to = 1.2, points = 1 }",
+    ),
+    (
+        "finite volumes under a drive",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[method]\ntransient = \"finite_volume\"",
+    ),
+    (
+        "long realisations under a drive",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nduration = 100",
+    ),
+    (
+        "cosines under a drive",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nnoise = { cosines = 400, band = 8.0 }",
+    ),
+    (
+        "a scheme that knows no drive",
+        "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nscheme = \"baoab\"",
+    ),
 ];
 
 /// Put before the scenes above that start with '@'.

@@ -38,6 +38,7 @@ pub use splitting::Splitting;
 
 use super::density::Density;
 use super::flux::{Drift, Measure, Weights};
+use super::forcing::Forcing;
 use super::interpolation::{Filter, MARGIN, PANEL, POINTS, Spline};
 use super::mesh::{Axis, Mesh};
 use super::ornstein_uhlenbeck;
@@ -49,6 +50,7 @@ use crate::oscillator::Oscillator;
 use pass::{Buffers, Map, Matrix, STENCIL};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// How to propagate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -178,8 +180,12 @@ pub struct FlowMap {
     contact: ContactLaw,
     zeta: f64,
     temperature: f64,
-    /// Whether g is taken against the stationary law, or against area.
+    /// Whether g is taken against a stationary law, or against area.
     stationary: bool,
+    /// What there is beside stationary noise, and 1/T of the law that g is then taken against (0: area).
+    forcing: Option<(Arc<Forcing>, f64)>,
+    /// The time.
+    now: f64,
     mesh: Mesh,
     weights: Weights,
     settings: Settings,
@@ -192,8 +198,8 @@ pub struct FlowMap {
     open: Matrix,
     /// Flow maps by their time.
     maps: Vec<(f64, Map)>,
-    /// Matrices by their time.
-    matrices: Vec<(f64, Matrix)>,
+    /// Matrices by what they do.
+    matrices: Vec<(Noise, Matrix)>,
     schedule: Schedule,
     progress: Progress,
     buffers: Buffers,
@@ -206,9 +212,21 @@ type Part<'a> = (&'a mut [u32], &'a mut [f64]);
 #[derive(Debug, Clone)]
 struct Schedule {
     duration: f64,
+    /// When it began, where that matters.
+    start: f64,
     steps: usize,
     parts: Vec<(usize, usize)>,
     last: usize,
+}
+
+/// Friction with noise over a time; under a forcing at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Noise {
+    duration: f64,
+    at: f64,
+    /// What the splitting leads by ([`Forcing::shift`]), and a nudge of v.
+    lead: f64,
+    nudge: f64,
 }
 
 /// Widest cell in thermal deviations: the midpoint sum of a Gaussian is then off by
@@ -226,6 +244,20 @@ impl FlowMap {
     /// [`Error::Invalid`] for a step that is not positive; [`Error::Mesh`] for fewer than eight cells in a
     /// direction, or a box where the stationary law underflows.
     pub fn new(oscillator: &Oscillator, mesh: &Mesh, settings: Settings) -> Result<Self> {
+        Self::forced(oscillator, mesh, settings, None)
+    }
+
+    /// The propagator under a drive or an envelope too, from time 0 on; g is then taken against the law of
+    /// [`Forcing::reference`].
+    ///
+    /// # Errors
+    /// Those of [`FlowMap::new`].
+    pub(super) fn forced(
+        oscillator: &Oscillator,
+        mesh: &Mesh,
+        settings: Settings,
+        forcing: Option<Arc<Forcing>>,
+    ) -> Result<Self> {
         positive("method.step", settings.step)?;
         let [nq, nv] = mesh.cells();
         if nq.min(nv) < 8 {
@@ -234,7 +266,8 @@ impl FlowMap {
                 help: "more cells".into(),
             });
         }
-        let measure = Measure::of(oscillator)?;
+        let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
+        let measure = Measure::of(reference)?;
         let temperature = oscillator.temperature();
         let width = mesh.v.at(0.5 * nv as f64).1 / temperature.sqrt();
         if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
@@ -243,8 +276,14 @@ impl FlowMap {
                 help: format!("about {:.0} cells along v", (nv as f64 * width).ceil()),
             });
         }
-        let weights = Weights::new(&measure, mesh, temperature, Drift::Order8)?.without_rim();
+        let weights = Weights::new(&measure, mesh, reference.temperature(), Drift::Order8)?;
+        let weights = weights.without_rim();
         let stationary = matches!(measure, Measure::Gibbs(_));
+        let beta = if stationary {
+            1.0 / reference.temperature()
+        } else {
+            0.0
+        };
         let contact = oscillator.contact().clone();
         let active = active(&contact, mesh, stationary);
         let mut offsets = vec![0];
@@ -258,6 +297,8 @@ impl FlowMap {
             zeta: oscillator.zeta(),
             temperature,
             stationary,
+            forcing: forcing.map(|it| (it, beta)),
+            now: 0.0,
             mesh: mesh.clone(),
             weights,
             settings,
@@ -269,6 +310,7 @@ impl FlowMap {
             matrices: Vec::new(),
             schedule: Schedule {
                 duration: 0.0,
+                start: 0.0,
                 steps: 0,
                 parts: Vec::new(),
                 last: 0,
@@ -312,6 +354,21 @@ impl FlowMap {
         }
         let (_, width) = mesh.q.at(mesh.q.locate(0.0));
         0.25 * width / oscillator.temperature().sqrt()
+    }
+
+    /// Whether there is anything beside stationary noise.
+    pub(super) fn is_forced(&self) -> bool {
+        self.forcing.is_some()
+    }
+
+    /// Sets the time, which an excitation goes by.
+    pub(super) fn set_time(&mut self, t: f64) {
+        self.now = t;
+    }
+
+    /// The time.
+    pub(super) fn time(&self) -> f64 {
+        self.now
     }
 
     /// Steps, mass defect and negative mass so far.
@@ -384,6 +441,7 @@ impl FlowMap {
             self.run(false, late)?;
         }
         self.balance(before);
+        self.now += duration;
         self.write(density);
         let negative = density.negative_mass();
         self.progress.negative = self.progress.negative.max(negative);
@@ -397,7 +455,8 @@ impl FlowMap {
 
     /// The schedule of an interval, and the maps and matrices that it still lacks.
     fn prepare(&mut self, duration: f64, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
-        if self.schedule.duration == duration {
+        let same_time = self.forcing.is_none() || self.schedule.start == self.now;
+        if self.schedule.duration == duration && same_time {
             return Ok(());
         }
         let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
@@ -409,8 +468,12 @@ impl FlowMap {
             self.maps.clear();
             self.matrices.clear();
         }
+        if self.forcing.is_some() {
+            // What one node does no other does again.
+            self.matrices.clear();
+        }
         // Kept: what this interval may use again.
-        let (mut motions, mut noises): (Vec<f64>, Vec<f64>) = (
+        let (mut motions, mut noises): (Vec<f64>, Vec<Noise>) = (
             self.maps.iter().map(|m| m.0).collect(),
             self.matrices.iter().map(|m| m.0).collect(),
         );
@@ -421,31 +484,59 @@ impl FlowMap {
                 list.len() - 1
             })
         };
-        let pace = tau * (1.0 + splitting::lead(&nodes, &weights, steps, self.zeta * tau));
+        let forced = self.forcing.is_some();
+        let noise_number = |list: &mut Vec<Noise>, noise: Noise| {
+            let same = |x: &Noise| {
+                let rest = |x: &Noise| (x.at, x.lead, x.nudge);
+                near(x.duration, noise.duration) && rest(x) == rest(&noise)
+            };
+            let place = list.iter().position(same);
+            place.unwrap_or_else(|| {
+                list.push(noise);
+                list.len() - 1
+            })
+        };
+        let lead = splitting::lead(&nodes, &weights, steps, self.zeta * tau);
+        let pace = tau * (1.0 + lead);
+        let nudges = self.nudges(&nodes, (steps, tau), lead);
         let mut before = 0.0;
         let mut parts = Vec::with_capacity(nodes.len());
-        for (node, weight) in nodes.iter().zip(&weights) {
+        for (k, (node, weight)) in nodes.iter().zip(&weights).enumerate() {
             let motion = number(&mut motions, (node - before) * pace);
-            parts.push((motion, number(&mut noises, weight * tau)));
+            let noise = Noise {
+                duration: weight * tau,
+                at: if forced { self.now + node * tau } else { 0.0 },
+                lead: if forced { lead } else { 0.0 },
+                nudge: nudges.get(k).copied().unwrap_or(0.0),
+            };
+            parts.push((motion, noise_number(&mut noises, noise)));
             before = *node;
         }
         let last = number(&mut motions, (steps - before) * pace);
         self.schedule = Schedule {
             duration,
+            start: self.now,
             steps: steps as usize,
             parts,
             last,
         };
         let (n, stride) = (self.mesh.v.len(), self.buffers.stride);
-        for time in &noises[self.matrices.len()..] {
-            let average = ornstein_uhlenbeck::average(
-                &self.mesh.v,
-                2.0 * self.zeta * time,
-                self.temperature,
-                self.stationary,
-            );
+        for noise in &noises[self.matrices.len()..] {
+            let average = match &self.forcing {
+                None => ornstein_uhlenbeck::average(
+                    &self.mesh.v,
+                    2.0 * self.zeta * noise.duration,
+                    self.temperature,
+                    self.stationary,
+                ),
+                Some((forcing, beta)) => {
+                    let nudge = (noise.lead, noise.nudge);
+                    let kick = forcing.kick(noise.at, noise.duration, nudge, *beta);
+                    kick.average(&self.mesh.v, self.stationary)
+                }
+            };
             self.matrices
-                .push((*time, Matrix::new(n, stride, Some(&average))));
+                .push((*noise, Matrix::new(n, stride, Some(&average))));
         }
         let times = &motions[self.maps.len()..];
         if !times.is_empty() {
@@ -453,6 +544,30 @@ impl FlowMap {
             self.maps.extend(times.iter().copied().zip(maps));
         }
         Ok(())
+    }
+
+    /// What to nudge v by at each node of an interval of `steps` steps from now on, for the kicks that a drive asks for where
+    /// it begins and ends ([`Forcing`]): each is shared out between the two nodes next to it so that neither what it does to v
+    /// nor what v then does to q is changed. Empty without a drive.
+    fn nudges(&self, nodes: &[f64], (steps, tau): (f64, f64), lead: f64) -> Vec<f64> {
+        let Some((forcing, _)) = &self.forcing else {
+            return Vec::new();
+        };
+        let n = nodes.len();
+        let mut nudges = vec![0.0; n];
+        let (begin, end) = (self.now, self.now + steps * tau);
+        let [first, last] = [begin, end].map(|t| forcing.ahead(t, lead));
+        if n < 2 {
+            return nudges;
+        }
+        let shares = |near: f64, far: f64| [far / (far - near), near / (near - far)];
+        let at_begin = shares(nodes[0], nodes[1]);
+        let at_end = shares(steps - nodes[n - 1], steps - nodes[n - 2]);
+        nudges[0] -= first * at_begin[0];
+        nudges[1] -= first * at_begin[1];
+        nudges[n - 1] += last * at_end[0];
+        nudges[n - 2] += last * at_end[1];
+        nudges
     }
 
     /// The flow maps of several times.

@@ -77,6 +77,69 @@ pub(crate) fn average(axis: &Axis, friction: f64, temperature: f64, stationary: 
     matrix
 }
 
+/// Friction, noise and a force over a time, on a density taken against e^{-beta v^2/2}: v' = decay v + shift + a normal of
+/// this variance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Kick {
+    /// e^{-2 zeta tau}.
+    pub(crate) decay: f64,
+    /// Of the noise, >= 0.
+    pub(crate) variance: f64,
+    /// By the force.
+    pub(crate) shift: f64,
+    /// Of the weight; 0 for the density itself.
+    pub(crate) beta: f64,
+}
+
+impl Kick {
+    /// The average as [`average`] gives it. With u = v' - shift and D = a^2 + beta s^2
+    ///
+    /// ```text
+    /// m = a u/D,   d^2 = s^2/D,   C = D^{-1/2} exp(beta (v'^2 - u^2/D)/2)
+    /// ```
+    ///
+    /// also without noise, where the average is the value at m. With `clamped` g continues beyond the nodes as a
+    /// constant, else it is 0 there.
+    pub(crate) fn average(&self, axis: &Axis, clamped: bool) -> Vec<f64> {
+        let n = axis.len();
+        let width = n + 2 * MARGIN;
+        let spline = Spline::new();
+        let mut matrix = vec![0.0; n * width];
+        let spread_by = self.decay * self.decay + self.beta * self.variance;
+        let deviation = (self.variance / spread_by).sqrt();
+        let centres = axis.centres();
+        let narrowest = axis.slopes().iter().copied().fold(f64::INFINITY, f64::min);
+        for (row, v) in matrix.chunks_exact_mut(width).zip(centres) {
+            let u = v - self.shift;
+            let mean = self.decay * u / spread_by;
+            let exponent = 0.5 * self.beta * (v * v - u * u / spread_by);
+            let scale = exponent.exp() / spread_by.sqrt();
+            if deviation > NO_WIDTH * narrowest {
+                pulp::Arch::new().dispatch(Gauss {
+                    axis,
+                    spline: &spline,
+                    mean,
+                    deviation,
+                    clamped,
+                    row,
+                });
+            } else if clamped || (mean >= axis.edges()[0] && mean <= axis.edges()[n]) {
+                let xi = (axis.locate(mean) - 0.5).clamp(0.0, (n - 1) as f64);
+                spread(row, &spline, n, xi, 1.0);
+            }
+            // What the rule for a Gaussian leaves out of 1.
+            let sum: f64 = if clamped { row.iter().sum() } else { 1.0 };
+            for x in row {
+                *x *= scale / sum;
+            }
+        }
+        matrix
+    }
+}
+
+/// Deviation of a Gaussian over a cell, below which its average is the value at its mean.
+const NO_WIDTH: f64 = 1e-6;
+
 /// Adds the average over N(mean, deviation^2) to `row`. A type, since a closure would not be compiled
 /// for the CPU.
 struct Gauss<'a> {

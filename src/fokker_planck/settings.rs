@@ -1,6 +1,7 @@
 //! What a scene may fix of the Fokker-Planck solver.
 
 use super::flux::Drift;
+use crate::excitation::Excitation;
 use crate::moments::Moment;
 
 /// Scheme in time.
@@ -40,6 +41,8 @@ pub enum TransientMethod {
 /// What a scene says about the Fokker-Planck solver; None is an automatic choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
+    /// What shakes the oscillator beside stationary noise: of the transient alone.
+    pub excitation: Excitation,
     /// Finite volumes or flow map.
     pub method: Option<TransientMethod>,
     /// How g is carried across faces.
@@ -65,6 +68,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
+            excitation: Excitation::default(),
             method: None,
             drift: None,
             time: None,

@@ -73,6 +73,8 @@ pub(crate) struct Ensemble {
     pub(crate) walk: Walk,
     pub(crate) paths: u64,
     pub(crate) times: Vec<f64>,
+    /// The times at which paths stop: those, and where the envelope bends.
+    stops: Vec<f64>,
     /// What the step may cost, relative to a variance.
     bias: f64,
     /// How as many paths are advanced that show the bias of the step: by the program's own choice of scheme and step, the
@@ -97,7 +99,11 @@ impl Ensemble {
         }
         let until = times.last().copied().unwrap_or(0.0);
         let mut walk = Walk::of(oscillator, initial, settings)?;
-        let (steps, longest) = longest(times, walk.step)?;
+        let mut stops = times.to_vec();
+        stops.extend(settings.excitation.bends(0.0, until));
+        stops.sort_by(f64::total_cmp);
+        stops.dedup();
+        let (steps, longest) = longest(&stops, walk.step)?;
         if longest > 0.0 {
             walk.step = longest;
         }
@@ -120,7 +126,7 @@ impl Ensemble {
             .as_ref()
             .map_or(0.0, |it| it.seconds(paths * until / it.step));
         let threads = rayon::current_num_threads() as u64;
-        let sums = TASKS * (times.len() * size_of::<Sums>()) as u64;
+        let sums = TASKS * (stops.len() * size_of::<Sums>()) as u64;
         let cost = Cost {
             steps,
             memory: sums + threads * BLOCK / LANES as u64 * walk.bytes(),
@@ -130,6 +136,7 @@ impl Ensemble {
             walk,
             paths: settings.paths,
             times: times.to_vec(),
+            stops,
             bias,
             companion,
             cost,
@@ -195,9 +202,9 @@ impl Ensemble {
         limits: Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<EnsembleResult> {
-        let mut intervals = Vec::with_capacity(self.times.len());
+        let mut intervals = Vec::with_capacity(self.stops.len());
         let mut start = 0.0;
-        for &time in &self.times {
+        for &time in &self.stops {
             let (steps, length) = walk::equal_steps(time - start, walk.step)?;
             intervals.push(Interval {
                 start,
@@ -206,7 +213,7 @@ impl Ensemble {
             });
             start = time;
         }
-        let (steps, step) = longest(&self.times, walk.step)?;
+        let (steps, step) = longest(&self.stops, walk.step)?;
         let path_steps = steps.saturating_mul(self.paths);
         let progress = &Progress::new(path_steps, limits, progress);
         let run = Run {
@@ -220,7 +227,9 @@ impl Ensemble {
         let moments: Vec<Moments> = frames
             .iter()
             .zip(&sums)
-            .map(|(frames, sums)| sums.moments(oscillator.contact(), frames))
+            .zip(&self.stops)
+            .filter(|(_, t)| self.times.contains(t))
+            .map(|((frames, sums), _)| sums.moments(oscillator.contact(), frames))
             .collect();
         Ok(EnsembleResult {
             times: self.times.clone(),

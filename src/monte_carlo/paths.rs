@@ -6,11 +6,13 @@ use super::signal::{Band, Cosines, Signal};
 use super::walk::Walk;
 use super::{Noise, Scheme};
 use crate::error::Result;
+use crate::excitation::Excitation;
 use crate::initial::Initial;
 use crate::oscillator::{DisplacementSampler, Oscillator};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use std::sync::Arc;
 
 /// Where path k of a seed starts and what drives it.
 pub(super) struct Paths {
@@ -18,6 +20,8 @@ pub(super) struct Paths {
     initial: Initial,
     sampler: Option<DisplacementSampler>,
     noise: Noise,
+    /// What there is beside stationary noise.
+    excitation: Option<Arc<Excitation>>,
     level: f64,
     step: f64,
     /// The scheme takes the excitation at t = 0 too.
@@ -37,6 +41,7 @@ impl Paths {
             initial: *initial,
             sampler,
             noise: walk.noise,
+            excitation: (!walk.excitation.is_plain()).then(|| Arc::new(walk.excitation.clone())),
             level: oscillator.h(),
             step: walk.step,
             whole_steps: walk.scheme == Scheme::CentralDifference,
@@ -58,6 +63,7 @@ impl Paths {
             excitation: [0.0; LANES],
             streams: Streams::new(self.seed, first),
             signal: None,
+            push: self.excitation.clone(),
         };
         for lane in 0..LANES {
             (it.q[lane], it.v[lane]) = self.start(first.wrapping_add(lane as u64));

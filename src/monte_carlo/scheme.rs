@@ -5,8 +5,10 @@ use super::hamiltonian::Flow;
 use super::law::Law;
 use super::noise::{LANES, Lanes, Streams};
 use super::signal::Signal;
+use crate::excitation::Excitation;
 use crate::oscillator::Oscillator;
 use std::fmt;
+use std::sync::Arc;
 
 /// How one step is made. The weak order is that of E\[f(q, v)\] at a fixed time for smooth f.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -91,6 +93,8 @@ pub(super) struct Group {
     pub(super) streams: Streams,
     /// The sum of cosines in place of white noise.
     pub(super) signal: Option<Signal>,
+    /// What there is beside stationary noise; the splittings know it.
+    pub(super) push: Option<Arc<Excitation>>,
 }
 
 /// What a scheme computes once for every step of the same length.
@@ -535,6 +539,35 @@ pub(super) struct Splitting<const STAGES: usize> {
     joint: Flow,
     /// Decay and spread of each Ornstein-Uhlenbeck step.
     friction: [(f64, f64); STAGES],
+    /// What a force of 1 does to v in each of them.
+    impulse: [f64; STAGES],
+}
+
+/// What each Ornstein-Uhlenbeck step of a splitting adds beside stationary noise, time frozen within it.
+trait Push {
+    /// Whether there is anything.
+    const PUSHES: bool;
+    /// The force and the factor on the spread of the noise.
+    fn at(&self, t: f64) -> (f64, f64);
+}
+
+/// Nothing.
+struct Still;
+
+impl Push for Still {
+    const PUSHES: bool = false;
+    #[inline(always)]
+    fn at(&self, _: f64) -> (f64, f64) {
+        (0.0, 1.0)
+    }
+}
+
+impl Push for Excitation {
+    const PUSHES: bool = true;
+    #[inline(always)]
+    fn at(&self, t: f64) -> (f64, f64) {
+        (self.force(t), self.factor(t).sqrt())
+    }
 }
 
 impl<const STAGES: usize> Splitting<STAGES> {
@@ -551,6 +584,10 @@ impl<const STAGES: usize> Splitting<STAGES> {
             inner,
             joint,
             friction: weights.map(|w| ornstein_uhlenbeck(oscillator, w * step)),
+            impulse: weights.map(|w| {
+                let friction = 2.0 * oscillator.zeta();
+                -(-friction * w * step).exp_m1() / friction
+            }),
         }
     }
 
@@ -561,6 +598,21 @@ impl<const STAGES: usize> Splitting<STAGES> {
         group: &mut Group,
         steps: u64,
         now: f64,
+        watch: &mut W,
+    ) {
+        match group.push.clone() {
+            None => self.pushed(law, group, (steps, now), &Still, watch),
+            Some(it) => self.pushed(law, group, (steps, now), &*it, watch),
+        }
+    }
+
+    #[inline(always)]
+    fn pushed<L: Law, P: Push, W: Watch>(
+        self,
+        law: L,
+        group: &mut Group,
+        (steps, now): (u64, f64),
+        push: &P,
         watch: &mut W,
     ) {
         if steps == 0 {
@@ -587,8 +639,16 @@ impl<const STAGES: usize> Splitting<STAGES> {
                     streams.normals(&mut normal, &mut spare);
                 }
                 have_spare = !have_spare;
-                for lane in 0..LANES {
-                    v[lane] = decay * v[lane] + spread * normal[lane]; // O
+                if P::PUSHES {
+                    let (force, factor) = push.at(now);
+                    let (shift, spread) = (force * self.impulse[stage], factor * spread);
+                    for lane in 0..LANES {
+                        v[lane] = decay * v[lane] + spread * normal[lane] + shift; // O with the drive
+                    }
+                } else {
+                    for lane in 0..LANES {
+                        v[lane] = decay * v[lane] + spread * normal[lane]; // O
+                    }
                 }
                 flow = if stage + 1 < STAGES {
                     self.inner

@@ -2,6 +2,7 @@
 
 use super::scheme::Scheme;
 use crate::budget::Limits;
+use crate::excitation::Excitation;
 
 /// Size, seed, scheme and noise of a sample, and its limits.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,8 +17,10 @@ pub struct Sampling {
     pub scheme: Scheme,
     /// Longest step; None chooses one. Each interval between output times or samples is cut into equal steps.
     pub step: Option<f64>,
-    /// The excitation.
+    /// The random excitation.
     pub noise: Noise,
+    /// What there is beside stationary noise: of an ensemble by a splitting alone.
+    pub excitation: Excitation,
     /// Seconds after which a sample gives up with [`crate::Error::Limit`].
     pub max_seconds: f64,
     /// Bytes that no sample may exceed.
@@ -33,6 +36,7 @@ impl Default for Sampling {
             scheme: Scheme::Auto,
             step: None,
             noise: Noise::White,
+            excitation: Excitation::default(),
             max_seconds: f64::INFINITY,
             max_memory: u64::MAX,
         }

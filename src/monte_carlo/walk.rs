@@ -6,7 +6,9 @@ use super::settings::{MOST_COSINES, Noise, Sampling};
 use crate::budget::timing;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
+use crate::excitation::Excitation;
 use crate::initial::Initial;
+use crate::noise_free;
 use crate::oscillator::Oscillator;
 use std::f64::consts::E;
 use std::ops::Range;
@@ -21,6 +23,7 @@ pub(crate) struct Walk {
     /// With a path's number it fixes the path.
     pub(crate) seed: u64,
     pub(crate) noise: Noise,
+    pub(crate) excitation: Excitation,
     /// Why this scheme and this step.
     pub(crate) reason: String,
     /// The highest frequency a path meets.
@@ -44,9 +47,47 @@ impl Walk {
     /// # Errors
     /// [`Error::Invalid`] for a step that is not positive, or a scheme that does not suit the noise.
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
-        let frequency = highest_frequency(oscillator, initial);
-        let (scheme, why) = resolve(it.scheme, it.noise, oscillator.zeta(), frequency)?;
-        Self::by((scheme, why), oscillator, it, frequency)
+        if it.excitation.is_plain() {
+            let frequency = highest_frequency(oscillator, initial, 0.0);
+            let (scheme, why) = resolve(it.scheme, it.noise, oscillator.zeta(), frequency)?;
+            return Self::by((scheme, why), oscillator, it, frequency);
+        }
+        // A splitting at any friction: the others know no force in time.
+        let scheme = match (it.scheme, it.noise) {
+            (Scheme::Auto | Scheme::Splitting42, Noise::White) => Scheme::Splitting42,
+            (Scheme::Splitting62, Noise::White) => Scheme::Splitting62,
+            (Scheme::Auto, _) => {
+                let accepted = "\"white\", with [excitation]";
+                return Err(Error::invalid(
+                    "monte_carlo.noise",
+                    "band-limited",
+                    accepted,
+                ));
+            }
+            (scheme, _) => {
+                let accepted =
+                    "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+                return Err(Error::invalid(
+                    "monte_carlo.scheme",
+                    format!("\"{scheme}\""),
+                    accepted,
+                ));
+            }
+        };
+        let time = FOLLOWED.min(4.0 / oscillator.zeta());
+        let swing = noise_free::swing(oscillator, &it.excitation, time);
+        let drive = it.excitation.drive.map_or(0.0, |it| it.frequency());
+        let frequency = highest_frequency(oscillator, initial, swing);
+        let walk = Self::by(
+            (scheme, "it takes the drive with the noise"),
+            oscillator,
+            it,
+            frequency,
+        )?;
+        // Its nodes must see the drive turn.
+        let longest = walk.step.min(1.0 / drive.max(1.0));
+        let step = it.step.unwrap_or(longest);
+        Ok(Self { step, ..walk })
     }
 
     fn by(
@@ -68,6 +109,7 @@ impl Walk {
             step,
             seed: it.seed,
             noise: it.noise,
+            excitation: it.excitation.clone(),
             reason: format!("{why}, {how}"),
             frequency,
         })
@@ -87,7 +129,7 @@ impl Walk {
                 accepted,
             ));
         }
-        let frequency = highest_frequency(oscillator, initial);
+        let frequency = highest_frequency(oscillator, initial, 0.0);
         let scheme = match it.scheme {
             Scheme::Auto => (Scheme::Splitting42, "it locates losses at any friction"),
             scheme => (scheme, "as asked"),
@@ -330,11 +372,17 @@ fn short(x: f64) -> String {
     format!("{rounded:?}")
 }
 
+/// Longest time that a motion without noise is followed for the amplitude of a driven one.
+const FOLLOWED: f64 = 1000.0;
+
 /// The highest frequency a path meets: the root of the stiffness at the outer turning point of an
-/// energy few paths exceed.
-fn highest_frequency(oscillator: &Oscillator, initial: &Initial) -> f64 {
+/// energy few paths exceed, to whose amplitude a drive adds its `swing`.
+fn highest_frequency(oscillator: &Oscillator, initial: &Initial, swing: f64) -> f64 {
     let contact = oscillator.contact();
     let mut rise = 5.0 * oscillator.temperature();
+    if swing > 0.0 {
+        rise = 0.5 * ((2.0 * rise).sqrt() + swing).powi(2);
+    }
     let mut outer: f64 = 0.0;
     if let Initial::Gaussian { mean, deviation } = initial {
         let (q, v) = (

@@ -77,7 +77,12 @@ fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {
 
 /// Moments against time; `kind` is that of their errors.
 fn moments_csv(results: &Results, times: &[f64], moments: &[Moments], kind: &str) -> Csv {
-    let mut table = Csv::of(results).plain("t", "1/W", times.iter().copied());
+    let table = Csv::of(results).plain("t", "1/W", times.iter().copied());
+    with_moments(table, moments, kind)
+}
+
+/// A table with the moments that are there beside its columns.
+pub(super) fn with_moments(mut table: Csv, moments: &[Moments], kind: &str) -> Csv {
     let asked = |it: &Moment| !moments.iter().any(|at| at.leaves_out(*it));
     for it in Moment::ALL.into_iter().filter(asked) {
         let values = moments.iter().map(|at| at.get(it));
@@ -306,7 +311,7 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
 }
 
 /// p\[q, v\] with q, v and t, as numpy.load reads it; on a rig the axes in micrometres and millimetres per second too.
-fn density(name: String, snapshot: &Snapshot, rig: Option<&Rig>) -> Result<File> {
+pub(super) fn density(name: String, snapshot: &Snapshot, rig: Option<&Rig>) -> Result<File> {
     packed(name, |npz| {
         // C order whatever the layout in memory.
         npz.add_array("p", &snapshot.p.as_standard_layout())?;

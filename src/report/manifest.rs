@@ -2,7 +2,7 @@
 //! take their lists from here.
 
 use super::file::{File, RESULTS};
-use super::{data, losses, page, plot};
+use super::{data, driven, losses, page, plot};
 use crate::error::Result;
 use crate::plan::Part;
 use crate::results::Results;
@@ -45,6 +45,19 @@ const GROUPS: &[Group] = &[
          density_<t>.npz: p[q, v] as a density, with q, v, t: `numpy.load`",
         &[Part::Transient],
         data::transient,
+    ),
+    (
+        "periodic.csv: moments of the periodic law over the phase of the drive
+         harmonics.csv: harmonics of its mean displacement, velocity and force
+         multipliers.csv: its Floquet multipliers
+         periodic.npz: its density at phase 0, with q, v, t: `numpy.load`",
+        &[Part::Periodic],
+        driven::periodic,
+    ),
+    (
+        "response.csv: harmonics and loss probability over the frequency of the drive",
+        &[Part::Response],
+        |it| Ok(driven::response(it)),
     ),
     (
         "steady.npz: the steady state on the mesh, as a density; t is infinite
@@ -123,6 +136,16 @@ const GROUPS: &[Group] = &[
         "moments.svg: Moments against time",
         &[Part::Transient, Part::MonteCarlo],
         plot::moments,
+    ),
+    (
+        "periodic.svg: Moments of the periodic law over the phase of the drive",
+        &[Part::Periodic],
+        plot::periodic,
+    ),
+    (
+        "response.svg: Response curve: harmonics and loss probability over the frequency of the drive",
+        &[Part::Response],
+        plot::response,
     ),
     (
         "approach.svg: Approach to the stationary law",

@@ -2,6 +2,7 @@
 
 mod csv;
 pub mod data;
+mod driven;
 mod file;
 pub mod folder;
 mod losses;

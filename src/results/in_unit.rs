@@ -3,7 +3,9 @@
 use super::{Numbers, SpectrumNumbers};
 use crate::clock::Clock;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Reached, Steady, Transient};
+use crate::fokker_planck::{
+    DecayRates, FirstLoss, FlightLaw, Periodic, Reached, Steady, Transient,
+};
 use crate::monte_carlo::{EnsembleResult, FirstLossResult, RecordResult};
 
 /// An answer in dimensionless time that can be put in another unit.
@@ -78,6 +80,12 @@ impl InUnit for Transient {
 impl InUnit for Reached {
     fn put_in(&mut self, clock: &Clock) {
         spans(self.t.iter_mut(), clock);
+        times([&mut self.method.step], clock);
+    }
+}
+
+impl InUnit for Periodic {
+    fn put_in(&mut self, clock: &Clock) {
         times([&mut self.method.step], clock);
     }
 }

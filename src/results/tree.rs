@@ -2,7 +2,7 @@
 
 use super::{Numbers, Results, SpectrumNumbers, centres};
 use crate::estimate::Estimate;
-use crate::fokker_planck::{FirstLoss, Transient};
+use crate::fokker_planck::{FirstLoss, Harmonic, Periodic, Response, Transient};
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{Crossings, FirstLossResult};
 use crate::rig::Rig;
@@ -66,6 +66,8 @@ impl Results {
             json!({ "quantity": asked.quantity.name(), "fraction": asked.fraction, "t": it.t, "method": it.method })
         });
         put("reach", reach);
+        put("periodic", self.periodic.as_ref().map(periodic));
+        put("response", self.response.as_ref().map(response));
         let steady = |it: &crate::fokker_planck::Steady| json!({ "l1_error": it.l1_error, "residual": it.residual, "method": it.method });
         put("steady", self.steady.as_ref().map(steady));
         let rates = self.decay_rates.as_ref();
@@ -194,8 +196,13 @@ impl Results {
 }
 
 fn moments(times: &[f64], all: &[Moments]) -> Map<String, Value> {
+    over("t", times, all)
+}
+
+/// Moments as curves over an axis.
+fn over(name: &str, axis: &[f64], all: &[Moments]) -> Map<String, Value> {
     let mut tree = Map::new();
-    tree.insert("t".into(), json!(times));
+    tree.insert(name.into(), json!(axis));
     let asked = |it: &Moment| !all.iter().any(|at| at.leaves_out(*it));
     for it in Moment::ALL.into_iter().filter(asked) {
         tree.insert(it.name().into(), curve(all.iter().map(|at| at.get(it))));
@@ -219,6 +226,37 @@ fn transient(it: &Transient) -> Value {
         all.insert(name.into(), points);
     }
     all.into()
+}
+
+fn periodic(it: &Periodic) -> Value {
+    let mut all = over("phase", &it.phase, &it.moments);
+    let list = |all: &[Harmonic]| json!(all);
+    let harmonics = json!({
+        "mean_q": list(&it.mean_q),
+        "mean_v": list(&it.mean_v),
+        "mean_force": list(&it.mean_force),
+    });
+    for (name, value) in [
+        ("harmonics", harmonics),
+        ("multipliers", json!(it.multipliers)),
+        ("residual", json!(it.residual)),
+        ("method", json!(it.method)),
+    ] {
+        all.insert(name.into(), value);
+    }
+    all.into()
+}
+
+fn response(it: &Response) -> Value {
+    let mut all = json!({
+        "frequency": it.frequency,
+        "mean_q_1": full_curve(&it.mean_q_1),
+        "mean_q_2": full_curve(&it.mean_q_2),
+        "mean_force_1": full_curve(&it.mean_force_1),
+    });
+    let lost = it.contact_loss_probability.as_deref().map(full_curve);
+    all["contact_loss_probability"] = json!(lost);
+    all
 }
 
 fn first_loss(it: &FirstLoss) -> Value {

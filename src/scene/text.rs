@@ -2,9 +2,10 @@
 
 use super::{
     Accuracy, CONTACTS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, ReachRequest,
-    SCHEMES, Scene, SpectrumRequest, TIME, TIME_UNITS, TRANSIENT, Times,
+    ResponseRequest, SCHEMES, Scene, SpectrumRequest, TIME, TIME_UNITS, TRANSIENT, Times,
 };
 use crate::error::{Error, positive};
+use crate::excitation::{Drive, Envelope, Excitation};
 use crate::fokker_planck::Drift;
 use crate::format::num;
 use crate::initial::Initial;
@@ -495,6 +496,7 @@ impl Document {
             "title",
             "oscillator",
             "rig",
+            "excitation",
             "initial",
             "outputs",
             "monte_carlo",
@@ -512,6 +514,7 @@ impl Document {
         };
         scene.rig = rig;
         scene.force_psd = root.section("oscillator")?.number("force_psd")?;
+        scene.excitation = self.excitation(&root)?;
         scene.initial = Self::initial(&root)?;
         if let Some(outputs) = Self::outputs(&root)? {
             scene.outputs = outputs;
@@ -603,6 +606,34 @@ impl Document {
         Oscillator::new(contact, zeta, h).map_err(|error| self.explain(&error))
     }
 
+    fn excitation(&self, root: &Section<'_>) -> Read<Excitation> {
+        let section = root.section("excitation")?;
+        section.known(&["drive", "envelope"])?;
+        let mut it = Excitation::default();
+        let drive = section.section("drive")?;
+        drive.known(&["amplitude", "frequency", "phase"])?;
+        if drive.table.is_some() {
+            let number = |key: &str, what: &str| drive.required(drive.number(key)?, key, what);
+            let read = Drive::new(
+                number("amplitude", "an amplitude >= 0 in static loads, as 0.02")?,
+                number("frequency", "a circular frequency, as 0.95")?,
+                drive.number("phase")?.unwrap_or(0.0),
+            );
+            it.drive = Some(read.map_err(|error| self.explain(&error))?);
+        }
+        let envelope = section.section("envelope")?;
+        envelope.known(&["times", "factors"])?;
+        if envelope.table.is_some() {
+            let list = |key: &str, what: &str| envelope.required(envelope.numbers(key)?, key, what);
+            let read = Envelope::new(
+                list("times", "ascending times, as [0, 50, 100]")?,
+                list("factors", "a factor on h for each time, as [0, 1, 1]")?,
+            );
+            it.envelope = Some(read.map_err(|error| self.explain(&error))?);
+        }
+        Ok(it)
+    }
+
     fn initial(root: &Section<'_>) -> Read<Initial> {
         let section = root.section("initial")?;
         section.known(&["kind", "mean", "deviation"])?;
@@ -650,6 +681,8 @@ impl Document {
             "crossings",
             "reach",
             "time_unit",
+            "periodic",
+            "response",
         ])?;
         if section.table.is_none() {
             return Ok(None);
@@ -687,6 +720,26 @@ impl Document {
             if inner.table.is_some() {
                 *target = Some(inner.required(inner.number(key)?, key, "a time > 0")?);
             }
+        }
+        let periodic = section.section("periodic")?;
+        periodic.known(&["phases"])?;
+        if periodic.table.is_some() {
+            let phases = periodic.whole("phases", u64::MAX)?;
+            it.periodic = Some(phases.unwrap_or(PHASES) as usize);
+        }
+        let response = section.section("response")?;
+        response.known(&["from", "to", "points"])?;
+        if response.table.is_some() {
+            let number = |key: &str| {
+                response.required(response.number(key)?, key, "a circular frequency > 0")
+            };
+            let points = response.whole("points", u64::MAX)?;
+            it.response = Some(ResponseRequest {
+                from: number("from")?,
+                to: number("to")?,
+                points: response.required(points, "points", "how many frequencies, as 61")?
+                    as usize,
+            });
         }
         Ok(Some(it))
     }
@@ -782,6 +835,9 @@ impl Document {
         })
     }
 }
+
+/// Phases of a periodic law unless the scene says otherwise.
+const PHASES: u64 = 32;
 
 /// Give every node of a bare-word override the places of the text as typed.
 fn replace_places(table: &mut BTreeMap<String, Node>, all: &Place, value: Range<usize>) {
@@ -979,6 +1035,22 @@ impl<'a> Section<'a> {
                 Ok(Some([number(0)?, number(1)?]))
             }
             Some(_) => Err(self.type_error(key, "two numbers, of q and of v, as [0.0, 0.3]")),
+        }
+    }
+
+    fn numbers(&self, key: &str) -> Read<Option<Vec<f64>>> {
+        match self.get(key).map(|node| &node.value) {
+            None => Ok(None),
+            Some(Value::List(items)) => {
+                let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
+                items
+                    .iter()
+                    .enumerate()
+                    .map(number)
+                    .collect::<Read<_>>()
+                    .map(Some)
+            }
+            Some(_) => Err(self.type_error(key, "a list of numbers, as [0, 50, 100]")),
         }
     }
 

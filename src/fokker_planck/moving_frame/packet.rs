@@ -25,6 +25,7 @@
 use super::frame::Frame;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::interpolation::{
     Filter, MARGIN, PANEL, POINTS, Spline, filter, reflected,
 };
@@ -33,9 +34,11 @@ use crate::fokker_planck::ornstein_uhlenbeck::average;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::moments::{Moments, RawMoments};
+use crate::noise_free;
 use crate::oscillator::Oscillator;
 use crate::quadrature::KronrodNodes;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// How finely a packet is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +62,8 @@ pub(crate) struct Packet {
     contact: ContactLaw,
     zeta: f64,
     temperature: f64,
+    /// What there is beside stationary noise.
+    forcing: Option<Arc<Forcing>>,
     fineness: Fineness,
     axis: Axis,
     frame: Frame,
@@ -150,6 +155,7 @@ impl Packet {
             contact: oscillator.contact().clone(),
             zeta: oscillator.zeta(),
             temperature: oscillator.temperature(),
+            forcing: None,
             fineness,
             axis,
             frame,
@@ -169,6 +175,15 @@ impl Packet {
         };
         it.interpolate();
         Ok(it)
+    }
+
+    /// The same under a drive or an envelope. A point stays one, and moves as one, until the noise begins.
+    pub(crate) fn forced(mut self, oscillator: &Oscillator, forcing: Option<Arc<Forcing>>) -> Self {
+        if let Some((linear, _)) = &mut self.linear {
+            linear.forced = forcing.clone().map(|it| (oscillator.clone(), it));
+        }
+        self.forcing = forcing;
+        self
     }
 
     pub(crate) fn time(&self) -> f64 {
@@ -216,11 +231,35 @@ impl Packet {
 
     /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most.
     pub(crate) fn open(&mut self, left: f64) {
-        if let Some((linear, early)) = self.linear.take() {
+        let Some((mut linear, early)) = self.linear.take() else {
+            return;
+        };
+        if let Some((oscillator, forcing)) = linear.forced.clone() {
+            let end = self.time + left;
+            let begin = forcing.excitation().noise_from().clamp(self.time, end);
+            let times = [self.time, begin];
+            self.frame.mean =
+                noise_free::motion(&oscillator, forcing.excitation(), self.frame.mean, times);
+            self.time = begin;
+            if begin >= end {
+                self.linear = Some((linear, early));
+                return;
+            }
+            let first = early.min(end - begin);
+            // No noise before, and all of it linear in time up to its next bend.
+            let first = forcing
+                .excitation()
+                .bends(begin, begin + first)
+                .next()
+                .map_or(first, |t| t - begin);
+            linear.stiffness = oscillator.contact().stiffness(self.frame.mean[0]);
+            self.frame = linear.forced_after(self.frame.mean, begin, first);
+            self.time = begin + first;
+        } else {
             self.time = early.min(left);
             self.frame = linear.after(self.time);
-            self.steps += 1;
         }
+        self.steps += 1;
     }
 
     /// What the steps so far may have done to a variance, relative to it. The noise of a step is put 1.5e-5 tau^6 of
@@ -253,11 +292,24 @@ impl Packet {
             1.0 + x * x / 6.0
         };
         let rate = tau * stretched / (2.0 * C1 * x.cosh() + 2.0 * C2 * (4.0 / 9.0 * x).cosh());
-        for (gap, weight) in [C1, C2, C2].into_iter().zip(WEIGHTS) {
+        let (start, lead) = (self.time, rate / tau - 1.0);
+        let ahead = |t: f64| self.forcing.as_ref().map_or(0.0, |it| it.ahead(t, lead));
+        let [first, last] = [start, start + tau].map(ahead);
+        if self.forcing.is_some() {
+            self.frame.mean[1] -= first;
+        }
+        for ((gap, weight), node) in [C1, C2, C2]
+            .into_iter()
+            .zip(WEIGHTS)
+            .zip([C1, 0.5, 1.0 - C1])
+        {
             self.carry(gap * rate);
-            self.spread(weight * tau);
+            self.spread(start + node * tau, weight * tau, lead);
         }
         self.carry(C1 * rate);
+        if self.forcing.is_some() {
+            self.frame.mean[1] += last;
+        }
         self.time += tau;
         self.steps += 1;
     }
@@ -350,17 +402,27 @@ impl Packet {
         self.interpolate();
     }
 
-    /// O over `duration`.
-    fn spread(&mut self, duration: f64) {
+    /// O over `duration`, time frozen at `t`, in steps with this `lead`.
+    fn spread(&mut self, t: f64, duration: f64, lead: f64) {
         let n = self.axis.len();
         let friction = 2.0 * self.zeta * duration;
         let a = (-friction).exp();
         // T (1 - a^2), also where zeta is so small that T overflows what is left of 1 - a^2.
-        let variance = -self.temperature * (-2.0 * friction).exp_m1();
+        let variance = match &self.forcing {
+            None => -self.temperature * (-2.0 * friction).exp_m1(),
+            Some(it) => it.variance(t, duration),
+        };
         let [qq, vq, vv] = self.frame.lower;
         let widened = (a * a * vv * vv + variance).sqrt();
         self.frame.mean[1] *= a;
         self.frame.lower = [qq, a * vq, widened];
+        if let Some(it) = &self.forcing {
+            self.frame.mean[1] += it.shift(t, duration, lead);
+            if variance == 0.0 {
+                // The frame contracts, and P in it stays.
+                return;
+            }
+        }
         // rho = a L_vv/L_vv' = e^{-rate}.
         let rate = 0.5 * (variance / (a * a * vv * vv)).ln_1p();
         let matrix = average(&self.axis, rate, 1.0, false);
@@ -560,12 +622,14 @@ impl Packet {
 }
 
 /// q'' + 2 zeta q' + k q = -G(0) + sqrt(2 pi h) noise, k = G'(0): the oscillator at q = 0.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Linear {
     zeta: f64,
     stiffness: f64,
     drive: f64,
     noise: f64,
+    /// The oscillator with what there is beside stationary noise.
+    forced: Option<(Oscillator, Arc<Forcing>)>,
 }
 
 impl Linear {
@@ -575,7 +639,29 @@ impl Linear {
             stiffness: oscillator.contact().stiffness(0.0),
             drive: -oscillator.contact().force(0.0),
             noise: oscillator.noise(),
+            forced: None,
         }
+    }
+
+    /// The Gaussian a short time t after the point (q, v) at time `begin`: its mean is the motion without noise.
+    fn forced_after(&self, point: [f64; 2], begin: f64, t: f64) -> Frame {
+        let Some((oscillator, forcing)) = &self.forced else {
+            return self.after(t);
+        };
+        let excitation = forcing.excitation();
+        let mean = noise_free::motion(oscillator, excitation, point, [begin, begin + t]);
+        let mut covariance = [[0.0; 2]; 2];
+        for (z, w) in KronrodNodes::default() {
+            let s = 0.5 * t * (1.0 + z);
+            let x = self.kick(s);
+            let noise = self.noise * excitation.factor(begin + t - s);
+            for i in 0..2 {
+                for j in 0..2 {
+                    covariance[i][j] += t * w * noise * x[i] * x[j];
+                }
+            }
+        }
+        Frame::of(mean, covariance)
     }
 
     /// (q, v) a time s after a kick of v from 0 to 1.

@@ -63,6 +63,31 @@ fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
 /// tail to the tolerance.
 const STAGES_BESIDE: f64 = 12.0;
 
+/// Periods that the fixed point of a law that lasts takes: 52 to 56 for the Hertz law at zeta = 0.005, as many more
+/// as a deviation lives.
+const PERIODS: f64 = 60.0;
+
+/// The cost of one run for the law that lasts.
+fn lasting(rung: &Rung, oscillator: &Oscillator, period: f64, times: &[f64]) -> Result<Cost> {
+    let cells = rung.layout.count(oscillator, 1.0)?;
+    let n = cells[0] as f64 * cells[1] as f64;
+    let map = rung.flow_map();
+    let [steps, passes, maps] = map.size(&[period], CHUNK);
+    let [phase_steps, phase_passes, phase_maps] = map.size(times, CHUNK);
+    let [each, rest] = Settings::bytes();
+    let entries = timing::FORCED_ENTRY * cells[1] as f64 / cells[0] as f64;
+    let passing = timing::PASS * (PERIODS * passes + phase_passes);
+    let building = timing::MAP * (maps + phase_maps) + entries * (passes + phase_passes);
+    // Vectors, their products, and the numbers at each phase.
+    let beside = timing::STAGE * PERIODS * PERIODS / 4.0 + timing::LOOK * times.len() as f64;
+    Ok(Cost {
+        cells,
+        steps: (PERIODS * steps + phase_steps).ceil() as u64,
+        memory: (n * (HELD * each + rest + 8.0 * PERIODS)) as u64,
+        seconds: n * (passing + building + beside),
+    })
+}
+
 /// The cost of one run.
 pub(super) fn run(
     rung: &Rung,
@@ -71,6 +96,9 @@ pub(super) fn run(
     times: &[f64],
     max_memory: u64,
 ) -> Result<Cost> {
+    if let Some(period) = rung.period {
+        return lasting(rung, oscillator, period, times);
+    }
     let until = times.last().copied().unwrap_or(0.0);
     let opening = opening::cost(rung, oscillator, initial, until);
     if let Some((bill, side)) = opening
@@ -93,7 +121,10 @@ pub(super) fn run(
         Scheme::FlowMap => CHUNK * rung.flow_map().step,
         Scheme::Volumes(_) => 0.0,
     };
-    let end = (settled(oscillator, initial, rung.tolerance) + chunk).min(until);
+    let end = match rung.forcing {
+        None => (settled(oscillator, initial, rung.tolerance) + chunk).min(until),
+        Some(_) => until,
+    };
     let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
     let looks = times.len() as f64;
     times.retain(|t| *t <= end);
@@ -114,7 +145,14 @@ pub(super) fn run(
             let [steps, passes, maps] = map.size(&times, CHUNK);
             let [each, rest] = Settings::bytes();
             bytes = n * (maps.min(HELD) * each + rest);
-            (steps, n * (timing::MAP * maps + timing::PASS * passes))
+            let mut pass = timing::PASS;
+            if rung.forcing.is_some() {
+                // A matrix of its own for every node.
+                let side = cells[1] as f64;
+                bytes += 8.0 * side * side * passes.min(CHUNK);
+                pass += timing::FORCED_ENTRY * side / cells[0] as f64;
+            }
+            (steps, n * (timing::MAP * maps + pass * passes))
         }
         Scheme::Volumes(time) => {
             let generator = Generator::new(oscillator, &rung.mesh(oscillator)?, rung.drift())?;

@@ -8,6 +8,7 @@ use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::layout::{self, Cells, Layout};
 use crate::fokker_planck::mesh::{Axis, Mesh};
@@ -15,6 +16,7 @@ use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::format::num;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
+use std::sync::Arc;
 
 /// Damping ratio up to which the flow map is taken: its errors are known that far ([`flow_map::Settings::to`]), and its
 /// steps are longer than those of the cells.
@@ -43,6 +45,9 @@ struct Question<'a> {
     initial: &'a Initial,
     times: &'a [f64],
     settings: &'a Settings,
+    forcing: Option<&'a Arc<Forcing>>,
+    /// The period of a law that lasts.
+    period: Option<f64>,
 }
 
 impl Recipe {
@@ -57,13 +62,49 @@ impl Recipe {
         times: &[f64],
         settings: &Settings,
     ) -> Result<Self> {
+        let until = times.last().copied().unwrap_or(0.0);
+        let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
+        let forcing = forcing.map(Arc::new);
         let question = Question {
             oscillator,
             initial,
             times,
             settings,
+            forcing: forcing.as_ref(),
+            period: None,
         };
         question.recipe()
+    }
+
+    /// The recipe for the law that lasts under the drive of the settings, at `times` within its period; with its
+    /// multipliers or without.
+    ///
+    /// # Errors
+    /// As [`Recipe::of`]; [`Error::Invalid`] without a drive.
+    pub(crate) fn lasting(
+        oscillator: &Oscillator,
+        times: &[f64],
+        settings: &Settings,
+        multipliers: bool,
+    ) -> Result<Self> {
+        let Some(drive) = settings.excitation.drive else {
+            let accepted = "a drive: without one the law that lasts is the stationary one";
+            return Err(Error::invalid("excitation.drive", "none", accepted));
+        };
+        let forcing = Forcing::lasting(oscillator, &settings.excitation)?.map(Arc::new);
+        let question = Question {
+            oscillator,
+            initial: &Initial::Stationary,
+            times,
+            settings,
+            forcing: forcing.as_ref(),
+            period: Some(drive.period()),
+        };
+        let recipe = question.recipe()?;
+        Ok(Self {
+            multipliers,
+            ..recipe
+        })
     }
 }
 
@@ -76,10 +117,14 @@ impl Question<'_> {
         if let Some(step) = self.settings.step {
             positive("method.step", step)?;
         }
+        self.check_forcing()?;
         let (layout, first_grid) = self.laid_out()?;
         let draft = Recipe {
             scheme: Scheme::FlowMap,
             first_grid,
+            forcing: self.forcing.cloned(),
+            period: self.period,
+            multipliers: false,
             expected: self.last_rung(&layout)?,
             layout,
             neglected: self.settings.neglected,
@@ -135,7 +180,13 @@ impl Question<'_> {
             if !oscillator.contact().is_confining() {
                 return Ok(None);
             }
-            let domain = recipe::domain(oscillator, initial, self.until(), first_grid, neglected)?;
+            let domain = recipe::domain(
+                (oscillator, self.forcing.map(|it| &**it)),
+                initial,
+                self.until(),
+                first_grid,
+                neglected,
+            )?;
             return Ok(Some(Recipe {
                 first_grid,
                 layout: Layout {
@@ -146,7 +197,9 @@ impl Question<'_> {
                 ..draft.clone()
             }));
         }
-        Ok(self.settings.method.is_none().then(|| Recipe {
+        let free =
+            self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
+        Ok(free.then(|| Recipe {
             scheme: Scheme::Volumes(TimeScheme::Imex),
             reason: "finite volumes of order 8, steps bound by transport".into(),
             ..draft.clone()
@@ -159,7 +212,8 @@ impl Question<'_> {
             return Ok(());
         };
         let rung = draft.rung(self.oscillator, self.initial, self.until(), draft.expected)?;
-        let shortest = FlowMap::shortest_step(self.oscillator, &rung.mesh(self.oscillator)?);
+        let reference = self.forcing.map_or(self.oscillator, |it| it.reference());
+        let shortest = FlowMap::shortest_step(reference, &rung.mesh(self.oscillator)?);
         if step >= shortest {
             return Ok(());
         }
@@ -248,9 +302,54 @@ impl Question<'_> {
         }
     }
 
+    /// Deviations of the law in q and v where it is narrowest.
+    fn deviations(&self) -> [f64; 2] {
+        let Some(forcing) = self.forcing else {
+            return layout::deviations(self.oscillator);
+        };
+        layout::deviations(forcing.noise()).map(|it| it * forcing.narrowing())
+    }
+
+    /// Refuses what no solver does under a drive or an envelope.
+    fn check_forcing(&self) -> Result<()> {
+        if self.forcing.is_none() && self.period.is_none() {
+            return Ok(());
+        }
+        let it = self.settings;
+        if let Some(TransientMethod::FiniteVolume) = it.method {
+            let accepted =
+                "\"flow_map\" or \"auto\" with [excitation]: finite volumes know no force in time";
+            return Err(Error::invalid(
+                "method.transient",
+                "\"finite_volume\"",
+                accepted,
+            ));
+        }
+        for (key, asked) in [
+            ("method.drift", it.drift.is_some()),
+            ("method.time", it.time.is_some()),
+        ] {
+            if asked {
+                let accepted =
+                    "\"auto\" with [excitation]: the flow map, which is taken then, has neither";
+                return Err(Error::invalid(key, "a scheme of finite volumes", accepted));
+            }
+        }
+        let zeta = self.oscillator.zeta();
+        if zeta > KNOWN {
+            let accepted = format!("at most {KNOWN} with [excitation]; [monte_carlo] takes any");
+            return Err(Error::invalid("oscillator.zeta", zeta, accepted));
+        }
+        if !self.oscillator.contact().is_confining() && !self.stays_on_moving_grid() {
+            let accepted = "\"auto\" and no method.cells with [excitation] and a contact law that never confines";
+            return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
+        }
+        Ok(())
+    }
+
     /// Widths of cells in q and v, one a deviation of the stationary law or [`recipe::START`] of one of the initial condition.
     fn widths(&self) -> [f64; 2] {
-        let thermal = layout::deviations(self.oscillator);
+        let thermal = self.deviations();
         match *self.initial {
             Initial::Gaussian { deviation, .. } => {
                 [0, 1].map(|k| thermal[k].min(deviation[k] / recipe::START))
@@ -271,7 +370,8 @@ impl Question<'_> {
         let neglected = settings
             .neglected
             .unwrap_or_else(|| Rung::neglected(expected(settings.tolerance)));
-        let thermal = layout::deviations(oscillator);
+        let forcing = self.forcing.map(|it| &**it);
+        let thermal = self.deviations();
         let laid_out = |domain: Domain, widths: [f64; 2]| Layout {
             domain,
             cells: Cells::of(settings, widths),
@@ -300,7 +400,7 @@ impl Question<'_> {
                 }
                 Initial::Gaussian { mean, deviation } if settings.cells.is_some() => {
                     let domain = recipe::domain(
-                        oscillator,
+                        (oscillator, forcing),
                         initial,
                         self.until(),
                         FirstGrid::Mesh,
@@ -319,7 +419,8 @@ impl Question<'_> {
                 FirstGrid::Moving
             }
         };
-        let domain = recipe::domain(oscillator, initial, self.until(), first_grid, neglected)?;
+        let until = self.until();
+        let domain = recipe::domain((oscillator, forcing), initial, until, first_grid, neglected)?;
         Ok(match first_grid {
             FirstGrid::Mesh => (laid_out(domain, self.widths()), first_grid),
             FirstGrid::MovingForGood => {
@@ -426,6 +527,8 @@ pub fn mesh(
         initial,
         times: &[until],
         settings,
+        forcing: None,
+        period: None,
     };
     let layout = question.laid_out()?.0;
     let finer = finer

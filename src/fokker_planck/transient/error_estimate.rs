@@ -206,7 +206,10 @@ impl Errors {
         errors.shared = pairs
             .map(|(a, b)| {
                 // The stationary law suffers no splitting error: what there is fades with the distance to it.
-                let fading = a.distance * (1.0 + 4.0 * task.oscillator.zeta() * a.t);
+                let fading = match rung.forcing {
+                    None => a.distance * (1.0 + 4.0 * task.oscillator.zeta() * a.t),
+                    Some(_) => 1.0,
+                };
                 let alike =
                     rung.automatic && a.steps > 0 && (a.steps as f64) < 1.15 * b.steps as f64;
                 let unseen = if alike {

@@ -4,6 +4,7 @@ mod cost;
 mod decide;
 mod error_estimate;
 mod ladder;
+mod lasting;
 mod opening;
 mod propagator;
 mod reach;
@@ -19,5 +20,5 @@ pub use reach::Reached;
 #[cfg(test)]
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
-pub use report::Transient;
+pub use report::{Multiplier, Transient};
 pub use solve::{transient, transient_cost, uncertified};

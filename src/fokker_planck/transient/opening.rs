@@ -160,6 +160,7 @@ impl<'a> Opening<'a> {
         let early = EARLY * later / (1.0 + oscillator.zeta());
         let fineness = fineness(oscillator, rung);
         let packet = Packet::new(oscillator, initial, early, fineness)?;
+        let packet = packet.forced(oscillator, rung.forcing.clone());
         let goal = (rung.first_grid != FirstGrid::MovingForGood)
             .then(|| rung.mesh(oscillator))
             .transpose()?;
@@ -204,19 +205,21 @@ impl<'a> Opening<'a> {
             return Ok(true);
         }
         self.packet.open(left);
-        let left = t - self.packet.time();
-        if left <= 0.0 {
+        if t - self.packet.time() <= 0.0 {
             return Ok(true);
         }
-        let steps = self.packet.divide(left);
-        for _ in 0..steps {
-            if self.is_wide() {
-                return Ok(false);
+        for stop in self.rung.stops(self.packet.time(), t) {
+            let left = stop - self.packet.time();
+            let steps = self.packet.divide(left);
+            for _ in 0..steps {
+                if self.is_wide() {
+                    return Ok(false);
+                }
+                self.packet.advance(left / steps as f64);
+                watch(self.packet.time())?;
             }
-            self.packet.advance(left / steps as f64);
-            watch(self.packet.time())?;
+            self.packet.arrive(stop);
         }
-        self.packet.arrive(t);
         Ok(true)
     }
 

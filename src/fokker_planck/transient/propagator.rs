@@ -6,7 +6,8 @@ use crate::error::Result;
 use crate::fokker_planck::budget::DIRECT;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
-use crate::fokker_planck::flux::{Drift, Weights};
+use crate::fokker_planck::flux::{Drift, Weights, maxwell};
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::integrators::{
     Additive, BackwardEuler, Chebyshev, Integrator, Late, March, Radau, Solver, Step, never,
@@ -16,6 +17,7 @@ use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A density's way forward.
 pub(super) enum Propagator {
@@ -61,11 +63,14 @@ impl Propagator {
         oscillator: &Oscillator,
         mesh: &Mesh,
         settings: flow_map::Settings,
+        forcing: Option<Arc<Forcing>>,
         late: Late,
     ) -> Result<Self> {
+        let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
+        let shortest = 3.0 * FlowMap::shortest_step(reference, mesh);
         Ok(Self::FlowMap {
-            map: Box::new(FlowMap::new(oscillator, mesh, settings)?),
-            shortest: 3.0 * FlowMap::shortest_step(oscillator, mesh),
+            map: Box::new(FlowMap::forced(oscillator, mesh, settings, forcing)?),
+            shortest,
             anchor: None,
             late,
         })
@@ -93,10 +98,33 @@ impl Propagator {
     }
 
     /// The density of a start.
-    pub(super) fn start(&self, initial: &Initial) -> Result<Density> {
+    pub(super) fn start(&self, oscillator: &Oscillator, initial: &Initial) -> Result<Density> {
         match self {
             Self::Volumes { generator, .. } => Density::start(generator, initial),
+            Self::FlowMap { map, .. } if map.is_forced() && *initial == Initial::Stationary => {
+                self.stationary(oscillator)
+            }
             Self::FlowMap { map, .. } => map.start(initial),
+        }
+    }
+
+    /// The stationary law of the undriven oscillator, where densities are taken against another one.
+    pub(super) fn stationary(&self, oscillator: &Oscillator) -> Result<Density> {
+        let (law, temperature) = (oscillator.displacement_law()?, oscillator.temperature());
+        let p = |[q, v]: &[f64; 2]| law.density(*q) * maxwell(*v, temperature);
+        let mut density = self.sampled(&|points| points.iter().map(p).collect());
+        let mass = density.mass();
+        for p in density.cells_mut() {
+            *p /= mass;
+        }
+        Ok(density)
+    }
+
+    /// Sets the time, which an excitation goes by.
+    pub(super) fn set_time(&mut self, t: f64) {
+        if let Self::FlowMap { map, anchor, .. } = self {
+            map.set_time(t);
+            *anchor = None;
         }
     }
 
@@ -139,6 +167,10 @@ impl Propagator {
                 };
                 let total = since + duration;
                 density.cells_mut().copy_from_slice(before.cells());
+                if since > 0.0 {
+                    let now = map.time();
+                    map.set_time(now - since);
+                }
                 let steps = (WORK / map.mesh().len() as f64).clamp(8.0, CHUNK);
                 let chunks = (total / (steps * map.settings().step)).ceil().max(1.0);
                 for k in 1..=chunks as u64 {
@@ -190,9 +222,13 @@ pub(super) fn build(
     match rung.scheme {
         Scheme::FlowMap => {
             let mut settings = rung.flow_map();
+            let reference = rung
+                .forcing
+                .as_ref()
+                .map_or(oscillator, |it| it.reference());
             // Shorter steps let grid noise grow.
-            settings.step = settings.step.max(FlowMap::shortest_step(oscillator, mesh));
-            Propagator::flow_map(oscillator, mesh, settings, late)
+            settings.step = settings.step.max(FlowMap::shortest_step(reference, mesh));
+            Propagator::flow_map(oscillator, mesh, settings, rung.forcing.clone(), late)
         }
         Scheme::Volumes(time) => {
             let generator = Generator::new(oscillator, mesh, rung.drift())?;

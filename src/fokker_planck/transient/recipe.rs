@@ -5,12 +5,14 @@ use crate::fokker_planck::budget::{Cost, Factors};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::flow_map;
 use crate::fokker_planck::flux::Drift;
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{Cells, Layout};
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::oscillator::Oscillator;
+use std::sync::Arc;
 
 /// What carries a density forward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,6 +54,12 @@ pub(crate) struct Recipe {
     pub(crate) scheme: Scheme,
     /// What holds the initial condition.
     pub(crate) first_grid: FirstGrid,
+    /// What there is beside stationary noise.
+    pub(crate) forcing: Option<Arc<Forcing>>,
+    /// The period of the drive, where the law that lasts is asked for and not the way to it.
+    pub(crate) period: Option<f64>,
+    /// Whether its multipliers are asked for.
+    pub(crate) multipliers: bool,
     /// The domain and cells of the rung at which the tolerance is expected, and the stencil. Cells that the scene
     /// leaves open are one a deviation here.
     pub(crate) layout: Layout,
@@ -80,6 +88,10 @@ pub(crate) struct Rung {
     pub(crate) scheme: Scheme,
     /// What holds the initial condition.
     pub(crate) first_grid: FirstGrid,
+    /// What there is beside stationary noise.
+    pub(crate) forcing: Option<Arc<Forcing>>,
+    /// The period of a law that lasts.
+    pub(crate) period: Option<f64>,
     /// Domain, cells and stencil.
     pub(crate) layout: Layout,
     /// Probability that the domain was asked to leave out at most.
@@ -167,6 +179,13 @@ impl Rung {
         law.amplitude(oscillator, mean, deviation)
     }
 
+    /// The bends of the envelope between two times, and the later time.
+    pub(crate) fn stops(&self, from: f64, to: f64) -> Vec<f64> {
+        let bends = self.forcing.iter();
+        let bends = bends.flat_map(|it| it.excitation().bends(from, to));
+        bends.chain([to]).collect()
+    }
+
     /// The steps of the flow map.
     pub(crate) fn flow_map(&self) -> flow_map::Settings {
         let automatic = flow_map::Settings::default();
@@ -197,7 +216,13 @@ impl Recipe {
         let domain = if r == self.expected {
             self.layout.domain
         } else {
-            domain(oscillator, initial, until, self.first_grid, neglected)?
+            domain(
+                (oscillator, self.forcing.as_deref()),
+                initial,
+                until,
+                self.first_grid,
+                neglected,
+            )?
         };
         let cells = match self.layout.cells {
             Cells::Given(cells) => {
@@ -216,13 +241,16 @@ impl Recipe {
             (Scheme::Volumes(_), Some(step)) => Some(step),
             (Scheme::FlowMap, None) => {
                 let splitting = flow_map::Settings::to(SPLITTING * tolerance, oscillator)?;
-                Some(splitting.step)
+                let shorter = self.forcing.as_ref().map_or(1.0, |it| it.shorter());
+                Some(splitting.step * shorter)
             }
             (Scheme::Volumes(_), None) => None,
         };
         Ok(Rung {
             scheme: self.scheme,
             first_grid: self.first_grid,
+            forcing: self.forcing.clone(),
+            period: self.period,
             layout: Layout {
                 domain,
                 cells,
@@ -259,11 +287,30 @@ pub(super) const BEYOND: f64 = 1.25;
 /// Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.
 const ROOM: f64 = 1.2;
 
-/// The truncated domain of a run until `until`.
+/// The truncated domain of a run until `until`: under a forcing that of its strongest noise, and farther by as much as the
+/// drive swings.
 ///
 /// # Errors
 /// Those of [`Domain::closed`] and [`Domain::swept`].
 pub(crate) fn domain(
+    (oscillator, forcing): (&Oscillator, Option<&Forcing>),
+    initial: &Initial,
+    until: f64,
+    first_grid: FirstGrid,
+    neglected: f64,
+) -> Result<Domain> {
+    let Some(forcing) = forcing else {
+        return unforced(oscillator, initial, until, first_grid, neglected);
+    };
+    let noise = forcing.noise();
+    let domain = unforced(noise, initial, until, first_grid, neglected)?;
+    if !oscillator.contact().is_confining() {
+        return Ok(domain);
+    }
+    Ok(domain.enlarged(noise, 1.0 + forcing.swing() / domain.v[1]))
+}
+
+fn unforced(
     oscillator: &Oscillator,
     initial: &Initial,
     until: f64,

@@ -5,6 +5,7 @@ use super::run::{Output, Run, SETTLED, Task};
 use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::density::Snapshot;
+use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::settings::Method;
 use crate::moments::Moments;
 
@@ -30,10 +31,58 @@ pub struct Transient {
     pub densities: Vec<Snapshot>,
     /// What it was computed with.
     pub method: Method,
+    /// Of a law that lasts under a drive: the largest eigenvalues of the map over one period but 1.
+    pub multipliers: Vec<Multiplier>,
+    /// Of the same: the L1 distance to itself a period later.
+    pub residual: f64,
     /// What the tolerance asked for and was not reached.
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
     pub warnings: Vec<String>,
+}
+
+/// An eigenvalue of the map over one period: what is left of a deviation from the periodic law a period later.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Multiplier {
+    /// Real part.
+    pub re: f64,
+    /// Imaginary part, not negative: of a conjugate pair one is listed.
+    pub im: f64,
+    /// Error of |re + i im|.
+    pub error: f64,
+}
+
+impl Multiplier {
+    /// |re + i im|, below 1.
+    pub fn modulus(&self) -> f64 {
+        self.re.hypot(self.im)
+    }
+}
+
+/// The multipliers of the finer of two runs: their errors are those of the Krylov space and the distance to the nearest one
+/// of the coarser run, twice, which is of order 2 or more.
+fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
+    const SAFETY: f64 = 2.0;
+    let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
+        return Vec::new();
+    };
+    let multiplier = |it: &Ritz| {
+        let distances = coarse.multipliers.iter();
+        let distances = distances.map(|other| (other.value - it.value).norm());
+        let nearest = distances.fold(f64::INFINITY, f64::min);
+        Multiplier {
+            re: it.value.re,
+            im: it.value.im,
+            error: it.error + SAFETY * nearest,
+        }
+    };
+    // One that is not known to a tenth is not known.
+    let known = |it: &Multiplier| it.error < 0.1;
+    fine.multipliers
+        .iter()
+        .map(multiplier)
+        .filter(known)
+        .collect()
 }
 
 impl Task<'_> {
@@ -47,7 +96,8 @@ impl Task<'_> {
         stop: Stop,
         mut warnings: Vec<String>,
     ) -> Transient {
-        let confining = self.oscillator.contact().is_confining();
+        // Under a forcing no law is stationary, and densities are taken against another.
+        let known = self.oscillator.contact().is_confining() && self.recipe.forcing.is_none();
         let outside = outside(self, &fine, coarse);
         let mut moments: Vec<Moments> = fine.outputs.iter().map(|it| it.moments).collect();
         for (k, moments) in moments.iter_mut().enumerate() {
@@ -70,7 +120,7 @@ impl Task<'_> {
             pairs()
                 .map(|(a, b)| {
                     let error = (f(a) - f(b)).abs() + outside;
-                    confining.then(|| Estimate::new(f(a), error, Origin::Space))
+                    known.then(|| Estimate::new(f(a), error, Origin::Space))
                 })
                 .collect()
         };
@@ -113,6 +163,8 @@ impl Task<'_> {
                 steps: fine.steps + coarse.steps,
                 neglected: outside,
             },
+            multipliers: multipliers(&fine, coarse),
+            residual: fine.floquet.as_ref().map_or(0.0, |it| it.residual),
             shortfall,
             densities: fine
                 .outputs

@@ -1,5 +1,6 @@
 //! One run of a transient: one recipe on one mesh, through the output times.
 
+use super::lasting::Floquet;
 use super::opening::{Loss, Opening};
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
@@ -49,6 +50,8 @@ pub(super) struct Run {
     pub(super) unknowns: usize,
     /// Time at which the density was within the tolerance of (21), if it came to that.
     pub(super) settled: Option<f64>,
+    /// Of the law that lasts under a drive.
+    pub(super) floquet: Option<Floquet>,
 }
 
 /// A transient to be computed, and how.
@@ -84,7 +87,7 @@ fn undershoot(moments: &Moments, g: &[f64], observables: &Observables) -> [f64; 
 }
 
 /// Refuses outputs that are no densities.
-fn believable(
+pub(super) fn believable(
     outputs: &[Output],
     step: f64,
     domain: &Domain,
@@ -126,6 +129,9 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 impl Task<'_> {
     /// One run of a recipe.
     pub(super) fn run(&self, rung: &Rung, times: &[f64], progress: &dyn Fn(f64)) -> Result<Run> {
+        if let Some(period) = self.recipe.period {
+            return self.lasting(rung, period, times, progress);
+        }
         let Self {
             oscillator,
             initial,
@@ -160,12 +166,17 @@ impl Task<'_> {
         let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
         let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
-        let observables = Observables::new(oscillator, &mesh, rung.drift(), propagator.weights())?;
+        let reference = rung
+            .forcing
+            .as_ref()
+            .map_or(oscillator, |it| it.reference());
+        let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         let (mut density, handed) = match &opening {
-            None => (propagator.start(initial)?, 0.0),
+            None => (propagator.start(oscillator, initial)?, 0.0),
             Some(opening) => opening.density(&propagator),
         };
-        let confining = oscillator.contact().is_confining();
+        // What is forced comes to no stationary law.
+        let settles = oscillator.contact().is_confining() && rung.forcing.is_none();
         let close = SETTLED * rung.tolerance;
         let mut settled = None;
         // Short steps are not all looked at.
@@ -184,9 +195,14 @@ impl Task<'_> {
                 it.packet().steps(),
             ),
         };
+        propagator.set_time(now);
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
-            if now < t && settled.is_none() {
+            // No step goes across a bend of the envelope.
+            for stop in rung.stops(now, t) {
+                if now >= stop || settled.is_some() {
+                    break;
+                }
                 let mut watch = |done: f64, density: &Density| {
                     looks += 1;
                     if !looks.is_multiple_of(every) {
@@ -194,13 +210,13 @@ impl Task<'_> {
                     }
                     progress((now + done) / until);
                     in_time(now + done)?;
-                    if confining && density.distance(&weights, &columns) < close {
+                    if settles && density.distance(&weights, &columns) < close {
                         settled = Some(now + done);
                     }
                     Ok(settled.is_none())
                 };
-                propagator.advance(&mut density, t - now, &mut watch)?;
-                now = t;
+                propagator.advance(&mut density, stop - now, &mut watch)?;
+                now = stop;
             }
             outputs.push(Output {
                 steps: propagator.steps(),
@@ -219,6 +235,7 @@ impl Task<'_> {
             domain,
             unknowns: propagator.unknowns(),
             settled,
+            floquet: None,
         })
     }
 
@@ -247,7 +264,7 @@ impl Task<'_> {
         moments.keep(self.recipe.moments.as_deref());
     }
 
-    fn observe(
+    pub(super) fn observe(
         &self,
         t: f64,
         propagator: &Propagator,
@@ -308,5 +325,6 @@ fn opened(outputs: Vec<Output>, opening: &Opening) -> Result<Run> {
         mesh,
         domain: opening.domain(),
         settled: None,
+        floquet: None,
     })
 }

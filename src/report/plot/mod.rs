@@ -8,6 +8,7 @@ mod canvas;
 mod charts;
 mod contours;
 mod density;
+mod driven;
 mod force;
 mod losses;
 mod map;
@@ -16,6 +17,7 @@ mod transient;
 
 pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log};
 pub(crate) use density::{densities, steady};
+pub(crate) use driven::{periodic, response};
 pub(crate) use force::force;
 pub(crate) use losses::{flights, survival};
 pub(crate) use map::{Field, Ruler, map};

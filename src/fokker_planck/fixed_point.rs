@@ -1,0 +1,341 @@
+//! The fixed point of a linear map that keeps the mass, by GMRES, and the eigenvalues of the map on the way.
+//!
+//! x = P x with a given mass: x = x_0 + d, (I - P) d = P x_0 - x_0, and both sides have no mass, where I - P is regular.
+//! Arnoldi's vectors are orthonormal in the L2 norm against the inverse weights, in which a Fokker-Planck map contracts
+//! (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 856, 1986); the Ritz values of I - P are 1 less the eigenvalues
+//! of P.
+
+use crate::error::{Error, Result};
+use crate::sparse::{DenseLu, eigen, eigenvalues};
+use ndarray::Array2;
+use num_complex::Complex;
+
+/// An eigenvalue of the map, without its error of space and time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ritz {
+    /// The eigenvalue.
+    pub(super) value: Complex<f64>,
+    /// By how much it may be off in the space of the map: the residual over the condition of the eigenvalue.
+    pub(super) error: f64,
+}
+
+/// A fixed point.
+pub(super) struct Fixed {
+    /// P x - x in the norm, which bounds its L1 norm where the weights sum to 1.
+    pub(super) residual: f64,
+    /// The modulus of the largest eigenvalue but 1.
+    pub(super) slowest: f64,
+    /// The largest eigenvalues but 1, where they are asked for, the largest first; of a complex pair the one with the positive imaginary part.
+    pub(super) eigenvalues: Vec<Ritz>,
+    /// Times the map was applied.
+    pub(super) maps: usize,
+}
+
+/// What is sought.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Goal {
+    /// Error of the fixed point in L1: its residual over 1 less the largest eigenvalue.
+    pub(super) error: f64,
+    /// Error of that eigenvalue, relative to it; infinite where none is asked for.
+    pub(super) eigenvalue: f64,
+    /// Vectors that may be held.
+    pub(super) vectors: usize,
+}
+
+/// Eigenvalues reported.
+const EIGENVALUES: usize = 4;
+
+/// Restarts before giving up.
+const RESTARTS: usize = 12;
+
+/// Vectors between two looks at the eigenvalues, which begin at a residual of so much of the error sought.
+const LOOK: usize = 4;
+const FIRST_LOOK: f64 = 0.05;
+
+/// Vectors spent on an eigenvalue once the fixed point is there.
+const BEYOND: usize = 48;
+
+/// What rounding leaves of a residual.
+const ROUNDING: f64 = 1e-13;
+
+/// Overwrites `x` with the fixed point of its mass.
+///
+/// # Errors
+/// Those of the map; [`Error::Linear`] where no restart brings the residual down.
+pub(super) fn solve(
+    x: &mut [f64],
+    weights: &[f64],
+    goal: Goal,
+    map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
+) -> Result<Fixed> {
+    let inverse: Vec<f64> = weights
+        .iter()
+        .map(|w| if *w > 0.0 { 1.0 / w } else { 0.0 })
+        .collect();
+    let mut fixed = Fixed {
+        residual: f64::INFINITY,
+        slowest: 0.0,
+        eigenvalues: Vec::new(),
+        maps: 0,
+    };
+    let mut target = f64::INFINITY;
+    for restart in 0..RESTARTS {
+        let mut residual = x.to_vec();
+        map(&mut residual)?;
+        fixed.maps += 1;
+        for (r, x) in residual.iter_mut().zip(&*x) {
+            *r -= x;
+        }
+        let size = dot(&residual, &residual, &inverse).sqrt();
+        let stalled = size > 0.5 * fixed.residual;
+        fixed.residual = size;
+        // Of what is the fixed point from the first nothing more is known.
+        if size <= f64::MIN_POSITIVE || (restart > 0 && (size <= 2.0 * target || stalled)) {
+            break;
+        }
+        let mut arnoldi = Arnoldi::new(residual, size);
+        target = f64::INFINITY;
+        let mut there = None;
+        loop {
+            let last = arnoldi.step(&inverse, map)?;
+            fixed.maps += 1;
+            let columns = arnoldi.columns.len();
+            let full = last || columns >= goal.vectors;
+            let left = arnoldi.residual();
+            if left <= FIRST_LOOK * goal.error && columns.is_multiple_of(LOOK) || full {
+                fixed.slowest = arnoldi.slowest()?;
+                target = (0.5 * goal.error * (1.0 - fixed.slowest)).max(ROUNDING);
+            }
+            if left <= target && target.is_finite() {
+                let since = columns - *there.get_or_insert(columns);
+                if goal.eigenvalue.is_infinite() || since > BEYOND {
+                    break;
+                }
+                if since.is_multiple_of(2 * LOOK) {
+                    fixed.eigenvalues = arnoldi.eigenvalues()?;
+                    let first = fixed.eigenvalues.first();
+                    if first.is_none_or(|it| it.error <= goal.eigenvalue * it.value.norm()) {
+                        break;
+                    }
+                }
+            }
+            if full {
+                break;
+            }
+        }
+        if goal.eigenvalue.is_finite() && fixed.eigenvalues.is_empty() {
+            fixed.eigenvalues = arnoldi.eigenvalues()?;
+        }
+        arnoldi.correct(x);
+        fixed.residual = arnoldi.residual();
+    }
+    if fixed.residual > 1e-3 || !fixed.residual.is_finite() {
+        return Err(Error::Linear {
+            stage: "the periodic law",
+            what: format!(
+                "after {} periods it still changes by {:.1e} in one",
+                fixed.maps, fixed.residual
+            ),
+        });
+    }
+    Ok(fixed)
+}
+
+fn dot(a: &[f64], b: &[f64], inverse: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .zip(inverse)
+        .map(|((a, b), w)| a * b * w)
+        .sum()
+}
+
+/// Arnoldi's process for I - P with the least-squares problem of GMRES on the way.
+struct Arnoldi {
+    basis: Vec<Vec<f64>>,
+    /// Columns of the Hessenberg matrix, as they were.
+    columns: Vec<Vec<f64>>,
+    /// The same, turned to upper triangular.
+    turned: Vec<Vec<f64>>,
+    turns: Vec<(f64, f64)>,
+    right: Vec<f64>,
+}
+
+impl Arnoldi {
+    fn new(mut residual: Vec<f64>, size: f64) -> Self {
+        for r in &mut residual {
+            *r /= size;
+        }
+        Self {
+            basis: vec![residual],
+            columns: Vec::new(),
+            turned: Vec::new(),
+            turns: Vec::new(),
+            right: vec![size],
+        }
+    }
+
+    /// The norm of what is left of the residual.
+    fn residual(&self) -> f64 {
+        self.right.last().map_or(0.0, |it| it.abs())
+    }
+
+    /// One vector more; true where there is none.
+    fn step(
+        &mut self,
+        inverse: &[f64],
+        map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
+    ) -> Result<bool> {
+        let m = self.columns.len();
+        let mut w = self.basis[m].clone();
+        map(&mut w)?;
+        for (w, v) in w.iter_mut().zip(&self.basis[m]) {
+            *w = v - *w;
+        }
+        let before = dot(&w, &w, inverse).sqrt();
+        let mut column = vec![0.0; m + 2];
+        // Twice, which is enough.
+        for _ in 0..2 {
+            for (v, h) in self.basis.iter().zip(&mut column) {
+                let part = dot(&w, v, inverse);
+                *h += part;
+                for (w, v) in w.iter_mut().zip(v) {
+                    *w -= part * v;
+                }
+            }
+        }
+        let size = dot(&w, &w, inverse).sqrt();
+        let last = size <= 1e-14 * before;
+        column[m + 1] = size;
+        self.columns.push(column.clone());
+        for (k, (c, s)) in self.turns.iter().enumerate() {
+            let (a, b) = (column[k], column[k + 1]);
+            (column[k], column[k + 1]) = (c * a + s * b, c * b - s * a);
+        }
+        let radius = column[m].hypot(column[m + 1]);
+        let (c, s) = if radius > 0.0 {
+            (column[m] / radius, column[m + 1] / radius)
+        } else {
+            (1.0, 0.0)
+        };
+        self.turns.push((c, s));
+        column[m] = radius;
+        column.truncate(m + 1);
+        self.turned.push(column);
+        let right = self.right[m];
+        self.right[m] = c * right;
+        self.right.push(-s * right);
+        if !last {
+            for w in &mut w {
+                *w /= size;
+            }
+            self.basis.push(w);
+        }
+        Ok(last)
+    }
+
+    /// Adds the correction to `x`.
+    fn correct(&self, x: &mut [f64]) {
+        let m = self.columns.len();
+        let mut y = self.right[..m].to_vec();
+        for k in (0..m).rev() {
+            y[k] /= self.turned[k][k];
+            let part = y[k];
+            for (y, h) in y[..k].iter_mut().zip(&self.turned[k]) {
+                *y -= part * h;
+            }
+        }
+        for (y, v) in y.iter().zip(&self.basis) {
+            for (x, v) in x.iter_mut().zip(v) {
+                *x += y * v;
+            }
+        }
+    }
+
+    /// The modulus of the largest Ritz value of P, at most 1.
+    fn slowest(&self) -> Result<f64> {
+        let m = self.columns.len();
+        let entry = |i: usize, j: usize| self.columns[j].get(i).copied().unwrap_or(0.0);
+        let hessenberg = Array2::from_shape_fn((m, m), |(i, j)| entry(i, j));
+        let values = eigenvalues(&hessenberg)?;
+        Ok(values
+            .iter()
+            .map(|it| (1.0 - it).norm())
+            .fold(0.0, f64::max)
+            .min(1.0))
+    }
+
+    /// Ritz values of P with their errors, the largest first.
+    fn eigenvalues(&self) -> Result<Vec<Ritz>> {
+        let m = self.columns.len();
+        let entry = |i: usize, j: usize| self.columns[j].get(i).copied().unwrap_or(0.0);
+        let hessenberg = Array2::from_shape_fn((m, m), |(i, j)| Complex::from(entry(i, j)));
+        let (values, vectors) = eigen(&hessenberg)?;
+        let left = DenseLu::factor(&vectors.t().to_owned())?;
+        let over = entry(m, m - 1);
+        let mut found = Vec::new();
+        for (k, value) in values.iter().enumerate() {
+            let value = 1.0 - value;
+            if value.im < 0.0 {
+                continue;
+            }
+            // A row of the inverse of the eigenvectors: how much a residual may move the eigenvalue.
+            let mut row = vec![Complex::from(0.0); m];
+            row[k] = Complex::from(1.0);
+            let condition = match left.solve(&mut row) {
+                Ok(()) => row.iter().map(Complex::norm_sqr).sum::<f64>().sqrt(),
+                Err(_) => f64::INFINITY,
+            };
+            let error = over * vectors[[m - 1, k]].norm() * condition;
+            found.push(Ritz { value, error });
+        }
+        found.sort_by(|a, b| b.value.norm().total_cmp(&a.value.norm()));
+        found.truncate(EIGENVALUES);
+        Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stationary_law_of_a_markov_chain_and_its_eigenvalues_are_found() {
+        // A walk on n places that stays, or goes one up or down: eigenvalues 0.6 + 0.4 cos(pi k/n), mirrored at the ends.
+        let n = 40;
+        let mut map = |x: &mut [f64]| {
+            let old = x.to_vec();
+            for (k, x) in x.iter_mut().enumerate() {
+                let (below, above) = (old[k.saturating_sub(1)], old[(k + 1).min(n - 1)]);
+                *x = 0.6 * old[k] + 0.2 * (below + above);
+            }
+            Ok(())
+        };
+        let mut x: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == 3))).collect();
+        let weights = vec![1.0 / n as f64; n];
+        let goal = Goal {
+            error: 1e-9,
+            eigenvalue: 1e-9,
+            vectors: 60,
+        };
+        let fixed = solve(&mut x, &weights, goal, &mut map).unwrap();
+        let worst = x
+            .iter()
+            .map(|x| (x * n as f64 - 1.0).abs())
+            .fold(0.0, f64::max);
+        println!(
+            "{} maps, residual {:.1e}, off by {worst:.1e}",
+            fixed.maps, fixed.residual
+        );
+        assert!(worst < 4e-8 && fixed.residual <= 1e-9);
+        for (k, ritz) in (1..).zip(&fixed.eigenvalues) {
+            let exact = 0.6 + 0.4 * (std::f64::consts::PI * f64::from(k) / n as f64).cos();
+            let off = (ritz.value - exact).norm();
+            println!(
+                "{:.10} against {exact:.10}, said {:.1e}",
+                ritz.value.re, ritz.error
+            );
+            assert!(off <= ritz.error + 1e-12, "{k}");
+        }
+        assert!(fixed.eigenvalues[0].error < 1e-8);
+    }
+}

@@ -1,0 +1,186 @@
+//! What an excitation means for a solver: the law that a density is taken against, how far the drive swings, and what
+//! friction, noise and drive do together over a time.
+//!
+//! The force a cos(W t + phase) is of the order of friction and noise near a resonance, and acts with them, in the perturbed
+//! part of the splitting: v' = e^{-2 zeta tau} v + shift + noise, time frozen at the node, which is the quadrature of the
+//! drive along the orbit. A time that went on within that part would not be.
+//!
+//! To second order friction stretches the two halves of the motion, and a splitting that gives them back their rate, by a
+//! part `lead` more of the motion, gives too much to what friction does not stretch: about the velocity v_0 = f/(2 zeta) that
+//! the force f would lead to, q' = v + e with e = lead v_0. Velocities less e under the force f - e' - 2 zeta e are those of
+//! the exact motion, so that is the force of the nodes, with a kick of -e where an interval begins and one of e where it
+//! ends. Without it the error is of the order of zeta f tau^2.
+//!
+//! p over the stationary law of the undriven oscillator grows as e^{(shift of v) v/T}, beyond any bound where the drive is
+//! strong. The law that p is taken against is that of a temperature T + A^2/2, A the amplitude of the motion without noise:
+//! p over it stays of order 1 wherever p does, and for A = 0 it is the stationary law.
+
+use super::ornstein_uhlenbeck::Kick;
+use crate::error::Result;
+use crate::excitation::Excitation;
+use crate::initial::Initial;
+use crate::noise_free;
+use crate::oscillator::Oscillator;
+use std::f64::consts::PI;
+
+/// An excitation beside stationary noise.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Forcing {
+    excitation: Excitation,
+    zeta: f64,
+    /// T of the oscillator at factor 1.
+    temperature: f64,
+    noise: Oscillator,
+    reference: Oscillator,
+    swing: f64,
+    narrowing: f64,
+}
+
+/// Correlation times after which a motion without noise has found its orbit.
+const LATE: f64 = 8.0;
+
+/// Periods over which its amplitude is then taken.
+const BEATS: f64 = 3.0;
+
+/// Longest time that such a motion is followed, if that is more than a period.
+const FOLLOWED: f64 = 4000.0;
+
+impl Forcing {
+    /// That of an excitation until time `until`; None where there is nothing beside stationary noise.
+    ///
+    /// # Errors
+    /// Those of [`Oscillator::new`].
+    pub(crate) fn of(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        excitation: &Excitation,
+        until: f64,
+    ) -> Result<Option<Self>> {
+        if excitation.is_plain() {
+            return Ok(None);
+        }
+        let end = until.min(LATE / oscillator.zeta()).min(FOLLOWED);
+        let period = excitation.drive.map_or(0.0, |it| it.period());
+        let swing = noise_free::swing(oscillator, excitation, end.max(period.min(until)));
+        Self::by(oscillator, initial, excitation, (until, swing)).map(Some)
+    }
+
+    /// That of the law which lasts under a drive.
+    ///
+    /// # Errors
+    /// Those of [`Oscillator::new`].
+    pub(crate) fn lasting(
+        oscillator: &Oscillator,
+        excitation: &Excitation,
+    ) -> Result<Option<Self>> {
+        if excitation.is_plain() {
+            return Ok(None);
+        }
+        let period = excitation.drive.map_or(0.0, |it| it.period());
+        let end = (LATE / oscillator.zeta()).min(FOLLOWED);
+        let swing = noise_free::late_swing(oscillator, excitation, [end, end + BEATS * period]);
+        Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing)).map(Some)
+    }
+
+    fn by(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        excitation: &Excitation,
+        (until, swing): (f64, f64),
+    ) -> Result<Self> {
+        let mut factor = excitation.highest_factor(until);
+        if *initial == Initial::Stationary {
+            factor = factor.max(1.0);
+        }
+        let at = |temperature: f64| {
+            let h = 2.0 * oscillator.zeta() * temperature / PI;
+            Oscillator::new(oscillator.contact().clone(), oscillator.zeta(), h)
+        };
+        let temperature = oscillator.temperature();
+        // Without any noise until then the initial condition alone is there.
+        let factor = if factor > 0.0 { factor } else { 1.0 };
+        let noise = if factor == 1.0 {
+            oscillator.clone()
+        } else {
+            at(factor * temperature)?
+        };
+        let reference = if swing > 0.0 && oscillator.contact().is_confining() {
+            at(factor * temperature + 0.5 * swing * swing)?
+        } else {
+            noise.clone()
+        };
+        let coldest = excitation.coldest(oscillator.zeta(), factor, until);
+        Ok(Self {
+            excitation: excitation.clone(),
+            zeta: oscillator.zeta(),
+            temperature,
+            noise,
+            reference,
+            swing,
+            narrowing: (coldest / factor).sqrt(),
+        })
+    }
+
+    /// Drive and envelope.
+    pub(crate) fn excitation(&self) -> &Excitation {
+        &self.excitation
+    }
+
+    /// The undriven oscillator under the strongest noise there is.
+    pub(crate) fn noise(&self) -> &Oscillator {
+        &self.noise
+    }
+
+    /// The oscillator whose stationary law densities are taken against.
+    pub(crate) fn reference(&self) -> &Oscillator {
+        &self.reference
+    }
+
+    /// The amplitude sqrt(2 (H - lowest U)) that the drive adds.
+    pub(crate) fn swing(&self) -> f64 {
+        self.swing
+    }
+
+    /// The narrowest deviations of the law over those under the strongest noise.
+    pub(crate) fn narrowing(&self) -> f64 {
+        self.narrowing
+    }
+
+    /// The longest step over that of an undriven run: the nodes of a splitting must see the drive turn against the second
+    /// harmonic of the motion.
+    pub(crate) fn shorter(&self) -> f64 {
+        let frequency = self.excitation.drive.map_or(0.0, |it| it.frequency());
+        2.0 / (1.0 + frequency.max(1.0))
+    }
+
+    /// Friction, noise and drive over a time `tau`, time frozen at `t`, in a splitting with this `lead`, and a nudge of v
+    /// beside it; the density along v taken against e^{-beta v^2/2}.
+    pub(crate) fn kick(&self, t: f64, tau: f64, (lead, nudge): (f64, f64), beta: f64) -> Kick {
+        Kick {
+            decay: (-2.0 * self.zeta * tau).exp(),
+            variance: self.variance(t, tau),
+            shift: self.shift(t, tau, lead) + nudge,
+            beta,
+        }
+    }
+
+    /// By how much the drive shifts v over a time `tau`, in a splitting with this `lead`.
+    pub(crate) fn shift(&self, t: f64, tau: f64, lead: f64) -> f64 {
+        let friction = 2.0 * self.zeta;
+        let drive = &self.excitation;
+        let force = (1.0 - lead) * drive.force(t) - lead * drive.rate(t) / friction;
+        force * -(-friction * tau).exp_m1() / friction
+    }
+
+    /// How much more than v the rate of q is at time t in a splitting with this `lead`.
+    pub(crate) fn ahead(&self, t: f64, lead: f64) -> f64 {
+        lead * self.excitation.force(t) / (2.0 * self.zeta)
+    }
+
+    /// The variance that noise adds to v over a time `tau`.
+    pub(crate) fn variance(&self, t: f64, tau: f64) -> f64 {
+        let friction = 2.0 * self.zeta * tau;
+        let factor = self.excitation.factor(t);
+        -factor * self.temperature * (-2.0 * friction).exp_m1()
+    }
+}

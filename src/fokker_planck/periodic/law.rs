@@ -1,0 +1,172 @@
+//! The periodic law at one frequency.
+
+use super::harmonics::{Harmonic, mean};
+use crate::error::Result;
+use crate::estimate::{Estimate, Shortfall};
+use crate::fokker_planck::budget::{Cost, Limits};
+use crate::fokker_planck::density::Snapshot;
+use crate::fokker_planck::settings::{Method, Settings};
+use crate::fokker_planck::transient::{Multiplier, Recipe, Transient};
+use crate::initial::Initial;
+use crate::moments::{Moment, Moments};
+use crate::oscillator::Oscillator;
+use std::f64::consts::TAU;
+
+/// Harmonics of E\[q\], E\[v\] and E\[N\] that are told.
+const HARMONICS: usize = 4;
+
+/// The law that lasts under a drive a cos(W t + phase), at equally spaced phases of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Periodic {
+    /// W t of each point, in radians from 0 on.
+    pub phase: Vec<f64>,
+    /// Moments with their errors.
+    pub moments: Vec<Moments>,
+    /// Harmonics of E\[q\], the first first.
+    pub mean_q: Vec<Harmonic>,
+    /// Harmonics of E\[v\].
+    pub mean_v: Vec<Harmonic>,
+    /// Harmonics of E\[N\].
+    pub mean_force: Vec<Harmonic>,
+    /// The probability to be out of contact, averaged over the phase; None for a law that cannot lose contact.
+    pub contact_loss_probability: Option<Estimate>,
+    /// The largest eigenvalues of the map over one period but 1: what is left of a deviation a period later.
+    pub multipliers: Vec<Multiplier>,
+    /// The L1 distance of the law to itself a period later.
+    pub residual: f64,
+    /// p(q, v) at phase 0.
+    pub density: Option<Snapshot>,
+    /// What it was computed with; `steps` are those of the finest two runs through a period.
+    pub method: Method,
+    /// What the tolerance asked for and was not reached.
+    pub shortfall: Option<Shortfall>,
+    /// What the reader should know.
+    pub warnings: Vec<String>,
+}
+
+/// How a periodic law will be computed.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PeriodicLaw {
+    recipe: Recipe,
+    times: Vec<f64>,
+}
+
+impl PeriodicLaw {
+    /// The recipe for the periodic law at so many phases under the drive of the settings.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] without a drive, and for settings that no periodic law can be computed with.
+    pub(crate) fn of(
+        oscillator: &Oscillator,
+        phases: usize,
+        settings: &Settings,
+        multipliers: bool,
+    ) -> Result<Self> {
+        let period = settings.excitation.drive.map_or(0.0, |it| it.period());
+        let times: Vec<f64> = (0..phases)
+            .map(|k| period * k as f64 / phases as f64)
+            .collect();
+        Ok(Self {
+            recipe: Recipe::lasting(oscillator, &times, settings, multipliers)?,
+            times,
+        })
+    }
+
+    pub(crate) fn cost(&self) -> Cost {
+        self.recipe.cost
+    }
+
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        format!(
+            "{}, its fixed point over a period by GMRES",
+            self.recipe.words()
+        )
+    }
+
+    /// The law.
+    ///
+    /// # Errors
+    /// Those of [`periodic`].
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        limits: &Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Periodic> {
+        let question = (oscillator, &Initial::Stationary);
+        let shown = if self.recipe.multipliers {
+            &self.times[..1]
+        } else {
+            &[]
+        };
+        let it = self
+            .recipe
+            .solve(question, (&self.times, shown), limits, progress)?;
+        Ok(Periodic::of(it))
+    }
+}
+
+impl Periodic {
+    fn of(it: Transient) -> Self {
+        let n = it.times.len();
+        let curve = |moment: Moment| -> Vec<Estimate> {
+            it.moments.iter().filter_map(|at| at.get(moment)).collect()
+        };
+        let harmonics = |moment| Harmonic::of(&curve(moment), HARMONICS);
+        let lost = curve(Moment::ContactLossProbability);
+        Self {
+            phase: (0..n).map(|k| TAU * k as f64 / n as f64).collect(),
+            mean_q: harmonics(Moment::MeanQ),
+            mean_v: harmonics(Moment::MeanV),
+            mean_force: harmonics(Moment::MeanForce),
+            contact_loss_probability: (!lost.is_empty()).then(|| mean(&lost)),
+            moments: it.moments,
+            multipliers: it.multipliers,
+            residual: it.residual,
+            density: it.densities.into_iter().next(),
+            method: it.method,
+            shortfall: it.shortfall,
+            warnings: it.warnings,
+        }
+    }
+}
+
+/// The law that lasts under the drive of `settings.excitation` at `phases` equally spaced phases: the fixed point of the
+/// map over one period, by GMRES, on a ladder of meshes as for [`crate::fokker_planck::transient()`]. `progress` is told the
+/// part done, 0 to 1.
+///
+/// ```
+/// use vibroimpact::contact::ContactLaw;
+/// use vibroimpact::excitation::{Drive, Excitation};
+/// use vibroimpact::fokker_planck::{Settings, periodic};
+/// use vibroimpact::oscillator::Oscillator;
+///
+/// let oscillator = Oscillator::new(ContactLaw::Linear, 0.05, 2e-3)?;
+/// let drive = Some(Drive::new(0.02, 0.95, 0.0)?);
+/// let settings = Settings {
+///     excitation: Excitation { drive, envelope: None },
+///     ..Settings::default()
+/// };
+/// let law = periodic(&oscillator, 8, &settings, &|_done| ())?;
+/// let response = 0.02 / (1.0 - 0.95f64 * 0.95).hypot(2.0 * 0.05 * 0.95);
+/// let first = law.mean_q[0].amplitude;
+/// assert!((first.value - response).abs() < first.error);
+/// // What is left of a deviation after a period: e^{-0.05 2 pi/0.95}.
+/// assert!((law.multipliers[0].modulus() - 0.7184).abs() < 1e-3);
+/// # Ok::<(), vibroimpact::Error>(())
+/// ```
+///
+/// # Errors
+/// [`crate::Error::Invalid`] without a drive and for settings that exclude each other, [`crate::Error::Limit`] when
+/// `max_seconds` is reached before there is any answer, [`crate::Error::Linear`] where GMRES finds no fixed point.
+pub fn periodic(
+    oscillator: &Oscillator,
+    phases: usize,
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Periodic> {
+    let recipe = PeriodicLaw::of(oscillator, phases, settings, true)?;
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    recipe.solve(oscillator, &limits, progress)
+}

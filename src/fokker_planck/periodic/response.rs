@@ -1,0 +1,161 @@
+//! The periodic law over the frequency of the drive.
+
+use super::law::{Periodic, PeriodicLaw};
+use crate::error::Result;
+use crate::estimate::{Estimate, Shortfall};
+use crate::excitation::Excitation;
+use crate::fokker_planck::budget::{Cost, Limits};
+use crate::fokker_planck::settings::Settings;
+use crate::moments::Moment;
+use crate::oscillator::Oscillator;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Phases at which a point of the curve is known: harmonics 1 and 2 with those that alias into them beyond 14.
+const PHASES: usize = 16;
+
+/// A response curve with noise: one entry per frequency.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Response {
+    /// Circular frequencies of the drive.
+    pub frequency: Vec<f64>,
+    /// Amplitude of the first harmonic of E\[q\].
+    pub mean_q_1: Vec<Estimate>,
+    /// Of the second.
+    pub mean_q_2: Vec<Estimate>,
+    /// Amplitude of the first harmonic of E\[N\], in static loads.
+    pub mean_force_1: Vec<Estimate>,
+    /// Probability to be out of contact, averaged over the phase; None for a law that cannot lose contact.
+    pub contact_loss_probability: Option<Vec<Estimate>>,
+    /// What the tolerance asked for and was not reached, at the worst frequency.
+    pub shortfall: Option<Shortfall>,
+    /// What the reader should know.
+    pub warnings: Vec<String>,
+}
+
+/// How a response curve will be computed: the periodic law at every frequency, each for itself.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ResponseCurve {
+    points: Vec<(f64, PeriodicLaw)>,
+    pub(crate) cost: Cost,
+}
+
+impl ResponseCurve {
+    /// The recipes at these frequencies of the drive of the settings.
+    ///
+    /// # Errors
+    /// Those of [`PeriodicLaw::of`] and of the drive.
+    pub(crate) fn of(
+        oscillator: &Oscillator,
+        frequencies: &[f64],
+        settings: &Settings,
+    ) -> Result<Self> {
+        let point = |frequency: &f64| -> Result<(f64, PeriodicLaw)> {
+            let drive = settings.excitation.drive.map(|it| it.at(*frequency));
+            let settings = Settings {
+                excitation: Excitation {
+                    drive: drive.transpose()?,
+                    envelope: settings.excitation.envelope.clone(),
+                },
+                moments: Some(vec![
+                    Moment::MeanQ,
+                    Moment::MeanForce,
+                    Moment::ContactLossProbability,
+                ]),
+                ..settings.clone()
+            };
+            Ok((
+                *frequency,
+                PeriodicLaw::of(oscillator, PHASES, &settings, false)?,
+            ))
+        };
+        let points: Result<Vec<_>> = frequencies.par_iter().map(point).collect();
+        let points = points?;
+        let costs = points.iter().map(|(_, it)| it.cost());
+        let threads = rayon::current_num_threads() as u64;
+        let cost = costs.fold(
+            Cost {
+                cells: [0; 2],
+                steps: 0,
+                memory: 0,
+                seconds: 0.0,
+            },
+            |sum, it| Cost {
+                cells: [0, 1].map(|k| sum.cells[k].max(it.cells[k])),
+                steps: sum.steps + it.steps,
+                memory: sum.memory.max(it.memory.saturating_mul(threads)),
+                seconds: sum.seconds + it.seconds / threads as f64,
+            },
+        );
+        Ok(Self { points, cost })
+    }
+
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        let each = self.points.first().map_or(String::new(), |it| it.1.words());
+        format!("{} frequencies; {each}", self.points.len())
+    }
+
+    /// The curve. The points do not know of each other: the same bits for any number of threads.
+    ///
+    /// # Errors
+    /// Those of [`super::periodic()`].
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        limits: &Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Response> {
+        let done = AtomicUsize::new(0);
+        let count = self.points.len();
+        let laws: Result<Vec<Periodic>> = self
+            .points
+            .par_iter()
+            .map(|(_, recipe)| {
+                let law = recipe.solve(oscillator, limits, &|_| ())?;
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                progress(done as f64 / count as f64);
+                Ok(law)
+            })
+            .collect();
+        let laws = laws?;
+        let harmonic = |of: fn(&Periodic) -> &[super::Harmonic], k: usize| -> Vec<Estimate> {
+            laws.iter().map(|law| of(law)[k - 1].amplitude).collect()
+        };
+        let lost: Option<Vec<Estimate>> =
+            laws.iter().map(|it| it.contact_loss_probability).collect();
+        let short = laws.iter().zip(&self.points);
+        let short = short.filter_map(|(law, (w, _))| Some((w, law.shortfall.clone()?)));
+        let shortfall = short
+            .max_by(|(_, a), (_, b)| a.ratio.total_cmp(&b.ratio))
+            .map(|(w, it)| Shortfall {
+                number: format!("{} of the law at the frequency {w}", it.number),
+                ..it
+            });
+        Ok(Response {
+            frequency: self.points.iter().map(|it| it.0).collect(),
+            mean_q_1: harmonic(|it| &it.mean_q, 1),
+            mean_q_2: harmonic(|it| &it.mean_q, 2),
+            mean_force_1: harmonic(|it| &it.mean_force, 1),
+            contact_loss_probability: lost,
+            warnings: shortfall.iter().map(Shortfall::to_string).collect(),
+            shortfall,
+        })
+    }
+}
+
+/// The response curve at `frequencies`, the drive of `settings.excitation` giving amplitude and phase: every point the
+/// periodic law of its own frequency, the only one there is. `progress` is told the part done, 0 to 1.
+///
+/// # Errors
+/// Those of [`super::periodic()`].
+pub fn response(
+    oscillator: &Oscillator,
+    frequencies: &[f64],
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<Response> {
+    let recipe = ResponseCurve::of(oscillator, frequencies, settings)?;
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    recipe.solve(oscillator, &limits, progress)
+}

@@ -1,0 +1,156 @@
+//! One run for the law that lasts under a drive: the fixed point of the map over one period, then the period itself.
+
+use super::propagator::{self, Propagator};
+use super::recipe::Rung;
+use super::run::{Output, Run, Task, believable};
+use crate::error::Result;
+use crate::fokker_planck::budget;
+use crate::fokker_planck::density::Density;
+use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
+use crate::fokker_planck::integrators::Late;
+use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::observables::Observables;
+use std::sync::Arc;
+
+use super::opening::Loss;
+
+/// What the map over one period says beside its fixed point.
+#[derive(Debug, Clone)]
+pub(super) struct Floquet {
+    /// Its largest eigenvalues but 1.
+    pub(super) multipliers: Vec<fixed_point::Ritz>,
+    /// Change of the law over a period, in L1.
+    pub(super) residual: f64,
+    /// Periods that it took.
+    pub(super) maps: usize,
+}
+
+/// Error of the fixed point over what the rung aims at.
+const SHARE: f64 = 1e-2;
+
+/// Most vectors of the Krylov space, and the part of the memory that they may take.
+const VECTORS: usize = 240;
+const MEMORY: f64 = 0.5;
+
+impl Task<'_> {
+    /// One run of a recipe for a lasting law of this period; `times` are those of its phases, from 0 on.
+    pub(super) fn lasting(
+        &self,
+        rung: &Rung,
+        period: f64,
+        times: &[f64],
+        progress: &dyn Fn(f64),
+    ) -> Result<Run> {
+        let (oscillator, limits) = (self.oscillator, self.limits);
+        let mesh = rung.mesh(oscillator)?;
+        let (cells, given) = (mesh.cells(), rung.layout.is_given());
+        budget::check_memory(budget::flow_map_memory(cells), cells, given, limits.memory)?;
+        let clock = limits.clone();
+        let late = move || clock.in_time(|| "the periodic law had not been found".to_string());
+        let late: Late = Arc::new(late);
+        let mut propagator = propagator::build(rung, oscillator, &mesh, period, late)?;
+        let reference = rung
+            .forcing
+            .as_ref()
+            .map_or(oscillator, |it| it.reference());
+        let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
+        let mut density = propagator.stationary(oscillator)?;
+        tilt(&mut density, &mesh, oscillator.temperature().sqrt());
+        let each = 8 * mesh.len() as u64;
+        let room = (MEMORY * limits.memory as f64) as u64 / each.max(1);
+        let goal = Goal {
+            error: SHARE * rung.tolerance,
+            eigenvalue: if self.recipe.multipliers {
+                self.recipe.tolerance
+            } else {
+                f64::INFINITY
+            },
+            vectors: VECTORS.min(room as usize).max(8),
+        };
+        let fixed = periods(&mut propagator, &mut density, period, goal)?;
+        progress(0.9);
+        // In L1, of the law itself.
+        let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
+        propagator.set_time(0.0);
+        let mut outputs: Vec<Output> = Vec::with_capacity(times.len());
+        let mut now = 0.0;
+        for &t in times {
+            if t > now {
+                propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
+                now = t;
+            }
+            outputs.push(Output {
+                steps: propagator.steps(),
+                opening: Loss {
+                    tail: left,
+                    ..Loss::default()
+                },
+                ..self.observe(t, &propagator, &observables, &density)
+            });
+        }
+        let (step, domain) = (propagator.step(), rung.layout.domain);
+        believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
+        Ok(Run {
+            outputs,
+            steps: propagator.steps(),
+            step,
+            domain,
+            unknowns: propagator.unknowns(),
+            settled: None,
+            floquet: Some(Floquet {
+                multipliers: fixed.eigenvalues,
+                residual: fixed.residual,
+                maps: fixed.maps,
+            }),
+            mesh,
+        })
+    }
+}
+
+/// Makes a density that has something of every slow mode: the fixed point does not depend on it, and what is not in it has
+/// no eigenvalue.
+fn tilt(density: &mut Density, mesh: &Mesh, deviation: f64) {
+    let (q, v) = (mesh.q.centres(), mesh.v.centres());
+    let mut cells = density.cells_mut().iter_mut();
+    for q in q {
+        for v in v {
+            if let Some(p) = cells.next() {
+                let (x, y) = (q / deviation, v / deviation);
+                *p *= 1.0
+                    + 0.3 * x.tanh()
+                    + 0.2 * y.tanh()
+                    + 0.1 * ((x * x + y * y) / 4.0 - 1.0).tanh();
+            }
+        }
+    }
+    let mass = density.mass();
+    for p in density.cells_mut() {
+        *p /= mass;
+    }
+}
+
+/// Comes to the fixed point of the map over one period from time 0 on.
+fn periods(
+    propagator: &mut Propagator,
+    density: &mut Density,
+    period: f64,
+    goal: Goal,
+) -> Result<Fixed> {
+    let weights = propagator.weights().clone();
+    let weights: Vec<f64> = weights
+        .q
+        .iter()
+        .flat_map(|q| weights.v.iter().map(move |v| q * v))
+        .collect();
+    let mut x = density.cells().to_vec();
+    let mut held = density.clone();
+    let fixed = fixed_point::solve(&mut x, &weights, goal, &mut |cells| {
+        held.cells_mut().copy_from_slice(cells);
+        propagator.set_time(0.0);
+        propagator.advance(&mut held, period, &mut |_, _| Ok(true))?;
+        cells.copy_from_slice(held.cells());
+        Ok(())
+    })?;
+    density.cells_mut().copy_from_slice(&x);
+    Ok(fixed)
+}

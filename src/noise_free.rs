@@ -1,0 +1,316 @@
+//! The motion without noise, q'' + 2 zeta q' + G(q) = a cos(W t + phase): paths, and periodic orbits by shooting.
+
+use crate::error::{Error, Result};
+use crate::excitation::{Drive, Excitation};
+use crate::oscillator::Oscillator;
+
+/// Longest step of the Runge-Kutta rule, over the shortest time of the motion: its error is then below 1e-9 a unit of
+/// time, but for the kink of the force at the loss of contact.
+const STEP: f64 = 0.02;
+
+/// The state (q, v) at time `end` of the motion that has `state` at time `start`, by the Runge-Kutta rule of order 4 with
+/// steps of at most 0.02, and shorter ones where the drive is fast. `watch` is shown every state on the way.
+pub(crate) fn path(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    mut state: [f64; 2],
+    [start, end]: [f64; 2],
+    longest: f64,
+    watch: &mut dyn FnMut([f64; 2]),
+) -> [f64; 2] {
+    let (contact, friction) = (oscillator.contact(), 2.0 * oscillator.zeta());
+    let frequency = excitation.drive.map_or(1.0, |it| it.frequency().max(1.0));
+    let steps = ((end - start) * frequency.max(friction) / longest)
+        .ceil()
+        .max(1.0);
+    let tau = (end - start) / steps;
+    let slope = |[q, v]: [f64; 2], f: f64| [v, f - friction * v - contact.force(q)];
+    let on = |x: [f64; 2], k: [f64; 2], h: f64| [x[0] + h * k[0], x[1] + h * k[1]];
+    for n in 0..steps as u64 {
+        let t = start + n as f64 * tau;
+        let force = [0.0, 0.5, 1.0].map(|part| excitation.force(t + part * tau));
+        let k1 = slope(state, force[0]);
+        let k2 = slope(on(state, k1, 0.5 * tau), force[1]);
+        let k3 = slope(on(state, k2, 0.5 * tau), force[1]);
+        let k4 = slope(on(state, k3, tau), force[2]);
+        let mean = |d: usize| (k1[d] + 2.0 * (k2[d] + k3[d]) + k4[d]) / 6.0;
+        state = on(state, [mean(0), mean(1)], tau);
+        watch(state);
+    }
+    state
+}
+
+/// The state (q, v) at the second of two times of the motion without noise that has `state` at the first, to about 1e-9 a
+/// unit of time.
+pub fn motion(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    state: [f64; 2],
+    times: [f64; 2],
+) -> [f64; 2] {
+    if times[0] >= times[1] {
+        return state;
+    }
+    path(oscillator, excitation, state, times, STEP, &mut |_| ())
+}
+
+/// How far beyond the amplitude that it begins with a motion without noise comes under a drive until `until`, as an
+/// amplitude sqrt(2 (H - lowest U)): from rest, and from the four ends of an oscillation of the noise, since a law that
+/// softens may answer those with a larger one. 0 without a drive.
+pub(crate) fn swing(oscillator: &Oscillator, excitation: &Excitation, until: f64) -> f64 {
+    let beyond = starts(oscillator, excitation).map(|start| {
+        let highest = highest(oscillator, excitation, start, [0.0, until]).0;
+        highest - amplitude(oscillator, start)
+    });
+    beyond.fold(0.0, f64::max)
+}
+
+/// The largest amplitude of the same motions between two times, the earlier so late that they have forgotten where they
+/// began.
+pub(crate) fn late_swing(oscillator: &Oscillator, excitation: &Excitation, times: [f64; 2]) -> f64 {
+    let late = starts(oscillator, excitation).map(|start| {
+        let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
+        highest(oscillator, excitation, state, times).0
+    });
+    late.fold(0.0, f64::max)
+}
+
+/// Where motions begin that show what a drive does; none without one.
+fn starts(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Item = [f64; 2]> {
+    let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
+    let rest = drive.and_then(|_| oscillator.contact().equilibrium());
+    let thermal = (2.0 * oscillator.temperature()).sqrt();
+    let turning = oscillator
+        .contact()
+        .turning_points(oscillator.temperature());
+    rest.into_iter().flat_map(move |rest| {
+        let (left, right) = turning.unwrap_or((rest, rest));
+        [
+            [rest, 0.0],
+            [left, 0.0],
+            [right, 0.0],
+            [rest, thermal],
+            [rest, -thermal],
+        ]
+    })
+}
+
+/// sqrt(2 (H - lowest U)).
+fn amplitude(oscillator: &Oscillator, [q, v]: [f64; 2]) -> f64 {
+    let lowest = oscillator.contact().lowest_potential().unwrap_or(0.0);
+    (2.0 * (oscillator.energy(q, v) - lowest)).max(0.0).sqrt()
+}
+
+/// The largest amplitude on the way from one time to another, and the state there.
+fn highest(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    start: [f64; 2],
+    times: [f64; 2],
+) -> (f64, [f64; 2]) {
+    let mut highest = amplitude(oscillator, start);
+    let mut watch = |state| highest = highest.max(amplitude(oscillator, state));
+    let end = path(oscillator, excitation, start, times, COARSE, &mut watch);
+    (highest, end)
+}
+
+/// The step of a path that sizes a domain.
+const COARSE: f64 = 0.1;
+
+/// A periodic orbit under a drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orbit {
+    /// (q, v) at phase 0.
+    pub start: [f64; 2],
+    /// The larger modulus of its two multipliers: below 1 it is stable.
+    pub multiplier: f64,
+    /// The amplitude of the first harmonic of q.
+    pub amplitude: f64,
+}
+
+/// The periodic orbit of period 2 pi/W nearest to `guess`, the state at phase 0, by Newton's method on the map over one
+/// period, to 1e-9; stable or not.
+///
+/// # Errors
+/// [`Error::Linear`] where Newton's method ends nowhere.
+pub fn orbit(oscillator: &Oscillator, drive: &Drive, guess: [f64; 2]) -> Result<Orbit> {
+    const NEAR: f64 = 1e-6;
+    let excitation = Excitation {
+        drive: Some(*drive),
+        envelope: None,
+    };
+    let map = |state: [f64; 2]| motion(oscillator, &excitation, state, [0.0, drive.period()]);
+    let mut state = guess;
+    for _ in 0..40 {
+        let image = map(state);
+        let residual = [image[0] - state[0], image[1] - state[1]];
+        let column = |d: usize| {
+            let (mut up, mut down) = (state, state);
+            up[d] += NEAR;
+            down[d] -= NEAR;
+            let (up, down) = (map(up), map(down));
+            [0, 1].map(|k| (up[k] - down[k]) / (2.0 * NEAR))
+        };
+        let ([a, c], [b, d]) = (column(0), column(1));
+        let determinant = (1.0 - a) * (1.0 - d) - b * c;
+        let move_q = ((1.0 - d) * residual[0] + b * residual[1]) / determinant;
+        let move_v = (c * residual[0] + (1.0 - a) * residual[1]) / determinant;
+        let size = move_q.hypot(move_v);
+        if !size.is_finite() {
+            break;
+        }
+        // No farther than the motion itself is wide.
+        let part = (1.0 + state[0].hypot(state[1])).min(size) / size.max(f64::MIN_POSITIVE);
+        state = [state[0] + part * move_q, state[1] + part * move_v];
+        if size < 1e-9 {
+            let (trace, area) = (a + d, a * d - b * c);
+            let inside = 0.25 * trace * trace - area;
+            let multiplier = if inside > 0.0 {
+                0.5 * trace.abs() + inside.sqrt()
+            } else {
+                area.abs().sqrt()
+            };
+            return Ok(Orbit {
+                start: state,
+                multiplier,
+                amplitude: first_harmonic(oscillator, &excitation, drive, state),
+            });
+        }
+    }
+    Err(Error::Linear {
+        stage: "shooting for a periodic orbit",
+        what: format!("Newton's method ended nowhere from {guess:?}"),
+    })
+}
+
+/// Periodic orbits over the frequency of a drive, each with its frequency: from the motions that settle at every frequency
+/// up and down, and those between them.
+pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Vec<(f64, Orbit)> {
+    let mut found: Vec<(f64, Orbit)> = Vec::new();
+    let mut up = [0.0; 2];
+    let mut down = [0.0; 2];
+    let mut sweep = |w: &f64, guess: &mut [f64; 2]| {
+        let Ok(drive) = drive.at(*w) else {
+            return;
+        };
+        if let Ok(it) = orbit(oscillator, &drive, *guess) {
+            *guess = it.start;
+            put(&mut found, *w, it);
+        }
+    };
+    for w in frequencies {
+        sweep(w, &mut up);
+    }
+    for w in frequencies.iter().rev() {
+        sweep(w, &mut down);
+    }
+    // Between two of one frequency lies an unstable one.
+    for w in frequencies {
+        let here: Vec<Orbit> = found
+            .iter()
+            .filter(|it| it.0 == *w)
+            .map(|it| it.1)
+            .collect();
+        let (Ok(drive), [a, b]) = (drive.at(*w), &here[..]) else {
+            continue;
+        };
+        for part in [0.5, 0.35, 0.65, 0.2, 0.8] {
+            let guess = [0, 1].map(|k| a.start[k] + part * (b.start[k] - a.start[k]));
+            if let Ok(it) = orbit(oscillator, &drive, guess) {
+                put(&mut found, *w, it);
+            }
+        }
+    }
+    found
+}
+
+/// Adds an orbit that is not there yet.
+fn put(found: &mut Vec<(f64, Orbit)>, w: f64, orbit: Orbit) {
+    let same = |(at, it): &(f64, Orbit)| {
+        *at == w && (it.amplitude - orbit.amplitude).abs() < 1e-6 * (1.0 + orbit.amplitude)
+    };
+    if !found.iter().any(same) {
+        found.push((w, orbit));
+    }
+}
+
+fn first_harmonic(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    drive: &Drive,
+    mut state: [f64; 2],
+) -> f64 {
+    const SAMPLES: u32 = 64;
+    let step = drive.period() / f64::from(SAMPLES);
+    let (mut cosine, mut sine) = (0.0, 0.0);
+    for k in 0..SAMPLES {
+        let t = step * f64::from(k);
+        let (s, c) = (drive.frequency() * t).sin_cos();
+        cosine += state[0] * c;
+        sine += state[0] * s;
+        state = path(
+            oscillator,
+            excitation,
+            state,
+            [t, t + step],
+            STEP,
+            &mut |_| (),
+        );
+    }
+    2.0 / f64::from(SAMPLES) * f64::hypot(cosine, sine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactLaw;
+
+    #[test]
+    fn the_orbit_of_a_linear_oscillator_is_its_frequency_response() {
+        let it = Oscillator::new(ContactLaw::Linear, 0.05, 2e-3).unwrap();
+        for w in [0.5, 0.95, 1.3] {
+            let drive = Drive::new(0.3, w, 0.7).unwrap();
+            let orbit = orbit(&it, &drive, [0.1, 0.0]).unwrap();
+            let exact = 0.3 / (1.0 - w * w).hypot(2.0 * 0.05 * w);
+            let decay = (-0.05 * drive.period()).exp();
+            println!("W = {w}: {:.9}, exact {exact:.9}", orbit.amplitude);
+            assert!((orbit.amplitude / exact - 1.0).abs() < 1e-7);
+            assert!((orbit.multiplier / decay - 1.0).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn a_softening_contact_has_two_stable_orbits_and_an_unstable_one_below_its_resonance() {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+        let drive = Drive::new(0.02, 0.95, 0.0).unwrap();
+        let excitation = Excitation {
+            drive: Some(drive),
+            envelope: None,
+        };
+        let late = |start| motion(&it, &excitation, start, [0.0, 400.0 * drive.period()]);
+        let small = orbit(&it, &drive, late([0.0, 0.0])).unwrap();
+        let large = orbit(&it, &drive, late([1.5, 0.0])).unwrap();
+        println!("{small:?} {large:?}");
+        assert!(small.multiplier < 1.0 && large.multiplier < 1.0);
+        assert!(large.amplitude > 1.5 * small.amplitude);
+        // Two more starts fall on the one between.
+        let between = (0..40)
+            .filter_map(|k| orbit(&it, &drive, [-0.1 * f64::from(k), 0.0]).ok())
+            .find(|it| it.multiplier > 1.0);
+        println!("{between:?}");
+        assert!(between.is_some());
+    }
+
+    #[test]
+    fn the_swing_is_the_amplitude_of_the_response_and_nothing_without_a_drive() {
+        let it = Oscillator::new(ContactLaw::Linear, 0.05, 2e-3).unwrap();
+        let drive = Drive::new(0.3, 1.0, 0.0).unwrap();
+        let excitation = Excitation {
+            drive: Some(drive),
+            envelope: None,
+        };
+        let found = swing(&it, &excitation, 200.0);
+        assert!((found - 3.0).abs() < 0.1, "{found}");
+        assert_eq!(swing(&it, &Excitation::default(), 200.0), 0.0);
+    }
+}

@@ -1,0 +1,78 @@
+//! Files of what a drive does: the law that lasts under it, and that law over the frequency.
+
+use super::File;
+use super::csv::Csv;
+use super::data::{density, unit, with_moments};
+use crate::error::Result;
+use crate::estimate::Estimate;
+use crate::results::Results;
+
+/// Moments over the phase, harmonics, multipliers, and the density at phase 0.
+pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.periodic else {
+        return Ok(Vec::new());
+    };
+    let phase = Csv::of(results).plain("W t of the drive", "rad", it.phase.iter().copied());
+    let moments = with_moments(phase, &it.moments, "error");
+    let numbers = (1..=it.mean_q.len()).map(|k| k as f64);
+    let mut harmonics = Csv::of(results).plain("number", "1", numbers);
+    for (name, all) in [
+        ("mean_q", &it.mean_q),
+        ("mean_v", &it.mean_v),
+        ("mean_force", &it.mean_force),
+    ] {
+        let amplitudes = all.iter().map(|it| Some(it.amplitude));
+        harmonics.add(
+            &format!("amplitude of {name}"),
+            "error",
+            unit(name),
+            amplitudes,
+        );
+        let phases = all.iter().map(|it| Some(it.phase));
+        harmonics.add(
+            &format!("phase of {name} against cos(W t)"),
+            "error",
+            "rad",
+            phases,
+        );
+    }
+    let multipliers = Csv::of(results)
+        .plain("re", "1", it.multipliers.iter().map(|it| it.re))
+        .plain("im", "1", it.multipliers.iter().map(|it| it.im))
+        .plain("error", "1", it.multipliers.iter().map(|it| it.error));
+    let mut files = vec![
+        moments.file("periodic.csv"),
+        harmonics.file("harmonics.csv"),
+        multipliers.file("multipliers.csv"),
+    ];
+    if let Some(snapshot) = &it.density {
+        let rig = results.scene.rig.as_ref();
+        files.push(density("periodic.npz".into(), snapshot, rig)?);
+    }
+    Ok(files)
+}
+
+/// Files of the response curve.
+pub(super) fn response(results: &Results) -> Vec<File> {
+    let Some(it) = &results.response else {
+        return Vec::new();
+    };
+    let frequencies = it.frequency.iter().copied();
+    let mut table = Csv::of(results)
+        .plain("frequency of the drive", "W", frequencies)
+        .circular();
+    let mut add = |name: &str, unit, curve: &[Estimate]| {
+        table.add(name, "error", unit, curve.iter().copied().map(Some));
+    };
+    add("first harmonic of E[q]", "u", &it.mean_q_1);
+    add("second harmonic of E[q]", "u", &it.mean_q_2);
+    add("first harmonic of E[N]", "F", &it.mean_force_1);
+    if let Some(lost) = &it.contact_loss_probability {
+        add("P(loss) averaged over the phase", "1", lost);
+    }
+    if let Some(rig) = &results.scene.rig {
+        let hertz = it.frequency.iter().map(|w| rig.hertz(*w)).collect();
+        table = table.bare("frequency", "Hz", hertz);
+    }
+    vec![table.file("response.csv")]
+}

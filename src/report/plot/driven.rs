@@ -1,0 +1,135 @@
+//! What lasts under a drive: the periodic law over the phase, and the response curve.
+
+use super::canvas::{BLUE, GREY, INK, Mark, Panel, Points, TITLE, legend, picture, range, write};
+use crate::error::Result;
+use crate::estimate::Estimate;
+use crate::moments::Moment;
+use crate::noise_free;
+use crate::report::File;
+use crate::results::Results;
+use std::f64::consts::TAU;
+
+/// Value less error, value, value plus error against x.
+fn band(x: &[f64], curve: &[Estimate]) -> (Points, Vec<(f64, f64, f64)>) {
+    let line = x.iter().zip(curve).map(|(x, y)| (*x, y.value)).collect();
+    let band = x.iter().zip(curve);
+    let band = band
+        .map(|(x, y)| (*x, y.value - y.error, y.value + y.error))
+        .collect();
+    (line, band)
+}
+
+/// The place of the k-th of four panels.
+fn place(k: usize) -> [f64; 4] {
+    let (column, row) = ((k % 2) as f64, (k / 2) as f64);
+    [92.0 + 478.0 * column, 44.0 + 298.0 * row, 374.0, 236.0]
+}
+
+/// periodic.svg: four moments over the phase, with error bands.
+pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = &results.periodic else {
+        return Ok(Vec::new());
+    };
+    let asked = |moment: &Moment| it.moments.iter().all(|at| at.get(*moment).is_some());
+    let first = [
+        Moment::MeanQ,
+        Moment::StdForce,
+        Moment::MeanForce,
+        Moment::ContactLossProbability,
+    ];
+    let mut shown: Vec<Moment> = first.into_iter().filter(asked).collect();
+    let others = Moment::ALL.into_iter().filter(|it| !first.contains(it));
+    shown.extend(others.filter(asked));
+    let turns: Vec<f64> = it.phase.iter().map(|phase| phase / TAU).collect();
+    picture("periodic.svg", (958, 640), |area| {
+        write(
+            area,
+            "The law that lasts, over the phase of the drive",
+            (92.0, 20.0),
+            TITLE,
+        )?;
+        for (k, moment) in shown.iter().take(4).enumerate() {
+            let curve = it.moments.iter().filter_map(|at| at.get(*moment));
+            let curve: Vec<Estimate> = curve.collect();
+            let ends = curve
+                .iter()
+                .flat_map(|y| [y.value - y.error, y.value + y.error]);
+            let Some(y) = range(ends, 0.08) else {
+                continue;
+            };
+            let panel = Panel::new(place(k), (0.0, 1.0), y);
+            panel.axes(area, "W\u{3c4}/2\u{3c0}", moment.entry().symbol)?;
+            let (mut line, mut band) = band(&turns, &curve);
+            // The circle closes.
+            line.extend(line.first().map(|(_, y)| (1.0, *y)));
+            band.extend(band.first().map(|(_, a, b)| (1.0, *a, *b)));
+            panel.band(area, &band, BLUE)?;
+            panel.curve(area, &line, BLUE, 1.5)?;
+            panel.frame(area)?;
+        }
+        Ok(())
+    })
+    .map(|it| vec![it])
+}
+
+/// response.svg: harmonics and loss probability over the frequency with error bands, over the amplitude of the motion
+/// without noise, stable and unstable.
+pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
+    let Some(it) = results
+        .response
+        .as_ref()
+        .filter(|it| it.frequency.len() > 1)
+    else {
+        return Ok(Vec::new());
+    };
+    let mut curves = vec![
+        ("|E[q]|, first harmonic", &it.mean_q_1),
+        ("|E[q]|, second harmonic", &it.mean_q_2),
+        ("|E[N]|, first harmonic", &it.mean_force_1),
+    ];
+    let lost = it.contact_loss_probability.as_ref();
+    curves.extend(lost.map(|it| ("P(contact lost), mean", it)));
+    let drive = results.scene.excitation.drive;
+    let orbits = drive.map_or(Vec::new(), |drive| {
+        noise_free::orbits(&results.scene.oscillator, &drive, &it.frequency)
+    });
+    let Some(x) = range(it.frequency.iter().copied(), 0.0) else {
+        return Ok(Vec::new());
+    };
+    picture("response.svg", (958, 640), |area| {
+        for (k, (label, curve)) in curves.into_iter().enumerate() {
+            let ends = curve.iter().map(|y| y.value + y.error).chain([0.0]);
+            let free = orbits.iter().filter(|_| k == 0).map(|(_, it)| it.amplitude);
+            let Some((_, high)) = range(ends.chain(free), 0.08) else {
+                continue;
+            };
+            let panel = Panel::new(place(k), x, (0.0, high));
+            panel.axes(area, "W", label)?;
+            for (w, orbit) in orbits.iter().filter(|_| k == 0) {
+                let stable = orbit.multiplier < 1.0;
+                let colour = if stable { INK } else { GREY };
+                panel.dot(area, (*w, orbit.amplitude), colour, 1.5)?;
+            }
+            let (line, band) = band(&it.frequency, curve);
+            panel.band(area, &band, BLUE)?;
+            panel.curve(area, &line, BLUE, 1.5)?;
+            panel.frame(area)?;
+        }
+        legend(
+            area,
+            (92.0, 20.0),
+            BLUE,
+            Mark::Line,
+            "with noise, band: its error",
+        )?;
+        legend(area, (330.0, 20.0), INK, Mark::Dot, "without noise")?;
+        legend(
+            area,
+            (500.0, 20.0),
+            GREY,
+            Mark::Dot,
+            "without noise, unstable",
+        )
+    })
+    .map(|it| vec![it])
+}
