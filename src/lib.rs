@@ -48,6 +48,7 @@
 //! `cargo run --release --bin lab -- --help`.
 
 mod budget;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod clock;
 pub mod contact;
@@ -59,6 +60,7 @@ pub mod fokker_planck;
 mod format;
 pub mod gaussian;
 pub mod initial;
+#[cfg(feature = "cli")]
 pub mod map;
 mod matrix;
 pub mod moments;

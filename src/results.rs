@@ -1,10 +1,8 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
-mod in_unit;
+pub(crate) mod in_unit;
 mod spectrum;
 mod tree;
-
-pub(crate) use in_unit::InUnit;
 
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 

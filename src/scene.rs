@@ -16,6 +16,7 @@
 //!
 //! A file in TOML is one way to get one: see [`text::SceneText`].
 
+#[cfg(feature = "toml")]
 pub mod text;
 
 use crate::clock::{Clock, TIME_UNITS, TimeUnit};

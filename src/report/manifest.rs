@@ -2,7 +2,9 @@
 //! take their lists from here.
 
 use super::file::{File, RESULTS};
-use super::{data, driven, losses, page, plot};
+#[cfg(feature = "plots")]
+use super::plot;
+use super::{data, driven, losses, page};
 use crate::error::Result;
 use crate::plan::Part;
 use crate::results::Results;
@@ -30,8 +32,8 @@ const ALWAYS: &str =
      report.html: table, pictures, settings and warnings in one page that needs no network
      scene.toml: the scene with every default filled in: the same run again";
 
-/// Everything but what is written at the start and the end; pictures in the order of the page.
-const GROUPS: &[Group] = &[
+/// Everything but what is written at the start and the end, without pictures.
+const NUMBERS: &[Group] = &[
     (
         "stationary.csv: the stationary law in closed form: its numbers
          stationary_q.csv: its density of displacement
@@ -107,6 +109,11 @@ const GROUPS: &[Group] = &[
         &[Part::Records],
         |it| Ok(data::records(it)),
     ),
+];
+
+/// Pictures, in the order of the page.
+#[cfg(feature = "plots")]
+const PICTURES: &[Group] = &[
     (
         "force.svg: Density of the force, linear and logarithmic",
         &[
@@ -164,10 +171,16 @@ const GROUPS: &[Group] = &[
         plot::densities,
     ),
 ];
+#[cfg(not(feature = "plots"))]
+const PICTURES: &[Group] = &[];
+
+fn groups() -> impl Iterator<Item = &'static Group> {
+    NUMBERS.iter().chain(PICTURES)
+}
 
 /// Name and content of every file that a run may write.
 fn files() -> impl Iterator<Item = (&'static str, &'static str)> {
-    let groups = GROUPS.iter().map(|(files, ..)| *files);
+    let groups = groups().map(|(files, ..)| *files);
     [ALWAYS].into_iter().chain(groups).flat_map(listed)
 }
 
@@ -205,7 +218,7 @@ pub(super) fn at_the_start(scene: &Scene) -> Vec<File> {
 /// [`crate::Error::Io`] for an array or a picture that cannot be made.
 pub fn after(part: Part, results: &Results) -> Result<Vec<File>> {
     let mut files = Vec::new();
-    for (_, _, make) in GROUPS.iter().filter(|it| it.1.contains(&part)) {
+    for (_, _, make) in groups().filter(|it| it.1.contains(&part)) {
         files.extend(make(results)?);
     }
     files.push(numbers(results));
@@ -227,7 +240,7 @@ pub fn at_the_end(results: &Results) -> Result<Vec<File>> {
 /// [`crate::Error::Io`] for an array or a picture that cannot be made.
 pub fn all(results: &Results) -> Result<Vec<File>> {
     let mut files = vec![File::text(SCENE, results.scene.to_toml())];
-    for (_, _, make) in GROUPS {
+    for (_, _, make) in groups() {
         files.extend(make(results)?);
     }
     files.extend(at_the_end(results)?);
@@ -245,20 +258,18 @@ pub fn fragment(results: &Results) -> Result<String> {
 /// The pictures of the page, each with its words.
 fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
     let mut all = Vec::new();
-    for (group, _, make) in GROUPS {
-        let Some((name, words)) = listed(group).next() else {
+    for (group, _, make) in PICTURES {
+        let Some((_, words)) = listed(group).next() else {
             continue;
         };
-        if name.rsplit('.').next() == Some("svg") {
-            let mut files = make(results)?;
-            // One sheet says it all; single snapshots are in their own files.
-            let sheet = files.iter().position(|it| it.name == SHEET);
-            let shown = match sheet {
-                Some(k) => Some(files.swap_remove(k)),
-                None => files.pop(),
-            };
-            all.extend(shown.map(|file| (file, words)));
-        }
+        let mut files = make(results)?;
+        // One sheet says it all; single snapshots are in their own files.
+        let sheet = files.iter().position(|it| it.name == SHEET);
+        let shown = match sheet {
+            Some(k) => Some(files.swap_remove(k)),
+            None => files.pop(),
+        };
+        all.extend(shown.map(|file| (file, words)));
     }
     Ok(all)
 }

@@ -5,9 +5,11 @@ pub mod data;
 mod driven;
 mod file;
 pub mod folder;
+mod html;
 mod losses;
 mod manifest;
 mod page;
+#[cfg(feature = "plots")]
 pub mod plot;
 mod run;
 mod tables;
@@ -15,6 +17,7 @@ pub mod terminal;
 
 pub(crate) use csv::spelled;
 pub use file::File;
+#[cfg(feature = "cli")]
+pub(crate) use html::{escaped, html};
 pub use manifest::{after, all, at_the_end, fragment};
-pub(crate) use page::{escaped, html};
 pub use run::run_into;

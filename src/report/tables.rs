@@ -1,6 +1,6 @@
 //! The results in words and in tables of HTML, for the page.
 
-use super::page::escaped;
+use super::html::escaped;
 use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
 use crate::format::{brief, cell, seconds};

@@ -446,7 +446,12 @@ fn deterministic(table: &mut Table, results: &Results) {
         };
         let mut words: Vec<String> = it.rates.iter().map(rate).collect();
         if let Some(edge) = it.continuous_from {
-            words.push(format!("continuous from {} on", brief(rounded(edge, 5))));
+            let edge = if edge.abs() < 100.0 {
+                format!("{edge:.4}")
+            } else {
+                brief(rounded(edge, 5))
+            };
+            words.push(format!("continuous from {edge} on"));
         }
         table.line("");
         table.paragraph("decay rates:  ", &words.join(";  "));
