@@ -80,7 +80,9 @@ fn starts(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Ite
     let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
     let rest = drive.and_then(|_| oscillator.contact().equilibrium());
     let thermal = (2.0 * oscillator.temperature()).sqrt();
-    let turning = oscillator.contact().turning_points(oscillator.temperature());
+    let turning = oscillator
+        .contact()
+        .turning_points(oscillator.temperature());
     rest.into_iter().flat_map(move |rest| {
         let (left, right) = turning.unwrap_or((rest, rest));
         [
@@ -183,11 +185,7 @@ pub fn orbit(oscillator: &Oscillator, drive: &Drive, guess: [f64; 2]) -> Result<
 
 /// Periodic orbits over the frequency of a drive, each with its frequency: from the motions that settle at every frequency
 /// up and down, and those between them.
-pub fn orbits(
-    oscillator: &Oscillator,
-    drive: &Drive,
-    frequencies: &[f64],
-) -> Vec<(f64, Orbit)> {
+pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Vec<(f64, Orbit)> {
     let mut found: Vec<(f64, Orbit)> = Vec::new();
     let mut up = [0.0; 2];
     let mut down = [0.0; 2];
@@ -208,7 +206,11 @@ pub fn orbits(
     }
     // Between two of one frequency lies an unstable one.
     for w in frequencies {
-        let here: Vec<Orbit> = found.iter().filter(|it| it.0 == *w).map(|it| it.1).collect();
+        let here: Vec<Orbit> = found
+            .iter()
+            .filter(|it| it.0 == *w)
+            .map(|it| it.1)
+            .collect();
         let (Ok(drive), [a, b]) = (drive.at(*w), &here[..]) else {
             continue;
         };
@@ -246,7 +248,14 @@ fn first_harmonic(
         let (s, c) = (drive.frequency() * t).sin_cos();
         cosine += state[0] * c;
         sine += state[0] * s;
-        state = path(oscillator, excitation, state, [t, t + step], STEP, &mut |_| ());
+        state = path(
+            oscillator,
+            excitation,
+            state,
+            [t, t + step],
+            STEP,
+            &mut |_| (),
+        );
     }
     2.0 / f64::from(SAMPLES) * f64::hypot(cosine, sine)
 }

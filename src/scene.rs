@@ -561,7 +561,8 @@ impl Scene {
                 return Err(Error::invalid(key, value, accepted));
             }
             if excitation.envelope.is_some() {
-                let accepted = "without excitation.envelope: under noise that changes no law is periodic";
+                let accepted =
+                    "without excitation.envelope: under noise that changes no law is periodic";
                 return Err(Error::invalid(key, value, accepted));
             }
             if !self.oscillator.contact().is_confining() {
@@ -581,16 +582,18 @@ impl Scene {
                 ("outputs.response.to", it.to, it.from),
             ] {
                 if !(value >= least && value <= high && (key.ends_with("from") || value > least)) {
-                    let accepted = format!(
-                        "a circular frequency above {} and up to {high}",
-                        num(least)
-                    );
+                    let accepted =
+                        format!("a circular frequency above {} and up to {high}", num(least));
                     return Err(Error::invalid(key, num(value), accepted));
                 }
             }
             if !(2..=ResponseRequest::MOST).contains(&it.points) {
                 let accepted = format!("a whole number from 2 to {}", ResponseRequest::MOST);
-                return Err(Error::invalid("outputs.response.points", it.points, accepted));
+                return Err(Error::invalid(
+                    "outputs.response.points",
+                    it.points,
+                    accepted,
+                ));
             }
         }
         Ok(())
@@ -629,13 +632,18 @@ impl Scene {
             }
             let splitting = [Scheme::Auto, Scheme::Splitting42, Scheme::Splitting62];
             if !splitting.contains(&it.scheme) {
-                let accepted = "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+                let accepted =
+                    "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
                 let given = format!("\"{}\"", it.scheme);
                 return Err(Error::invalid("monte_carlo.scheme", given, accepted));
             }
             if let Some(duration) = it.duration {
                 let accepted = "without [excitation]: under it no long record is stationary";
-                return Err(Error::invalid("monte_carlo.duration", num(duration), accepted));
+                return Err(Error::invalid(
+                    "monte_carlo.duration",
+                    num(duration),
+                    accepted,
+                ));
             }
             if self.outputs.moments_at.is_empty() {
                 let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \

@@ -142,7 +142,11 @@ pub(super) fn solve(
 }
 
 fn dot(a: &[f64], b: &[f64], inverse: &[f64]) -> f64 {
-    a.iter().zip(b).zip(inverse).map(|((a, b), w)| a * b * w).sum()
+    a.iter()
+        .zip(b)
+        .zip(inverse)
+        .map(|((a, b), w)| a * b * w)
+        .sum()
 }
 
 /// Arnoldi's process for I - P with the least-squares problem of GMRES on the way.
@@ -253,7 +257,11 @@ impl Arnoldi {
         let entry = |i: usize, j: usize| self.columns[j].get(i).copied().unwrap_or(0.0);
         let hessenberg = Array2::from_shape_fn((m, m), |(i, j)| entry(i, j));
         let values = eigenvalues(&hessenberg)?;
-        Ok(values.iter().map(|it| (1.0 - it).norm()).fold(0.0, f64::max).min(1.0))
+        Ok(values
+            .iter()
+            .map(|it| (1.0 - it).norm())
+            .fold(0.0, f64::max)
+            .min(1.0))
     }
 
     /// Ritz values of P with their errors, the largest first.
@@ -310,13 +318,22 @@ mod tests {
             vectors: 60,
         };
         let fixed = solve(&mut x, &weights, goal, &mut map).unwrap();
-        let worst = x.iter().map(|x| (x * n as f64 - 1.0).abs()).fold(0.0, f64::max);
-        println!("{} maps, residual {:.1e}, off by {worst:.1e}", fixed.maps, fixed.residual);
+        let worst = x
+            .iter()
+            .map(|x| (x * n as f64 - 1.0).abs())
+            .fold(0.0, f64::max);
+        println!(
+            "{} maps, residual {:.1e}, off by {worst:.1e}",
+            fixed.maps, fixed.residual
+        );
         assert!(worst < 4e-8 && fixed.residual <= 1e-9);
         for (k, ritz) in (1..).zip(&fixed.eigenvalues) {
             let exact = 0.6 + 0.4 * (std::f64::consts::PI * f64::from(k) / n as f64).cos();
             let off = (ritz.value - exact).norm();
-            println!("{:.10} against {exact:.10}, said {:.1e}", ritz.value.re, ritz.error);
+            println!(
+                "{:.10} against {exact:.10}, said {:.1e}",
+                ritz.value.re, ritz.error
+            );
             assert!(off <= ritz.error + 1e-12, "{k}");
         }
         assert!(fixed.eigenvalues[0].error < 1e-8);

@@ -275,7 +275,7 @@ fn weak_error<const STAGES: usize>(
         v: [0.5; LANES],
         excitation: [0.0; LANES],
         signal: None,
-            push: None,
+        push: None,
         streams: Streams::new(1, 0),
     };
     splitting(&quiet).advance(Linear, &mut group, steps, 0.0, &mut Deaf);
@@ -406,7 +406,7 @@ fn the_exponential_scheme_has_order_two_in_the_motion_under_strong_friction() {
                 v: [2.0; LANES],
                 excitation: [0.0; LANES],
                 signal: None,
-            push: None,
+                push: None,
                 streams: Streams::new(1, 0),
             };
             let scheme = ExponentialHeun::new(&it, 4.0 / f64::from(steps));
@@ -436,7 +436,7 @@ fn the_schemes_of_order_1_and_2_converge_to_the_mean_of_the_linear_oscillator() 
                 v: [0.5; LANES],
                 excitation: [0.0; LANES],
                 signal: None,
-            push: None,
+                push: None,
                 streams: Streams::new(1, 0),
             };
             let steps = (6.0 / step).round() as u64;

@@ -58,18 +58,32 @@ impl Walk {
             (Scheme::Splitting62, Noise::White) => Scheme::Splitting62,
             (Scheme::Auto, _) => {
                 let accepted = "\"white\", with [excitation]";
-                return Err(Error::invalid("monte_carlo.noise", "band-limited", accepted));
+                return Err(Error::invalid(
+                    "monte_carlo.noise",
+                    "band-limited",
+                    accepted,
+                ));
             }
             (scheme, _) => {
-                let accepted = "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
-                return Err(Error::invalid("monte_carlo.scheme", format!("\"{scheme}\""), accepted));
+                let accepted =
+                    "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+                return Err(Error::invalid(
+                    "monte_carlo.scheme",
+                    format!("\"{scheme}\""),
+                    accepted,
+                ));
             }
         };
         let time = FOLLOWED.min(4.0 / oscillator.zeta());
         let swing = noise_free::swing(oscillator, &it.excitation, time);
         let drive = it.excitation.drive.map_or(0.0, |it| it.frequency());
         let frequency = highest_frequency(oscillator, initial, swing);
-        let walk = Self::by((scheme, "it takes the drive with the noise"), oscillator, it, frequency)?;
+        let walk = Self::by(
+            (scheme, "it takes the drive with the noise"),
+            oscillator,
+            it,
+            frequency,
+        )?;
         // Its nodes must see the drive turn.
         let longest = walk.step.min(1.0 / drive.max(1.0));
         let step = it.step.unwrap_or(longest);

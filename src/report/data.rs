@@ -164,7 +164,10 @@ pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
         multipliers += &line(&[it.re, it.im, it.error]);
     }
     let mut files = vec![
-        File::text("periodic.csv", moments_csv((axis, &it.phase), &it.moments, &[])),
+        File::text(
+            "periodic.csv",
+            moments_csv((axis, &it.phase), &it.moments, &[]),
+        ),
         File::text("harmonics.csv", harmonics),
         File::text("multipliers.csv", multipliers),
     ];

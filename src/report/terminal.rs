@@ -505,7 +505,11 @@ fn periodic(table: &mut Table, results: &Results) {
     let heads = ["amplitude", "phase [rad]"];
     let head = heads.map(|it| format!("{it:>18}")).concat();
     table.heading(format!("{:<26}{head}", "THE LAW THAT LASTS"));
-    for (symbol, all) in [("E[q]", &it.mean_q), ("E[v]", &it.mean_v), ("E[N]", &it.mean_force)] {
+    for (symbol, all) in [
+        ("E[q]", &it.mean_q),
+        ("E[v]", &it.mean_v),
+        ("E[N]", &it.mean_force),
+    ] {
         for (k, harmonic) in (1..).zip(all).take(2) {
             let name = format!("{symbol:<8} harmonic {k}");
             let phase = Some(harmonic.phase).filter(|it| it.value.is_finite());
@@ -522,12 +526,20 @@ fn periodic(table: &mut Table, results: &Results) {
             0.0 => String::new(),
             im => format!(" \u{b1} {im:.6}i"),
         };
-        table.line(format!("{name:<26} {sign}{imaginary}, error {:.0e}", multiplier.error));
+        table.line(format!(
+            "{name:<26} {sign}{imaginary}, error {:.0e}",
+            multiplier.error
+        ));
     }
     let left = it.multipliers.first().map(Multiplier::modulus);
-    let memory = left.filter(|it| *it > 0.0 && *it < 1.0).map_or(String::new(), |it| {
-        format!("; a deviation falls to a tenth in {:.3e} of time", drive.period() * 0.1f64.ln() / it.ln())
-    });
+    let memory = left
+        .filter(|it| *it > 0.0 && *it < 1.0)
+        .map_or(String::new(), |it| {
+            format!(
+                "; a deviation falls to a tenth in {:.3e} of time",
+                drive.period() * 0.1f64.ln() / it.ln()
+            )
+        });
     let text = format!(
         "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{memory}",
         it.phase.len(),
@@ -563,7 +575,9 @@ fn response(table: &mut Table, results: &Results) {
         let name = format!("{}{top}", brief(it.frequency[k]));
         table.line(row(&name, &numbers, false));
     }
-    table.line(format!("{count} frequencies; the whole curve is in response.csv"));
+    table.line(format!(
+        "{count} frequencies; the whole curve is in response.csv"
+    ));
 }
 
 fn agreement(table: &mut Table, results: &Results) {

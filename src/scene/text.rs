@@ -731,7 +731,8 @@ impl Document {
             it.response = Some(ResponseRequest {
                 from: number("from")?,
                 to: number("to")?,
-                points: response.required(points, "points", "how many frequencies, as 61")? as usize,
+                points: response.required(points, "points", "how many frequencies, as 61")?
+                    as usize,
             });
         }
         Ok(Some(it))
@@ -1017,7 +1018,12 @@ impl<'a> Section<'a> {
             None => Ok(None),
             Some(Value::List(items)) => {
                 let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
-                items.iter().enumerate().map(number).collect::<Read<_>>().map(Some)
+                items
+                    .iter()
+                    .enumerate()
+                    .map(number)
+                    .collect::<Read<_>>()
+                    .map(Some)
             }
             Some(_) => Err(self.type_error(key, "a list of numbers, as [0, 50, 100]")),
         }

@@ -25,10 +25,10 @@
 use super::frame::Frame;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::interpolation::{
     Filter, MARGIN, PANEL, POINTS, Spline, filter, reflected,
 };
-use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::average;
 use crate::fokker_planck::trajectory::Motion;
@@ -238,7 +238,8 @@ impl Packet {
             let end = self.time + left;
             let begin = forcing.excitation().noise_from().clamp(self.time, end);
             let times = [self.time, begin];
-            self.frame.mean = noise_free::motion(&oscillator, forcing.excitation(), self.frame.mean, times);
+            self.frame.mean =
+                noise_free::motion(&oscillator, forcing.excitation(), self.frame.mean, times);
             self.time = begin;
             if begin >= end {
                 self.linear = Some((linear, early));
@@ -246,7 +247,11 @@ impl Packet {
             }
             let first = early.min(end - begin);
             // No noise before, and all of it linear in time up to its next bend.
-            let first = forcing.excitation().bends(begin, begin + first).next().map_or(first, |t| t - begin);
+            let first = forcing
+                .excitation()
+                .bends(begin, begin + first)
+                .next()
+                .map_or(first, |t| t - begin);
             linear.stiffness = oscillator.contact().stiffness(self.frame.mean[0]);
             self.frame = linear.forced_after(self.frame.mean, begin, first);
             self.time = begin + first;
@@ -293,7 +298,11 @@ impl Packet {
         if self.forcing.is_some() {
             self.frame.mean[1] -= first;
         }
-        for ((gap, weight), node) in [C1, C2, C2].into_iter().zip(WEIGHTS).zip([C1, 0.5, 1.0 - C1]) {
+        for ((gap, weight), node) in [C1, C2, C2]
+            .into_iter()
+            .zip(WEIGHTS)
+            .zip([C1, 0.5, 1.0 - C1])
+        {
             self.carry(gap * rate);
             self.spread(start + node * tau, weight * tau, lead);
         }

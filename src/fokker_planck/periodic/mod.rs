@@ -6,7 +6,7 @@ mod law;
 mod response;
 
 pub use harmonics::Harmonic;
-pub use law::{Periodic, periodic};
 pub(crate) use law::PeriodicLaw;
+pub use law::{Periodic, periodic};
 pub(crate) use response::ResponseCurve;
 pub use response::{Response, response};

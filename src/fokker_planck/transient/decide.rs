@@ -197,7 +197,8 @@ impl Question<'_> {
                 ..draft.clone()
             }));
         }
-        let free = self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
+        let free =
+            self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
         Ok(free.then(|| Recipe {
             scheme: Scheme::Volumes(TimeScheme::Imex),
             reason: "finite volumes of order 8, steps bound by transport".into(),
@@ -316,7 +317,8 @@ impl Question<'_> {
         }
         let it = self.settings;
         if let Some(TransientMethod::FiniteVolume) = it.method {
-            let accepted = "\"flow_map\" or \"auto\" with [excitation]: finite volumes know no force in time";
+            let accepted =
+                "\"flow_map\" or \"auto\" with [excitation]: finite volumes know no force in time";
             return Err(Error::invalid(
                 "method.transient",
                 "\"finite_volume\"",

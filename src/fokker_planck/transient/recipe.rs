@@ -235,8 +235,9 @@ impl Recipe {
             (Scheme::FlowMap, Some(step)) => Some(step.min(flow_map::Settings::LONGEST)),
             (Scheme::Volumes(_), Some(step)) => Some(step),
             (Scheme::FlowMap, None) => {
-                let shorter = self.forcing.as_ref().map_or(1.0, |it| it.shorter());
-                Some(longest_step(oscillator)? * shorter * RATIO.powf(-r))
+                let driven = self.forcing.as_ref();
+                let driven = driven.map_or(f64::INFINITY, |it| it.longest_step(SPLITTING));
+                Some(longest_step(oscillator)?.min(driven) * RATIO.powf(-r))
             }
             (Scheme::Volumes(_), None) => None,
         };
@@ -324,10 +325,13 @@ fn unforced(
     })
 }
 
+/// What its splitting may err by there.
+const SPLITTING: f64 = 0.07 * COARSEST;
+
 /// The longest step of a flow map on the first rung.
 ///
 /// # Errors
 /// Those of [`flow_map::Settings::to`].
 fn longest_step(oscillator: &Oscillator) -> Result<f64> {
-    Ok(flow_map::Settings::to(0.07 * COARSEST, oscillator)?.step)
+    Ok(flow_map::Settings::to(SPLITTING, oscillator)?.step)
 }

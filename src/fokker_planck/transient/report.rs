@@ -78,7 +78,11 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
     };
     // One that is not known to a tenth is not known.
     let known = |it: &Multiplier| it.error < 0.1;
-    fine.multipliers.iter().map(multiplier).filter(known).collect()
+    fine.multipliers
+        .iter()
+        .map(multiplier)
+        .filter(known)
+        .collect()
 }
 
 impl Task<'_> {

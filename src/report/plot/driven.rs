@@ -42,11 +42,18 @@ pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
     shown.extend(others.filter(asked));
     let turns: Vec<f64> = it.phase.iter().map(|phase| phase / TAU).collect();
     picture("periodic.svg", (958, 640), |area| {
-        write(area, "The law that lasts, over the phase of the drive", (92.0, 20.0), TITLE)?;
+        write(
+            area,
+            "The law that lasts, over the phase of the drive",
+            (92.0, 20.0),
+            TITLE,
+        )?;
         for (k, moment) in shown.iter().take(4).enumerate() {
             let curve = it.moments.iter().filter_map(|at| at.get(*moment));
             let curve: Vec<Estimate> = curve.collect();
-            let ends = curve.iter().flat_map(|y| [y.value - y.error, y.value + y.error]);
+            let ends = curve
+                .iter()
+                .flat_map(|y| [y.value - y.error, y.value + y.error]);
             let Some(y) = range(ends, 0.08) else {
                 continue;
             };
@@ -68,7 +75,11 @@ pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
 /// response.svg: harmonics and loss probability over the frequency with error bands, over the amplitude of the motion
 /// without noise, stable and unstable.
 pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = results.response.as_ref().filter(|it| it.frequency.len() > 1) else {
+    let Some(it) = results
+        .response
+        .as_ref()
+        .filter(|it| it.frequency.len() > 1)
+    else {
         return Ok(Vec::new());
     };
     let mut curves = vec![
@@ -104,9 +115,21 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
             panel.curve(area, &line, BLUE, 1.5)?;
             panel.frame(area)?;
         }
-        legend(area, (92.0, 20.0), BLUE, Mark::Line, "with noise, band: its error")?;
+        legend(
+            area,
+            (92.0, 20.0),
+            BLUE,
+            Mark::Line,
+            "with noise, band: its error",
+        )?;
         legend(area, (330.0, 20.0), INK, Mark::Dot, "without noise")?;
-        legend(area, (500.0, 20.0), GREY, Mark::Dot, "without noise, unstable")
+        legend(
+            area,
+            (500.0, 20.0),
+            GREY,
+            Mark::Dot,
+            "without noise, unstable",
+        )
     })
     .map(|it| vec![it])
 }
