@@ -36,7 +36,7 @@ pub struct Periodic {
     pub residual: f64,
     /// p(q, v) at phase 0.
     pub density: Option<Snapshot>,
-    /// What it was computed with; `steps` are those of the finest two runs through a period.
+    /// What it was computed with; `steps` are those of all periods of the finest two runs.
     pub method: Method,
     /// What the tolerance asked for and was not reached.
     pub shortfall: Option<Shortfall>,

@@ -1,5 +1,6 @@
 //! The periodic law over the frequency of the drive.
 
+use super::harmonics::Harmonic;
 use super::law::{Periodic, PeriodicLaw};
 use crate::error::Result;
 use crate::estimate::{Estimate, Shortfall};
@@ -119,7 +120,7 @@ impl ResponseCurve {
             })
             .collect();
         let laws = laws?;
-        let harmonic = |of: fn(&Periodic) -> &[super::Harmonic], k: usize| -> Vec<Estimate> {
+        let harmonic = |of: fn(&Periodic) -> &[Harmonic], k: usize| -> Vec<Estimate> {
             laws.iter().map(|law| of(law)[k - 1].amplitude).collect()
         };
         let lost: Option<Vec<Estimate>> =

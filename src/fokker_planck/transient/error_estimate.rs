@@ -199,7 +199,12 @@ impl Errors {
         let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
         errors.space = of_differences(fine, [&now, &before], &errors.scales, stride);
         let splitting = match rung.scheme {
-            Scheme::FlowMap => UNSEEN * rung.flow_map().splitting_error(task.oscillator),
+            Scheme::FlowMap => {
+                let steps = rung.flow_map();
+                let driven = rung.forcing.as_ref();
+                let driven = driven.map_or(0.0, |it| it.splitting_error(steps.step));
+                UNSEEN * (steps.splitting_error(task.oscillator) + driven)
+            }
             Scheme::Volumes(_) => 0.0,
         };
         let pairs = fine.outputs.iter().zip(&coarse.outputs);

@@ -226,7 +226,12 @@ impl Question for Ladder<'_> {
         let recipe = self.task.recipe;
         let (r, halved) = self.next;
         let rung = self.rung(self.next)?;
-        let run = match self.task.run(&rung, self.task.times, progress) {
+        let times = self.task.times;
+        let run = match recipe.period {
+            None => self.task.run(&rung, times, progress),
+            Some(period) => self.task.lasting(&rung, period, times, progress),
+        };
+        let run = match run {
             Err(error) if self.skips(&error) => return Ok(()),
             it => it?,
         };

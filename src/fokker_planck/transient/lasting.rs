@@ -1,8 +1,9 @@
 //! One run for the law that lasts under a drive: the fixed point of the map over one period, then the period itself.
 
+use super::opening::Loss;
 use super::propagator::{self, Propagator};
 use super::recipe::Rung;
-use super::run::{Output, Run, Task, believable};
+use super::run::{Floquet, Output, Run, Task, believable};
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
@@ -11,19 +12,6 @@ use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use std::sync::Arc;
-
-use super::opening::Loss;
-
-/// What the map over one period says beside its fixed point.
-#[derive(Debug, Clone)]
-pub(super) struct Floquet {
-    /// Its largest eigenvalues but 1.
-    pub(super) multipliers: Vec<fixed_point::Ritz>,
-    /// Change of the law over a period, in L1.
-    pub(super) residual: f64,
-    /// Periods that it took.
-    pub(super) maps: usize,
-}
 
 /// Error of the fixed point over what the rung aims at.
 const SHARE: f64 = 1e-2;
@@ -71,6 +59,7 @@ impl Task<'_> {
         progress(0.9);
         // In L1, of the law itself.
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
+        let before = propagator.steps();
         propagator.set_time(0.0);
         let mut outputs: Vec<Output> = Vec::with_capacity(times.len());
         let mut now = 0.0;
@@ -92,7 +81,7 @@ impl Task<'_> {
         believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
         Ok(Run {
             outputs,
-            steps: propagator.steps(),
+            steps: before,
             step,
             domain,
             unknowns: propagator.unknowns(),
@@ -100,7 +89,6 @@ impl Task<'_> {
             floquet: Some(Floquet {
                 multipliers: fixed.eigenvalues,
                 residual: fixed.residual,
-                maps: fixed.maps,
             }),
             mesh,
         })

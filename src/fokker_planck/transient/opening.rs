@@ -82,12 +82,17 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let relative = tolerance / 1e-3;
     let weak = 0.57 * relative.powf(1.0 / 6.0);
     let strong = (2e-4 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
+    // A drive asks no more of these steps than of those on a mesh, which are of lower order.
+    let driven = match &rung.forcing {
+        Some(_) => rung.flow_map().step,
+        None => f64::INFINITY,
+    };
     Fineness {
         cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.6),
         // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh them.
         reach: 2.5 + (-2.0 * rung.neglected.ln()).sqrt(),
         border: BORDER * tolerance,
-        step: weak.min(strong).min(1.0),
+        step: weak.min(strong).min(driven).min(1.0),
         beside: 1.5,
     }
 }

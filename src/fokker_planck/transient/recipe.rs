@@ -240,9 +240,10 @@ impl Recipe {
             (Scheme::FlowMap, Some(step)) => Some(step.min(flow_map::Settings::LONGEST)),
             (Scheme::Volumes(_), Some(step)) => Some(step),
             (Scheme::FlowMap, None) => {
-                let splitting = flow_map::Settings::to(SPLITTING * tolerance, oscillator)?;
-                let shorter = self.forcing.as_ref().map_or(1.0, |it| it.shorter());
-                Some(splitting.step * shorter)
+                let aim = SPLITTING * tolerance;
+                let driven = self.forcing.as_ref();
+                let driven = driven.map_or(f64::INFINITY, |it| it.longest_step(aim));
+                Some(flow_map::Settings::to(aim, oscillator)?.step.min(driven))
             }
             (Scheme::Volumes(_), None) => None,
         };

@@ -1,6 +1,5 @@
 //! One run of a transient: one recipe on one mesh, through the output times.
 
-use super::lasting::Floquet;
 use super::opening::{Loss, Opening};
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
@@ -8,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
+use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
@@ -52,6 +52,15 @@ pub(super) struct Run {
     pub(super) settled: Option<f64>,
     /// Of the law that lasts under a drive.
     pub(super) floquet: Option<Floquet>,
+}
+
+/// What the map over one period says beside its fixed point.
+#[derive(Debug, Clone)]
+pub(super) struct Floquet {
+    /// Its largest eigenvalues but 1.
+    pub(super) multipliers: Vec<Ritz>,
+    /// Change of the law over a period, in L1.
+    pub(super) residual: f64,
 }
 
 /// A transient to be computed, and how.
@@ -129,9 +138,6 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
 impl Task<'_> {
     /// One run of a recipe.
     pub(super) fn run(&self, rung: &Rung, times: &[f64], progress: &dyn Fn(f64)) -> Result<Run> {
-        if let Some(period) = self.recipe.period {
-            return self.lasting(rung, period, times, progress);
-        }
         let Self {
             oscillator,
             initial,
