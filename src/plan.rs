@@ -449,10 +449,14 @@ impl Plan {
                 if let Some(time) = self.scene.crossings_window() {
                     let law = Stationary::of(oscillator)?;
                     results.crossings = Some(Numbers::crossings(&law, time));
-                    let flights = fokker_planck::flight_law(oscillator)?;
-                    let shortfall = flights.shortfall(settings.tolerance);
-                    results.fall_short(part.name(), shortfall.as_ref(), true);
-                    results.flights = Some(flights);
+                    // Between two walls it is sampled alone.
+                    if oscillator.contact().back_wall().is_none() {
+                        let flights = fokker_planck::flight_law(oscillator)?;
+                        let shortfall = flights.shortfall(settings.tolerance);
+                        results.fall_short(part.name(), shortfall.as_ref(), true);
+                        results.flights = Some(flights);
+                        results.impacts = Some(fokker_planck::impact_law(oscillator)?);
+                    }
                 }
             }
             Part::FirstLoss => {

@@ -7,7 +7,7 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
-use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, Steady, Transient};
+use crate::fokker_planck::{DecayRates, FirstLoss, FlightLaw, ImpactLaw, Steady, Transient};
 use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
@@ -39,6 +39,8 @@ pub struct Results {
     pub crossings: Option<Numbers>,
     /// The law of the time of flight.
     pub flights: Option<FlightLaw>,
+    /// The law of an impact.
+    pub impacts: Option<ImpactLaw>,
     /// The first loss of contact, by the backward equation.
     pub first_loss: Option<FirstLoss>,
     /// The transient of the Fokker-Planck equation.
@@ -269,6 +271,7 @@ impl Results {
             stationary: None,
             crossings: None,
             flights: None,
+            impacts: None,
             first_loss: None,
             transient: None,
             steady: None,

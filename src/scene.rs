@@ -18,7 +18,6 @@
 
 pub mod text;
 
-use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::format::{num, rounded};
@@ -591,7 +590,7 @@ impl Scene {
         given(json!({
             "title": self.title,
             "oscillator": {
-                "contact": self.oscillator.contact().name(),
+                "contact": self.oscillator.contact().tree(),
                 "zeta": self.oscillator.zeta(),
                 "h": self.oscillator.h(),
             },
@@ -729,14 +728,6 @@ fn name_of<T: PartialEq>(names: &[(&'static str, T)], value: Option<T>) -> Value
     name.parse::<u64>()
         .map_or(json!(name), |order| json!(order))
 }
-
-/// The contact laws a scene file can name.
-const CONTACTS: &[(&str, ContactLaw)] = &[
-    ("hertz", ContactLaw::Hertz),
-    ("bilinear", ContactLaw::Bilinear),
-    ("linear", ContactLaw::Linear),
-    ("free", ContactLaw::Free),
-];
 
 #[cfg(test)]
 mod tests {

@@ -193,7 +193,7 @@ pub(super) fn records(results: &Results) -> Vec<File> {
 }
 
 /// A histogram, one bin a line; the Dirac mass is not in it.
-fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> File {
+pub(super) fn histogram(file: &str, name: &str, [unit, per]: [&str; 2], it: &Histogram) -> File {
     let mut table =
         format!("{name} from [{unit}],{name} to [{unit}],density [{per}],standard error [{per}]\n");
     for (ends, density) in it.edges.windows(2).zip(&it.density) {

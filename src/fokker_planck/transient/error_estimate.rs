@@ -206,8 +206,9 @@ fn left(now: f64, before: f64, [least, most]: [f64; 2]) -> f64 {
 /// What is left at least and at most of an error `stride` rungs on.
 fn bounds(oscillator: &Oscillator, stride: f64) -> [f64; 2] {
     let contact = oscillator.contact();
-    let jump = contact.loss_point().map_or(0.0, |q| contact.stiffness(q));
-    let least = if jump > 1e-3 * contact.stiffness(0.0) {
+    let jumps = contact.kinks().into_iter().map(|q| contact.stiffness(q));
+    let jump = jumps.fold(0.0, f64::max);
+    let least = if jump > 1e-3 * contact.stiffness(0.0).abs() {
         LEAST_AT_A_JUMP
     } else {
         LEAST
