@@ -1,64 +1,22 @@
 //! Contact laws: the restoring force G(q), its potential U(q) and its stiffness G'(q).
 
+mod kind;
+mod laws;
+mod parameters;
+mod piece;
+mod restoring;
+
+pub use kind::Kind;
+pub use laws::LAWS;
+pub use parameters::{Parameter, Parameters};
+pub use piece::Piece;
+pub(crate) use piece::place;
+pub use restoring::Restoring;
+
 use crate::error::{Error, Result};
-use crate::quadrature;
 use crate::roots::bisect;
-use std::fmt;
+use serde_json::{Value, json};
 use std::sync::Arc;
-
-/// A contact law given in code, for [`ContactLaw::Custom`].
-///
-/// The force must be continuous and never fall with q, so that exp(-U/T) has one hump. Below its
-/// [loss point](Restoring::loss_point) it must be constant: flight under the preload.
-///
-/// ```
-/// use vibroimpact::contact::{ContactLaw, Restoring};
-///
-/// /// Line contact of two cylinders: force ~ compression^(10/9), unit stiffness at q = 0.
-/// #[derive(Debug)]
-/// struct Line;
-/// impl Restoring for Line {
-///     fn name(&self) -> &str {
-///         "line"
-///     }
-///     fn force(&self, q: f64) -> f64 {
-///         (1.0 + 0.9 * q).max(0.0).powf(10.0 / 9.0) - 1.0
-///     }
-///     fn loss_point(&self) -> Option<f64> {
-///         Some(-1.0 / 0.9)
-///     }
-/// }
-/// let law = ContactLaw::custom(Line)?;
-/// assert!((law.stiffness(0.0) - 1.0).abs() < 1e-6);
-/// # Ok::<(), vibroimpact::Error>(())
-/// ```
-pub trait Restoring: fmt::Debug + Send + Sync {
-    /// A short name for tables and files.
-    fn name(&self) -> &str;
-
-    /// G(q), dimensionless.
-    fn force(&self, q: f64) -> f64;
-
-    /// U(q), the integral of G from 0 to q. The default integrates [`Restoring::force`]
-    /// numerically, split at the loss point; a closed form is faster.
-    fn potential(&self, q: f64) -> f64 {
-        let (a, b) = (q.min(0.0), q.max(0.0));
-        let mut breaks = vec![a, b];
-        if let Some(loss) = self.loss_point().filter(|loss| *loss > a && *loss < b) {
-            breaks.insert(1, loss);
-        }
-        quadrature::integrate(|s| self.force(s), &breaks, 1e-15).value * q.signum()
-    }
-
-    /// G'(q). The default is a central difference (error about 1e-10).
-    fn stiffness(&self, q: f64) -> f64 {
-        let step = 6e-6 * q.abs().max(1.0);
-        (self.force(q + step) - self.force(q - step)) / (2.0 * step)
-    }
-
-    /// The q below which contact is lost and the force constant, if there is one.
-    fn loss_point(&self) -> Option<f64>;
-}
 
 /// The restoring force of the contact, in units of the static load, against the dimensionless
 /// displacement q of (6). Equilibrium at q = 0 with unit stiffness for every built-in law that confines.
@@ -79,40 +37,101 @@ pub enum ContactLaw {
     Linear,
     /// G = -1: never in contact, no stationary law. Falls under the preload; for tests.
     Free,
-    /// A law from code.
+    /// A law with parameters, or from code.
     Custom(Arc<dyn Restoring>),
 }
 
+/// The laws that a scene names by a word.
+const WORDS: [ContactLaw; 4] = [
+    ContactLaw::Hertz,
+    ContactLaw::Bilinear,
+    ContactLaw::Linear,
+    ContactLaw::Free,
+];
+
 impl ContactLaw {
-    /// A law from code, checked on a sample of points: finite, and a force that never falls.
+    /// A law from code, checked on a sample of points: finite, constant in flight, and a force that never falls, or
+    /// changes its sign where [`Restoring::roots`] says so.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the force is not finite or falls with q, or is not constant below
-    /// the loss point.
+    /// [`Error::Invalid`] where the force is not finite, falls with q, or is not constant in flight.
     pub fn custom(law: impl Restoring + 'static) -> Result<Self> {
-        let loss = law.loss_point();
+        let flight = flight(&law);
         let name = format!("contact law \"{}\"", law.name());
         let samples: Vec<f64> = (-400..=400).map(|k| (f64::from(k) * 0.02).sinh()).collect();
+        let several = law.roots(0.0).len() > 1;
         for pair in samples.windows(2) {
             let (low, high) = (law.force(pair[0]), law.force(pair[1]));
-            if !low.is_finite() || !high.is_finite() || low > high + 1e-12 * high.abs() {
-                let value = format!("G({}) = {low}, G({}) = {high}", pair[0], pair[1]);
+            let value = || format!("G({}) = {low}, G({}) = {high}", pair[0], pair[1]);
+            let falls = low > high + 1e-12 * high.abs() && !several;
+            if !low.is_finite() || !high.is_finite() || falls {
                 return Err(Error::invalid(
                     name,
-                    value,
+                    value(),
                     "a finite force that never falls with q",
                 ));
             }
-            if loss.is_some_and(|loss| pair[1] < loss) && low != high {
-                let value = format!("G({}) = {low}, G({}) = {high}", pair[0], pair[1]);
+            let lost = |q: f64| flight.is_some_and(|[a, b]| q > a && q < b);
+            if lost(pair[0]) && lost(pair[1]) && low != high {
                 return Err(Error::invalid(
                     name,
-                    value,
-                    "a constant force below the loss point",
+                    value(),
+                    "a constant force in flight, below the loss point",
                 ));
             }
         }
         Ok(Self::Custom(Arc::new(law)))
+    }
+
+    /// The law that a scene names by a word: "hertz", "bilinear", "linear", "free".
+    pub fn named(word: &str) -> Option<Self> {
+        WORDS.into_iter().find(|it| it.name() == word)
+    }
+
+    /// The words of [`ContactLaw::named`].
+    pub fn words() -> [&'static str; 4] {
+        ["hertz", "bilinear", "linear", "free"]
+    }
+
+    /// A law of one of [`LAWS`]. One that is a law with a word, as the power 3/2, becomes it.
+    ///
+    /// ```
+    /// use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
+    /// let given = Parameters::new().with("exponent", Parameter::Number(1.5));
+    /// assert_eq!(ContactLaw::given("power", &given)?, ContactLaw::Hertz);
+    /// # Ok::<(), vibroimpact::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a name that is none, and for keys and values that the law does not accept.
+    pub fn given(law: &str, parameters: &Parameters) -> Result<Self> {
+        let Some(kind) = LAWS.iter().find(|it| it.name == law) else {
+            let names: Vec<String> = LAWS.iter().map(|it| format!("{:?}", it.name)).collect();
+            let key = parameters::full("law");
+            return Err(Error::invalid(key, format!("{law:?}"), names.join(", ")));
+        };
+        let made = (kind.make)(parameters)?;
+        let one = |key: &str, value: Parameter| Parameters::new().with(key, value);
+        let power = |n: f64| one("exponent", Parameter::Number(n));
+        let straight = one("coefficients", Parameter::Numbers(vec![1.0]));
+        let simple = [
+            ("power", power(1.5), Self::Hertz),
+            ("power", power(1.0), Self::Bilinear),
+            ("polynomial", straight, Self::Linear),
+        ];
+        let given = made.parameters();
+        let same = simple
+            .into_iter()
+            .find(|(name, it, _)| *name == law && *it == given);
+        Ok(same.map_or(Self::Custom(made), |(.., it)| it))
+    }
+
+    /// As a scene writes it: a word, or a table with `law`.
+    pub(crate) fn tree(&self) -> Value {
+        match self {
+            Self::Custom(law) if !law.parameters().is_empty() => law.parameters().tree(law.name()),
+            _ => json!(self.name()),
+        }
     }
 
     /// The name used in scenes and tables.
@@ -180,29 +199,56 @@ impl ContactLaw {
         }
     }
 
-    /// The displacement at which the contact carries the force N = G(q) > G(loss point): the inverse
-    /// of (26), q = (3/2)[(1 + N)^{2/3} - 1] for Hertz. None below the force of flight, and for a law
-    /// without contact.
-    pub(crate) fn displacement_at(&self, force: f64) -> Option<f64> {
-        if self
-            .loss_point()
-            .is_some_and(|loss| force <= self.force(loss))
-        {
-            return None;
+    /// The q at which flight ends on a second wall, below the loss point; None without one.
+    pub fn back_wall(&self) -> Option<f64> {
+        match self {
+            Self::Custom(law) => law.back_wall(),
+            _ => None,
+        }
+    }
+
+    /// The interval of q out of contact, down to minus infinity without a second wall. None for a law that cannot lose
+    /// contact.
+    pub fn flight(&self) -> Option<[f64; 2]> {
+        let low = self.back_wall().unwrap_or(f64::NEG_INFINITY);
+        self.loss_point().map(|loss| [low, loss])
+    }
+
+    /// Whether contact is lost at q.
+    pub fn is_lost(&self, q: f64) -> bool {
+        self.flight()
+            .is_some_and(|[low, high]| q >= low && q < high)
+    }
+
+    /// Where G or its slope jumps, ascending.
+    pub fn kinks(&self) -> Vec<f64> {
+        match self {
+            Self::Custom(law) => law.kinks(),
+            other => other.loss_point().into_iter().collect(),
+        }
+    }
+
+    /// G as polynomials piece by piece; empty where it is of another kind, or has a closed form of its own.
+    pub(crate) fn pieces(&self) -> &[Piece] {
+        match self {
+            Self::Custom(law) => law.pieces(),
+            _ => &[],
+        }
+    }
+
+    /// The displacements at which the contact carries the force N = G(q), ascending: the inverse of (26),
+    /// q = (3/2)[(1 + N)^{2/3} - 1] for Hertz. Empty for a force that is never reached, or is that of flight.
+    pub(crate) fn displacements_at(&self, force: f64) -> Vec<f64> {
+        let flight = self.loss_point().map(|loss| self.force(loss));
+        if flight == Some(force) {
+            return Vec::new();
         }
         match self {
-            Self::Hertz => Some(1.5 * ((1.0 + force).powf(2.0 / 3.0) - 1.0)),
-            Self::Bilinear | Self::Linear => Some(force),
-            Self::Free => None,
-            Self::Custom(law) => {
-                let q0 = self.equilibrium()?;
-                let beyond = |q: f64| law.force(q) >= force;
-                let high = expand(q0, 1.0, beyond);
-                let low = self
-                    .loss_point()
-                    .unwrap_or_else(|| expand(q0, -1.0, |q| !beyond(q)));
-                Some(bisect(low, high, beyond))
-            }
+            Self::Hertz | Self::Bilinear if force < -1.0 => Vec::new(),
+            Self::Hertz => vec![1.5 * ((1.0 + force).powf(2.0 / 3.0) - 1.0)],
+            Self::Bilinear | Self::Linear => vec![force],
+            Self::Free => Vec::new(),
+            Self::Custom(law) => law.roots(force),
         }
     }
 
@@ -215,20 +261,19 @@ impl ContactLaw {
         }
     }
 
-    /// The q with G(q) = 0, where U is smallest; 0 for the built-in laws. None without one.
-    pub fn equilibrium(&self) -> Option<f64> {
+    /// Every q with G(q) = 0, ascending: minima of U and the maxima between them. Empty for a law that does not confine.
+    pub fn equilibria(&self) -> Vec<f64> {
         match self {
-            Self::Hertz | Self::Bilinear | Self::Linear => Some(0.0),
-            Self::Free => None,
-            Self::Custom(_) => {
-                if !self.is_confining() {
-                    return None;
-                }
-                let right = expand(0.0, 1.0, |q| self.force(q) >= 0.0);
-                let left = expand(0.0, -1.0, |q| self.force(q) <= 0.0);
-                Some(bisect(left, right, |q| self.force(q) >= 0.0))
-            }
+            Self::Hertz | Self::Bilinear | Self::Linear => vec![0.0],
+            Self::Custom(law) if self.is_confining() => law.roots(0.0),
+            Self::Free | Self::Custom(_) => Vec::new(),
         }
+    }
+
+    /// The q where U is smallest, the first of several; 0 for the laws with a word. None without one.
+    pub fn equilibrium(&self) -> Option<f64> {
+        let minima = self.equilibria().into_iter().step_by(2);
+        minima.min_by(|a, b| self.potential(*a).total_cmp(&self.potential(*b)))
     }
 
     /// Smallest value of U: 0 for the built-in confining laws. None without one.
@@ -236,25 +281,86 @@ impl ContactLaw {
         self.equilibrium().map(|q| self.potential(q))
     }
 
-    /// The two turning points (left, right) of the undamped motion with energy `rise` above the
-    /// equilibrium, U = U_min + rise. None for a law that does not confine.
+    /// The highest U between two wells over the lowest of all; None for a law of one well.
+    pub fn barrier(&self) -> Option<f64> {
+        let lowest = self.lowest_potential()?;
+        let tops = self.equilibria().into_iter().skip(1).step_by(2);
+        tops.map(|q| self.potential(q) - lowest)
+            .max_by(f64::total_cmp)
+    }
+
+    /// The two turning points (left, right) of the undamped motion with energy `rise` above the lowest,
+    /// U = U_min + rise: of all wells that hold it, the outermost. None for a law that does not confine.
     pub fn turning_points(&self, rise: f64) -> Option<(f64, f64)> {
         let q0 = self.equilibrium()?;
         let level = self.potential(q0) + rise;
+        let held = |q: &f64| self.potential(*q) < level;
+        let minima: Vec<f64> = self
+            .equilibria()
+            .into_iter()
+            .step_by(2)
+            .filter(held)
+            .collect();
+        let first = minima.first().copied().unwrap_or(q0);
+        let last = minima.last().copied().unwrap_or(q0);
+        Some((
+            self.turn(first, level, -1.0, rise),
+            self.turn(last, level, 1.0, rise),
+        ))
+    }
+
+    /// Where the motion of energy `level` turns, from `q0` in the direction of `sign`.
+    fn turn(&self, q0: f64, level: f64, sign: f64, rise: f64) -> f64 {
         let outside = |q: f64| self.potential(q) >= level;
         // A first guess from unit stiffness keeps tiny and huge levels within a few doublings.
         let reach = (2.0 * rise).sqrt().max(f64::MIN_POSITIVE);
-        let left = expand(q0, -reach, outside);
-        let right = expand(q0, reach, outside);
-        Some((bisect(q0, left, outside), bisect(q0, right, outside)))
+        bisect(q0, expand(q0, sign * reach, outside), outside)
+    }
+
+    /// Where a motion that enters the contact at the loss point with this speed turns. None for a law that cannot lose
+    /// contact.
+    pub(crate) fn rebound(&self, speed: f64) -> Option<f64> {
+        let loss = self.loss_point()?;
+        let last = self.equilibria().last().copied()?;
+        let level = self.potential(loss) + 0.5 * speed * speed;
+        let rise = level - self.potential(last);
+        Some(self.turn(last, level, 1.0, rise.max(f64::MIN_POSITIVE)))
+    }
+
+    /// For each minimum of U its turning points at `rise` above it, no further than the maxima beside it.
+    pub(crate) fn wells(&self, rise: f64) -> Vec<[f64; 2]> {
+        let all = self.equilibria();
+        let at = |k: Option<usize>| k.and_then(|k| all.get(k)).copied();
+        (0..all.len())
+            .step_by(2)
+            .map(|k| {
+                let level = self.potential(all[k]) + rise;
+                let end = |top: Option<f64>, sign: f64| match top {
+                    Some(top) if self.potential(top) < level => top,
+                    Some(top) => bisect(all[k], top, |q| self.potential(q) >= level),
+                    None => self.turn(all[k], level, sign, rise),
+                };
+                [end(at(k.checked_sub(1)), -1.0), end(at(Some(k + 1)), 1.0)]
+            })
+            .collect()
     }
 }
 
-/// Built-in laws are equal by kind, a custom law to itself only.
+/// The interval of q out of contact.
+fn flight(law: &dyn Restoring) -> Option<[f64; 2]> {
+    let low = law.back_wall().unwrap_or(f64::NEG_INFINITY);
+    law.loss_point().map(|loss| [low, loss])
+}
+
+/// The laws with a word are equal by kind, others by name and parameters, a law from code to itself only.
 impl PartialEq for ContactLaw {
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Custom(a), Self::Custom(b)) => Arc::ptr_eq(a, b),
+            (Self::Custom(a), Self::Custom(b)) => {
+                let given = a.parameters();
+                let same = || a.name() == b.name() && given == b.parameters();
+                Arc::ptr_eq(a, b) || (!given.is_empty() && same())
+            }
             _ => std::mem::discriminant(self) == std::mem::discriminant(other),
         }
     }

@@ -4,8 +4,6 @@ use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin};
 use crate::quadrature;
-use rand::{Rng, RngExt};
-use rand_distr::{Distribution, StandardNormal};
 use std::sync::OnceLock;
 
 /// q'' + 2 zeta q' + G(q) = f(t), white noise f of two-sided spectral density h, E f(t)f(0) =
@@ -89,10 +87,14 @@ impl Oscillator {
     }
 
     /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
-    /// force out of contact (1 for the built-in laws). None for a contact that is never lost. Where no eigenvalue lies
-    /// above it, distances to the stationary law fall as t^{-3/2} e^{-f^2 t/(8 zeta T)}.
+    /// force out of contact (1 for the built-in laws). None for a contact that is never lost, or whose flight ends on a
+    /// second wall. Where no eigenvalue lies above it, distances to the stationary law fall as
+    /// t^{-3/2} e^{-f^2 t/(8 zeta T)}.
     pub fn continuous_from(&self) -> Option<f64> {
-        let loss = self.contact.loss_point()?;
+        let [low, loss] = self.contact.flight()?;
+        if low.is_finite() {
+            return None;
+        }
         let force = self.contact.force(loss - 1.0);
         Some(-force * force / (8.0 * self.zeta * self.temperature()))
     }
@@ -149,7 +151,7 @@ pub struct DisplacementLaw {
     contact: ContactLaw,
     temperature: f64,
     lowest: f64,
-    /// Ends of the panels: the kink, the equilibrium, and levels of U up to 80 T (e^-80 = 2e-35).
+    /// Ends of the panels: kinks, equilibria, and levels of U up to 80 T (e^-80 = 2e-35).
     breaks: Vec<f64>,
     normaliser: Estimate,
 }
@@ -166,18 +168,27 @@ impl DisplacementLaw {
                 why: "exp(-U/T) cannot be normalised".into(),
             });
         };
-        let mut breaks = vec![q0];
+        let mut breaks = contact.equilibria();
+        let several = breaks.len() > 1;
         for level in [0.1, 1.0, 4.0, 10.0, 20.0, 40.0, 80.0] {
             let (left, right) = contact
                 .turning_points(level * temperature)
                 .unwrap_or((q0, q0));
             breaks.extend([left, right]);
+            if several {
+                breaks.extend(contact.wells(level * temperature).concat());
+            }
         }
         breaks.sort_by(f64::total_cmp);
-        if let Some(loss) = contact.loss_point()
-            && breaks[0] < loss
-        {
-            breaks.push(loss);
+        // Far wells may hold the equilibria of no probability.
+        if let Some((left, right)) = contact.turning_points(80.0 * temperature) {
+            breaks.retain(|q| *q >= left && *q <= right);
+            breaks.extend(
+                contact
+                    .kinks()
+                    .into_iter()
+                    .filter(|q| *q > left && *q < right),
+            );
             breaks.sort_by(f64::total_cmp);
         }
         breaks.dedup();
@@ -203,7 +214,7 @@ impl DisplacementLaw {
     }
 
     /// (U(q) - U_min)/T.
-    fn level(&self, q: f64) -> f64 {
+    pub(crate) fn level(&self, q: f64) -> f64 {
         (self.contact.potential(q) - self.lowest) / self.temperature
     }
 
@@ -237,44 +248,51 @@ impl DisplacementLaw {
         Estimate::new(value, error, Origin::Quadrature)
     }
 
-    /// P(a < q < b), accurate relative to itself also where it is tiny; split at the kink.
+    /// P(a < q < b), accurate relative to itself also where it is tiny; split at the kinks.
     pub fn probability(&self, a: f64, b: f64) -> f64 {
-        let mut breaks = vec![a, b];
-        if let Some(loss) = self
-            .contact
-            .loss_point()
-            .filter(|loss| *loss > a && *loss < b)
-        {
-            breaks.insert(1, loss);
-        }
+        let mut breaks = vec![a];
+        breaks.extend(
+            self.contact
+                .kinks()
+                .into_iter()
+                .filter(|q| *q > a && *q < b),
+        );
+        breaks.push(b);
         let mass = quadrature::integrate(|q| (-self.level(q)).exp(), &breaks, Self::RELATIVE);
         mass.value / self.normaliser.value
     }
 
-    /// ln P(q < a): the tail below `a`, also where it underflows. In flight the force is constant,
+    /// ln P(q < a): the tail below `a`, also where it underflows. In flight without end the force is constant,
     /// so the tail below the loss point is T p_q/|G|; elsewhere it is integrated.
     pub(crate) fn ln_tail_below(&self, a: f64) -> Estimate {
-        let flight = self.contact.loss_point().is_some_and(|loss| a <= loss);
-        if flight {
+        let endless = |[low, high]: [f64; 2]| low == f64::NEG_INFINITY && a <= high;
+        if self.contact.flight().is_some_and(endless) {
             let value = self.ln_density(a) + (self.temperature / -self.contact.force(a)).ln();
             let rounding = 4.0 * f64::EPSILON * (value.abs() + self.level(a));
             return Estimate::new(value, rounding + self.relative_error(), Origin::Quadrature);
         }
-        // Left of the equilibrium the tail is scaled by the density at a, which may underflow; beyond
-        // 80 T more a log-concave law has e^-80 of it left.
-        let base = if self.contact.force(a) < 0.0 {
-            self.level(a)
-        } else {
-            0.0
-        };
+        self.ln_between(f64::NEG_INFINITY, a)
+    }
+
+    /// ln P(a < q < b), also where it underflows: integrated over the largest density there.
+    pub(crate) fn ln_between(&self, a: f64, b: f64) -> Estimate {
+        // U is monotone between its extrema: the density is largest at one of them or at an end.
+        let inside = self.contact.equilibria().into_iter();
+        let inside = inside.filter(|q| *q > a && *q < b);
+        let ends = [a, b].into_iter().filter(|q| q.is_finite());
+        let highest = inside.chain(ends).map(|q| self.level(q));
+        let base = highest.fold(f64::INFINITY, f64::min);
+        // What is 80 T higher has e^-80 of it.
         let reach = (base + 80.0) * self.temperature;
-        let far = self
-            .contact
-            .turning_points(reach)
-            .map_or(a, |(left, _)| left)
-            .min(a);
-        let mut breaks = vec![far, a];
-        breaks.extend(self.breaks.iter().copied().filter(|q| *q > far && *q < a));
+        let (left, right) = self.contact.turning_points(reach).unwrap_or((a, b));
+        let (low, high) = (left.max(a).min(b), right.min(b).max(left.max(a).min(b)));
+        let mut breaks = vec![low, high];
+        breaks.extend(
+            self.breaks
+                .iter()
+                .copied()
+                .filter(|q| *q > low && *q < high),
+        );
         breaks.sort_by(f64::total_cmp);
         let scaled = |q: f64| (base - self.level(q)).exp();
         let scaled = quadrature::integrate(scaled, &breaks, Self::RELATIVE);
@@ -283,69 +301,25 @@ impl DisplacementLaw {
         Estimate::new(value, error + 4.0 * f64::EPSILON * base, Origin::Quadrature)
     }
 
-    pub(crate) fn sampler(&self) -> DisplacementSampler {
-        let (left, right) = self
-            .contact
-            .turning_points(self.temperature)
-            .unwrap_or((0.0, 0.0));
-        let slope_left = -self.contact.force(left) / self.temperature;
-        let slope_right = self.contact.force(right) / self.temperature;
-        DisplacementSampler {
-            law: self.clone(),
-            low: left + 1.0 / slope_left,
-            high: right - 1.0 / slope_right,
-            slope_left,
-            slope_right,
-        }
-    }
-}
-
-/// Exact sampling of the log-concave p_q by rejection from a flat top and two exponential tails,
-/// tangent to U/T where it is one above its minimum (Devroye, Non-Uniform Random Variate Generation,
-/// 1986, section VII.2).
-#[derive(Debug, Clone)]
-pub(crate) struct DisplacementSampler {
-    law: DisplacementLaw,
-    low: f64,
-    high: f64,
-    slope_left: f64,
-    slope_right: f64,
-}
-
-impl DisplacementSampler {
-    /// One displacement from the stationary law.
-    pub(crate) fn sample(&self, rng: &mut impl Rng) -> f64 {
-        let (left, right) = (1.0 / self.slope_left, 1.0 / self.slope_right);
-        let flat = self.high - self.low;
-        loop {
-            let place = rng.random::<f64>() * (left + flat + right);
-            // 1 - u is never 0, so the logarithm is finite.
-            let tail = -(1.0 - rng.random::<f64>()).ln();
-            let (q, envelope) = if place < left {
-                (self.low - tail * left, tail)
-            } else if place < left + flat {
-                (self.low + (place - left), 0.0)
-            } else {
-                (self.high + tail * right, tail)
-            };
-            if rng.random::<f64>() <= (envelope - self.law.level(q)).exp() {
-                return q;
-            }
-        }
+    /// The contact law.
+    pub(crate) fn contact(&self) -> &ContactLaw {
+        &self.contact
     }
 
-    /// One state (q, v) from the stationary law (21).
-    pub(crate) fn sample_state(&self, rng: &mut impl Rng) -> (f64, f64) {
-        let normal: f64 = StandardNormal.sample(rng);
-        (self.sample(rng), normal * self.law.temperature.sqrt())
+    /// T.
+    pub(crate) fn temperature(&self) -> f64 {
+        self.temperature
+    }
+
+    /// Ends of panels between which the density is monotone and smooth; outside of all of them it has e^-80.
+    pub(crate) fn panels(&self) -> &[f64] {
+        &self.breaks
     }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use rand::SeedableRng;
-    use rand_xoshiro::Xoshiro256PlusPlus;
     use std::cell::Cell;
 
     thread_local! {
@@ -375,34 +349,6 @@ pub(crate) mod tests {
                 .unwrap_err()
                 .to_string();
             assert!(message.contains(key), "{message}");
-        }
-    }
-
-    #[test]
-    fn the_sampler_follows_the_displacement_law() {
-        for (h, contact) in [
-            (2e-3, ContactLaw::Hertz),
-            (0.3, ContactLaw::Hertz),
-            (2e-3, ContactLaw::Bilinear),
-        ] {
-            let law = Oscillator::new(contact, 0.005, h)
-                .unwrap()
-                .displacement_law()
-                .unwrap();
-            let (sampler, n) = (law.sampler(), 200_000);
-            let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
-            let draws: Vec<f64> = (0..n).map(|_| sampler.sample(&mut rng)).collect();
-            // Kolmogorov-Smirnov distance on a grid of quantile points; 1 % point 1.63/sqrt(n).
-            for k in 1..40 {
-                let q = law.breaks[1]
-                    + (law.breaks[law.breaks.len() - 2] - law.breaks[1]) * f64::from(k) / 40.0;
-                let exact = law.ln_tail_below(q).value.exp();
-                let got = draws.iter().filter(|x| **x < q).count() as f64 / f64::from(n);
-                assert!(
-                    (got - exact).abs() < 1.63 / f64::from(n).sqrt(),
-                    "{q}: {got} {exact}"
-                );
-            }
         }
     }
 

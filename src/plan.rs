@@ -554,10 +554,14 @@ impl Plan {
                 if let Some(time) = self.scene.crossings_window() {
                     let law = Stationary::of(oscillator)?;
                     results.crossings = Some(Numbers::crossings(&law, time));
-                    let flights = fokker_planck::flight_law(oscillator)?;
-                    let shortfall = flights.shortfall(settings.tolerance);
-                    results.fall_short(part.name(), shortfall.as_ref(), true);
-                    results.flights = Some(flights);
+                    // Between two walls it is sampled alone.
+                    if oscillator.contact().back_wall().is_none() {
+                        let flights = fokker_planck::flight_law(oscillator)?;
+                        let shortfall = flights.shortfall(settings.tolerance);
+                        results.fall_short(part.name(), shortfall.as_ref(), true);
+                        results.flights = Some(flights);
+                        results.impacts = Some(fokker_planck::impact_law(oscillator)?);
+                    }
                 }
             }
             Part::FirstLoss => {
@@ -699,6 +703,7 @@ impl Plan {
             Part::Crossings => {
                 results.crossings.put_in(clock);
                 results.flights.put_in(clock);
+                results.impacts.put_in(clock);
             }
             Part::FirstLoss => results.first_loss.put_in(clock),
             Part::Transient => results.transient.put_in(clock),

@@ -9,7 +9,7 @@ pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
 use crate::fokker_planck::{
-    DecayRates, FirstLoss, FlightLaw, Periodic, Reached, Response, Steady, Transient,
+    DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Response, Steady, Transient,
 };
 use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
@@ -42,6 +42,8 @@ pub struct Results {
     pub crossings: Option<Numbers>,
     /// The law of the time of flight.
     pub flights: Option<FlightLaw>,
+    /// The law of an impact.
+    pub impacts: Option<ImpactLaw>,
     /// The first loss of contact, by the backward equation.
     pub first_loss: Option<FirstLoss>,
     /// The transient of the Fokker-Planck equation.
@@ -284,6 +286,7 @@ impl Results {
             stationary: None,
             crossings: None,
             flights: None,
+            impacts: None,
             first_loss: None,
             transient: None,
             reach: None,

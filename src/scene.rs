@@ -20,7 +20,6 @@
 pub mod text;
 
 use crate::clock::{Clock, TIME_UNITS, TimeUnit};
-use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite, positive};
 use crate::excitation::{Drive, Excitation};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
@@ -919,7 +918,7 @@ impl Scene {
         given(json!({
             "title": self.title,
             "oscillator": {
-                "contact": self.oscillator.contact().name(),
+                "contact": self.oscillator.contact().tree(),
                 "zeta": self.oscillator.zeta(),
                 level.0: level.1,
             },
@@ -1062,14 +1061,6 @@ fn name_of<T: PartialEq>(names: &[(&'static str, T)], value: Option<T>) -> Value
     name.parse::<u64>()
         .map_or(json!(name), |order| json!(order))
 }
-
-/// The contact laws a scene file can name.
-const CONTACTS: &[(&str, ContactLaw)] = &[
-    ("hertz", ContactLaw::Hertz),
-    ("bilinear", ContactLaw::Bilinear),
-    ("linear", ContactLaw::Linear),
-    ("free", ContactLaw::Free),
-];
 
 #[cfg(test)]
 mod tests {

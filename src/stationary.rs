@@ -87,28 +87,33 @@ impl Stationary {
         (-0.5 * v * v / t).exp() / (TAU * t).sqrt()
     }
 
-    /// The continuous part of p_N, p_q(q)/G'(q) at N = G(q), (27), (28). It is zero below the force of
-    /// flight, infinite just above it for Hertz (29), and without the Dirac mass at N = -1, which is
-    /// [`Stationary::contact_loss_probability`].
+    /// The continuous part of p_N, p_q(q)/|G'(q)| over every q with N = G(q), (27), (28). It is zero below the force
+    /// of flight without a second wall, infinite just above it for Hertz (29), and without the Dirac mass at the force of
+    /// flight, which is [`Stationary::contact_loss_probability`].
     pub fn density_force(&self, force: f64) -> f64 {
-        match self.contact().displacement_at(force) {
-            Some(q) => self.density_q(q) / self.contact().stiffness(q),
-            None => 0.0,
-        }
+        let all = self.contact().displacements_at(force).into_iter();
+        all.map(|q| self.density_q(q) / self.contact().stiffness(q).abs())
+            .sum()
     }
 
     /// P(N <= force), the Dirac mass included.
     pub fn distribution_force(&self, force: f64) -> f64 {
-        match (
-            self.contact().displacement_at(force),
-            self.contact().loss_point(),
-        ) {
-            (Some(q), _) => self.law.ln_tail_below(q).value.exp(),
-            (None, Some(loss)) if force >= self.contact().force(loss) => {
-                self.law.ln_tail_below(loss).value.exp()
-            }
-            _ => 0.0,
+        let contact = self.contact();
+        let below = |q: f64| self.law.ln_tail_below(q).value.exp();
+        let all = contact.displacements_at(force);
+        if all.is_empty() {
+            let flown = contact
+                .loss_point()
+                .filter(|loss| force >= contact.force(*loss));
+            return flown.map_or(0.0, below);
         }
+        // G is lower left of the last, and again left of the last but two.
+        let signs = [1.0, -1.0].into_iter().cycle();
+        all.into_iter()
+            .rev()
+            .zip(signs)
+            .map(|(q, sign)| sign * below(q))
+            .sum()
     }
 
     /// E\[q^n\], (25).
@@ -185,27 +190,40 @@ impl Stationary {
         Estimate::new(value, potential.error, Origin::Quadrature)
     }
 
-    /// P(q < q_loss), the Dirac mass of (28); 0 where it underflows, with the smallest normal number as
-    /// its error. None for a law that cannot lose contact.
+    /// ln of the probability that contact is lost.
+    fn ln_lost(&self) -> Option<Estimate> {
+        let [low, loss] = self.contact().flight()?;
+        Some(if low.is_finite() {
+            self.law.ln_between(low, loss)
+        } else {
+            self.law.ln_tail_below(loss)
+        })
+    }
+
+    /// P(q < q_loss), the Dirac mass of (28), or that of the gap before a second wall; 0 where it underflows, with the
+    /// smallest normal number as its error. None for a law that cannot lose contact.
     pub fn contact_loss_probability(&self) -> Option<Estimate> {
-        let ln = self.law.ln_tail_below(self.contact().loss_point()?);
+        let ln = self.ln_lost()?;
         Some(underflowing(ln.mapped(ln.value.exp(), ln.value.exp())))
     }
 
-    /// log10 P(q < q_loss), finite also where the probability itself underflows.
+    /// log10 of the probability that contact is lost, finite also where the probability itself underflows.
     pub fn log10_contact_loss_probability(&self) -> Option<Estimate> {
-        let ln = self.law.ln_tail_below(self.contact().loss_point()?);
-        Some(ln.scaled(1.0 / LN_10))
+        Some(self.ln_lost()?.scaled(1.0 / LN_10))
     }
 
     /// Mean number of losses of contact per unit time, nu = p_q(q_loss) sqrt(T/2 pi): Rice's formula for
-    /// the down-crossings of q_loss.
+    /// the down-crossings of q_loss; with a second wall also the up-crossings of that.
     pub fn loss_rate(&self) -> Option<Estimate> {
         let loss = self.contact().loss_point()?;
-        let value = self.law.density(loss) * (self.temperature() / TAU).sqrt();
-        // The exponent of the density is known to a rounding of its size.
-        let rounding = 4.0 * f64::EPSILON * (1.0 + self.law.ln_density(loss).abs());
-        let error = value * (self.law.relative_error() + rounding);
+        let walls = [Some(loss), self.contact().back_wall()];
+        let rates = walls.into_iter().flatten().map(|q| {
+            let value = self.law.density(q) * (self.temperature() / TAU).sqrt();
+            // The exponent of the density is known to a rounding of its size.
+            let rounding = 4.0 * f64::EPSILON * (1.0 + self.law.ln_density(q).abs());
+            (value, value * (self.law.relative_error() + rounding))
+        });
+        let (value, error) = rates.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
         Some(underflowing(Estimate::new(
             value,
             error,
@@ -213,12 +231,28 @@ impl Stationary {
         )))
     }
 
-    /// Mean time out of contact per loss, P(loss)/nu = sqrt(2 pi T)/|G(q_loss)|: the density at the loss
-    /// point cancels, so it is exact also where P and nu underflow.
+    /// Mean time out of contact per loss, P(lost)/nu. Without a second wall it is sqrt(2 pi T)/|G(q_loss)|: the density
+    /// at the loss point cancels, so it is exact also where P and nu underflow.
     pub fn mean_flight(&self) -> Option<Estimate> {
-        let force = self.contact().force(self.contact().loss_point()?);
-        Some(Estimate::closed_form(
-            (TAU * self.temperature()).sqrt() / -force,
+        let contact = self.contact();
+        let [low, loss] = contact.flight()?;
+        if low == f64::NEG_INFINITY {
+            let force = contact.force(loss);
+            return Some(Estimate::closed_form(
+                (TAU * self.temperature()).sqrt() / -force,
+            ));
+        }
+        // ln of the sum of both densities, over the larger.
+        let [a, b] = [low, loss].map(|q| self.law.ln_density(q));
+        let (most, least) = (a.max(b), a.min(b));
+        let rate = most + (least - most).exp().ln_1p() + 0.5 * (self.temperature() / TAU).ln();
+        let ln = self.ln_lost()?;
+        let value = (ln.value - rate).exp();
+        let rounding = 4.0 * f64::EPSILON * (1.0 + most.abs());
+        Some(Estimate::new(
+            value,
+            value * (ln.error + rounding),
+            Origin::Quadrature,
         ))
     }
 

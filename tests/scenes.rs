@@ -1244,6 +1244,90 @@ const BAD: &[(&str, &str)] = &[
     ),
     ("oscillator not a table", "oscillator = 3"),
     (
+        "law missing",
+        "[oscillator]\ncontact = { exponent = 2 }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "law misspelt",
+        "[oscillator]\ncontact = { law = \"powr\" }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "law with an unknown key",
+        "[oscillator]\ncontact = { law = \"power\", exponnt = 2 }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "exponent missing",
+        "[oscillator]\ncontact = { law = \"power\" }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "exponent below 1",
+        "[oscillator]\ncontact = { law = \"power\", exponent = 0.5 }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "exponent not a number",
+        "[oscillator]\ncontact = { law = \"power\", exponent = nan }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "exponent as text",
+        "[oscillator]\ncontact = { law = \"power\", exponent = \"2\" }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "gap negative",
+        "[oscillator]\ncontact = { law = \"power\", exponent = 1.5, gap = -1 }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "back without gap",
+        "[oscillator]\ncontact = { law = \"power\", exponent = 1.5, back = 1 }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "back zero",
+        "[oscillator]\ncontact = { law = \"power\", exponent = 1.5, gap = 1, back = 0 }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "coefficients missing",
+        "[oscillator]\ncontact = { law = \"polynomial\" }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "coefficients too many",
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [1, 0, 0, 1] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "coefficients do not confine",
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [1, 0.5] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "coefficient not finite",
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [1, inf, 1] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "coefficient as text",
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [1, \"a\"] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "table without file",
+        "[oscillator]\ncontact = { law = \"table\" }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "table file absent",
+        "[oscillator]\ncontact = { law = \"table\", file = \"absent.csv\" }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "table unsorted",
+        "[oscillator]\ncontact = { law = \"table\", q = [0, 1, 1], force = [-1, 0, 1] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "table uneven",
+        "[oscillator]\ncontact = { law = \"table\", q = [0, 1], force = [-1, 0, 1] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "table does not confine",
+        "[oscillator]\ncontact = { law = \"table\", q = [-1, 0, 1], force = [1, 0, 1] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "table not a number",
+        "[oscillator]\ncontact = { law = \"table\", q = [-1, nan, 1], force = [-1, 0, 1] }\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
         "h and force_psd",
         "[oscillator]\nzeta = 0.005\nh = 2e-3\nforce_psd = 0.17",
     ),

@@ -82,6 +82,7 @@ def test_a_key_replaced_is_the_key_written() -> None:
         (lambda: vi.Scene.from_toml("[oscillator]\nzeta = 1\nh = 'x'"), "oscillator.h", '"x"', "a number"),
         (lambda: vi.scene("defalt"), "scene", "'defalt'", "default"),
         (lambda: vi.scene().replace("oscillator.contact", "hertzz"), "oscillator.contact", '"hertzz"', '"hertz"'),
+        (lambda: vi.scene().replace("oscillator.contact", {"law": "power", "exponent": 0.5}), "oscillator.contact.exponent", "0.5", "1 to 100"),
         (lambda: vi.scene().replace("oscillator.h", None), "oscillator.h", "None", "to_dict"),
         (lambda: vi.scene("free-fall").replace("outputs.steady", True), "outputs.steady", "true", "stationary law"),
         (lambda: vi.plan(vi.scene().replace("method.cells", [10**6, 10**6])), "method.cells", "[1000000, 1000000]", "max_memory"),
@@ -101,6 +102,29 @@ def test_a_wrong_scene_tells_key_value_and_what_is_accepted(make, key, value, ac
     assert error.key in str(error) or error.value is None
     again = pickle.loads(pickle.dumps(error))
     assert (type(again), str(again), again.key, again.value) == (vi.SceneError, str(error), key, value)
+
+
+def test_a_contact_law_from_functions_is_its_table() -> None:
+    oscillator = {"zeta": 0.05, "h": 2e-2}
+    one = vi.Scene({"oscillator": {"contact": lambda q: q + 0.3 * q**3, **oscillator}})
+    functions = (lambda q: q + 0.3 * q**3, lambda q: q * q / 2 + 0.075 * q**4, lambda q: 1 + 0.9 * q * q)
+    assert vi.Scene({"oscillator": {"contact": functions, **oscillator}}) == one
+    polynomial = {"law": "polynomial", "coefficients": [1.0, 0.0, 0.3]}
+    exact = vi.run(vi.Scene({"oscillator": {"contact": polynomial, **oscillator}}))["stationary"]
+    sampled = vi.run(one)["stationary"]
+    for name in ("mean_q", "var_q", "kurtosis_force"):
+        assert abs(sampled[name].value - exact[name].value) < 1e-6
+    assert pickle.loads(pickle.dumps(one)) == one
+    for wrong in (
+        (functions[0], functions[0], functions[2]),
+        (functions[0], 3, functions[2]),
+        functions[:2],
+        lambda q: 1 / q,
+        lambda q: "one",
+    ):
+        with pytest.raises(vi.SceneError) as raised:
+            vi.Scene({"oscillator": {"contact": wrong, **oscillator}})
+        assert raised.value.key == "oscillator.contact"
 
 
 def test_the_message_shows_the_line_of_the_scene() -> None:

@@ -18,6 +18,44 @@ __all__ = ["Scene", "as_scene", "plain", "scene", "scenes"]
 _MOST_BYTES = 10_000_000
 
 
+# A law from functions is a table over this much of q, finest at 0.
+_FAR = 100.0
+_POINTS = 601
+
+
+def _sampled(key: str, value: Any, functions: list[Any] | tuple[Any, ...]) -> dict[str, Any]:
+    """A contact law from its force G(q), or from force, potential U(q) and stiffness G'(q), as a table."""
+    if not all(callable(it) for it in functions) or len(functions) not in (1, 3):
+        accepted = "a function of q, the force; or three: force, potential and stiffness"
+        raise not_accepted(key, value, accepted)
+    q = np.sinh(np.linspace(-np.arcsinh(_FAR), np.arcsinh(_FAR), _POINTS))
+    q[_POINTS // 2] = 0.0
+    columns = []
+    for function in functions:
+        try:
+            columns.append(np.array([float(function(it)) for it in q.tolist()]))
+        except (TypeError, ValueError, ArithmeticError) as error:
+            accepted = f"functions of one number that give one for every q from {-_FAR:g} to {_FAR:g}; {error}"
+            raise not_accepted(key, value, accepted) from None
+    for name, column in zip(("force", "potential", "stiffness"), columns):
+        if not np.isfinite(column).all():
+            bad = q[~np.isfinite(column)][0]
+            raise not_accepted(key, value, f"a finite {name} for every q from {-_FAR:g} to {_FAR:g}; at {bad:g} it is not")
+    force = columns[0]
+    if len(columns) == 3:
+        # Each is the derivative of the one before, on the average over an interval.
+        _, potential, stiffness = columns
+        for name, of, rate in (("potential", potential, force), ("force", force, stiffness)):
+            rise, mean = np.diff(of), 0.5 * np.diff(q) * (rate[1:] + rate[:-1])
+            size = np.abs(rate[1:]) + np.abs(rate[:-1]) + np.abs(rate).mean() + 1.0
+            wrong = np.abs(rise - mean) > 0.05 * np.diff(q) * size
+            if wrong.any():
+                at = q[:-1][wrong][0]
+                accepted = f"a {name} with the {'force' if name == 'potential' else 'stiffness'} as its derivative; at q = {at:g} it has not"
+                raise not_accepted(key, value, accepted)
+    return {"law": "table", "q": q.tolist(), "force": force.tolist()}
+
+
 def plain(key: str, value: Any) -> Any:
     """Plain values of mappings, sequences and NumPy's numbers and arrays; what is None is left out."""
     if isinstance(value, Mapping):
@@ -30,8 +68,7 @@ def plain(key: str, value: Any) -> Any:
         return plain(key, value.tolist())
     several = value if isinstance(value, (list, tuple)) else [value]
     if key == "oscillator.contact" and any(callable(it) for it in several):
-        instead = "a law by its name; laws from Python functions are not available yet"
-        raise not_accepted(key, value, f"{instead}: in Rust, contact::Restoring takes a law of your own")
+        return _sampled(key, value, several)
     if isinstance(value, (list, tuple, range)):
         items = [plain(f"{key}[{k}]", it) for k, it in enumerate(value)]
         if None in items:
@@ -50,6 +87,8 @@ class Scene:
     Args:
         sections: the keys of a scene file, as ``{"oscillator": {"zeta": 0.005, "h": 2e-3}, "outputs": {...}}``.
             NumPy's numbers and arrays are accepted for numbers and lists; what is None counts as left out.
+            ``contact`` may be a function of q, the force, or three: force, potential and stiffness. It is taken as a
+            cubic spline through 601 points between q = -100 and 100, finest at 0, and as a straight line beyond.
 
     Raises:
         SceneError: an unknown key, or a value that is not accepted: with ``key``, ``value``, ``accepted``.
@@ -119,10 +158,12 @@ class Scene:
     def __repr__(self) -> str:
         it = self.to_dict()
         oscillator = it["oscillator"]
+        contact = oscillator["contact"]
+        contact = contact if isinstance(contact, str) else contact["law"]
         asked = [name for name, value in it["outputs"].items() if value]
         asked += ["monte_carlo"] if "monte_carlo" in it else []
         return (
-            f"<Scene {it['title']!r}: {oscillator['contact']}, zeta = {oscillator['zeta']:g}, "
+            f"<Scene {it['title']!r}: {contact}, zeta = {oscillator['zeta']:g}, "
             f"h = {oscillator['h']:g}; {', '.join(asked)}>"
         )
 

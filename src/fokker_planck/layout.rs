@@ -194,6 +194,13 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
     let Some((left, right)) = contact.turning_points(level) else {
         return f64::INFINITY;
     };
+    if contact.barrier().is_some() {
+        let widths = contact
+            .wells(level)
+            .into_iter()
+            .map(|[left, right]| right - left);
+        return 0.5 * widths.fold(f64::INFINITY, f64::min);
+    }
     let in_contact = contact
         .loss_point()
         .map_or(f64::INFINITY, |loss| right - loss);

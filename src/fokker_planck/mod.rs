@@ -46,6 +46,7 @@ pub(crate) use eigen::{Eigenvalues, SteadyState};
 pub(crate) use first_passage::first_loss::FirstPassage;
 pub use first_passage::first_loss::{FirstLoss, first_loss};
 pub use first_passage::flight::{Flight, FlightLaw, flight_law};
+pub use first_passage::impact::{ImpactLaw, impact_law};
 pub use flux::{Drift, MassFlux, Measure, maxwell};
 pub use generator::Generator;
 pub use integrators::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver};

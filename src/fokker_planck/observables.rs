@@ -43,7 +43,11 @@ impl Observables {
     ) -> Result<Self> {
         let measure = Measure::of(oscillator)?;
         let contact = oscillator.contact().clone();
-        let loss = contact.loss_point();
+        let kinks: Vec<f64> = contact
+            .kinks()
+            .into_iter()
+            .map(|q| mesh.q.locate(q))
+            .collect();
         let functions = |q: f64, lost: bool| -> [f64; FUNCTIONS] {
             let n = contact.force(q);
             let (n2, lost) = (n * n, f64::from(u8::from(lost)));
@@ -65,13 +69,16 @@ impl Observables {
         let mut basis = vec![0.0; points];
         for i in 0..nq {
             let first = i.saturating_sub(points / 2).min(nq - points);
-            let edge = mesh.q.edges()[i];
-            // A cell whose edges straddle the loss point only by rounding is on one side of it.
-            let middle = mesh.q.centres()[i];
-            let lost = loss.is_some_and(|loss| middle < loss);
-            // The force has a half-integer power at the loss point: panels shrink towards it.
-            let near = loss.is_some_and(|loss| (edge - loss).abs() <= 0.5 * mesh.q.slopes()[i]);
-            for (xi, weight) in nodes(i as f64, near) {
+            // In contact the force may have a half-integer power at a kink, on an edge to rounding or inside of the cell.
+            let flown = contact.is_lost(mesh.q.centres()[i]);
+            let near = kinks.iter().map(|kink| kink - i as f64);
+            let near = near.filter(|xi| match flown {
+                true => *xi > 1e-6 && *xi < 1.0 - 1e-6,
+                false => *xi > -1e-6 && *xi < 1.0 + 1e-6,
+            });
+            let splits: Vec<f64> = near.map(|xi| xi.clamp(0.0, 1.0)).collect();
+            for (xi, weight, middle) in nodes(i as f64, &splits) {
+                let lost = contact.is_lost(mesh.q.at(middle).0);
                 let (q, slope) = mesh.q.at(xi);
                 let density = measure.density_q(q) * slope * weight;
                 if drift == Drift::Upwind {
@@ -124,17 +131,21 @@ impl Observables {
     }
 }
 
-/// Quadrature nodes (xi, weight) of the cell [xi, xi + 1]; graded towards its left end on request.
-fn nodes(xi: f64, graded: bool) -> Vec<(f64, f64)> {
+/// Quadrature nodes (xi, weight, middle of the panel) of the cell [xi, xi + 1], graded towards `splits` in [0, 1].
+fn nodes(xi: f64, splits: &[f64]) -> Vec<(f64, f64, f64)> {
     let mut panels = vec![0.0, 1.0];
-    if graded {
-        panels = std::iter::once(0.0)
-            .chain((0..=12).rev().map(|k| 0.25f64.powi(k)))
-            .collect();
+    for split in splits {
+        let powers = (0..=12).rev().map(|k| 0.25f64.powi(k));
+        let inside = |x: &f64| *x > 0.0 && *x < 1.0;
+        panels.push(*split);
+        panels.extend(powers.flat_map(|x| [split - x, split + x]).filter(inside));
     }
+    panels.sort_by(f64::total_cmp);
+    panels.dedup();
     let panel = |w: &[f64]| {
         let (a, half) = (xi + w[0], 0.5 * (w[1] - w[0]));
-        KronrodNodes::default().map(move |(x, weight)| (a + half * (1.0 + x), half * weight))
+        KronrodNodes::default()
+            .map(move |(x, weight)| (a + half * (1.0 + x), half * weight, a + half))
     };
     panels.windows(2).flat_map(panel).collect()
 }

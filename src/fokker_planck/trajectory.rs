@@ -4,10 +4,15 @@
 //! - Hertz in contact: with y = sqrt(1 + 2q/3) and dt = y d sigma the motion is polynomial,
 //!   y' = v/3, v' = y - y^4, t' = y, and analytic through the loss of contact y = 0. Taylor series of
 //!   order 20, eight points abreast; the loss and the wanted times are roots of the series.
-//! - A law from code: Stoermer's rule extrapolated to order 12 (Hairer, Norsett and Wanner, Solving
-//!   ODEs I, II.14), steps from its own error estimate, the loss of contact by Newton's method.
+//! - A force of cubic polynomials, piece by piece: Taylor series in time (`pieces`).
+//! - Any other law: Stoermer's rule extrapolated to order 12 (`stoermer`).
+
+mod flight;
+mod pieces;
+mod stoermer;
 
 use crate::contact::ContactLaw;
+use flight::{landing, thrown};
 
 /// The undamped motion of a contact law.
 #[derive(Debug, Clone, Copy)]
@@ -46,7 +51,10 @@ impl<'a> Motion<'a> {
                             ContactLaw::Linear => rotated(point, time - elapsed),
                             ContactLaw::Bilinear => bilinear(point, time - elapsed),
                             ContactLaw::Free => thrown(point, 1.0, time - elapsed),
-                            other => extrapolated(other, point, time - elapsed),
+                            other if other.pieces().is_empty() => {
+                                stoermer::advance(other, point, time - elapsed)
+                            }
+                            other => pieces::advance(other.pieces(), point, time - elapsed),
                         };
                         elapsed = *time;
                         ends[d * starts.len() + k] = point;
@@ -67,25 +75,6 @@ impl<'a> Motion<'a> {
             end[1] = -end[1];
         }
     }
-}
-
-/// Under a constant acceleration.
-#[inline(always)]
-fn thrown([q, v]: [f64; 2], acceleration: f64, t: f64) -> [f64; 2] {
-    [q + t * (v + 0.5 * acceleration * t), v + acceleration * t]
-}
-
-/// Time and speed at which a flight from (q, v), q below `loss`, comes back to it.
-#[inline(always)]
-fn landing([q, v]: [f64; 2], acceleration: f64, loss: f64) -> (f64, f64) {
-    let depth = (loss - q).max(0.0);
-    let speed = (v * v + 2.0 * acceleration * depth).sqrt();
-    let time = if v > 0.0 {
-        2.0 * depth / (v + speed)
-    } else {
-        (speed - v) / acceleration
-    };
-    (time, speed)
 }
 
 /// Under G = q.
@@ -439,124 +428,6 @@ fn evaluate(cy: &[Lane; ORDER + 1], cv: &[Lane; ORDER + 1], sigma: &Lane) -> (La
         }
     }
     (y, v, t)
-}
-
-/// Columns of the extrapolation table: order 12.
-const COLUMNS: usize = 6;
-
-/// One step of the extrapolated Stoermer rule: the new point and an estimate of its error.
-fn stoermer(contact: &ContactLaw, [q0, v0]: [f64; 2], step: f64) -> ([f64; 2], f64) {
-    let force = -contact.force(q0);
-    let mut last = [[0.0; 2]; COLUMNS];
-    let mut error = f64::INFINITY;
-    for row in 0..COLUMNS {
-        let parts = 2 * (row + 1);
-        let h = step / parts as f64;
-        let mut change = h * (v0 + 0.5 * h * force);
-        // Summed apart from q0, so that nothing is lost to its rounding.
-        let mut moved = change;
-        for _ in 1..parts {
-            change -= h * h * contact.force(q0 + moved);
-            moved += change;
-        }
-        let speed = change / h - 0.5 * h * contact.force(q0 + moved);
-        let mut current = [[0.0; 2]; COLUMNS];
-        current[0] = [moved, speed - v0];
-        for j in 1..=row {
-            let ratio = parts as f64 / (2 * (row - j + 1)) as f64;
-            for d in 0..2 {
-                let difference = current[j - 1][d] - last[j - 1][d];
-                current[j][d] = current[j - 1][d] + difference / (ratio * ratio - 1.0);
-            }
-        }
-        if row > 0 {
-            let [a, b] = [current[row], current[row - 1]];
-            error = (a[0] - b[0]).hypot(a[1] - b[1]);
-        }
-        last = current;
-    }
-    let [dq, dv] = last[COLUMNS - 1];
-    ([q0 + dq, v0 + dv], error)
-}
-
-/// Under a law from code.
-fn extrapolated(contact: &ContactLaw, mut point: [f64; 2], mut left: f64) -> [f64; 2] {
-    /// Shortest step: below it the force is taken as it comes.
-    const SHORTEST: f64 = 1e-7;
-    /// Bound of the estimate per step; the estimate is that of order 10, the result has order 12.
-    const TOLERANCE: f64 = 3e-15;
-    let flight = contact.loss_point().and_then(|loss| {
-        let acceleration = -contact.force(loss - 1.0);
-        (acceleration > 0.0).then_some((loss, acceleration))
-    });
-    let mut step: f64 = 0.3;
-    while left > 0.0 {
-        if let Some((loss, acceleration)) = flight
-            && (point[0] < loss || (point[0] == loss && point[1] < 0.0))
-        {
-            let (time, speed) = landing(point, acceleration, loss);
-            if time >= left {
-                return thrown(point, acceleration, left);
-            }
-            left -= time;
-            point = [loss, speed.max(1e-150)];
-            continue;
-        }
-        let trial = step.min(left);
-        let (end, error) = stoermer(contact, point, trial);
-        let scale = point[0].abs().max(point[1].abs()).max(1.0);
-        let ratio = error / (TOLERANCE * scale);
-        if ratio > 1.0 && trial > SHORTEST {
-            step = trial * (0.8 * ratio.powf(-1.0 / 11.0)).max(0.1);
-            continue;
-        }
-        let growth = (0.8 * ratio.max(1e-12).powf(-1.0 / 11.0)).clamp(0.5, 3.0);
-        if let Some((loss, _)) = flight
-            && end[0] < loss
-        {
-            let (time, speed, error) = lost(contact, point, trial, loss);
-            if error > TOLERANCE * scale && time > SHORTEST {
-                // Nearer to the loss first: the force may have a weak singularity there.
-                step = 0.5 * time;
-                continue;
-            }
-            left -= time;
-            point = [loss, speed.min(-1e-150)];
-            continue;
-        }
-        left -= trial;
-        point = end;
-        step = (trial * growth).max(SHORTEST);
-    }
-    point
-}
-
-/// Time and velocity of the loss of contact within one step, by Newton's method in a bracket, and the
-/// estimated error of the step up to it.
-fn lost(contact: &ContactLaw, point: [f64; 2], step: f64, loss: f64) -> (f64, f64, f64) {
-    let (mut low, mut high) = (0.0, step);
-    let mut t = 0.5 * step;
-    for _ in 0..60 {
-        let (end, error) = stoermer(contact, point, t);
-        let above = end[0] - loss;
-        if above > 0.0 {
-            low = t;
-        } else {
-            high = t;
-        }
-        let newton = t - above / end[1];
-        let next = if newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
-        if (next - t).abs() <= 1e-16 * step || above == 0.0 {
-            return (t, end[1], error);
-        }
-        t = next;
-    }
-    let (end, error) = stoermer(contact, point, t);
-    (t, end[1], error)
 }
 
 #[cfg(test)]

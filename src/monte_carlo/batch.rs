@@ -76,7 +76,7 @@ impl Batch {
             let (x, y) = (q[lane], v[lane]);
             let force = law.force(x) * inverse[2];
             let energy = (0.5 * y * y + law.potential(x) - units.energy[0]) * inverse[3];
-            let lost = if x < law.loss() { 1.0 } else { 0.0 };
+            let lost = if law.is_lost(x) { 1.0 } else { 0.0 };
             let (x, y) = ((x - units.q[0]) * inverse[0], y * inverse[1]);
             let square = force * force;
             let terms: Vector = [

@@ -27,6 +27,21 @@ pub struct Crossings {
     pub mean_impact_speed: Estimate,
     /// Density of the time from a loss to the return.
     pub flight_time: Histogram,
+    /// Density of the speed at the return.
+    pub impact_speed: Histogram,
+    /// Both together.
+    pub impacts: Impacts,
+}
+
+/// The joint density of time of flight and speed at the return, averaged over cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Impacts {
+    /// Ends of the cells along the time of flight.
+    pub times: Vec<f64>,
+    /// Ends of the cells along the speed.
+    pub speeds: Vec<f64>,
+    /// Mean density over each cell, speed running fastest, one standard error on every cell.
+    pub density: Vec<Estimate>,
 }
 
 impl Crossings {
@@ -155,6 +170,55 @@ pub(super) fn flight_bins(deviation: f64, fall: f64, count: usize) -> Bins {
     Bins::new(0.0, 10.0 * deviation / fall, count)
 }
 
+/// Bins of what is counted at a return: the time of flight, the speed, and cells of both.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ReturnBins {
+    flight: Bins,
+    speed: Bins,
+    cells: [Bins; 2],
+}
+
+/// Cells of the joint histogram along time and speed.
+const CELLS: [usize; 2] = [24, 16];
+
+impl ReturnBins {
+    /// For an oscillator of deviation of v `deviation`, falling with acceleration `fall`.
+    pub(super) fn new(deviation: f64, fall: f64, count: usize) -> Self {
+        let flight = flight_bins(deviation, fall, count);
+        let longest = 8.0 * deviation / fall;
+        Self {
+            flight,
+            speed: Bins::new(0.0, 5.0 * deviation, count),
+            cells: [
+                Bins::new(0.0, longest, CELLS[0]),
+                Bins::new(0.0, 4.0 * deviation, CELLS[1]),
+            ],
+        }
+    }
+
+    /// As many bins of width 1 as there are cells.
+    fn joint() -> Bins {
+        let all = CELLS[0] * CELLS[1];
+        Bins::new(0.0, all as f64, all)
+    }
+
+    /// The slot of a return in each histogram.
+    fn slots(&self, time: f64, speed: f64) -> [usize; 3] {
+        let [i, j] = [self.cells[0].slot(time), self.cells[1].slot(speed)];
+        let joint = if i < CELLS[0] && j < CELLS[1] {
+            i * CELLS[1] + j
+        } else {
+            CELLS[0] * CELLS[1]
+        };
+        [self.flight.slot(time), self.speed.slot(speed), joint]
+    }
+
+    /// All three.
+    fn all(&self) -> [Bins; 3] {
+        [self.flight, self.speed, Self::joint()]
+    }
+}
+
 /// What one lane has seen in the present batch.
 #[derive(Debug, Clone, Default)]
 struct Lane {
@@ -172,16 +236,17 @@ struct Lane {
 /// Watches the records of one group, batch by batch.
 #[derive(Debug, Clone)]
 pub(super) struct Logbook {
-    bins: Bins,
+    bins: ReturnBins,
     batch_start: f64,
     lanes: [Lane; LANES],
     sums: CrossingSums,
-    flight_hits: Vec<Vec<u32>>,
+    /// Per lane and histogram.
+    hits: Vec<[Vec<u32>; 3]>,
 }
 
 impl Logbook {
     /// A logbook that begins at time 0 with the lanes that are `out` of contact.
-    pub(super) fn new(bins: Bins, out: impl Fn(usize) -> bool) -> Self {
+    pub(super) fn new(bins: ReturnBins, out: impl Fn(usize) -> bool) -> Self {
         Self {
             bins,
             batch_start: 0.0,
@@ -190,7 +255,7 @@ impl Logbook {
                 ..Lane::default()
             }),
             sums: CrossingSums::new(bins),
-            flight_hits: vec![vec![0; bins.slots()]; LANES],
+            hits: vec![bins.all().map(|bins| vec![0; bins.slots()]); LANES],
         }
     }
 
@@ -210,14 +275,16 @@ impl Logbook {
                     lane.speed,
                 ];
                 self.sums.push(seen, length);
-                self.sums.flight_bins.push(&self.flight_hits[k]);
+                for (counts, hits) in self.sums.counts.iter_mut().zip(&self.hits[k]) {
+                    counts.push(hits);
+                }
             }
             *lane = Lane {
                 out: lane.out,
                 since: lane.since,
                 ..Lane::default()
             };
-            self.flight_hits[k].fill(0);
+            self.hits[k].iter_mut().for_each(|hits| hits.fill(0));
         }
         self.batch_start = now;
     }
@@ -241,7 +308,12 @@ impl Watch for Logbook {
                 it.flights += 1.0;
                 it.flight_time += flight;
                 it.speed += speed;
-                self.flight_hits[lane][self.bins.slot(flight)] += 1;
+                for (hits, slot) in self.hits[lane]
+                    .iter_mut()
+                    .zip(self.bins.slots(flight, speed))
+                {
+                    hits[slot] += 1;
+                }
             }
         }
         it.out = lost;
@@ -263,18 +335,18 @@ pub(super) struct CrossingSums {
     product: [[f64; SEEN]; SEEN],
     /// Batches in which each is not 0.
     seen: [f64; SEEN],
-    flight_bins: BatchCounts,
+    counts: [BatchCounts; 3],
 }
 
 impl CrossingSums {
-    pub(super) fn new(bins: Bins) -> Self {
+    pub(super) fn new(bins: ReturnBins) -> Self {
         Self {
             batches: 0.0,
             time: 0.0,
             sum: [0.0; SEEN],
             product: [[0.0; SEEN]; SEEN],
             seen: [0.0; SEEN],
-            flight_bins: BatchCounts::new(bins),
+            counts: bins.all().map(BatchCounts::new),
         }
     }
 
@@ -300,7 +372,9 @@ impl CrossingSums {
                 self.product[j][k] += more.product[j][k];
             }
         }
-        self.flight_bins.add(&more.flight_bins);
+        for (mine, theirs) in self.counts.iter_mut().zip(&more.counts) {
+            mine.add(theirs);
+        }
     }
 
     /// Sum j over the number of flights, its error from the scatter about the ratio of the batches that saw
@@ -328,7 +402,7 @@ impl CrossingSums {
         Estimate::new(sum / self.time, error, Origin::Sampling)
     }
 
-    pub(super) fn crossings(&self, bins: Bins, burst: Burst) -> Crossings {
+    pub(super) fn crossings(&self, bins: ReturnBins, burst: Burst) -> Crossings {
         let [losses, lost_time, flight_time, speed] = [0, 1, 3, 4];
         let seen = self.sum[losses];
         Crossings {
@@ -339,7 +413,25 @@ impl CrossingSums {
             lost_share: self.rate(lost_time, burst.time),
             mean_flight: self.per_flight(flight_time, burst),
             mean_impact_speed: self.per_flight(speed, burst),
-            flight_time: self.flight_bins.histogram(bins, false),
+            flight_time: self.counts[0].histogram(bins.flight, false),
+            impact_speed: self.counts[1].histogram(bins.speed, false),
+            impacts: self.impacts(bins),
+        }
+    }
+
+    fn impacts(&self, bins: ReturnBins) -> Impacts {
+        // The bins of width 1 hold probabilities.
+        let cells = self.counts[2].histogram(ReturnBins::joint(), false);
+        let [times, speeds] = bins.cells.map(Bins::edges);
+        let area = (times[1] - times[0]) * (speeds[1] - speeds[0]);
+        Impacts {
+            density: cells
+                .density
+                .iter()
+                .map(|it| it.scaled(1.0 / area))
+                .collect(),
+            times,
+            speeds,
         }
     }
 }

@@ -49,7 +49,8 @@ impl Flow {
         let chin = Chin::new(self.substep);
         let loss = law.loss();
         // A dip below the loss point within one substep: the acceleration there is -G(loss) or less.
-        let graze = 0.6 / -law.force(loss.max(-1e300));
+        let graze = 0.6 / law.force(loss.max(-1e300)).abs();
+        let back = law.back();
         for k in 0..self.count {
             // A step by hand can be as long as one likes.
             if u64::from(k) % PATIENCE == PATIENCE - 1 && watch.late() {
@@ -66,6 +67,13 @@ impl Flow {
                 let near = u64::from(above < graze * v0[lane] * v0[lane]) & u64::from(above >= 0.0);
                 // Without branches: a dip, or a crossing.
                 crossed[lane] = (turned & near) | u64::from(was_out != is_out);
+                if L::WALLED {
+                    // The same at the second wall.
+                    let above = q0[lane] - back;
+                    let near =
+                        u64::from(above < graze * v0[lane] * v0[lane]) & u64::from(above >= 0.0);
+                    crossed[lane] |= (turned & near) | u64::from((q0[lane] < back) != (q1 < back));
+                }
                 (q[lane], v[lane], force[lane]) = (q1, v1, f1);
             }
             if crossed.iter().fold(0, |any, flag| any | flag) != 0 {
@@ -139,8 +147,31 @@ fn locate<L: Law>(
     let mut left = time;
     // Each pass is one piece in contact or one flight; more than a few never happen.
     for _ in 0..64 {
-        let out = state.q < loss || (state.q == loss && state.v < 0.0);
-        if out {
+        let behind =
+            L::WALLED && (state.q < law.back() || (state.q == law.back() && state.v < 0.0));
+        let out = !behind && (state.q < loss || (state.q == loss && state.v < 0.0));
+        if behind {
+            let end = in_contact(law, state, left);
+            let Some((exit, v)) = rise(law, state, end, left) else {
+                return State {
+                    q: end.q.min(law.back()),
+                    v: end.v,
+                };
+            };
+            let v = v.max(f64::MIN_POSITIVE);
+            left = (left - exit).max(0.0);
+            state = State { q: law.back(), v };
+            tell(true, time - left, v);
+        } else if out {
+            if let Some((after, speed)) = struck(law, state, fall).filter(|it| it.0 < left) {
+                left -= after;
+                state = State {
+                    q: law.back(),
+                    v: -speed,
+                };
+                tell(false, time - left, speed);
+                continue;
+            }
             let speed = (state.v * state.v + 2.0 * fall * (loss - state.q)).sqrt();
             // The root of q + v t + fall t^2/2 = loss that does not cancel.
             let back = if state.v < 0.0 {
@@ -152,8 +183,13 @@ fn locate<L: Law>(
             let returns = back >= 0.0 && back < left;
             if !returns {
                 let q = state.q + left * (state.v + 0.5 * fall * left);
+                let low = if L::WALLED {
+                    law.back()
+                } else {
+                    f64::NEG_INFINITY
+                };
                 return State {
-                    q: q.min(loss),
+                    q: q.min(loss).max(low),
                     v: state.v + fall * left,
                 };
             }
@@ -175,6 +211,51 @@ fn locate<L: Law>(
         }
     }
     state
+}
+
+/// When a flight strikes the second wall, and how fast; None without one, or if it turns before.
+fn struck<L: Law>(law: L, state: State, fall: f64) -> Option<(f64, f64)> {
+    if !L::WALLED || state.v >= 0.0 {
+        return None;
+    }
+    let height = (state.q - law.back()).max(0.0);
+    let square = state.v * state.v - 2.0 * fall * height;
+    if square <= 0.0 {
+        return None;
+    }
+    let speed = square.sqrt();
+    Some((2.0 * height / (speed - state.v), speed))
+}
+
+/// When a motion that begins behind the second wall and would be at `end` after `time` leaves it, and its velocity
+/// there; None if it does not. The force pushes it out, so that it leaves once.
+fn rise<L: Law>(law: L, start: State, end: State, time: f64) -> Option<(f64, f64)> {
+    let back = law.back();
+    if end.q <= back {
+        return None;
+    }
+    let (mut low, mut high, mut t) = (0.0, time, time);
+    let mut state = end;
+    for _ in 0..60 {
+        if state.q > back {
+            high = t;
+        } else {
+            low = t;
+        }
+        let newton = t - (state.q - back) / state.v;
+        let next = if newton >= low && newton <= high {
+            newton
+        } else {
+            0.5 * (low + high)
+        };
+        let change = next - t;
+        t = next;
+        state = in_contact(law, start, t);
+        if change.abs() <= 1e-8 * time {
+            break;
+        }
+    }
+    Some((t, state.v))
 }
 
 /// One substep of any length from a state in contact.

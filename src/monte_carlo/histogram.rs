@@ -48,7 +48,7 @@ impl Bins {
         self.count + 1
     }
 
-    fn edges(self) -> Vec<f64> {
+    pub(super) fn edges(self) -> Vec<f64> {
         (0..=self.count)
             .map(|k| self.low + self.width * k as f64)
             .collect()

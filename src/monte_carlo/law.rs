@@ -12,6 +12,22 @@ pub(super) trait Law: Copy + Send + Sync {
     fn potential(self, q: f64) -> f64;
     /// Below it contact is lost; minus infinity for a law that cannot lose contact.
     fn loss(self) -> f64;
+    /// Whether flight may end on a second wall.
+    const WALLED: bool = false;
+    /// Below it there is contact again, with the second wall.
+    #[inline(always)]
+    fn back(self) -> f64 {
+        f64::NEG_INFINITY
+    }
+    /// Whether contact is lost at q.
+    #[inline(always)]
+    fn is_lost(self, q: f64) -> bool {
+        if Self::WALLED {
+            q < self.loss() && q >= self.back()
+        } else {
+            q < self.loss()
+        }
+    }
 }
 
 /// (9).
@@ -128,25 +144,50 @@ impl Law for Free {
     }
 }
 
-impl Law for &dyn Restoring {
+/// A law with parameters, or from code.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Given<'a, const WALLED: bool> {
+    law: &'a dyn Restoring,
+    loss: f64,
+    back: f64,
+}
+
+impl<'a, const WALLED: bool> Given<'a, WALLED> {
+    fn of(law: &'a dyn Restoring) -> Self {
+        Self {
+            law,
+            loss: law.loss_point().unwrap_or(f64::NEG_INFINITY),
+            back: law.back_wall().unwrap_or(f64::NEG_INFINITY),
+        }
+    }
+}
+
+impl<const WALLED: bool> Law for Given<'_, WALLED> {
+    const WALLED: bool = WALLED;
+
     #[inline(always)]
     fn force(self, q: f64) -> f64 {
-        Restoring::force(self, q)
+        self.law.force(q)
     }
 
     #[inline(always)]
     fn force_and_stiffness(self, q: f64) -> (f64, f64) {
-        (Restoring::force(self, q), Restoring::stiffness(self, q))
+        (self.law.force(q), self.law.stiffness(q))
     }
 
     #[inline(always)]
     fn loss(self) -> f64 {
-        self.loss_point().unwrap_or(f64::NEG_INFINITY)
+        self.loss
+    }
+
+    #[inline(always)]
+    fn back(self) -> f64 {
+        self.back
     }
 
     #[inline(always)]
     fn potential(self, q: f64) -> f64 {
-        Restoring::potential(self, q)
+        self.law.potential(q)
     }
 }
 
@@ -165,7 +206,10 @@ pub(super) fn dispatch<W: WithLaw>(contact: &ContactLaw, what: W) -> W::Output {
         ContactLaw::Bilinear => what.with(Bilinear),
         ContactLaw::Linear => what.with(Linear),
         ContactLaw::Free => what.with(Free),
-        ContactLaw::Custom(law) => what.with::<&dyn Restoring>(&**law),
+        ContactLaw::Custom(law) if law.back_wall().is_some() => {
+            what.with(Given::<true>::of(&**law))
+        }
+        ContactLaw::Custom(law) => what.with(Given::<false>::of(&**law)),
     }
 }
 

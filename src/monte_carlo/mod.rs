@@ -30,6 +30,7 @@
 #![allow(clippy::inline_always, clippy::needless_range_loop)]
 
 mod batch;
+mod displacement;
 mod ensemble;
 mod events;
 mod first_loss;
@@ -49,7 +50,7 @@ mod walk;
 
 pub(crate) use ensemble::Ensemble;
 pub use ensemble::{EnsembleResult, run};
-pub use events::Crossings;
+pub use events::{Crossings, Impacts};
 pub(crate) use first_loss::FirstLosses;
 pub use first_loss::{FirstLossResult, first_loss};
 pub use histogram::Histogram;

@@ -1,5 +1,6 @@
 //! Paths at their starts, each drawn from its own stream.
 
+use super::displacement::DisplacementSampler;
 use super::noise::{self, LANES, Purpose, Streams};
 use super::scheme::Group;
 use super::signal::{Band, Cosines, Signal};
@@ -8,7 +9,7 @@ use super::{Noise, Scheme};
 use crate::error::Result;
 use crate::excitation::Excitation;
 use crate::initial::Initial;
-use crate::oscillator::{DisplacementSampler, Oscillator};
+use crate::oscillator::Oscillator;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -33,7 +34,7 @@ pub(super) struct Paths {
 impl Paths {
     pub(super) fn new(oscillator: &Oscillator, initial: &Initial, walk: &Walk) -> Result<Self> {
         let sampler = match initial {
-            Initial::Stationary => Some(oscillator.displacement_law()?.sampler()),
+            Initial::Stationary => Some(DisplacementSampler::of(&oscillator.displacement_law()?)),
             _ => None,
         };
         Ok(Self {

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, BatchMeans, Units};
 use super::events::{
-    Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, PATIENCE, Watch, flight_bins,
+    Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, PATIENCE, ReturnBins, Watch,
 };
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::law::{self, Law, WithLaw};
@@ -285,7 +285,7 @@ struct Run<'a> {
     units: Units,
     /// For q, v and N.
     bins: [Bins; 3],
-    flights: Option<Bins>,
+    flights: Option<ReturnBins>,
     /// None for a law that cannot lose contact.
     burst: Option<Burst>,
     progress: &'a Progress<'a>,
@@ -320,7 +320,7 @@ impl<'a> Run<'a> {
             ],
             flights: fall
                 .filter(|_| walk.scheme.locates_crossings())
-                .map(|fall| flight_bins(deviation, fall, BINS)),
+                .map(|fall| ReturnBins::new(deviation, fall, BINS)),
             burst: Burst::of(oscillator, recipe.batch_length),
             progress,
         })
@@ -376,7 +376,7 @@ impl Run<'_> {
         let mut sums = RecordSums::new(self);
         let mut group = self.paths.group(number * LANES as u64);
         let mut hits = self.bins.map(|bins| vec![vec![0u32; bins.slots()]; LANES]);
-        let out = |lane: usize| group.q[lane] < law.loss();
+        let out = |lane: usize| law.is_lost(group.q[lane]);
         let mut logbook = self.flights.map(|bins| Logbook::new(bins, out));
         let arch = pulp::Arch::new();
         for number in 0..recipe.burn_in + recipe.batches {
@@ -469,7 +469,7 @@ impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
             batch.sample(law, &run.units, &group.q, &group.v);
             for lane in 0..LANES {
                 let (q, v) = (group.q[lane], group.v[lane]);
-                let force = if q < law.loss() {
+                let force = if law.is_lost(q) {
                     run.bins[2].dirac()
                 } else {
                     run.bins[2].slot(law.force(q))

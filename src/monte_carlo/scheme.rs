@@ -277,18 +277,27 @@ fn one<L: Law, K: Kernel, W: Watch>(
         (state.q[lane], state.v[lane], state.kick[lane]) = kernel.step(law, old, excitation[lane]);
     }
     if W::LISTENS {
-        let loss = law.loss();
+        let count = if L::WALLED { 2 } else { 1 };
         for lane in 0..LANES {
-            let lost = state.q[lane] < loss;
-            if lost != (q0[lane] < loss) {
-                let ends = [
-                    q0[lane] - loss,
-                    v0[lane],
-                    state.q[lane] - loss,
-                    state.v[lane],
-                ];
-                let (after, speed) = cubic_crossing(ends, kernel.duration());
-                watch.cross(lane, lost, now + after, speed);
+            let mut walls = [law.loss(), law.back()];
+            // In the order of their passage.
+            if L::WALLED && state.q[lane] > q0[lane] {
+                walls.reverse();
+            }
+            for wall in walls.into_iter().take(count) {
+                let below = state.q[lane] < wall;
+                if below != (q0[lane] < wall) {
+                    let ends = [
+                        q0[lane] - wall,
+                        v0[lane],
+                        state.q[lane] - wall,
+                        state.v[lane],
+                    ];
+                    let (after, speed) = cubic_crossing(ends, kernel.duration());
+                    // Below the first wall it flies, below the second it does not.
+                    let lost = below == (wall == law.loss());
+                    watch.cross(lane, lost, now + after, speed);
+                }
             }
         }
     }

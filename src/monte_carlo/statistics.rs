@@ -195,7 +195,7 @@ fn terms<L: Law>(law: L, frames: &Frames, q: f64, v: f64) -> [f64; TERMS] {
     let [fq, fv, fn_, fh] = frames.0;
     let force = fn_.apply(law.force(q));
     let energy = fh.apply(0.5 * v * v + law.potential(q));
-    let lost = if q < law.loss() { 1.0 } else { 0.0 };
+    let lost = if law.is_lost(q) { 1.0 } else { 0.0 };
     let (q, v) = (fq.apply(q), fv.apply(v));
     let (qq, vv, f2) = (q * q, v * v, force * force);
     let f4 = f2 * f2;

@@ -4,6 +4,7 @@ use super::noise::LANES;
 use super::scheme::{Coefficients, Scheme};
 use super::settings::{MOST_COSINES, Noise, Sampling};
 use crate::budget::timing;
+use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::excitation::Excitation;
@@ -394,9 +395,18 @@ fn highest_frequency(oscillator: &Oscillator, initial: &Initial, swing: f64) -> 
         rise = rise.max(0.5 * v * v + level.max(0.0));
         outer = q;
     }
-    if let Some((_, right)) = contact.turning_points(rise) {
-        outer = outer.max(right);
+    let Some((left, right)) = contact.turning_points(rise) else {
+        return contact.stiffness(0.0).max(0.0).sqrt();
+    };
+    outer = outer.max(right);
+    let mut places = vec![0.0, 0.5 * outer, outer];
+    // A law with parameters may be stiff anywhere, a second wall on the other side.
+    if matches!(contact, ContactLaw::Custom(_)) {
+        let low = left.min(-outer);
+        places.extend((0..=64).map(|k| low + (outer - low) * f64::from(k) / 64.0));
+        let ends = contact.pieces().iter().map(|it| it.from);
+        places.extend(ends.filter(|q| *q > low && *q < outer));
     }
-    let stiffness = [0.0, 0.5 * outer, outer].map(|q| contact.stiffness(q));
-    stiffness.into_iter().fold(0.0, f64::max).sqrt()
+    let stiffness = places.into_iter().map(|q| contact.stiffness(q));
+    stiffness.fold(0.0, f64::max).sqrt()
 }

@@ -184,7 +184,7 @@ pub(super) fn records(results: &Results) -> Vec<File> {
 }
 
 /// A histogram, one bin a line; the Dirac mass is not in it.
-fn histogram(
+pub(super) fn histogram(
     results: &Results,
     file: &str,
     (name, [unit, per]): (&str, [&'static str; 2]),

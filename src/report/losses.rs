@@ -2,10 +2,11 @@
 
 use super::File;
 use super::csv::Csv;
-use super::data::arrays;
+use super::data::{arrays, histogram, tables};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::results::Results;
+use ndarray::Array2;
 
 /// first_loss.csv and first_loss.npz: survival, its complement and density of the first loss, beside the paths.
 pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
@@ -65,4 +66,68 @@ pub(super) fn flights(results: &Results) -> Result<Vec<File>> {
         &[],
     )?;
     Ok(vec![table.file("flight_law.csv"), arrays])
+}
+
+/// impact_speed.csv, impact_force.csv and impacts.npz: the law of an impact; with long records what they saw of it.
+pub(super) fn impacts(results: &Results) -> Result<Vec<File>> {
+    let mut files = Vec::new();
+    if let Some(it) = &results.impacts {
+        let curve = |name: &str, (head, unit), per, at: &[f64], density: &[Estimate]| {
+            Csv::of(results)
+                .plain(head, unit, at.iter().copied())
+                .numbers("density", "error", per, density.iter().copied().map(Some))
+                .file(name)
+        };
+        let speed = ("speed at the return", "u W");
+        let (speeds, density) = (&it.speeds, &it.speed_density);
+        files.push(curve("impact_speed.csv", speed, "1/(u W)", speeds, density));
+        let force = ("peak force of the undamped contact", "F");
+        let (forces, density) = (&it.forces, &it.force_density);
+        files.push(curve("impact_force.csv", force, "1/F", forces, density));
+        let axes = [("t", it.times.clone()), ("speed", it.speeds.clone())];
+        files.push(joint(
+            "impacts.npz",
+            &axes,
+            [it.times.len(), it.speeds.len()],
+            &it.density,
+        )?);
+    }
+    if let Some((seen, _)) = results
+        .sampled_crossings()
+        .filter(|(it, _)| it.mean_flight.value.is_finite())
+    {
+        let it = &seen.impacts;
+        files.push(histogram(
+            results,
+            "impacts_seen.csv",
+            ("speed", ["u W", "1/(u W)"]),
+            &seen.impact_speed,
+        ));
+        let axes = [
+            ("t_edges", it.times.clone()),
+            ("speed_edges", it.speeds.clone()),
+        ];
+        let shape = [it.times.len() - 1, it.speeds.len() - 1];
+        files.push(joint("impacts_seen.npz", &axes, shape, &it.density)?);
+    }
+    Ok(files)
+}
+
+/// density[t, speed] and its error over their axes.
+fn joint(
+    name: &str,
+    axes: &[(&str, Vec<f64>)],
+    [rows, columns]: [usize; 2],
+    all: &[Estimate],
+) -> Result<File> {
+    let table = |of: &dyn Fn(&Estimate) -> f64| {
+        Array2::from_shape_fn((rows, columns), |(i, j)| {
+            all.get(i * columns + j).map_or(f64::NAN, of)
+        })
+    };
+    let both = [
+        ("density".into(), table(&|it| it.value)),
+        ("error".into(), table(&|it| it.error)),
+    ];
+    tables(name, axes, &both)
 }

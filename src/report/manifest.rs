@@ -91,6 +91,15 @@ const NUMBERS: &[Group] = &[
         losses::flights,
     ),
     (
+        "impact_speed.csv: density of the speed at the return
+         impact_force.csv: density of the peak force of the undamped contact after it
+         impacts.npz: joint density of time of flight and speed at the return
+         impacts_seen.csv: histogram of the speed at the return in long records
+         impacts_seen.npz: joint histogram of time of flight and speed in long records",
+        &[Part::Crossings, Part::Records],
+        losses::impacts,
+    ),
+    (
         "crossings.csv: losses of contact: rate, flights, in the window",
         &[Part::Crossings, Part::Records],
         |it| Ok(data::crossings(it)),
@@ -133,6 +142,11 @@ const PICTURES: &[Group] = &[
         "flights.svg: Density of the time of flight",
         &[Part::Crossings, Part::Records],
         plot::flights,
+    ),
+    (
+        "impacts.svg: Impacts: time of flight and speed at the return, speed, peak force",
+        &[Part::Crossings, Part::Records],
+        plot::impacts,
     ),
     (
         "spectrum.svg: One-sided spectrum: Fokker-Planck, Monte Carlo and the linear oscillator",

@@ -4,7 +4,7 @@ use super::{Numbers, SpectrumNumbers};
 use crate::clock::Clock;
 use crate::estimate::{Estimate, Shortfall, Warning};
 use crate::fokker_planck::{
-    DecayRates, FirstLoss, FlightLaw, Periodic, Reached, Steady, Transient,
+    DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Steady, Transient,
 };
 use crate::monte_carlo::{EnsembleResult, FirstLossResult, RecordResult};
 
@@ -53,6 +53,13 @@ impl InUnit for Numbers {
 }
 
 impl InUnit for FlightLaw {
+    fn put_in(&mut self, clock: &Clock) {
+        times(&mut self.times, clock);
+        rates(&mut self.density, clock);
+    }
+}
+
+impl InUnit for ImpactLaw {
     fn put_in(&mut self, clock: &Clock) {
         times(&mut self.times, clock);
         rates(&mut self.density, clock);
@@ -144,6 +151,8 @@ impl InUnit for RecordResult {
             spans([&mut it.mean_flight], clock);
             times(&mut it.flight_time.edges, clock);
             rates(&mut it.flight_time.density, clock);
+            times(&mut it.impacts.times, clock);
+            rates(&mut it.impacts.density, clock);
         }
     }
 }

@@ -38,17 +38,18 @@ impl Results {
         let mut all = Map::new();
         let mut put = |key: &str, it: Option<Value>| all.extend(it.map(|it| (key.to_owned(), it)));
         put("scene", Some(self.scene.resolved()));
-        put(
-            "oscillator",
-            Some(json!({
+        let mut physics = json!({
                 "temperature": oscillator.temperature(),
                 "noise": oscillator.noise(),
                 "contact": oscillator.contact().name(),
                 "zeta": oscillator.zeta(),
                 "h": oscillator.h(),
                 "loss_point": oscillator.contact().loss_point(),
-            })),
-        );
+        });
+        if let Some(wall) = oscillator.contact().back_wall() {
+            physics["back_wall"] = json!(wall);
+        }
+        put("oscillator", Some(physics));
         let stationary = self.stationary.as_ref();
         put(
             "stationary",
@@ -172,6 +173,20 @@ impl Results {
         let density = flights.as_ref().map(|(_, density)| full_curve(density));
         all.insert("flight_time".into(), json!(flights.map(|it| it.0)));
         all.insert("flight_density".into(), json!(density));
+        let impact = match (seen, &self.impacts) {
+            (Some(it), _) if it.mean_flight.value.is_finite() => {
+                let at = centres(&it.impact_speed).collect::<Vec<f64>>();
+                Some(json!({ "speed": at, "speed_density": full_curve(&it.impact_speed.density) }))
+            }
+            (None, Some(it)) => Some(json!({
+                "speed": it.speeds,
+                "speed_density": full_curve(&it.speed_density),
+                "peak_force": it.forces,
+                "peak_force_density": full_curve(&it.force_density),
+            })),
+            _ => None,
+        };
+        all.insert("impact".into(), json!(impact));
         if let Some(it) = seen {
             all.insert("losses_seen".into(), json!(it.losses));
             all.insert("bursts_seen".into(), json!(it.bursts));

@@ -1,9 +1,10 @@
 //! Scenes from TOML, with messages that show the line.
 
 use super::{
-    Accuracy, CONTACTS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, ReachRequest,
+    Accuracy, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, ReachRequest,
     ResponseRequest, SCHEMES, Scene, SpectrumRequest, TIME, TIME_UNITS, TRANSIENT, Times,
 };
+use crate::contact::{ContactLaw, LAWS, Parameter, Parameters};
 use crate::error::{Error, positive};
 use crate::excitation::{Drive, Envelope, Excitation};
 use crate::fokker_planck::Drift;
@@ -574,9 +575,7 @@ impl Document {
             let wrong = self.wrong("[oscillator] is missing", "", Some(help), None);
             return Err(wrong.about("oscillator", None));
         }
-        let contact = section
-            .choice("contact", CONTACTS)?
-            .unwrap_or(CONTACTS[0].1.clone());
+        let contact = self.contact(&section)?;
         let zeta = section.number("zeta")?;
         let zeta = section.required(zeta, "zeta", "a damping ratio > 0, as 0.005")?;
         let (h, psd) = (section.number("h")?, section.number("force_psd")?);
@@ -632,6 +631,39 @@ impl Document {
             it.envelope = Some(read.map_err(|error| self.explain(&error))?);
         }
         Ok(it)
+    }
+
+    /// A word, or a table with the name of a law and its keys.
+    fn contact(&self, oscillator: &Section<'_>) -> Read<ContactLaw> {
+        let words = ContactLaw::words().map(|word| (word, ContactLaw::named(word)));
+        if !matches!(
+            oscillator.get("contact").map(|it| &it.value),
+            Some(Value::Table(_))
+        ) {
+            let named = oscillator.choice_or(
+                "contact",
+                &words,
+                "a table as { law = \"power\", exponent = 1.2 }",
+            )?;
+            return Ok(named.flatten().unwrap_or(ContactLaw::Hertz));
+        }
+        let section = oscillator.section("contact")?;
+        let laws: Vec<(&str, usize)> = LAWS.iter().map(|it| it.name).zip(0..).collect();
+        let law = section.choice("law", &laws)?;
+        let names: Vec<String> = LAWS.iter().map(|it| format!("\"{}\"", it.name)).collect();
+        let kind = &LAWS[section.required(law, "law", &names.join(", "))?];
+        section.known(&[&["law"], kind.keys].concat())?;
+        let folder = Path::new(&self.sources[0].0).parent();
+        let mut given = Parameters::new().from_folder(folder.unwrap_or(Path::new("")));
+        for (key, node) in section
+            .table
+            .into_iter()
+            .flatten()
+            .filter(|(key, _)| *key != "law")
+        {
+            given = given.with(key, section.parameter(key, node)?);
+        }
+        ContactLaw::given(kind.name, &given).map_err(|error| self.explain(&error))
     }
 
     fn initial(root: &Section<'_>) -> Read<Initial> {
@@ -1107,7 +1139,25 @@ impl<'a> Section<'a> {
         all.map(Some)
     }
 
+    /// A number, a list of numbers or text.
+    fn parameter(&self, key: &str, node: &Node) -> Read<Parameter> {
+        match &node.value {
+            Value::Text(text) => Ok(Parameter::Text(text.clone())),
+            Value::List(items) => {
+                let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
+                let all: Read<_> = items.iter().enumerate().map(number).collect();
+                all.map(Parameter::Numbers)
+            }
+            _ => self.number_of(node, key).map(Parameter::Number),
+        }
+    }
+
     fn choice<T: Clone>(&self, key: &str, names: &[(&str, T)]) -> Read<Option<T>> {
+        self.choice_or(key, names, "")
+    }
+
+    /// One of `names`; a message also says what `other` is accepted.
+    fn choice_or<T: Clone>(&self, key: &str, names: &[(&str, T)], other: &str) -> Read<Option<T>> {
         let Some(node) = self.get(key) else {
             return Ok(None);
         };
@@ -1123,6 +1173,9 @@ impl<'a> Section<'a> {
         {
             let last = accepted.len() - 1;
             let _ = write!(accepted[last], "; did you mean \"{near}\"?");
+        }
+        if !other.is_empty() {
+            accepted.push(other.to_owned());
         }
         Err(self.type_error(key, &accepted.join(", ")))
     }

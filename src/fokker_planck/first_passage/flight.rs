@@ -86,12 +86,25 @@ impl Flight {
                 accepted,
             ));
         };
+        if contact.back_wall().is_some() {
+            let accepted = "a law without a second wall, for a closed form of the time of flight";
+            return Err(Error::invalid(
+                "oscillator.contact",
+                contact.name(),
+                accepted,
+            ));
+        }
         Ok(Self {
             temperature: oscillator.temperature(),
             noise: oscillator.noise(),
             friction: 2.0 * oscillator.zeta(),
             pull: -contact.force(loss - 1.0),
         })
+    }
+
+    /// The force that pulls back.
+    pub(super) fn pull(&self) -> f64 {
+        self.pull
     }
 
     /// Density of the time of flight, by the better of the two closed forms.
@@ -114,64 +127,153 @@ impl Flight {
 
     /// Rate of all returns, first or later, a time t after the loss.
     pub fn returns(&self, t: f64) -> Estimate {
-        let g = self.friction * t;
-        // t times the mean of exp(-gamma s), and the integral of that.
-        let once = t * one_less(g);
-        let twice = t * t * two_less(g);
-        let left = (-g).exp();
-        let var_w = 2.0 * self.noise * t * one_less(2.0 * g);
-        let cov = self.noise * once * once;
-        let var_x = 2.0 * self.noise * t.powi(3) * third(g);
-        let slope = cov / var_x;
-        let spread = (var_w - cov * slope).max(0.0).sqrt();
+        let free = Free::of(self, t);
         let rate = |w: f64| {
-            let x = w * once - self.pull * twice;
-            let mean = -(w * left - self.pull * once - slope * x);
-            let z = mean / spread;
-            let speed =
-                spread * ((-0.5 * z * z).exp() / TAU.sqrt() + z * 0.5 * libm::erfc(-z / SQRT_2));
+            let (x, mean) = free.at(w);
+            let z = mean / free.spread;
+            let speed = free.spread
+                * ((-0.5 * z * z).exp() / TAU.sqrt() + z * 0.5 * libm::erfc(-z / SQRT_2));
             let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
-            start * speed * (-0.5 * x * x / var_x).exp() / (TAU * var_x).sqrt()
+            start * speed * (-0.5 * x * x / free.var_x).exp() / (TAU * free.var_x).sqrt()
         };
-        let (centre, width) = (self.pull * twice / once, var_x.sqrt() / once);
-        quadrature::integrate(rate, &around(centre, width), 1e-10)
+        quadrature::integrate(rate, &around(free.centre, free.width), 1e-10)
     }
 
     /// Density of the first return, by McKean's law and Girsanov's theorem.
     pub fn first_returns(&self, t: f64) -> Estimate {
-        let unit = (2.0 * self.noise).sqrt();
         // Velocities in units of sqrt(2D).
-        let (pull, friction) = (self.pull / unit, self.friction);
-        let half = 0.5 * friction * friction;
-        let spread = t * t / 15.0;
-        let law = |w: f64, c: f64, doubt: bool| {
-            // Mean of the bridge: w - (c + w) u + 3 (c - w) u (1 - u), squared and integrated.
-            let (s, d) = (c + w, 3.0 * (c - w));
-            let square = t
-                * (w * w - w * s + s * s / 3.0 + d * d / 30.0 + 2.0 * w * d / 6.0
-                    - 2.0 * s * d / 12.0);
-            let bridge = half * (square + spread);
-            let second = half * half * 4.0 * square * spread + half * spread;
-            let exponent = -2.0 * (c * c - c * w + w * w) / t + pull * (c + w)
-                - 0.5 * friction * (c * c - w * w)
-                + 0.5 * friction * t
-                - 0.5 * pull * pull * t
-                - bridge;
-            let start = w * unit * unit / self.temperature
-                * (-0.5 * w * w * unit * unit / self.temperature).exp();
-            let root = (6.0 * c * w / t).sqrt();
-            let mckean = 3.0 * c / (PI * SQRT_2 * t * t) * (2.0f64 / 3.0).sqrt() * libm::erf(root);
-            start * mckean * exponent.exp() * if doubt { second } else { 1.0 }
-        };
+        let pull = self.pull / self.unit();
         let breaks = around(0.5 * pull * t, 0.6 * t.sqrt());
         let total = |doubt: bool, relative: f64| {
-            let outer =
-                |w: f64| quadrature::integrate(|c| law(w, c, doubt), &breaks, 0.1 * relative).value;
+            let outer = |w: f64| {
+                quadrature::integrate(|c| self.mckean(t, [w, c], doubt), &breaks, 0.1 * relative)
+                    .value
+            };
             quadrature::integrate(outer, &breaks, relative)
         };
         let value = total(false, 1e-8);
         let second = total(true, 1e-3).value;
         Estimate::new(value.value, 2.0 * value.error + second, Origin::Quadrature)
+    }
+
+    /// The unit of velocities, sqrt(2D).
+    fn unit(&self) -> f64 {
+        (2.0 * self.noise).sqrt()
+    }
+
+    /// Density of a loss with the speed w and a first return with the speed c, in units of sqrt(2D), after a time t; with
+    /// `doubt` what its expansion in the friction leaves out.
+    fn mckean(&self, t: f64, [w, c]: [f64; 2], doubt: bool) -> f64 {
+        let unit = self.unit();
+        let (pull, friction) = (self.pull / unit, self.friction);
+        let half = 0.5 * friction * friction;
+        let spread = t * t / 15.0;
+        // Mean of the bridge: w - (c + w) u + 3 (c - w) u (1 - u), squared and integrated.
+        let (s, d) = (c + w, 3.0 * (c - w));
+        let square = t
+            * (w * w - w * s + s * s / 3.0 + d * d / 30.0 + 2.0 * w * d / 6.0 - 2.0 * s * d / 12.0);
+        let bridge = half * (square + spread);
+        let second = half * half * 4.0 * square * spread + half * spread;
+        let exponent = -2.0 * (c * c - c * w + w * w) / t + pull * (c + w)
+            - 0.5 * friction * (c * c - w * w)
+            + 0.5 * friction * t
+            - 0.5 * pull * pull * t
+            - bridge;
+        let start = w * unit * unit / self.temperature
+            * (-0.5 * w * w * unit * unit / self.temperature).exp();
+        let root = (6.0 * c * w / t).sqrt();
+        let mckean = 3.0 * c / (PI * SQRT_2 * t * t) * (2.0f64 / 3.0).sqrt() * libm::erf(root);
+        start * mckean * exponent.exp() * if doubt { second } else { 1.0 }
+    }
+
+    /// Joint density of the time of flight t and of the speed c at the return, by the better of the two closed forms.
+    /// Their marginals are [`Flight::density`] and the law of Rayleigh: returns are losses seen backwards in time.
+    pub fn joint(&self, t: f64, c: f64) -> Estimate {
+        let later = 10.0 * (-3.0 * self.pull.powi(2) * t / (16.0 * self.noise)).exp();
+        let all = self.returns_at(t, c);
+        // What later returns there are has any speed.
+        let all = Estimate::new(
+            all.value,
+            all.error + later * self.rayleigh(c) / t,
+            Origin::Quadrature,
+        );
+        if later < 1e-9 {
+            return all;
+        }
+        let unit = self.unit();
+        let breaks = around(0.5 * self.pull / unit * t, 0.6 * t.sqrt());
+        let total = |doubt: bool, relative: f64| {
+            let it = |w: f64| self.mckean(t, [w, c / unit], doubt) / unit;
+            quadrature::integrate(it, &breaks, relative)
+        };
+        let (value, second) = (total(false, 1e-8), total(true, 1e-3).value);
+        let first = Estimate::new(value.value, 2.0 * value.error + second, Origin::Quadrature);
+        if all.error < first.error { all } else { first }
+    }
+
+    /// Density of the speed at a loss, and at a return: c/T exp(-c^2/2T).
+    pub fn rayleigh(&self, c: f64) -> f64 {
+        c / self.temperature * (-0.5 * c * c / self.temperature).exp()
+    }
+
+    /// Rate of all returns, first or later, with the speed c a time t after the loss.
+    fn returns_at(&self, t: f64, c: f64) -> Estimate {
+        let bridge = Free::of(self, t);
+        let rate = |w: f64| {
+            let (x, mean) = bridge.at(w);
+            let z = (c - mean) / bridge.spread;
+            let speed = c * (-0.5 * z * z).exp() / (TAU.sqrt() * bridge.spread);
+            let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
+            start * speed * (-0.5 * x * x / bridge.var_x).exp() / (TAU * bridge.var_x).sqrt()
+        };
+        quadrature::integrate(rate, &around(bridge.centre, bridge.width), 1e-10)
+    }
+}
+
+/// The unbounded flight after a time: Gaussian in x and its velocity, given the speed w of the loss.
+#[derive(Debug, Clone, Copy)]
+struct Free {
+    /// t times the mean of exp(-gamma s), and pull times the integral of that.
+    once: f64,
+    fallen: f64,
+    /// exp(-gamma t).
+    left: f64,
+    pulled: f64,
+    var_x: f64,
+    /// Regression of the velocity on x, and what it leaves of its deviation.
+    slope: f64,
+    spread: f64,
+    /// The speed w that comes back to x = 0, and its width.
+    centre: f64,
+    width: f64,
+}
+
+impl Free {
+    fn of(flight: &Flight, t: f64) -> Self {
+        let g = flight.friction * t;
+        let once = t * one_less(g);
+        let twice = t * t * two_less(g);
+        let var_w = 2.0 * flight.noise * t * one_less(2.0 * g);
+        let cov = flight.noise * once * once;
+        let var_x = 2.0 * flight.noise * t.powi(3) * third(g);
+        let slope = cov / var_x;
+        Self {
+            once,
+            fallen: flight.pull * twice,
+            left: (-g).exp(),
+            pulled: flight.pull * once,
+            var_x,
+            slope,
+            spread: (var_w - cov * slope).max(0.0).sqrt(),
+            centre: flight.pull * twice / once,
+            width: var_x.sqrt() / once,
+        }
+    }
+
+    /// Mean of x, and of the speed of the return given that x = 0, after a loss with the speed w.
+    fn at(&self, w: f64) -> (f64, f64) {
+        let x = w * self.once - self.fallen;
+        (x, -(w * self.left - self.pulled - self.slope * x))
     }
 }
 

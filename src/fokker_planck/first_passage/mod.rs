@@ -3,6 +3,7 @@
 pub(crate) mod absorbed;
 pub(crate) mod first_loss;
 pub(crate) mod flight;
+pub(crate) mod impact;
 mod layout;
 pub(crate) mod pontryagin;
 mod run;

@@ -223,16 +223,22 @@ impl Hierarchy {
 
 /// Ends of the elements: equal lengths on either side of the loss of contact, numbers in proportion to
 /// the root of the length, since flights are parabolas in time, and never more in flight than in contact,
-/// where the motion turns fastest.
+/// where the motion turns fastest. Between two walls, and without a loss, equal lengths, or nearly so.
 fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
     let contact = oscillator.contact();
-    let rise = resolution.level * oscillator.temperature();
+    let t = oscillator.temperature();
+    // Well over a barrier between two wells, which the slowest motion passes.
+    let barrier = contact.barrier().map_or(0.0, |it| it + 10.0 * t);
+    let rise = (resolution.level * t).max(barrier);
     let (left, right) = contact.turning_points(rise).unwrap_or((-1.0, 1.0));
     let count = resolution.elements;
-    let loss = contact.loss_point().filter(|q| *q > left && *q < right);
-    let Some(loss) = loss.filter(|_| count > 1) else {
-        let at = |k: usize| left + (right - left) * k as f64 / count as f64;
-        return (0..=count).map(at).collect();
+    let mut kinks = contact.kinks();
+    kinks.retain(|q| *q > left && *q < right);
+    if count <= kinks.len() {
+        kinks.clear();
+    }
+    let [loss] = kinks[..] else {
+        return equal(left, right, &kinks, count);
     };
     let (flight, held) = ((loss - left).sqrt(), (right - loss).sqrt());
     let most = (count / 2).max(1);
@@ -242,4 +248,23 @@ fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
     let flights = (0..below).map(|k| left + (loss - left) * k as f64 / below as f64);
     let contacts = (0..=above).map(|k| loss + (right - loss) * k as f64 / above as f64);
     flights.chain(contacts).collect()
+}
+
+/// So many elements of nearly equal lengths, with ends on the kinks.
+fn equal(left: f64, right: f64, kinks: &[f64], count: usize) -> Vec<f64> {
+    let ends = [&[left], kinks, &[right]].concat();
+    let mut parts = vec![1usize; ends.len() - 1];
+    for _ in parts.len()..count {
+        // One more where they are longest.
+        let length = |k: usize| (ends[k + 1] - ends[k]) / parts[k] as f64;
+        let longest = (0..parts.len()).max_by(|a, b| length(*a).total_cmp(&length(*b)));
+        if let Some(k) = longest {
+            parts[k] += 1;
+        }
+    }
+    let inner = ends.windows(2).zip(&parts).flat_map(|(w, n)| {
+        let (a, length) = (w[0], w[1] - w[0]);
+        (0..*n).map(move |k| a + length * k as f64 / *n as f64)
+    });
+    inner.chain([right]).collect()
 }

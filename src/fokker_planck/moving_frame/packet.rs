@@ -562,7 +562,7 @@ impl Packet {
         moments
     }
 
-    /// Calls `f` with (q, weight, below the loss point) over a rule for the spline of a marginal.
+    /// Calls `f` with (q, weight, whether contact is lost) over a rule for the spline of a marginal.
     fn along(&self, marginal: &[f64], mut f: impl FnMut(f64, f64, bool)) {
         let n = self.axis.len();
         let centres = self.axis.centres();
@@ -579,12 +579,12 @@ impl Packet {
                 .map(|r| weights[r] * coefficient(first + r))
                 .sum::<f64>()
         };
-        let loss = self
-            .contact
-            .loss_point()
-            .map(|q| (q - self.frame.mean[0]) / self.frame.lower[0]);
+        let place = |q: f64| (q - self.frame.mean[0]) / self.frame.lower[0];
+        let kinks: Vec<f64> = self.contact.kinks().into_iter().map(place).collect();
+        let flight = self.contact.flight().map(|ends| ends.map(place));
         let mut panel = |a: f64, b: f64, towards: Option<f64>| {
-            let lost = loss.is_some_and(|l| 0.5 * (a + b) < l);
+            let middle = 0.5 * (a + b);
+            let lost = flight.is_some_and(|[low, high]| middle >= low && middle < high);
             for (z, w) in KronrodNodes::default() {
                 // x - l = (other - l) u^2 takes the half-integer power of the force to an integer one.
                 let (x, w) = match towards {
@@ -603,14 +603,13 @@ impl Packet {
         };
         for pair in centres.windows(2) {
             let (a, b) = (pair[0], pair[1]);
-            match loss {
-                Some(l) if l > a && l < b => {
-                    panel(a, l, Some(l));
-                    panel(l, b, Some(l));
-                }
-                // A node on the loss: this panel begins or ends at the power.
-                Some(l) if l == a || l == b => panel(a, b, Some(l)),
-                _ => panel(a, b, None),
+            let mut ends = vec![a];
+            ends.extend(kinks.iter().copied().filter(|l| *l > a && *l < b));
+            ends.push(b);
+            for ends in ends.windows(2) {
+                // A kink at either end: this panel begins or ends at the power.
+                let towards = kinks.iter().copied().find(|l| ends.contains(l));
+                panel(ends[0], ends[1], towards);
             }
         }
     }

@@ -7,6 +7,9 @@ use crate::oscillator::Oscillator;
 use crate::quadrature;
 use std::f64::consts::{FRAC_2_SQRT_PI, SQRT_2};
 
+/// How far a domain of several wells reaches above the highest barrier between them, in T.
+const OVER_BARRIER: f64 = 8.0;
+
 /// The part of the (q, v) plane that a solve looks at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Domain {
@@ -138,6 +141,10 @@ impl Domain {
             } else {
                 (high, below) = (middle, here);
             }
+        }
+        // What passes a barrier between two wells is rare, and is what joins them.
+        if let Some(barrier) = contact.barrier() {
+            high = high.max(barrier + OVER_BARRIER * t);
         }
         let (left, right) = contact.turning_points(high).unwrap_or((0.0, 0.0));
         let reach = (2.0 * high).sqrt();

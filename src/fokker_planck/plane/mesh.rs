@@ -113,7 +113,8 @@ impl Axis {
 
     /// The displacement axis of a contact law at temperature T: covers [low, high] with `margin` more
     /// cells at either end, fine in the contact and coarser in flight where the flight is long
-    /// (T above the width of the contact), with a cell edge exactly on the loss point.
+    /// (T above the width of the contact), with a cell edge exactly on the loss point, and on a second kink of the force
+    /// where no cell need be wider than their distance.
     ///
     /// # Errors
     /// [`Error::Mesh`] for fewer cells than the margins need.
@@ -130,7 +131,27 @@ impl Axis {
         let inner = (n - 2 * margin) as f64;
         let mut width = (s_high - s_low) / inner;
         let mut start = s_low - margin as f64 * width;
-        if let Some(loss) = contact.loss_point().filter(|x| *x > low && *x < high) {
+        let mut kinks = contact.kinks();
+        kinks.retain(|x| *x > low && *x < high);
+        if let [first, last] = kinks[..] {
+            // Whole cells between the two.
+            let [a, b] = [first, last].map(|x| grading.inverse(x));
+            let whole = |width: f64| (b - a) / ((b - a) / width).floor().max(1.0);
+            // As many cells more as the two edges take from the margins.
+            let wider = whole((s_high - s_low) / (inner - 2.0).max(1.0));
+            if wider * inner >= s_high - s_low + wider {
+                let cells = [a - s_low, b - a, s_high - b]
+                    .map(|length| (length / wider - 1e-9).ceil().max(0.0));
+                let spare = (inner - cells.iter().sum::<f64>()).max(0.0);
+                let before = margin as f64 + cells[0] + (0.5 * spare).floor();
+                let mut axis = Self::new(grading, a - before * wider, wider, n);
+                let between = ((b - a) / wider).round() as usize;
+                axis.edges[before as usize] = first;
+                axis.edges[before as usize + between] = last;
+                return Ok(axis);
+            }
+        }
+        if let Some(loss) = kinks.last().copied() {
             // Widen the cells as little as puts an edge on the loss point and keeps the margins.
             let s_loss = grading.inverse(loss);
             let best = (margin + 1..n - margin)
@@ -215,9 +236,11 @@ fn check_count(n: usize, margin: usize, axis: &str) -> Result<()> {
 /// Flight falls off over T, contact over the reach of a thermal oscillation: cells in the ratio of
 /// the two where flight is the longer, equal cells otherwise.
 fn grading(contact: &ContactLaw, temperature: f64, low: f64) -> Grading {
-    let (Some(loss), Some((_, right))) =
-        (contact.loss_point(), contact.turning_points(temperature))
-    else {
+    let (Some(loss), None, Some((_, right))) = (
+        contact.loss_point(),
+        contact.back_wall(),
+        contact.turning_points(temperature),
+    ) else {
         return Grading::Uniform;
     };
     let reach = right - loss;

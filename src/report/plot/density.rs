@@ -187,12 +187,14 @@ fn density_picture(
     Ok(Some(file))
 }
 
-/// The displacement at which contact is lost.
+/// The displacements at which contact is lost, on either side of a gap.
 fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> Drawn {
-    if let Some(loss) = results.contact().loss_point()
-        && loss > panel.x.0
-        && loss < panel.x.1
-    {
+    let contact = results.contact();
+    let ends = contact.loss_point().into_iter().chain(contact.back_wall());
+    for (k, loss) in ends.enumerate() {
+        if !(loss > panel.x.0 && loss < panel.x.1) {
+            continue;
+        }
         dashed(
             area,
             panel.at(loss, panel.y.0),
@@ -201,7 +203,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
             1.0,
         )?;
         let (x, _) = panel.at(loss, panel.y.0);
-        if words && x > panel.left + 70.0 {
+        if words && k == 0 && x > panel.left + 70.0 {
             write(
                 area,
                 "contact lost",

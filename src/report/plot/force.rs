@@ -35,11 +35,16 @@ impl ForceCurves {
         let t = results.scene.oscillator.temperature();
         let (low, high) = contact.turning_points(14.0 * t)?;
         let loss = contact.loss_point();
-        let from = loss.map_or(low, |loss| loss.max(low));
+        let walled = contact.back_wall().is_some();
+        let from = loss.filter(|_| !walled).map_or(low, |loss| loss.max(low));
         // Squares crowd the points where the density is steep, near the loss of contact.
-        let exact: Points = (1..=600)
-            .map(|k| from + (high - from) * (f64::from(k) / 600.0).powi(2))
-            .map(|q| (contact.force(q), law.density_force(contact.force(q))))
+        let squares = (1..=600).map(|k| from + (high - from) * (f64::from(k) / 600.0).powi(2));
+        let held = squares.filter(|q| !walled || !contact.is_lost(*q));
+        let mut forces: Vec<f64> = held.map(|q| contact.force(q)).collect();
+        forces.sort_by(f64::total_cmp);
+        let exact: Points = forces
+            .into_iter()
+            .map(|force| (force, law.density_force(force)))
             .filter(|(_, p)| p.is_finite())
             .collect();
         let (snapshot, words) = match (&results.steady, &results.transient) {
@@ -56,7 +61,9 @@ impl ForceCurves {
         let meshed = sheet
             .iter()
             .flat_map(|sheet| sheet.q.iter().zip(&sheet.p_q))
-            .filter(|(q, _)| loss.is_none_or(|loss| **q > loss))
+            .filter(|(q, _)| !contact.is_lost(**q) && loss != Some(**q))
+            // Where one force has several places, none of them has its density.
+            .filter(|(q, _)| contact.displacements_at(contact.force(**q)).len() == 1)
             .map(|(q, p)| (contact.force(*q), p / contact.stiffness(*q)))
             .collect();
         let flight = loss

@@ -96,7 +96,9 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
     let scale = clock.time(2.0 * results.scene.oscillator.temperature().sqrt() / fall);
     let free = |t: f64| t / (scale * scale) * (-0.5 * (t / scale).powi(2)).exp();
     let end = 4.5 * scale;
-    let ballistic: Points = (0..=300)
+    // Between two walls a flight has no such law.
+    let walled = contact.back_wall().is_some();
+    let ballistic: Points = (0..=if walled { 0 } else { 300 })
         .map(|k| end * f64::from(k) / 300.0)
         .map(|t| (t, free(t)))
         .collect();
@@ -132,15 +134,17 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
         }
         panel.frame(area)?;
         let x = panel.right() - 232.0;
-        legend(
-            area,
-            (x, 62.0),
-            BLUE,
-            Mark::Line,
-            "first return, closed form",
-        )?;
-        let words = "no noise, no friction in flight";
-        legend(area, (x, 81.0), INK, Mark::Dashes, words)?;
+        if !walled {
+            legend(
+                area,
+                (x, 62.0),
+                BLUE,
+                Mark::Line,
+                "first return, closed form",
+            )?;
+            let words = "no noise, no friction in flight";
+            legend(area, (x, 81.0), INK, Mark::Dashes, words)?;
+        }
         if seen.is_some() {
             let words = "long records, band: 95 %";
             legend(area, (x, 100.0), VERMILION, Mark::Dot, words)?;

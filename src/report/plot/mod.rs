@@ -10,6 +10,7 @@ mod contours;
 mod density;
 mod driven;
 mod force;
+mod impacts;
 mod losses;
 mod map;
 mod spectrum;
@@ -19,6 +20,7 @@ pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log}
 pub(crate) use density::{densities, steady};
 pub(crate) use driven::{periodic, response};
 pub(crate) use force::force;
+pub(crate) use impacts::impacts;
 pub(crate) use losses::{flights, survival};
 pub(crate) use map::{Field, Ruler, map};
 pub(crate) use spectrum::spectrum;

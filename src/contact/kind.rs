@@ -1,0 +1,19 @@
+//! A contact law that a scene can name.
+
+use super::parameters::Parameters;
+use super::restoring::Restoring;
+use crate::error::Result;
+use std::sync::Arc;
+
+/// A kind of contact law that a scene can name.
+#[derive(Debug, Clone, Copy)]
+pub struct Kind {
+    /// The name of the law.
+    pub name: &'static str,
+    /// Its keys next to `law`.
+    pub keys: &'static [&'static str],
+    /// As a scene would have it.
+    pub example: &'static str,
+    /// Makes one; what is wrong is named by its key.
+    pub(in crate::contact) make: fn(&Parameters) -> Result<Arc<dyn Restoring>>,
+}

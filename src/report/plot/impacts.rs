@@ -1,0 +1,95 @@
+//! The law of an impact: time of flight and speed at the return together, the speed, the peak force.
+
+use super::canvas::{
+    Area, BLUE, Drawn, INK, LEVELS, Mark, Panel, Points, TITLE, VERMILION, legend, picture, write,
+};
+use super::contours::{self, between, locate};
+use crate::error::Result;
+use crate::fokker_planck::ImpactLaw;
+use crate::report::File;
+use crate::results::Results;
+
+/// impacts.svg.
+pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
+    let Some(law) = &results.impacts else {
+        return Ok(Vec::new());
+    };
+    let peak = law.density.iter().map(|it| it.value).fold(0.0, f64::max);
+    let last = |all: &[f64]| all.last().copied().unwrap_or(0.0);
+    // The longest and the fastest are too rare to be seen.
+    let (end, fastest) = (0.9 * last(&law.times), 0.9 * last(&law.speeds));
+    let force = law.forces.iter().zip(&law.force_density);
+    let force: Points = force.map(|(n, p)| (*n, p.value)).collect();
+    let speed = law.speeds.iter().zip(&law.speed_density);
+    let speed: Points = speed.map(|(c, p)| (*c, p.value)).collect();
+    let most = |all: &Points| {
+        all.iter()
+            .map(|it| it.1)
+            .filter(|p| p.is_finite())
+            .fold(0.0, f64::max)
+    };
+    let (top, high) = (most(&speed), most(&force));
+    let heaviest = force
+        .iter()
+        .filter(|it| it.1 > 1e-3 * high)
+        .map(|it| it.0)
+        .fold(0.0, f64::max);
+    if !(peak > 0.0 && end.is_finite() && top > 0.0 && high > 0.0 && heaviest > 0.0) {
+        return Ok(Vec::new());
+    }
+    let seen = results.sampled_crossings().map(|(seen, _)| seen);
+    let seen = seen.filter(|it| it.mean_flight.value.is_finite());
+    let joint = Panel::new([70.0, 44.0, 300.0, 320.0], (0.0, end), (0.0, fastest));
+    let speeds = Panel::new(
+        [450.0, 44.0, 240.0, 320.0],
+        (0.0, fastest),
+        (0.0, 1.35 * top),
+    );
+    let lightest = force.first().map_or(0.0, |it| it.0);
+    let forces = Panel::new(
+        [760.0, 44.0, 240.0, 320.0],
+        (lightest.min(heaviest), heaviest),
+        (0.0, 1.35 * high),
+    );
+    picture("impacts.svg", (1030, 420), |area| {
+        write(
+            area,
+            "Impacts: joint density over its peak",
+            (joint.left, 22.0),
+            TITLE,
+        )?;
+        joint.axes(area, "time of flight, \u{3c4}", "speed at the return")?;
+        fill(area, &joint, law, peak)?;
+        joint.frame(area)?;
+        speeds.axes(area, "speed at the return", "density")?;
+        if let Some(seen) = seen {
+            speeds.histogram(area, &seen.impact_speed)?;
+        }
+        speeds.curve(area, &speed, INK, 1.5)?;
+        speeds.frame(area)?;
+        let x = speeds.right() - 168.0;
+        legend(area, (x, 62.0), INK, Mark::Line, "Rayleigh")?;
+        if seen.is_some() {
+            legend(area, (x, 81.0), VERMILION, Mark::Dot, "long records, 95 %")?;
+        }
+        forces.axes(area, "peak force, no damping", "density")?;
+        forces.curve(area, &force, BLUE, 1.5)?;
+        forces.frame(area)
+    })
+    .map(|it| vec![it])
+}
+
+/// Filled levels of the joint density.
+fn fill(area: &Area<'_>, panel: &Panel, law: &ImpactLaw, peak: f64) -> Drawn {
+    let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
+    let columns = law.speeds.len();
+    contours::fill(area, panel, &LEVELS, |from_top, pixels| {
+        let c = locate(&law.speeds, place((panel.y.1, panel.y.0), from_top))?;
+        let at = |k: usize| {
+            let t = locate(&law.times, place(panel.x, k as f64 / pixels as f64));
+            let p = |i: usize, j: usize| law.density[i * columns + j].value / peak;
+            t.map_or(0.0, |t| between(p, (t, c)))
+        };
+        Some((0..=pixels).map(at).collect())
+    })
+}
