@@ -68,6 +68,7 @@ impl StopFlag {
     }
 
     /// The flag itself, for what raises it from a signal.
+    #[cfg(feature = "cli")]
     pub(crate) fn shared(&self) -> Arc<AtomicBool> {
         self.0.clone()
     }

@@ -18,6 +18,7 @@ pub enum TimeUnit {
 }
 
 /// Names of [`TimeUnit`] in scenes.
+#[cfg(feature = "toml")]
 pub(crate) const TIME_UNITS: &[(&str, TimeUnit)] = &[
     ("dimensionless", TimeUnit::Dimensionless),
     ("period", TimeUnit::Period),
@@ -46,6 +47,7 @@ impl TimeUnit {
     }
 
     /// The unit of that name in scenes.
+    #[cfg(feature = "cli")]
     pub(crate) fn named(name: &str) -> Option<Self> {
         let it = TIME_UNITS.iter().find(|(it, _)| *it == name);
         it.map(|(_, unit)| *unit)
@@ -149,6 +151,7 @@ impl Clock {
     }
 
     /// Below an axis of time.
+    #[cfg(feature = "plots")]
     pub(crate) fn axis(&self) -> &'static str {
         match self.unit {
             TimeUnit::Dimensionless => "\u{3c4}",

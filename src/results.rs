@@ -523,6 +523,7 @@ pub(crate) fn peak_memory() -> Option<u64> {
 }
 
 /// Widths of cells from their centres, exact for equal cells and of second order for graded ones.
+#[cfg(feature = "plots")]
 pub(crate) fn widths(centres: &[f64]) -> Vec<f64> {
     let n = centres.len();
     (0..n)

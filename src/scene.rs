@@ -19,7 +19,7 @@
 #[cfg(feature = "toml")]
 pub mod text;
 
-use crate::clock::{Clock, TIME_UNITS, TimeUnit};
+use crate::clock::{Clock, TimeUnit};
 use crate::error::{Error, Result, finite, positive};
 use crate::excitation::{Drive, Excitation};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
@@ -974,7 +974,7 @@ impl Scene {
 
     /// A folder name made from the title: letters, digits, '.', '_' and '-' stay, everything else
     /// becomes '-'.
-    pub(crate) fn folder(&self) -> String {
+    pub fn folder(&self) -> String {
         let mut name = String::new();
         for c in self.title.chars() {
             if c.is_alphanumeric() || matches!(c, '.' | '_') {

@@ -13,7 +13,9 @@ use crate::results::{Results, dimension};
 use crate::rig::Rig;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use crate::stationary::Stationary;
-use ndarray::{Array1, Array2, ArrayD, IxDyn, arr0};
+use ndarray::{Array1, Array2, arr0};
+#[cfg(feature = "cli")]
+use ndarray::{ArrayD, IxDyn};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -363,6 +365,7 @@ fn packed(
     }
 }
 
+#[cfg(feature = "cli")]
 /// Arrays by their names, each with its shape and its numbers in C order.
 ///
 /// # Errors

@@ -15,6 +15,7 @@ mod run;
 mod tables;
 pub mod terminal;
 
+#[cfg(feature = "cli")]
 pub(crate) use csv::spelled;
 pub use file::File;
 #[cfg(feature = "cli")]

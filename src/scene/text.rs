@@ -2,8 +2,9 @@
 
 use super::{
     Accuracy, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, ReachRequest,
-    ResponseRequest, SCHEMES, Scene, SpectrumRequest, TIME, TIME_UNITS, TRANSIENT, Times,
+    ResponseRequest, SCHEMES, Scene, SpectrumRequest, TIME, TRANSIENT, Times,
 };
+use crate::clock::TIME_UNITS;
 use crate::contact::{ContactLaw, LAWS, Parameter, Parameters};
 use crate::error::{Error, positive};
 use crate::excitation::{Drive, Envelope, Excitation};
