@@ -34,7 +34,8 @@
 //! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
 //! | Spectra from records | [`spectrum`] |
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
-//! | A contact law of my own | [`contact::Restoring`] |
+//! | How fast it comes back and how hard it strikes | [`fokker_planck::impact_law`] |
+//! | A contact law of a scene, or of my own | [`contact::ContactLaw::given`], [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | Signs, units, one- and two-sided | [`conventions`] |
 //! | What an error is, and relative to what | [`estimate`], [`scales`] |
