@@ -34,9 +34,10 @@
 //! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
 //! | Spectra from records | [`spectrum`] |
 //! | How long until contact is lost, how long it flies | [`fokker_planck::first_loss()`], [`fokker_planck::flight_law`] |
+//! | How fast it comes back and how hard it strikes | [`fokker_planck::impact_law`] |
+//! | A contact law of a scene, or of my own | [`contact::ContactLaw::given`], [`contact::Restoring`] |
 //! | A harmonic drive, noise that grows or fades | [`excitation`] |
 //! | The motion without noise, its periodic orbits | [`noise_free`] |
-//! | A contact law of my own | [`contact::Restoring`] |
 //! | Newtons, micrometres, hertz, seconds | [`rig`] |
 //! | The unit of times, in a scene and in what is written | [`clock`] |
 //! | Signs, units, one- and two-sided | [`conventions`] |

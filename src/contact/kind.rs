@@ -15,5 +15,5 @@ pub struct Kind {
     /// As a scene would have it.
     pub example: &'static str,
     /// Makes one; what is wrong is named by its key.
-    pub(in crate::contact) make: fn(&Parameters) -> Result<Arc<dyn Restoring>>,
+    pub(crate) make: fn(&Parameters) -> Result<Arc<dyn Restoring>>,
 }

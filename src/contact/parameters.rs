@@ -67,18 +67,18 @@ impl Parameters {
     }
 
     /// A path of the scene.
-    pub(in crate::contact) fn path(&self, text: &str) -> PathBuf {
+    pub(crate) fn path(&self, text: &str) -> PathBuf {
         self.folder.join(text)
     }
 
     /// An error about `key`.
-    pub(in crate::contact) fn refuse(&self, key: &str, accepted: impl Into<String>) -> Error {
+    pub(crate) fn refuse(&self, key: &str, accepted: impl Into<String>) -> Error {
         let value = self.all.get(key).map_or("missing".into(), Parameter::shown);
         Error::invalid(full(key), value, accepted)
     }
 
     /// A finite number; None where the key is absent.
-    pub(in crate::contact) fn number(&self, key: &str) -> Result<Option<f64>> {
+    pub(crate) fn number(&self, key: &str) -> Result<Option<f64>> {
         match self.all.get(key) {
             None => Ok(None),
             Some(Parameter::Number(x)) if x.is_finite() => Ok(Some(*x)),
@@ -87,7 +87,7 @@ impl Parameters {
     }
 
     /// A list of finite numbers; None where the key is absent.
-    pub(in crate::contact) fn numbers(&self, key: &str) -> Result<Option<&[f64]>> {
+    pub(crate) fn numbers(&self, key: &str) -> Result<Option<&[f64]>> {
         match self.all.get(key) {
             None => Ok(None),
             Some(Parameter::Numbers(all)) => match all.iter().position(|x| !x.is_finite()) {
@@ -102,7 +102,7 @@ impl Parameters {
     }
 
     /// Text; None where the key is absent.
-    pub(in crate::contact) fn text(&self, key: &str) -> Result<Option<&str>> {
+    pub(crate) fn text(&self, key: &str) -> Result<Option<&str>> {
         match self.all.get(key) {
             None => Ok(None),
             Some(Parameter::Text(text)) => Ok(Some(text)),
@@ -111,7 +111,7 @@ impl Parameters {
     }
 
     /// As a table of a scene, for the law of this name.
-    pub(in crate::contact) fn tree(&self, law: &str) -> Value {
+    pub(crate) fn tree(&self, law: &str) -> Value {
         let mut tree = Map::new();
         tree.insert("law".into(), json!(law));
         for (key, value) in &self.all {
@@ -127,6 +127,6 @@ impl Parameters {
 }
 
 /// The key of a scene.
-pub(in crate::contact) fn full(key: &str) -> String {
+pub(crate) fn full(key: &str) -> String {
     format!("oscillator.contact.{key}")
 }

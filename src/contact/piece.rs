@@ -24,7 +24,7 @@ impl Piece {
 
     /// G' at q.
     #[inline(always)]
-    pub(in crate::contact) fn stiffness(&self, q: f64) -> f64 {
+    pub(crate) fn stiffness(&self, q: f64) -> f64 {
         let [_, c1, c2, c3] = self.coefficients;
         let x = q - self.centre;
         c1 + x * (2.0 * c2 + x * 3.0 * c3)
@@ -32,7 +32,7 @@ impl Piece {
 
     /// The integral of G from the centre to q.
     #[inline(always)]
-    pub(in crate::contact) fn work(&self, q: f64) -> f64 {
+    pub(crate) fn work(&self, q: f64) -> f64 {
         let [c0, c1, c2, c3] = self.coefficients;
         let x = q - self.centre;
         x * (c0 + x * (c1 / 2.0 + x * (c2 / 3.0 + x * (c3 / 4.0))))
@@ -91,7 +91,7 @@ fn quadratic(a: f64, b: f64, c: f64) -> Vec<f64> {
 }
 
 /// Every q at which the force of all pieces passes `force`, ascending.
-pub(in crate::contact) fn roots(pieces: &[Piece], force: f64) -> Vec<f64> {
+pub(crate) fn roots(pieces: &[Piece], force: f64) -> Vec<f64> {
     let ends = pieces
         .iter()
         .skip(1)

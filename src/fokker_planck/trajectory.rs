@@ -433,7 +433,7 @@ fn evaluate(cy: &[Lane; ORDER + 1], cv: &[Lane; ORDER + 1], sigma: &Lane) -> (La
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::Restoring;
+    use crate::contact::{Parameter, Parameters, Restoring};
 
     /// Points in contact, at the loss, in flight, slow and fast.
     fn points(reach: f64) -> Vec<[f64; 2]> {
@@ -530,6 +530,59 @@ mod tests {
             .fold(0.0, f64::max);
         println!("Taylor against Stoermer: {difference:.1e}");
         assert!(difference < 1e-10);
+    }
+
+    #[test]
+    fn several_kinks_and_wells_keep_the_energy_and_the_motion_returns() {
+        let two = Parameters::new()
+            .with("exponent", Parameter::Number(1.5))
+            .with("gap", Parameter::Number(1.2))
+            .with("back", Parameter::Number(0.7));
+        let soft = Parameters::new()
+            .with("exponent", Parameter::Number(1.0))
+            .with("gap", Parameter::Number(0.0))
+            .with("back", Parameter::Number(3.0));
+        let wells =
+            Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.2, 0.8]));
+        let q: Vec<f64> = (-20..=20).map(|k| 0.3 * f64::from(k)).collect();
+        let force = q.iter().map(|q| q + 0.5 * (2.0 * q).sin()).collect();
+        let table = Parameters::new()
+            .with("q", Parameter::Numbers(q))
+            .with("force", Parameter::Numbers(force));
+        for (law, given) in [
+            ("power", two),
+            ("power", soft),
+            ("polynomial", wells),
+            ("table", table),
+        ] {
+            let contact = ContactLaw::given(law, &given).unwrap();
+            let (starts, times) = (points(4.0), [0.4, 1.2, 7.0]);
+            let error = drift(&contact, &starts, &times);
+            let (mut there, mut back) = (starts.clone(), starts.clone());
+            Motion::new(&contact).after(&starts, &times[1..2], &mut there);
+            Motion::new(&contact).before(&there, &times[1..2], &mut back);
+            let apart = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let returned = starts.iter().zip(&back).map(apart).fold(0.0, f64::max);
+            println!("{law} {given:?}: energy to {error:.1e}, returned to {returned:.1e}");
+            assert!(error < 1e-12 && returned < 1e-9);
+        }
+    }
+
+    #[test]
+    fn the_series_of_a_polynomial_and_the_extrapolated_rule_agree() {
+        let cubic =
+            Parameters::new().with("coefficients", Parameter::Numbers(vec![1.0, -0.3, 0.4]));
+        let cubic = ContactLaw::given("polynomial", &cubic).unwrap();
+        let worst = points(3.0)
+            .into_iter()
+            .map(|start| {
+                let a = pieces::advance(cubic.pieces(), start, 2.0);
+                let b = stoermer::advance(&cubic, start, 2.0);
+                (a[0] - b[0]).hypot(a[1] - b[1])
+            })
+            .fold(0.0, f64::max);
+        println!("Taylor against Stoermer: {worst:.1e}");
+        assert!(worst < 1e-11);
     }
 
     #[test]

@@ -453,6 +453,17 @@ impl Document {
         found
     }
 
+    /// The node of exactly this dotted key; None where it is absent.
+    fn at(&self, key: &str) -> Option<&Node> {
+        let mut parts = key.split(['.', '[']).map(|it| it.trim_end_matches(']'));
+        let first = self.root.get(parts.next()?)?;
+        parts.try_fold(first, |node, part| match &node.value {
+            Value::Table(inner) => inner.get(part),
+            Value::List(items) => items.get(part.parse::<usize>().ok()?),
+            _ => None,
+        })
+    }
+
     fn explain(&self, error: &Error) -> SceneError {
         let place = |key: &str| {
             let node = self.find(key)?;
@@ -664,7 +675,16 @@ impl Document {
         {
             given = given.with(key, section.parameter(key, node)?);
         }
-        ContactLaw::given(kind.name, &given).map_err(|error| self.explain(&error))
+        ContactLaw::given(kind.name, &given).map_err(|error| match &error {
+            Error::Invalid { key, accepted, .. } if self.at(key).is_none() => {
+                let message = format!("{key} is missing");
+                let help = format!("accepted: {accepted}");
+                let at = self.find("oscillator.contact").map(|node| &node.key);
+                self.wrong(&message, "in this table", Some(&help), at)
+                    .about(key, None)
+            }
+            _ => self.explain(&error),
+        })
     }
 
     fn initial(root: &Section<'_>) -> Read<Initial> {
