@@ -48,6 +48,7 @@ mod budget;
 pub mod cli;
 pub mod contact;
 pub mod conventions;
+pub mod damping;
 pub mod error;
 pub mod estimate;
 pub mod fokker_planck;

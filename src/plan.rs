@@ -6,7 +6,7 @@ pub use crate::budget::StopFlag;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{
-    self, Eigenvalues, FirstPassage, Recipe, Resolvent, Settings, SteadyState,
+    self, Eigenvalues, FirstPassage, Recipe, Resolvent, Settings, StationaryState, SteadyState,
 };
 use crate::format::num;
 pub use crate::format::{bytes, seconds};
@@ -41,14 +41,17 @@ pub struct Plan {
 /// How each question will be answered: decided once, printed and executed.
 #[derive(Debug, Clone, Default)]
 struct Recipes {
+    stationary: Option<StationaryState>,
     transient: Option<Recipe>,
     steady: Option<SteadyState>,
     eigenvalues: Option<Eigenvalues>,
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
+    passage: Option<FirstPassage>,
     ensemble: Option<Ensemble>,
     series: Option<Series>,
     first_losses: Option<FirstLosses>,
+    passages: Option<FirstLosses>,
     records: Option<Records>,
 }
 
@@ -66,12 +69,14 @@ pub struct Stage {
 /// The parts a plan can have, in the order they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// The closed form (21)-(30).
+    /// The closed form (21)-(30), or the null vector where damping leaves none.
     Stationary,
     /// Losses of contact in a window, by Rice's formula.
     Crossings,
     /// The first loss of contact, by the backward equation.
     FirstLoss,
+    /// The first passage of a level, by the backward equation.
+    FirstPassage,
     /// The transient of the Fokker-Planck equation.
     Transient,
     /// Its steady state on the mesh.
@@ -86,6 +91,8 @@ pub enum Part {
     Series,
     /// The first losses of an ensemble of paths.
     FirstLossPaths,
+    /// The first passages of a level by an ensemble of paths.
+    FirstPassagePaths,
     /// Long records of the stationary motion.
     Records,
 }
@@ -97,6 +104,8 @@ impl Part {
             Self::Stationary => "stationary",
             Self::Crossings => "crossings",
             Self::FirstLoss => "first_loss",
+            Self::FirstPassage => "first_passage",
+            Self::FirstPassagePaths => "first_passage_paths",
             Self::Transient => "transient",
             Self::Steady => "steady",
             Self::DecayRates => "decay_rates",
@@ -298,6 +307,15 @@ impl Plan {
             ..
         } = &self.scene;
         let (it, method) = match part {
+            Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
+                let recipe = StationaryState::of(oscillator, &self.settings)?;
+                let mut cost = Cost::on_mesh(recipe.cost, recipe.words());
+                // What one stage has solved for serves the other.
+                if self.recipes.stationary.replace(recipe).is_some() {
+                    (cost.seconds, cost.steps) = (0.0, 0);
+                }
+                return Ok(cost);
+            }
             Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
                     method: "closed form by adaptive quadrature".into(),
@@ -320,6 +338,32 @@ impl Plan {
                 let cost = Cost::of_sample(recipe.cost, recipe.words());
                 self.recipes.first_losses = Some(recipe);
                 return Ok(cost);
+            }
+            Part::FirstPassagePaths => {
+                let Some(passage) = self.passage() else {
+                    return Err(Error::invalid(
+                        "outputs.first_passage",
+                        "nothing",
+                        "a level",
+                    ));
+                };
+                let recipe = FirstLosses::of_level(oscillator, initial, passage, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.passages = Some(recipe);
+                return Ok(cost);
+            }
+            Part::FirstPassage => {
+                let Some(passage) = self.passage() else {
+                    return Err(Error::invalid(
+                        "outputs.first_passage",
+                        "nothing",
+                        "a level",
+                    ));
+                };
+                let recipe = FirstPassage::of_level(oscillator, initial, passage, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.passage = Some(recipe);
+                cost
             }
             Part::Records => {
                 let recipe = Records::of(oscillator, &self.sampling())?;
@@ -363,6 +407,12 @@ impl Plan {
             }
         };
         Ok(Cost::on_mesh(it, method))
+    }
+
+    /// Level, side and time of the first passage asked for.
+    fn passage(&self) -> Option<(f64, scene::Side, f64)> {
+        let it = self.scene.outputs.first_passage?;
+        Some((it.level, it.side, it.until))
     }
 
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
@@ -441,6 +491,24 @@ impl Plan {
         let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
         let limits = limits.until(stop.clone());
         match part {
+            Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
+                if results.solved.is_none()
+                    && let Some(recipe) = &self.recipes.stationary
+                {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.solved = Some(it);
+                }
+                if let Some(law) = &results.solved {
+                    match (part, self.scene.crossings_window()) {
+                        (Part::Crossings, Some(time)) => {
+                            results.crossings = Some(Numbers::flux(law, time));
+                        }
+                        (Part::Crossings, None) => {}
+                        _ => results.stationary = Some(Numbers::solved(law)),
+                    }
+                }
+            }
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
                 results.stationary = Some(Numbers::stationary(&law));
@@ -469,6 +537,22 @@ impl Plan {
                     let it = recipe.run(problem, &it.times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_loss_paths = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::FirstPassage => {
+                if let Some(recipe) = &self.recipes.passage {
+                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.first_passage = Some(it);
+                }
+            }
+            Part::FirstPassagePaths => {
+                if let (Some(recipe), Some(it)) = (&self.recipes.passages, &results.first_passage) {
+                    let problem = (oscillator, initial);
+                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.first_passage_paths = Some(it);
                     results.agreement = results.agree();
                 }
             }
@@ -575,9 +659,11 @@ impl Plan {
         if cost.steps > MOST_STEPS {
             let sampling = self.scene.monte_carlo.as_ref();
             let (key, step) = match part {
-                Part::MonteCarlo | Part::FirstLossPaths | Part::Series | Part::Records => {
-                    ("monte_carlo.step", sampling.and_then(|it| it.step))
-                }
+                Part::MonteCarlo
+                | Part::FirstLossPaths
+                | Part::FirstPassagePaths
+                | Part::Series
+                | Part::Records => ("monte_carlo.step", sampling.and_then(|it| it.step)),
                 _ => ("method.step", self.scene.method.step),
             };
             let outputs = &self.scene.outputs;
@@ -592,6 +678,10 @@ impl Plan {
                 (Part::FirstLoss | Part::FirstLossPaths, _) => (
                     "outputs.first_loss.until",
                     outputs.first_loss.unwrap_or_default(),
+                ),
+                (Part::FirstPassage | Part::FirstPassagePaths, _) => (
+                    "outputs.first_passage.until",
+                    outputs.first_passage.map_or(0.0, |it| it.until),
                 ),
                 _ if outputs.density_at.last() > outputs.moments_at.last() => {
                     ("outputs.density_at", outputs.density_at.last())
@@ -723,10 +813,11 @@ impl Plan {
 }
 
 /// The keys that ask for each part, and whether they do.
-fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 13] {
     let it = &scene.outputs;
     let crossings = ("outputs.crossings", it.crossings.is_some());
     let first_loss = ("outputs.first_loss", it.first_loss.is_some());
+    let passage = ("outputs.first_passage", it.first_passage.is_some());
     let spectrum = ("outputs.spectrum", it.spectrum.is_some());
     let moments = ("outputs.moments_at", !it.moments_at.is_empty());
     let densities = ("outputs.density_at", !it.density_at.is_empty());
@@ -743,6 +834,7 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
         ),
         (Part::Crossings, vec![crossings]),
         (Part::FirstLoss, vec![first_loss]),
+        (Part::FirstPassage, vec![passage]),
         (Part::Transient, vec![moments, densities]),
         (Part::Steady, vec![("outputs.steady", it.steady)]),
         (
@@ -753,6 +845,7 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 11] {
         (Part::Series, by_sampling(spectrum)),
         (Part::MonteCarlo, vec![("monte_carlo", paths)]),
         (Part::FirstLossPaths, by_sampling(first_loss)),
+        (Part::FirstPassagePaths, by_sampling(passage)),
         (
             Part::Records,
             vec![

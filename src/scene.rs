@@ -19,6 +19,7 @@
 pub mod text;
 
 use crate::contact::ContactLaw;
+use crate::damping::Damping;
 use crate::error::{Error, Result, finite, positive};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::format::{num, rounded};
@@ -26,7 +27,7 @@ use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
-pub(crate) use crate::oscillator::Quantity;
+pub(crate) use crate::oscillator::{Quantity, Side};
 use crate::rig::Rig;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -72,6 +73,8 @@ pub struct Outputs {
     pub spectrum: Option<SpectrumRequest>,
     /// Survival until the first loss of contact, up to this time.
     pub first_loss: Option<f64>,
+    /// Survival until the first passage of a level of q.
+    pub first_passage: Option<PassageRequest>,
     /// Losses of contact in a window of this length (seconds with a rig, else dimensionless time).
     pub crossings: Option<f64>,
 }
@@ -103,6 +106,7 @@ impl Outputs {
             decay_rates: 0,
             spectrum: None,
             first_loss: None,
+            first_passage: None,
             crossings: None,
         }
     }
@@ -212,6 +216,17 @@ pub struct SpectrumRequest {
     pub until: f64,
     /// Of the force or of the displacement.
     pub quantity: Quantity,
+}
+
+/// A first passage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassageRequest {
+    /// The level of q.
+    pub level: f64,
+    /// Below it, above it, or either of it and its negative.
+    pub side: Side,
+    /// Up to this time.
+    pub until: f64,
 }
 
 /// The ensemble of paths.
@@ -326,7 +341,9 @@ impl Scene {
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
         let outputs = &self.outputs;
-        let others = outputs.first_loss.is_some() || outputs.spectrum.is_some();
+        let others = outputs.first_loss.is_some()
+            || outputs.first_passage.is_some()
+            || outputs.spectrum.is_some();
         let stationary = outputs.moments_at.is_empty() && (outputs.stationary || !others);
         it.is_some_and(|it| asked(it) || stationary)
     }
@@ -345,6 +362,7 @@ impl Scene {
         self.check_title()?;
         self.check_initial()?;
         self.check_outputs()?;
+        self.check_damping()?;
         self.check_monte_carlo()?;
         self.check_accuracy()
     }
@@ -389,7 +407,7 @@ impl Scene {
         let outputs = &self.outputs;
         if *outputs == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum, first_loss or crossings";
+                            decay_rates, spectrum, first_loss, first_passage or crossings";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if !self.oscillator.contact().is_confining() {
@@ -435,21 +453,78 @@ impl Scene {
         if let Some(until) = outputs.first_loss {
             self.check_first_loss(until)?;
         }
+        if let Some(passage) = outputs.first_passage {
+            self.check_first_passage(passage)?;
+        }
         if let Some(window) = outputs.crossings {
             self.check_lost("crossings", "window", window)?;
         }
         Ok(())
     }
 
+    /// Refuses what rests on exp(-H/T)/Z where that is not the stationary law.
+    fn check_damping(&self) -> Result<()> {
+        if self.oscillator.is_viscous() {
+            return Ok(());
+        }
+        let outputs = &self.outputs;
+        let drawn = self.initial == Initial::Stationary && self.wants_paths();
+        for (key, asked, instead) in [
+            (
+                "outputs.spectrum",
+                outputs.spectrum.is_some(),
+                "outputs.stationary or moments_at",
+            ),
+            (
+                "initial.kind = \"stationary\" for a first passage",
+                self.initial == Initial::Stationary
+                    && (outputs.first_loss.is_some() || outputs.first_passage.is_some()),
+                "a \"gaussian\" one",
+            ),
+            (
+                "initial.kind = \"stationary\" for the paths of [monte_carlo]",
+                drawn,
+                "a \"gaussian\" one",
+            ),
+        ] {
+            if asked {
+                let damping = self.oscillator.damping().name();
+                let key = format!("{key} with oscillator.damping = \"{damping}\"");
+                return Err(Error::not_available(key, instead));
+            }
+        }
+        Ok(())
+    }
+
     fn check_first_loss(&self, until: f64) -> Result<()> {
         self.check_lost("first_loss", "until", until)?;
+        self.check_white("outputs.first_loss")
+    }
+
+    /// Refuses paths of a first passage under noise whose past counts.
+    fn check_white(&self, output: &str) -> Result<()> {
         let sampled = self.monte_carlo.as_ref();
         if sampled.is_some_and(|it| it.noise != Noise::White) {
-            let accepted = "\"white\", with outputs.first_loss";
+            let accepted = format!("\"white\", with {output}");
             let key = "monte_carlo.noise";
             return Err(Error::invalid(key, "a sum of cosines", accepted));
         }
         Ok(())
+    }
+
+    fn check_first_passage(&self, it: PassageRequest) -> Result<()> {
+        finite("outputs.first_passage.level", it.level)?;
+        let key = "outputs.first_passage.until";
+        positive(key, it.until)?;
+        if it.until > Times::LATEST {
+            let accepted = format!("a time up to {:e}", Times::LATEST);
+            return Err(Error::invalid(key, num(it.until), accepted));
+        }
+        if !self.oscillator.contact().is_confining() {
+            let value = format!("{{ level = {} }}", num(it.level));
+            return Err(self.no_law("outputs.first_passage", &value));
+        }
+        self.check_white("outputs.first_passage")
     }
 
     /// An output about losses of contact, with a time under `key`.
@@ -592,6 +667,7 @@ impl Scene {
             "title": self.title,
             "oscillator": {
                 "contact": self.oscillator.contact().name(),
+                "damping": self.oscillator.damping().name(),
                 "zeta": self.oscillator.zeta(),
                 "h": self.oscillator.h(),
             },
@@ -606,6 +682,9 @@ impl Scene {
                 "decay_rates": outputs.decay_rates,
                 "spectrum": spectrum,
                 "first_loss": outputs.first_loss.map(|until| json!({ "until": until })),
+                "first_passage": outputs.first_passage.map(|it| {
+                    json!({ "level": it.level, "side": it.side.name(), "until": it.until })
+                }),
                 "crossings": outputs.crossings.map(|window| json!({ "window": window })),
             })),
             "monte_carlo": monte_carlo,
@@ -736,6 +815,13 @@ const CONTACTS: &[(&str, ContactLaw)] = &[
     ("bilinear", ContactLaw::Bilinear),
     ("linear", ContactLaw::Linear),
     ("free", ContactLaw::Free),
+];
+
+/// The damping laws a scene file can name.
+const DAMPINGS: &[(&str, Damping)] = &[
+    ("viscous", Damping::Viscous),
+    ("contact", Damping::Contact),
+    ("hunt_crossley", Damping::HuntCrossley),
 ];
 
 #[cfg(test)]

@@ -10,7 +10,6 @@ use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
 use crate::results::{Results, entries};
 use crate::spectrum::{displacement_per_hertz, per_hertz};
-use crate::stationary::Stationary;
 use ndarray::{Array1, Array2, ArrayD, IxDyn, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::fmt::Write;
@@ -47,7 +46,9 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     let Some(numbers) = &results.stationary else {
         return Ok(Vec::new());
     };
-    let law = Stationary::of(&results.scene.oscillator)?;
+    let Some(law) = results.law() else {
+        return Ok(Vec::new());
+    };
     let mut table = String::from("name,value,error,unit\n");
     for (name, number) in numbers.iter() {
         let _ = writeln!(table, "{name},{},{}", fields(number), unit(name));
@@ -63,9 +64,9 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
         by_q += &line(&[q, law.density_q(q)]);
     }
     let bottom = results.contact().force(low);
-    for force in grid(bottom, results.contact().force(high)) {
-        let (density, below) = (law.density_force(force), law.distribution_force(force));
-        by_force += &line(&[force, density, below]);
+    let forces: Vec<f64> = grid(bottom, results.contact().force(high)).collect();
+    for (force, below) in forces.iter().zip(law.distribution_force(&forces)) {
+        by_force += &line(&[*force, law.density_force(*force), below]);
     }
     let mut by_v = String::from("v [u W],p_v [1/(u W)]\n");
     for v in grid(-6.0 * t.sqrt(), 6.0 * t.sqrt()) {

@@ -41,9 +41,10 @@ impl Results {
         put(
             "oscillator",
             Some(json!({
-                "temperature": oscillator.temperature(),
+                "temperature": oscillator.viscous_temperature(),
                 "noise": oscillator.noise(),
                 "contact": oscillator.contact().name(),
+                "damping": oscillator.damping().name(),
                 "zeta": oscillator.zeta(),
                 "h": oscillator.h(),
                 "loss_point": oscillator.contact().loss_point(),
@@ -60,6 +61,14 @@ impl Results {
             crossings.map(|it| self.crossing_tree(it, None)),
         );
         put("first_loss", self.first_loss.as_ref().map(first_loss));
+        let asked = self.scene.outputs.first_passage;
+        let passage = self.first_passage.as_ref().zip(asked).map(|(it, asked)| {
+            let mut tree = first_loss(it);
+            tree["level"] = json!(asked.level);
+            tree["side"] = json!(asked.side.name());
+            tree
+        });
+        put("first_passage", passage);
         put("transient", self.transient.as_ref().map(transient));
         let steady = |it: &crate::fokker_planck::Steady| json!({ "l1_error": it.l1_error, "residual": it.residual, "method": it.method });
         put("steady", self.steady.as_ref().map(steady));
@@ -145,6 +154,9 @@ impl Results {
         }
         if let Some(it) = &self.first_loss_paths {
             all.insert("first_loss".into(), sampled_first_loss(it, paths));
+        }
+        if let Some(it) = &self.first_passage_paths {
+            all.insert("first_passage".into(), sampled_first_loss(it, paths));
         }
         if let Some((seen, numbers)) = self.sampled_crossings() {
             all.insert("crossings".into(), self.crossing_tree(&numbers, Some(seen)));

@@ -5,4 +5,5 @@ pub(crate) mod first_loss;
 pub(crate) mod flight;
 mod layout;
 pub(crate) mod pontryagin;
+mod region;
 mod run;

@@ -17,7 +17,7 @@ mod transient;
 pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log};
 pub(crate) use density::{densities, steady};
 pub(crate) use force::force;
-pub(crate) use losses::{flights, survival};
+pub(crate) use losses::{flights, passage, survival};
 pub(crate) use map::{Field, Ruler, map};
 pub(crate) use spectrum::spectrum;
 pub(crate) use transient::{approach, moments};
