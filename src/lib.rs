@@ -54,6 +54,7 @@ pub mod cli;
 pub mod clock;
 pub mod contact;
 pub mod conventions;
+pub mod damping;
 pub mod error;
 pub mod estimate;
 pub mod excitation;

@@ -1,10 +1,11 @@
 //! The oscillator: contact law, damping and noise, and its Gibbs law exp(-H/T).
 
 use crate::contact::ContactLaw;
+use crate::damping::{Averaged, Damping};
 use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin};
 use crate::quadrature;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// q'' + 2 zeta q' + G(q) = f(t), white noise f of two-sided spectral density h, E f(t)f(0) =
 /// 2 pi h delta(t). (9)-(11), (16). All quantities are dimensionless, (6)-(8).
@@ -20,13 +21,19 @@ pub struct Oscillator {
     contact: ContactLaw,
     zeta: f64,
     h: f64,
+    damping: Damping,
+    /// The law averaged over orbits, where it is not exp(-H/T)/Z.
+    averaged: Option<Arc<Averaged>>,
+    /// T of the law that everything is weighed with.
+    temperature: f64,
     /// Normalised when first asked for, then kept.
     law: OnceLock<DisplacementLaw>,
 }
 
 impl PartialEq for Oscillator {
     fn eq(&self, other: &Self) -> bool {
-        (&self.contact, self.zeta, self.h) == (&other.contact, other.zeta, other.h)
+        (&self.contact, self.zeta, self.h, &self.damping)
+            == (&other.contact, other.zeta, other.h, &other.damping)
     }
 }
 
@@ -42,6 +49,9 @@ impl Oscillator {
             contact,
             zeta,
             h,
+            damping: Damping::Viscous,
+            averaged: None,
+            temperature: std::f64::consts::PI * h / (2.0 * zeta),
             law: OnceLock::new(),
         };
         let t = it.temperature();
@@ -56,9 +66,86 @@ impl Oscillator {
         Ok(it)
     }
 
+    /// The same with another damping law.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a damping that acts in contact where there is none; [`Error::NoStationaryLaw`] for one
+    /// that does not hold the motion.
+    pub fn with_damping(self, damping: Damping) -> Result<Self> {
+        let mut it = Self {
+            averaged: None,
+            temperature: self.viscous_temperature(),
+            law: OnceLock::new(),
+            ..self
+        };
+        if !damping.is_viscous() {
+            if !it.contact.is_confining() {
+                let value = format!(
+                    "\"{}\" with oscillator.contact = \"{}\"",
+                    damping.name(),
+                    it.contact.name()
+                );
+                let accepted = "\"viscous\" for a contact that does not hold the motion";
+                return Err(Error::invalid("oscillator.damping", value, accepted));
+            }
+            let averaged = Averaged::of(&it.contact, &damping, it.temperature)?;
+            it.temperature = averaged.reference_temperature();
+            it.averaged = Some(Arc::new(averaged));
+        }
+        it.damping = damping;
+        Ok(it)
+    }
+
+    /// The same weighed with the Gibbs law that falls as far as the one averaged over orbits where both hold e^-`reach` of
+    /// themselves: Hermite functions reach to energies of many T, and weigh what a law has there by 1/weight.
+    pub(crate) fn weighed(&self, reach: f64) -> Self {
+        let Some(averaged) = &self.averaged else {
+            return self.clone();
+        };
+        Self {
+            temperature: averaged.temperature_at(reach),
+            law: OnceLock::new(),
+            ..self.clone()
+        }
+    }
+
     /// The contact law.
     pub fn contact(&self) -> &ContactLaw {
         &self.contact
+    }
+
+    /// The damping law.
+    pub fn damping(&self) -> &Damping {
+        &self.damping
+    }
+
+    /// Whether c = 2 zeta everywhere, so that the stationary law is exp(-H/T)/Z.
+    pub fn is_viscous(&self) -> bool {
+        self.damping.is_viscous()
+    }
+
+    /// c at displacement q; for a rate that depends on the energy at v = 0.
+    pub fn friction(&self, q: f64) -> f64 {
+        self.friction_at(q, 0.0)
+    }
+
+    /// c at (q, v).
+    pub(crate) fn friction_at(&self, q: f64, v: f64) -> f64 {
+        2.0 * self.zeta * self.damping.factor(&self.contact, q, v)
+    }
+
+    /// The rate at which noise alone would keep the reference temperature, pi h/T: 2 zeta under viscous damping.
+    pub(crate) fn reference_friction(&self) -> f64 {
+        if self.is_viscous() {
+            2.0 * self.zeta
+        } else {
+            self.noise() / self.temperature
+        }
+    }
+
+    /// P(H - U_min > energy) of the law averaged over orbits; 0 under viscous damping, where exp(-H/T)/Z is exact.
+    pub(crate) fn averaged_beyond(&self, energy: f64) -> f64 {
+        self.averaged.as_ref().map_or(0.0, |it| it.beyond(energy))
     }
 
     /// Damping ratio.
@@ -71,14 +158,21 @@ impl Oscillator {
         self.h
     }
 
-    /// T = pi h/(2 zeta): the variance of the velocity and the only parameter of the stationary law.
+    /// T of the Gibbs law exp(-H/T)/Z. Under viscous damping that is the stationary law, T = pi h/(2 zeta) is the
+    /// variance of the velocity and the law's only parameter. Under any other it is the reference that solvers weigh
+    /// with and scales are taken from, hotter where the true law has longer tails ([`crate::damping`]).
     pub fn temperature(&self) -> f64 {
+        self.temperature
+    }
+
+    /// T = pi h/(2 zeta), whatever the damping law.
+    pub fn viscous_temperature(&self) -> f64 {
         self.noise() / (2.0 * self.zeta)
     }
 
     /// The time over which the motion forgets: 1/(2 zeta) under weak friction, 2 zeta under strong.
     pub(crate) fn memory(&self) -> f64 {
-        (0.5 / self.zeta).max(2.0 * self.zeta)
+        (1.0 / self.reference_friction()).max(2.0 * self.zeta)
     }
 
     /// pi h: the diffusion coefficient of the velocity in (17).
@@ -87,10 +181,14 @@ impl Oscillator {
     }
 
     /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
+    /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
     /// force out of contact (1 for the built-in laws). None for a contact that is never lost, or whose flight ends on a
     /// second wall. Where no eigenvalue lies above it, distances to the stationary law fall as
-    /// t^{-3/2} e^{-f^2 t/(8 zeta T)}.
+    /// t^{-3/2} e^{-f^2 t/(8 zeta T)}. None under other than viscous damping too: there it is not known.
     pub fn continuous_from(&self) -> Option<f64> {
+        if !self.is_viscous() {
+            return None;
+        }
         let [low, loss] = self.contact.flight()?;
         if low.is_finite() {
             return None;
@@ -114,6 +212,29 @@ impl Oscillator {
         }
         let law = DisplacementLaw::new(self.contact.clone(), self.temperature())?;
         Ok(self.law.get_or_init(|| law).clone())
+    }
+}
+
+/// Which way a level of q is passed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Side {
+    /// Downwards.
+    #[default]
+    Below,
+    /// Upwards.
+    Above,
+    /// Out of the range from minus the level to the level.
+    Either,
+}
+
+impl Side {
+    /// The name used in scenes and results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Below => "below",
+            Self::Above => "above",
+            Self::Either => "either",
+        }
     }
 }
 

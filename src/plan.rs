@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::fokker_planck::{
     self, Eigenvalues, FirstPassage, PeriodicLaw, Reach, Recipe, Resolvent, ResponseCurve,
-    Settings, SteadyState,
+    Settings, StationaryState, SteadyState,
 };
 use crate::format::{brief, num};
 pub use crate::format::{bytes, seconds};
@@ -49,6 +49,7 @@ pub struct Plan {
 /// How each question will be answered: decided once, printed and executed.
 #[derive(Debug, Clone, Default)]
 struct Recipes {
+    stationary: Option<StationaryState>,
     transient: Option<Recipe>,
     periodic: Option<PeriodicLaw>,
     response: Option<ResponseCurve>,
@@ -57,9 +58,11 @@ struct Recipes {
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
     reach: Option<Reach>,
+    passage: Option<FirstPassage>,
     ensemble: Option<Ensemble>,
     series: Option<Series>,
     first_losses: Option<FirstLosses>,
+    passages: Option<FirstLosses>,
     records: Option<Records>,
 }
 
@@ -77,12 +80,14 @@ pub struct Stage {
 /// The parts a plan can have, in the order they run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// The closed form (21)-(30).
+    /// The closed form (21)-(30), or the null vector where damping leaves none.
     Stationary,
     /// Losses of contact in a window, by Rice's formula.
     Crossings,
     /// The first loss of contact, by the backward equation.
     FirstLoss,
+    /// The first passage of a level, by the backward equation.
+    FirstPassage,
     /// The transient of the Fokker-Planck equation.
     Transient,
     /// When a moment of it reaches a level.
@@ -103,6 +108,8 @@ pub enum Part {
     Series,
     /// The first losses of an ensemble of paths.
     FirstLossPaths,
+    /// The first passages of a level by an ensemble of paths.
+    FirstPassagePaths,
     /// Long records of the stationary motion.
     Records,
 }
@@ -114,6 +121,8 @@ impl Part {
             Self::Stationary => "stationary",
             Self::Crossings => "crossings",
             Self::FirstLoss => "first_loss",
+            Self::FirstPassage => "first_passage",
+            Self::FirstPassagePaths => "first_passage_paths",
             Self::Transient => "transient",
             Self::Reach => "reach",
             Self::Periodic => "periodic",
@@ -365,6 +374,15 @@ impl Plan {
             ..
         } = &self.scene;
         let (it, method) = match part {
+            Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
+                let recipe = StationaryState::of(oscillator, &self.settings)?;
+                let mut cost = Cost::on_mesh(recipe.cost, recipe.words());
+                // What one stage has solved for serves the other.
+                if self.recipes.stationary.replace(recipe).is_some() {
+                    (cost.seconds, cost.steps) = (0.0, 0);
+                }
+                return Ok(cost);
+            }
             Part::Stationary | Part::Crossings => {
                 return Ok(Cost {
                     method: "closed form by adaptive quadrature".into(),
@@ -387,6 +405,32 @@ impl Plan {
                 let cost = Cost::of_sample(recipe.cost, recipe.words());
                 self.recipes.first_losses = Some(recipe);
                 return Ok(cost);
+            }
+            Part::FirstPassagePaths => {
+                let Some(passage) = self.passage() else {
+                    return Err(Error::invalid(
+                        "outputs.first_passage",
+                        "nothing",
+                        "a level",
+                    ));
+                };
+                let recipe = FirstLosses::of_level(oscillator, initial, passage, &self.sampling())?;
+                let cost = Cost::of_sample(recipe.cost, recipe.words());
+                self.recipes.passages = Some(recipe);
+                return Ok(cost);
+            }
+            Part::FirstPassage => {
+                let Some(passage) = self.passage() else {
+                    return Err(Error::invalid(
+                        "outputs.first_passage",
+                        "nothing",
+                        "a level",
+                    ));
+                };
+                let recipe = FirstPassage::of_level(oscillator, initial, passage, &self.settings)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.passage = Some(recipe);
+                cost
             }
             Part::Records => {
                 let recipe = Records::of(oscillator, &self.sampling())?;
@@ -470,6 +514,12 @@ impl Plan {
         Ok((quantity, fraction, stationary.value))
     }
 
+    /// Level, side and time of the first passage asked for.
+    fn passage(&self) -> Option<(f64, scene::Side, f64)> {
+        let it = self.scene.outputs.first_passage?;
+        Some((it.level, it.side, it.until))
+    }
+
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
     fn welch(&self) -> Result<(Welch, Samples)> {
         let request = self.scene.outputs.spectrum.unwrap_or(SpectrumRequest {
@@ -546,6 +596,24 @@ impl Plan {
         let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
         let limits = limits.until(stop.clone());
         match part {
+            Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
+                if results.solved.is_none()
+                    && let Some(recipe) = &self.recipes.stationary
+                {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.solved = Some(it);
+                }
+                if let Some(law) = &results.solved {
+                    match (part, self.scene.crossings_window()) {
+                        (Part::Crossings, Some(time)) => {
+                            results.crossings = Some(Numbers::flux(law, time));
+                        }
+                        (Part::Crossings, None) => {}
+                        _ => results.stationary = Some(Numbers::solved(law)),
+                    }
+                }
+            }
             Part::Stationary => {
                 let law = Stationary::of(oscillator)?;
                 results.stationary = Some(Numbers::stationary(&law));
@@ -580,6 +648,22 @@ impl Plan {
                     let it = recipe.run(problem, &times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_loss_paths = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::FirstPassage => {
+                if let Some(recipe) = &self.recipes.passage {
+                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.first_passage = Some(it);
+                }
+            }
+            Part::FirstPassagePaths => {
+                if let (Some(recipe), Some(it)) = (&self.recipes.passages, &results.first_passage) {
+                    let problem = (oscillator, initial);
+                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.first_passage_paths = Some(it);
                     results.agreement = results.agree();
                 }
             }
@@ -706,6 +790,8 @@ impl Plan {
                 results.impacts.put_in(clock);
             }
             Part::FirstLoss => results.first_loss.put_in(clock),
+            Part::FirstPassage => results.first_passage.put_in(clock),
+            Part::FirstPassagePaths => results.first_passage_paths.put_in(clock),
             Part::Transient => results.transient.put_in(clock),
             Part::Reach => results.reach.put_in(clock),
             Part::Periodic => results.periodic.put_in(clock),
@@ -756,9 +842,11 @@ impl Plan {
         if cost.steps > MOST_STEPS {
             let sampling = self.scene.monte_carlo.as_ref();
             let (key, step) = match part {
-                Part::MonteCarlo | Part::FirstLossPaths | Part::Series | Part::Records => {
-                    ("monte_carlo.step", sampling.and_then(|it| it.step))
-                }
+                Part::MonteCarlo
+                | Part::FirstLossPaths
+                | Part::FirstPassagePaths
+                | Part::Series
+                | Part::Records => ("monte_carlo.step", sampling.and_then(|it| it.step)),
                 _ => ("method.step", self.scene.method.step),
             };
             let outputs = &self.scene.outputs;
@@ -773,6 +861,10 @@ impl Plan {
                 (Part::FirstLoss | Part::FirstLossPaths, _) => (
                     "outputs.first_loss.until",
                     outputs.first_loss.unwrap_or_default(),
+                ),
+                (Part::FirstPassage | Part::FirstPassagePaths, _) => (
+                    "outputs.first_passage.until",
+                    outputs.first_passage.map_or(0.0, |it| it.until),
                 ),
                 _ if outputs.density_at.last() > outputs.moments_at.last() => {
                     ("outputs.density_at", outputs.density_at.last())
@@ -939,10 +1031,11 @@ fn unfinished(open: &[&str]) -> Warning {
 }
 
 /// The keys that ask for each part, and whether they do.
-fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 14] {
+fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 16] {
     let it = &scene.outputs;
     let crossings = ("outputs.crossings", it.crossings.is_some());
     let first_loss = ("outputs.first_loss", it.first_loss.is_some());
+    let passage = ("outputs.first_passage", it.first_passage.is_some());
     let spectrum = ("outputs.spectrum", it.spectrum.is_some());
     let moments = ("outputs.moments_at", !it.moments_at.is_empty());
     let densities = ("outputs.density_at", !it.density_at.is_empty());
@@ -959,6 +1052,7 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 14] {
         ),
         (Part::Crossings, vec![crossings]),
         (Part::FirstLoss, vec![first_loss]),
+        (Part::FirstPassage, vec![passage]),
         (Part::Transient, vec![moments, densities]),
         (Part::Reach, vec![("outputs.reach", it.reach.is_some())]),
         (
@@ -978,6 +1072,7 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 14] {
         (Part::Series, by_sampling(spectrum)),
         (Part::MonteCarlo, vec![("monte_carlo", paths)]),
         (Part::FirstLossPaths, by_sampling(first_loss)),
+        (Part::FirstPassagePaths, by_sampling(passage)),
         (
             Part::Records,
             vec![

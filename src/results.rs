@@ -1,15 +1,18 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
 pub(crate) mod in_unit;
+mod law;
 mod spectrum;
 mod tree;
 
+pub use law::Law;
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Shortfall, Warning};
 use crate::fokker_planck::{
-    DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Response, Steady, Transient,
+    DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Response, SolvedLaw, Steady,
+    Transient,
 };
 use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
@@ -36,8 +39,10 @@ use std::f64::consts::{LN_10, SQRT_2};
 pub struct Results {
     /// The scene that was run.
     pub scene: Scene,
-    /// The closed form (21)-(30).
+    /// The closed form (21)-(30), or what was solved for under a damping that has none.
     pub stationary: Option<Numbers>,
+    /// The law that was solved for.
+    pub solved: Option<SolvedLaw>,
     /// Losses of contact by Rice's formula.
     pub crossings: Option<Numbers>,
     /// The law of the time of flight.
@@ -46,6 +51,8 @@ pub struct Results {
     pub impacts: Option<ImpactLaw>,
     /// The first loss of contact, by the backward equation.
     pub first_loss: Option<FirstLoss>,
+    /// The first passage of a level, by the backward equation.
+    pub first_passage: Option<FirstLoss>,
     /// The transient of the Fokker-Planck equation.
     pub transient: Option<Transient>,
     /// When a moment of it reaches a level.
@@ -64,6 +71,8 @@ pub struct Results {
     pub monte_carlo: Option<EnsembleResult>,
     /// The first loss of contact by sampling.
     pub first_loss_paths: Option<FirstLossResult>,
+    /// The first passage of a level by sampling.
+    pub first_passage_paths: Option<FirstLossResult>,
     /// Stationary statistics of long records.
     pub records: Option<RecordResult>,
     /// How well the sampled numbers agree with the others.
@@ -119,6 +128,16 @@ impl Numbers {
         )
     }
 
+    /// All numbers of a law that was solved for.
+    pub(crate) fn solved(law: &SolvedLaw) -> Self {
+        Self::law(
+            &law.moments,
+            law.log10_contact_loss_probability(),
+            law.loss_rate,
+            law.mean_flight,
+        )
+    }
+
     /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
     fn recorded(it: &RecordResult, moments: &Moments) -> Self {
         let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
@@ -160,6 +179,19 @@ impl Numbers {
                 ("mean_impact_speed", law.mean_impact_speed()),
             ],
             lost_share: law.contact_loss_probability(),
+        }
+    }
+
+    /// Losses of contact by the flux through the loss point of a law that was solved for.
+    pub(crate) fn flux(law: &SolvedLaw, time: f64) -> Self {
+        Self {
+            named: vec![
+                ("loss_rate", law.loss_rate),
+                ("losses_in_window", law.losses_in(time)),
+                ("mean_flight", law.mean_flight),
+                ("mean_impact_speed", law.mean_impact_speed),
+            ],
+            lost_share: law.moments.contact_loss_probability,
         }
     }
 
@@ -284,10 +316,12 @@ impl Results {
         Self {
             scene: scene.clone(),
             stationary: None,
+            solved: None,
             crossings: None,
             flights: None,
             impacts: None,
             first_loss: None,
+            first_passage: None,
             transient: None,
             reach: None,
             periodic: None,
@@ -297,6 +331,7 @@ impl Results {
             spectrum: None,
             monte_carlo: None,
             first_loss_paths: None,
+            first_passage_paths: None,
             records: None,
             agreement: None,
             shortfalls: Vec::new(),
@@ -328,7 +363,8 @@ impl Results {
         let white = |it: &crate::scene::MonteCarlo| it.noise == Noise::White;
         let exact =
             |it: &RecordResult| matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62);
-        self.scene.monte_carlo.as_ref().is_some_and(white)
+        self.scene.oscillator.is_viscous()
+            && self.scene.monte_carlo.as_ref().is_some_and(white)
             && self.records.as_ref().is_some_and(exact)
     }
 
@@ -363,7 +399,13 @@ impl Results {
         if let (Some(a), Some(b)) = (&self.transient, &self.monte_carlo) {
             pairs = common((&a.times, &a.moments), (&b.times, &b.moments));
         }
-        if let (Some(a), Some(b)) = (&self.first_loss, &self.first_loss_paths) {
+        for (a, b) in [
+            (&self.first_loss, &self.first_loss_paths),
+            (&self.first_passage, &self.first_passage_paths),
+        ] {
+            let (Some(a), Some(b)) = (a, b) else {
+                continue;
+            };
             let both = a.survival.iter().zip(&b.survival).zip(&b.times);
             // Nobody has been lost at the start.
             let both = both.filter(|(_, t)| **t > 0.0);
@@ -478,6 +520,11 @@ impl Results {
         ];
         let there = |(name, number): (_, Option<Estimate>)| Some((name, number?));
         all.into_iter().filter_map(there).collect()
+    }
+
+    /// The stationary law as curves; None where there is none, or none was solved for.
+    pub fn law(&self) -> Option<Law> {
+        Law::of(&self.scene.oscillator, self.solved.as_ref())
     }
 
     pub(crate) fn contact(&self) -> &ContactLaw {

@@ -20,6 +20,7 @@
 pub mod text;
 
 use crate::clock::{Clock, TimeUnit};
+use crate::damping::Damping;
 use crate::error::{Error, Result, finite, positive};
 use crate::excitation::{Drive, Excitation};
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
@@ -28,7 +29,7 @@ use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
-pub(crate) use crate::oscillator::Quantity;
+pub(crate) use crate::oscillator::{Quantity, Side};
 use crate::rig::Rig;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -79,6 +80,8 @@ pub struct Outputs {
     pub spectrum: Option<SpectrumRequest>,
     /// Survival until the first loss of contact, up to this time.
     pub first_loss: Option<f64>,
+    /// Survival until the first passage of a level of q.
+    pub first_passage: Option<PassageRequest>,
     /// Losses of contact in a window of this length: in the unit of time, and without one in seconds with a rig, else in
     /// dimensionless time.
     pub crossings: Option<f64>,
@@ -119,6 +122,7 @@ impl Outputs {
             decay_rates: 0,
             spectrum: None,
             first_loss: None,
+            first_passage: None,
             crossings: None,
             reach: None,
             time_unit: None,
@@ -138,6 +142,10 @@ impl Outputs {
             ),
             ("outputs.spectrum", self.spectrum.map(|it| until(it.until))),
             ("outputs.first_loss", self.first_loss.map(until)),
+            (
+                "outputs.first_passage",
+                self.first_passage.map(|it| until(it.until)),
+            ),
             (
                 "outputs.crossings",
                 self.crossings
@@ -293,6 +301,17 @@ impl ResponseRequest {
     }
 }
 
+/// A first passage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassageRequest {
+    /// The level of q.
+    pub level: f64,
+    /// Below it, above it, or either of it and its negative.
+    pub side: Side,
+    /// Up to this time.
+    pub until: f64,
+}
+
 /// The ensemble of paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MonteCarlo {
@@ -407,7 +426,9 @@ impl Scene {
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
         let outputs = &self.outputs;
-        let others = outputs.first_loss.is_some() || outputs.spectrum.is_some();
+        let others = outputs.first_loss.is_some()
+            || outputs.first_passage.is_some()
+            || outputs.spectrum.is_some();
         let stationary = outputs.moments_at.is_empty() && (outputs.stationary || !others);
         it.is_some_and(|it| asked(it) || stationary)
     }
@@ -435,6 +456,9 @@ impl Scene {
         it.excitation.envelope = envelope.map(|it| it.retimed(|t| clock.dimensionless(t)));
         let sampling = it.monte_carlo.as_mut();
         let sampling = sampling.map(|it| [&mut it.step, &mut it.duration]);
+        if let Some(passage) = &mut outputs.first_passage {
+            passage.until = clock.dimensionless(passage.until);
+        }
         let times = [&mut outputs.first_loss, &mut it.method.step];
         for time in times.into_iter().chain(sampling.into_iter().flatten()) {
             *time = time.map(|time| clock.dimensionless(time));
@@ -522,6 +546,7 @@ impl Scene {
         self.check_initial()?;
         self.check_outputs()?;
         self.check_excitation()?;
+        self.check_damping()?;
         self.check_monte_carlo()?;
         self.check_accuracy()
     }
@@ -570,7 +595,8 @@ impl Scene {
         };
         if asked == Outputs::nothing() && self.monte_carlo.is_none() {
             let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum, first_loss, crossings, reach, periodic or response";
+                            decay_rates, spectrum, first_loss, first_passage, crossings, reach, \
+                            periodic or response";
             return Err(Error::invalid("outputs", "nothing", accepted));
         }
         if outputs.time_unit == Some(TimeUnit::Second) && self.rig.is_none() {
@@ -620,6 +646,9 @@ impl Scene {
         if let Some(until) = outputs.first_loss {
             self.check_first_loss(until)?;
         }
+        if let Some(passage) = outputs.first_passage {
+            self.check_first_passage(passage)?;
+        }
         if let Some(window) = outputs.crossings {
             self.check_lost("crossings", "window", window)?;
         }
@@ -658,15 +687,79 @@ impl Scene {
         Ok(())
     }
 
+    /// Refuses what rests on exp(-H/T)/Z where that is not the stationary law.
+    fn check_damping(&self) -> Result<()> {
+        if self.oscillator.is_viscous() {
+            return Ok(());
+        }
+        let outputs = &self.outputs;
+        let drawn = self.initial == Initial::Stationary && self.wants_paths();
+        for (key, asked, instead) in [
+            (
+                "outputs.spectrum",
+                outputs.spectrum.is_some(),
+                "outputs.stationary or moments_at",
+            ),
+            (
+                "outputs.reach",
+                outputs.reach.is_some(),
+                "moments_at, and outputs.stationary for the value that is reached",
+            ),
+            (
+                "excitation",
+                !self.excitation.is_plain(),
+                "\"viscous\" damping under a drive or an envelope",
+            ),
+            (
+                "initial.kind = \"stationary\" for a first passage",
+                self.initial == Initial::Stationary
+                    && (outputs.first_loss.is_some() || outputs.first_passage.is_some()),
+                "a \"gaussian\" one",
+            ),
+            (
+                "initial.kind = \"stationary\" for the paths of [monte_carlo]",
+                drawn,
+                "a \"gaussian\" one",
+            ),
+        ] {
+            if asked {
+                let damping = self.oscillator.damping().name();
+                let key = format!("{key} with oscillator.damping = \"{damping}\"");
+                return Err(Error::not_available(key, instead));
+            }
+        }
+        Ok(())
+    }
+
     fn check_first_loss(&self, until: f64) -> Result<()> {
         self.check_lost("first_loss", "until", until)?;
+        self.check_white("outputs.first_loss")
+    }
+
+    /// Refuses paths of a first passage under noise whose past counts.
+    fn check_white(&self, output: &str) -> Result<()> {
         let sampled = self.monte_carlo.as_ref();
         if sampled.is_some_and(|it| it.noise != Noise::White) {
-            let accepted = "\"white\", with outputs.first_loss";
+            let accepted = format!("\"white\", with {output}");
             let key = "monte_carlo.noise";
             return Err(Error::invalid(key, "a sum of cosines", accepted));
         }
         Ok(())
+    }
+
+    fn check_first_passage(&self, it: PassageRequest) -> Result<()> {
+        finite("outputs.first_passage.level", it.level)?;
+        let key = "outputs.first_passage.until";
+        positive(key, it.until)?;
+        if it.until > Times::LATEST {
+            let accepted = format!("a time up to {:e}", Times::LATEST);
+            return Err(Error::invalid(key, num(it.until), accepted));
+        }
+        if !self.oscillator.contact().is_confining() {
+            let value = format!("{{ level = {} }}", num(it.level));
+            return Err(self.no_law("outputs.first_passage", &value));
+        }
+        self.check_white("outputs.first_passage")
     }
 
     /// An output about losses of contact, with a time under `key`.
@@ -919,6 +1012,7 @@ impl Scene {
             "title": self.title,
             "oscillator": {
                 "contact": self.oscillator.contact().tree(),
+                "damping": self.oscillator.damping().name(),
                 "zeta": self.oscillator.zeta(),
                 level.0: level.1,
             },
@@ -934,6 +1028,9 @@ impl Scene {
                 "decay_rates": outputs.decay_rates,
                 "spectrum": spectrum,
                 "first_loss": outputs.first_loss.map(|until| json!({ "until": until })),
+                "first_passage": outputs.first_passage.map(|it| {
+                    json!({ "level": it.level, "side": it.side.name(), "until": it.until })
+                }),
                 "crossings": outputs.crossings.map(|window| json!({ "window": window })),
                 "reach": outputs.reach.map(|it| json!({ "quantity": it.quantity.name(), "fraction": it.fraction })),
                 "time_unit": outputs.time_unit.map(TimeUnit::name),
@@ -1061,6 +1158,13 @@ fn name_of<T: PartialEq>(names: &[(&'static str, T)], value: Option<T>) -> Value
     name.parse::<u64>()
         .map_or(json!(name), |order| json!(order))
 }
+
+/// The damping laws a scene file can name.
+const DAMPINGS: &[(&str, Damping)] = &[
+    ("viscous", Damping::Viscous),
+    ("contact", Damping::Contact),
+    ("hunt_crossley", Damping::HuntCrossley),
+];
 
 #[cfg(test)]
 mod tests {

@@ -47,8 +47,8 @@ fn floor(module: &str) -> usize {
     match module {
         "budget" | "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "format"
         | "matrix" | "roots" => 0,
-        "clock" | "contact" | "oscillator" | "rig" | "initial" | "moments" | "gaussian"
-        | "scales" | "excitation" | "noise_free" => 1,
+        "clock" | "contact" | "damping" | "oscillator" | "rig" | "initial" | "moments"
+        | "gaussian" | "scales" | "excitation" | "noise_free" => 1,
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,
         "report" => 4,

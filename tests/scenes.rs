@@ -1465,6 +1465,34 @@ const BAD: &[(&str, &str)] = &[
         "first loss under cosines",
         "@[outputs]\nfirst_loss = { until = 20 }\n[monte_carlo]\nnoise = { cosines = 400, band = 8.0 }",
     ),
+    (
+        "damping misspelt",
+        "[oscillator]\ndamping = \"hunt\"\nzeta = 0.005\nh = 2e-3",
+    ),
+    (
+        "damping in contact that never is",
+        "[oscillator]\ncontact = \"free\"\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nmoments_at = [1]",
+    ),
+    (
+        "spectrum under damping in contact",
+        "[oscillator]\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nspectrum = { until = 4 }",
+    ),
+    (
+        "passage without side",
+        "@[outputs]\nfirst_passage = { level = 3, until = 20 }",
+    ),
+    (
+        "passage of no level",
+        "@[outputs]\nfirst_passage = { side = \"above\", until = 20 }",
+    ),
+    (
+        "passage on the wrong side",
+        "@[outputs]\nfirst_passage = { level = -1, side = \"above\", until = 20 }",
+    ),
+    (
+        "passage without end",
+        "@[outputs]\nfirst_passage = { level = 1, side = \"either\", until = 1e12 }",
+    ),
     ("crossings by number", "@[outputs]\ncrossings = 20"),
     ("crossings without window", "@[outputs]\ncrossings = {}"),
     ("no window", "@[outputs]\ncrossings = { window = 0 }"),
@@ -1743,7 +1771,10 @@ fn value() -> impl Strategy<Value = String> {
 }
 
 const SECTIONS: &[(&str, &[&str])] = &[
-    ("oscillator", &["contact", "zeta", "h", "force_psd"]),
+    (
+        "oscillator",
+        &["contact", "damping", "zeta", "h", "force_psd"],
+    ),
     ("rig", &["static_load", "frequency", "static_compression"]),
     ("initial", &["kind", "mean", "deviation"]),
     (
@@ -1756,6 +1787,7 @@ const SECTIONS: &[(&str, &[&str])] = &[
             "decay_rates",
             "spectrum",
             "first_loss",
+            "first_passage",
             "crossings",
         ],
     ),

@@ -186,6 +186,25 @@ impl Density {
             .fold(f64::INFINITY, f64::min)
     }
 
+    /// L1 distance to another density on this mesh, on the cells that hold unknowns.
+    pub(crate) fn distance_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
+        let nv = self.mesh.v.len();
+        self.sum_active(columns, |i, j, p| (p - law.cells[i * nv + j]).abs())
+    }
+
+    /// Relative entropy to another density on this mesh, over the cells where both are positive.
+    pub(crate) fn entropy_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
+        let nv = self.mesh.v.len();
+        self.sum_active(columns, |i, j, p| {
+            let law = law.cells[i * nv + j];
+            if p > 0.0 && law > 0.0 {
+                p * (p / law).ln()
+            } else {
+                0.0
+            }
+        })
+    }
+
     /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
     pub(crate) fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
         self.sum_active(columns, |i, j, p| (p - weights.at(i, j)).abs())

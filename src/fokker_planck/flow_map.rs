@@ -180,6 +180,9 @@ pub struct FlowMap {
     contact: ContactLaw,
     zeta: f64,
     temperature: f64,
+    /// Rows of equal friction and their rate c, where it depends on the displacement, and pi h.
+    frictions: Vec<(Range<usize>, f64)>,
+    noise: f64,
     /// Whether g is taken against a stationary law, or against area.
     stationary: bool,
     /// What there is beside stationary noise, and 1/T of the law that g is then taken against (0: area).
@@ -195,11 +198,11 @@ pub struct FlowMap {
     /// Number of active cells in the rows before.
     offsets: Vec<usize>,
     /// Values to coefficients along v, without noise.
-    open: Matrix,
+    open: Vec<(Range<usize>, Matrix)>,
     /// Flow maps by their time.
     maps: Vec<(f64, Map)>,
-    /// Matrices by what they do.
-    matrices: Vec<(Noise, Matrix)>,
+    /// Matrices by what they do, each for some rows.
+    matrices: Vec<(Noise, Vec<(Range<usize>, Matrix)>)>,
     schedule: Schedule,
     progress: Progress,
     buffers: Buffers,
@@ -291,11 +294,13 @@ impl FlowMap {
             offsets.push(offsets[offsets.len() - 1] + range.len());
         }
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
-        let open = Matrix::new(nv, stride, None);
+        let open = vec![(0..nq, Matrix::new(nv, stride, None))];
         Ok(Self {
             contact,
             zeta: oscillator.zeta(),
             temperature,
+            frictions: frictions(oscillator, mesh)?,
+            noise: oscillator.noise(),
             stationary,
             forcing: forcing.map(|it| (it, beta)),
             now: 0.0,
@@ -496,7 +501,12 @@ impl FlowMap {
                 list.len() - 1
             })
         };
-        let lead = splitting::lead(&nodes, &weights, steps, self.zeta * tau);
+        // A rate that changes from place to place has no single lead.
+        let lead = if self.frictions.is_empty() {
+            splitting::lead(&nodes, &weights, steps, self.zeta * tau)
+        } else {
+            0.0
+        };
         let pace = tau * (1.0 + lead);
         let nudges = self.nudges(&nodes, (steps, tau), lead);
         let mut before = 0.0;
@@ -520,23 +530,9 @@ impl FlowMap {
             parts,
             last,
         };
-        let (n, stride) = (self.mesh.v.len(), self.buffers.stride);
         for noise in &noises[self.matrices.len()..] {
-            let average = match &self.forcing {
-                None => ornstein_uhlenbeck::average(
-                    &self.mesh.v,
-                    2.0 * self.zeta * noise.duration,
-                    self.temperature,
-                    self.stationary,
-                ),
-                Some((forcing, beta)) => {
-                    let nudge = (noise.lead, noise.nudge);
-                    let kick = forcing.kick(noise.at, noise.duration, nudge, *beta);
-                    kick.average(&self.mesh.v, self.stationary)
-                }
-            };
-            self.matrices
-                .push((*noise, Matrix::new(n, stride, Some(&average))));
+            let matrices = self.averages(noise, late)?;
+            self.matrices.push((*noise, matrices));
         }
         let times = &motions[self.maps.len()..];
         if !times.is_empty() {
@@ -568,6 +564,38 @@ impl FlowMap {
         nudges[n - 1] += last * at_end[0];
         nudges[n - 2] += last * at_end[1];
         nudges
+    }
+
+    /// Friction with noise over a time, for all rows at once or for those of equal friction.
+    fn averages(
+        &self,
+        what: &Noise,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Vec<(Range<usize>, Matrix)>> {
+        let ([nq, n], stride) = (self.mesh.cells(), self.buffers.stride);
+        let (axis, temperature) = (&self.mesh.v, self.temperature);
+        let time = what.duration;
+        if let Some((forcing, beta)) = &self.forcing {
+            let kick = forcing.kick(what.at, time, (what.lead, what.nudge), *beta);
+            let average = kick.average(axis, self.stationary);
+            return Ok(vec![(0..nq, Matrix::new(n, stride, Some(&average)))]);
+        }
+        if self.frictions.is_empty() {
+            let friction = 2.0 * self.zeta * time;
+            let average = ornstein_uhlenbeck::average(axis, friction, temperature, self.stationary);
+            return Ok(vec![(0..nq, Matrix::new(n, stride, Some(&average)))]);
+        }
+        let noise = 2.0 * self.noise * time;
+        let one = |(rows, rate): &(Range<usize>, f64)| {
+            late()?;
+            let average = ornstein_uhlenbeck::average_at(axis, rate * time, noise, temperature);
+            Ok((rows.clone(), Matrix::new(n, stride, Some(&average))))
+        };
+        if rayon::current_num_threads() > 1 {
+            self.frictions.par_iter().map(one).collect()
+        } else {
+            self.frictions.iter().map(one).collect()
+        }
     }
 
     /// The flow maps of several times.
@@ -758,6 +786,25 @@ impl<'a> Coordinate<'a> {
             Self::Mapped(axis) => axis.locate(x) - 0.5,
         }
     }
+}
+
+/// Rows of equal friction, with their rate; none where it is the same everywhere.
+fn frictions(oscillator: &Oscillator, mesh: &Mesh) -> Result<Vec<(Range<usize>, f64)>> {
+    if oscillator.is_viscous() {
+        return Ok(Vec::new());
+    }
+    oscillator
+        .damping()
+        .depends_on_displacement("the flow map")?;
+    let mut all: Vec<(Range<usize>, f64)> = Vec::new();
+    for (i, q) in mesh.q.centres().iter().enumerate() {
+        let rate = oscillator.friction(*q);
+        match all.last_mut() {
+            Some((rows, last)) if *last == rate => rows.end = i + 1,
+            _ => all.push((i..i + 1, rate)),
+        }
+    }
+    Ok(all)
 }
 
 /// Per q row the cells on orbits that stay within the outermost centres; at least the two slowest.

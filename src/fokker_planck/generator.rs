@@ -24,6 +24,7 @@
 
 mod apply;
 mod assembly;
+mod friction;
 
 use super::difference::central;
 use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
@@ -58,8 +59,11 @@ pub struct Generator {
     tilt: Vec<f64>,
     /// Cells of the rim, in order, with a neighbour and their exchange coefficient: each pair twice.
     relaxed: Vec<(usize, usize, f64)>,
-    /// Cells at an open edge with the rate of g that balances their missing neighbours.
+    /// Cells at an open edge with the rate of g that balances their missing neighbours; all cells where a friction that
+    /// depends on the state gathers or spreads.
     open: Vec<(usize, f64)>,
+    /// Whether it does.
+    gathers: bool,
     /// Cells at an open edge with the rate at which g leaves through it.
     leaving: Vec<(usize, f64)>,
 }
@@ -130,12 +134,16 @@ impl Generator {
             tilt,
             relaxed: Vec::new(),
             open: Vec::new(),
+            gathers: false,
             leaving: Vec::new(),
         };
         match measure {
             Measure::Liouville => it.open_edges(),
             Measure::Gibbs(_) if drift != Drift::Upwind => it.relax_rim(),
             Measure::Gibbs(_) => {}
+        }
+        if !oscillator.is_viscous() {
+            it.add_friction(oscillator);
         }
         Ok(it)
     }
@@ -179,9 +187,9 @@ impl Generator {
         &self.tilt
     }
 
-    /// Whether no probability leaves: the weights are then the stationary law.
+    /// Whether no probability leaves.
     pub(crate) fn is_closed(&self) -> bool {
-        self.open.is_empty() && self.leaving.is_empty()
+        (self.open.is_empty() || self.gathers) && self.leaving.is_empty()
     }
 
     /// `cells = w g` where there are unknowns; the others are left alone.
@@ -284,6 +292,11 @@ impl Generator {
             for &(cell, rate_of_g) in &self.leaving {
                 rate[cell] += rate_of_g * g[cell];
             }
+            if self.gathers {
+                for &(cell, rate_of_g) in &self.open {
+                    rate[cell] -= 0.5 * rate_of_g * g[cell];
+                }
+            }
         });
         let diffusion = radius(Kind::Symmetric, &|g, rate| {
             self.apply_diffusion(g, rate);
@@ -293,7 +306,10 @@ impl Generator {
             .leaving
             .iter()
             .map(|(cell, rate)| rate * self.inverse[*cell]);
-        (transport, diffusion + leaving.fold(0.0, f64::max))
+        let gathering = self.open.iter().filter(|_| self.gathers);
+        let gathering = gathering.map(|(cell, rate)| 0.5 * rate.abs() * self.inverse[*cell]);
+        let diagonal = leaving.chain(gathering).fold(0.0, f64::max);
+        (transport, diffusion + diagonal)
     }
 
     /// A bound on the spectral radius of the transport and of the friction and diffusion, each the

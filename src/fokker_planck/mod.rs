@@ -41,10 +41,12 @@ pub mod transient;
 
 pub use budget::Cost;
 pub use density::{Density, Snapshot};
-pub use eigen::{DecayRate, DecayRates, Steady, decay_rates, null_vector, steady};
-pub(crate) use eigen::{Eigenvalues, SteadyState};
+pub use eigen::{
+    DecayRate, DecayRates, SolvedLaw, Steady, decay_rates, null_vector, stationary_law, steady,
+};
+pub(crate) use eigen::{Eigenvalues, StationaryState, SteadyState};
 pub(crate) use first_passage::first_loss::FirstPassage;
-pub use first_passage::first_loss::{FirstLoss, first_loss};
+pub use first_passage::first_loss::{FirstLoss, first_loss, first_passage};
 pub use first_passage::flight::{Flight, FlightLaw, flight_law};
 pub use first_passage::impact::{ImpactLaw, impact_law};
 pub use flux::{Drift, MassFlux, Measure, maxwell};

@@ -30,12 +30,30 @@ const GAUSS: [(f64, f64); 5] = [
 /// values, row-major. `friction` is 2 zeta tau. With `stationary` g continues beyond the nodes as a constant and
 /// the rows are scaled to sum to 1; without, it is 0 there.
 pub(crate) fn average(axis: &Axis, friction: f64, temperature: f64, stationary: bool) -> Vec<f64> {
-    let n = axis.len();
-    let width = n + 2 * MARGIN;
-    let spline = Spline::new();
     let a = (-friction).exp();
     let variance = -temperature * (-2.0 * friction).exp_m1();
     let beta = if stationary { 1.0 / temperature } else { 0.0 };
+    averaged(axis, [a, variance, beta], stationary, stationary)
+}
+
+/// The same for a rate of its own, `friction` = c tau, and the variance that noise alone adds, `noise` = 2 pi h tau, while
+/// g stays the ratio to the Gaussian of variance `temperature`: g = 1 does not stay. In free flight c = 0.
+pub(crate) fn average_at(axis: &Axis, friction: f64, noise: f64, temperature: f64) -> Vec<f64> {
+    let share = if friction > 1e-300 {
+        -(-2.0 * friction).exp_m1() / (2.0 * friction)
+    } else {
+        1.0
+    };
+    let step = [(-friction).exp(), noise * share, 1.0 / temperature];
+    averaged(axis, step, true, false)
+}
+
+/// The average with decay a and variance s^2, of a ratio to e^{-beta v^2/2}; `constant` beyond the nodes or 0, rows
+/// scaled to sum 1 if `kept`.
+fn averaged(axis: &Axis, [a, variance, beta]: [f64; 3], constant: bool, kept: bool) -> Vec<f64> {
+    let n = axis.len();
+    let width = n + 2 * MARGIN;
+    let spline = Spline::new();
     let spread = 1.0 / (a * a / variance + beta);
     let deviation = spread.sqrt();
     let mut matrix = vec![0.0; n * width];
@@ -48,7 +66,7 @@ pub(crate) fn average(axis: &Axis, friction: f64, temperature: f64, stationary: 
         let v = axis.centres()[j];
         let mean = spread * a * v / variance;
         let exponent = 1.0 / variance - beta - a * a * spread / (variance * variance);
-        let scale = if stationary {
+        let scale = if kept {
             1.0
         } else {
             (deviation / variance.sqrt()) * (-0.5 * exponent * v * v).exp()
@@ -58,11 +76,11 @@ pub(crate) fn average(axis: &Axis, friction: f64, temperature: f64, stationary: 
             spline: &spline,
             mean,
             deviation,
-            clamped: stationary,
+            clamped: constant,
             row,
         });
         let sum: f64 = row.iter().sum();
-        let scale = if stationary { 1.0 / sum } else { scale };
+        let scale = if kept { 1.0 / sum } else { scale };
         for x in row {
             *x *= scale;
         }

@@ -12,7 +12,7 @@ const NOT_NUMBERS: [&str; 3] = ["scene", "run", "method"];
 
 /// Where a section has its curves, and what each runs over: a grid that the program chose. The moments of a transient
 /// stand at times that the scene names, eigenvalues and peaks are few: these are numbers.
-const CURVES: [(&str, &str, &[&str]); 5] = [
+const CURVES: [(&str, &str, &[&str]); 7] = [
     (
         "spectrum",
         "omega",
@@ -25,6 +25,8 @@ const CURVES: [(&str, &str, &[&str]); 5] = [
     ),
     ("first_loss", "t", &["survival", "density"]),
     ("monte_carlo.first_loss", "t", &["survival", "density"]),
+    ("first_passage", "t", &["survival", "density"]),
+    ("monte_carlo.first_passage", "t", &["survival", "density"]),
     ("crossings", "flight_time", &["flight_density"]),
     ("monte_carlo.crossings", "flight_time", &["flight_density"]),
 ];

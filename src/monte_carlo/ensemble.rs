@@ -222,7 +222,7 @@ impl Ensemble {
             intervals: &intervals,
             progress,
         };
-        let (frames, sums) = law::dispatch(oscillator.contact(), run);
+        let (frames, sums) = law::dispatch(oscillator, run);
         progress.finish()?;
         let moments: Vec<Moments> = frames
             .iter()
@@ -457,7 +457,7 @@ mod tests {
                 intervals: &[interval],
                 progress: &Progress::new(1, Sampling::default().limits(), &|_| ()),
             };
-            law::dispatch(it.contact(), States(run))
+            law::dispatch(&it, States(run))
         };
         assert_eq!(states(10), states(1000)[..10]);
     }

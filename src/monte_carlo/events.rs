@@ -131,6 +131,13 @@ pub(super) trait Watch {
     /// Lane, whether contact was lost (or regained), when, and |v| there.
     fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64);
 
+    /// Whether it follows every lane from substep to substep.
+    const FOLLOWS: bool = false;
+
+    /// Lane, when a substep began and how long it was, and (q, v) at both ends.
+    #[inline(always)]
+    fn moved(&mut self, _lane: usize, _time: f64, _step: f64, _ends: [[f64; 2]; 2]) {}
+
     /// Whether the time of the work is over; asked every [`PATIENCE`] steps.
     fn late(&self) -> bool {
         false
@@ -146,6 +153,13 @@ impl<W: Watch> Watch for &mut W {
     #[inline(always)]
     fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64) {
         (**self).cross(lane, lost, time, speed);
+    }
+
+    const FOLLOWS: bool = W::FOLLOWS;
+
+    #[inline(always)]
+    fn moved(&mut self, lane: usize, time: f64, step: f64, ends: [[f64; 2]; 2]) {
+        (**self).moved(lane, time, step, ends);
     }
 
     fn late(&self) -> bool {

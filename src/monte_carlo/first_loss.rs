@@ -13,8 +13,12 @@ use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::initial::Initial;
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Oscillator, Side};
+use crate::roots::bisect;
 use rayon::prelude::*;
+
+/// Steps between two looks at whether all paths of a group have been lost.
+const PIECE: u64 = 64;
 
 /// More output times than a first passage has.
 const OUTPUTS: u64 = 1000;
@@ -61,12 +65,32 @@ pub fn first_loss(
     recipe.run((oscillator, initial), times, settings.limits(), progress)
 }
 
+/// When a level of q is first passed: below, above, or either of it and its negative, otherwise as [`first_loss`].
+/// Between steps a path is the cubic through both ends.
+///
+/// # Errors
+/// As [`first_loss`]; [`Error::NotAvailable`] for a stationary start where damping is not viscous.
+pub fn first_passage(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    (level, side): (f64, Side),
+    times: &[f64],
+    settings: &Sampling,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<FirstLossResult> {
+    let until = times.last().copied().unwrap_or(0.0);
+    let recipe = FirstLosses::of_level(oscillator, initial, (level, side, until), settings)?;
+    recipe.run((oscillator, initial), times, settings.limits(), progress)
+}
+
 /// How first losses will be drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FirstLosses {
     pub(crate) walk: Walk,
     pub(crate) paths: u64,
-    loss: f64,
+    /// Where paths survive, and whether it ends at the loss of contact.
+    range: [f64; 2],
+    level: bool,
     /// What the step may cost, relative to a variance.
     bias: f64,
     /// What they will take.
@@ -91,14 +115,56 @@ impl FirstLosses {
             let name = contact.name();
             return Err(Error::invalid("oscillator.contact", name, accepted));
         };
-        walk::check_ensemble(settings.paths, &[until], "outputs.first_loss")?;
+        let range = [loss, f64::INFINITY];
+        Self::out_of((range, false), oscillator, initial, until, settings)
+    }
+
+    /// The recipe of first passages of a level up to the time `until`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not locate
+    /// crossings.
+    pub(crate) fn of_level(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        (level, side, until): (f64, Side, f64),
+        settings: &Sampling,
+    ) -> Result<Self> {
+        let range = match side {
+            Side::Below => [level, f64::INFINITY],
+            Side::Above => [f64::NEG_INFINITY, level],
+            Side::Either => [-level, level],
+        };
+        Self::out_of((range, true), oscillator, initial, until, settings)
+    }
+
+    fn out_of(
+        (range, level): ([f64; 2], bool),
+        oscillator: &Oscillator,
+        initial: &Initial,
+        until: f64,
+        settings: &Sampling,
+    ) -> Result<Self> {
+        if *initial == Initial::Stationary && !oscillator.is_viscous() {
+            return Err(Error::not_available(
+                "a first passage from the stationary law of a damping that is not viscous",
+                "a \"gaussian\" initial condition",
+            ));
+        }
+        let key = if level {
+            "outputs.first_passage"
+        } else {
+            "outputs.first_loss"
+        };
+        walk::check_ensemble(settings.paths, &[until], key)?;
         let mut walk = Walk::locating(oscillator, initial, settings)?;
         let (steps, step) = walk::equal_steps(until, walk.step)?;
         walk.step = step;
         let threads = rayon::current_num_threads() as u64;
         Ok(Self {
             paths: settings.paths,
-            loss,
+            range,
+            level,
             bias: walk.bias_on_the_way(oscillator, initial, until),
             cost: Cost {
                 steps,
@@ -131,7 +197,8 @@ impl FirstLosses {
         let (steps, step) = walk::equal_steps(end, self.walk.step)?;
         let progress = &Progress::new(self.paths, limits, progress);
         let run = Survive {
-            paths: Paths::new(oscillator, initial, &self.walk)?.given_above(self.loss),
+            paths: Paths::new(oscillator, initial, &self.walk)?.given_within(self.range),
+            range: self.level.then_some(self.range),
             count: self.paths,
             times,
             end,
@@ -140,7 +207,7 @@ impl FirstLosses {
             coefficients: self.walk.coefficients(oscillator, step),
             progress,
         };
-        let sums = law::dispatch(oscillator.contact(), &run);
+        let sums = law::dispatch(oscillator, &run);
         progress.finish()?;
         let n = self.paths as f64;
         let (mut gone, mut start) = (0.0, 0.0);
@@ -159,11 +226,16 @@ impl FirstLosses {
         let mean = sums.time / n;
         let variance = (sums.time_square / n - mean * mean).max(0.0);
         let names = || {
+            let stage = if self.level {
+                "first_passage_paths"
+            } else {
+                "first_loss_paths"
+            };
             let at = |t: &f64| {
-                ["survival", "density"].map(|name| name_at(&format!("first_loss_paths.{name}"), *t))
+                ["survival", "density"].map(|name| name_at(&format!("{stage}.{name}"), *t))
             };
             let mut names: Vec<String> = times.iter().flat_map(at).collect();
-            names.push("first_loss_paths.mean_time".into());
+            names.push(format!("{stage}.mean_time"));
             names
         };
         Ok(FirstLossResult {
@@ -182,6 +254,8 @@ impl FirstLosses {
 /// The ensemble, to be run once the contact law is known.
 struct Survive<'a> {
     paths: Paths,
+    /// Levels other than the loss of contact.
+    range: Option<[f64; 2]>,
     count: u64,
     times: &'a [f64],
     end: f64,
@@ -237,6 +311,62 @@ impl Watch for First {
     }
 }
 
+/// Notes when each lane first leaves a range.
+struct Out {
+    first: [f64; LANES],
+    range: [f64; 2],
+}
+
+impl Watch for Out {
+    const LISTENS: bool = false;
+    const FOLLOWS: bool = true;
+
+    fn cross(&mut self, _: usize, _: bool, _: f64, _: f64) {}
+
+    #[inline(always)]
+    fn moved(&mut self, lane: usize, time: f64, step: f64, ends: [[f64; 2]; 2]) {
+        // Far from either level a substep cannot reach it: the fastest end and the preload bound how far it goes.
+        let [[q0, v0], [q1, v1]] = ends;
+        let reach = step * (v0.abs().max(v1.abs()) + step);
+        let far = |q: f64| q - reach > self.range[0] && q + reach < self.range[1];
+        if !(far(q0) && far(q1)) {
+            let passed = [(self.range[0], 1.0), (self.range[1], -1.0)]
+                .into_iter()
+                .filter(|(level, _)| level.is_finite())
+                .filter_map(|(level, sign)| {
+                    let beyond = ends.map(|[q, v]| [sign * (q - level), sign * v]);
+                    passage(beyond, step)
+                })
+                .fold(f64::INFINITY, f64::min);
+            self.first[lane] = self.first[lane].min(time + passed);
+        }
+    }
+}
+
+/// When the cubic with these values and slopes at the ends of a step first falls below 0, if it does: at an end of the
+/// step, or between where it turns.
+fn passage([[x0, v0], [x1, v1]]: [[f64; 2]; 2], step: f64) -> Option<f64> {
+    if x0 < 0.0 {
+        return Some(0.0);
+    }
+    let (c, d) = (v0 * step, v1 * step);
+    let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
+    let value = |s: f64| x0 + s * (c + s * (a2 + s * a3));
+    let slope = |s: f64| c + s * (2.0 * a2 + 3.0 * s * a3);
+    let end = if x1 < 0.0 {
+        1.0
+    } else if c < 0.0 && d > 0.0 {
+        let lowest = bisect(0.0, 1.0, |s| slope(s) >= 0.0);
+        if value(lowest) >= 0.0 {
+            return None;
+        }
+        lowest
+    } else {
+        return None;
+    };
+    Some(step * bisect(0.0, end, |s| value(s) < 0.0))
+}
+
 impl WithLaw for &Survive<'_> {
     type Output = LossSums;
 
@@ -282,6 +412,33 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
     fn with_simd<S: pulp::Simd>(self, _: S) -> [f64; LANES] {
         let Self { law, run, first } = self;
         let mut group = run.paths.group(first);
+        if let Some(range) = run.range {
+            let mut out = Timed {
+                watch: Out {
+                    first: [f64::INFINITY; LANES],
+                    range,
+                },
+                progress: run.progress,
+            };
+            for lane in 0..LANES {
+                let q = group.q[lane];
+                if q < range[0] || q > range[1] {
+                    out.watch.first[lane] = 0.0;
+                }
+            }
+            let mut done = 0;
+            while done < run.steps && out.watch.first.iter().any(|time| time.is_infinite()) {
+                if out.late() {
+                    break;
+                }
+                let steps = PIECE.min(run.steps - done);
+                let now = done as f64 * run.step;
+                let coefficients = &run.coefficients;
+                coefficients.advance(law, &mut group, steps, now, &mut out);
+                done += steps;
+            }
+            return out.watch.first;
+        }
         let mut first = Timed {
             watch: First([f64::INFINITY; LANES]),
             progress: run.progress,
@@ -292,12 +449,12 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
             }
         }
         // In pieces, so that a group whose paths have all been lost can stop.
-        let (mut done, piece) = (0, 64);
+        let mut done = 0;
         while done < run.steps && first.watch.0.iter().any(|time| time.is_infinite()) {
             if first.late() {
                 break;
             }
-            let steps = piece.min(run.steps - done);
+            let steps = PIECE.min(run.steps - done);
             let now = done as f64 * run.step;
             let coefficients = &run.coefficients;
             coefficients.advance(law, &mut group, steps, now, &mut first);

@@ -91,6 +91,13 @@ impl Flow {
                     }
                 }
             }
+            if W::FOLLOWS {
+                let now = now + f64::from(k) * self.substep;
+                for lane in 0..LANES {
+                    let ends = [[q0[lane], v0[lane]], [q[lane], v[lane]]];
+                    watch.moved(lane, now, self.substep, ends);
+                }
+            }
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The contact laws as the hot loop wants them: known at compile time and without branches.
 
 use crate::contact::{ContactLaw, Restoring};
+use crate::damping::Damping;
+use crate::oscillator::Oscillator;
 
 /// Force and potential of one contact law, inlined.
 pub(super) trait Law: Copy + Send + Sync {
@@ -27,6 +29,80 @@ pub(super) trait Law: Copy + Send + Sync {
         } else {
             q < self.loss()
         }
+    }
+    /// Whether friction is the same everywhere.
+    const VISCOUS: bool = true;
+    /// c/(2 zeta) at a displacement.
+    #[inline(always)]
+    fn friction(self, _q: f64) -> f64 {
+        1.0
+    }
+}
+
+/// A contact law with a damping law that is not viscous.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Damped<'a, L> {
+    law: L,
+    contact: &'a ContactLaw,
+    damping: &'a Damping,
+}
+
+impl<L: Law> Law for Damped<'_, L> {
+    const VISCOUS: bool = false;
+
+    #[inline(always)]
+    fn force(self, q: f64) -> f64 {
+        self.law.force(q)
+    }
+
+    #[inline(always)]
+    fn force_and_stiffness(self, q: f64) -> (f64, f64) {
+        self.law.force_and_stiffness(q)
+    }
+
+    #[inline(always)]
+    fn loss(self) -> f64 {
+        self.law.loss()
+    }
+
+    const WALLED: bool = L::WALLED;
+
+    #[inline(always)]
+    fn back(self) -> f64 {
+        self.law.back()
+    }
+
+    #[inline(always)]
+    fn potential(self, q: f64) -> f64 {
+        self.law.potential(q)
+    }
+
+    #[inline(always)]
+    fn friction(self, q: f64) -> f64 {
+        match self.damping {
+            Damping::Contact => f64::from(u8::from(!self.law.is_lost(q))),
+            Damping::HuntCrossley => (1.0 + self.law.force(q)).abs(),
+            other => other.factor(self.contact, q, 0.0),
+        }
+    }
+}
+
+/// Adds the damping law to the contact law.
+struct WithDamping<'a, W> {
+    what: W,
+    oscillator: &'a Oscillator,
+}
+
+impl<W: WithLaw> WithLaw for WithDamping<'_, W> {
+    type Output = W::Output;
+
+    fn with<L: Law>(self, law: L) -> W::Output {
+        let (contact, damping) = (self.oscillator.contact(), self.oscillator.damping());
+        self.what.with(Damped {
+            law,
+            contact,
+            damping,
+        })
     }
 }
 
@@ -199,8 +275,18 @@ pub(super) trait WithLaw {
     fn with<L: Law>(self, law: L) -> Self::Output;
 }
 
-/// Chooses the code of `contact`, once and outside every loop.
-pub(super) fn dispatch<W: WithLaw>(contact: &ContactLaw, what: W) -> W::Output {
+/// Chooses the code of contact and damping, once and outside every loop.
+pub(super) fn dispatch<W: WithLaw>(oscillator: &Oscillator, what: W) -> W::Output {
+    let contact = oscillator.contact();
+    if oscillator.is_viscous() {
+        by_contact(contact, what)
+    } else {
+        by_contact(contact, WithDamping { what, oscillator })
+    }
+}
+
+/// Chooses the code of `contact`.
+fn by_contact<W: WithLaw>(contact: &ContactLaw, what: W) -> W::Output {
     match contact {
         ContactLaw::Hertz => what.with(Hertz),
         ContactLaw::Bilinear => what.with(Bilinear),
@@ -240,7 +326,7 @@ mod tests {
             ContactLaw::Linear,
             ContactLaw::Free,
         ] {
-            let worst = dispatch(&contact, Compare(&contact));
+            let worst = by_contact(&contact, Compare(&contact));
             println!(
                 "{}: potentials differ by {worst:.1e} of their value",
                 contact.name()

@@ -52,7 +52,7 @@ pub(crate) use ensemble::Ensemble;
 pub use ensemble::{EnsembleResult, run};
 pub use events::{Crossings, Impacts};
 pub(crate) use first_loss::FirstLosses;
-pub use first_loss::{FirstLossResult, first_loss};
+pub use first_loss::{FirstLossResult, first_loss, first_passage};
 pub use histogram::Histogram;
 pub(crate) use records::Records;
 pub use records::{RecordResult, records};

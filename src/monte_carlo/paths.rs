@@ -27,8 +27,8 @@ pub(super) struct Paths {
     step: f64,
     /// The scheme takes the excitation at t = 0 too.
     whole_steps: bool,
-    /// Starts below this are drawn again.
-    lowest: f64,
+    /// Starts below or above these are drawn again.
+    range: [f64; 2],
 }
 
 impl Paths {
@@ -46,13 +46,13 @@ impl Paths {
             level: oscillator.h(),
             step: walk.step,
             whole_steps: walk.scheme == Scheme::CentralDifference,
-            lowest: f64::NEG_INFINITY,
+            range: [f64::NEG_INFINITY, f64::INFINITY],
         })
     }
 
-    /// The same paths, a stationary start taken given that q is at least `lowest`.
-    pub(super) fn given_above(mut self, lowest: f64) -> Self {
-        self.lowest = lowest;
+    /// The same paths, a stationary start taken given that q lies within `range`.
+    pub(super) fn given_within(mut self, range: [f64; 2]) -> Self {
+        self.range = range;
         self
     }
 
@@ -99,7 +99,7 @@ impl Paths {
             }
             (_, Some(sampler)) => loop {
                 let (q, v) = sampler.sample_state(&mut rng);
-                if q >= self.lowest {
+                if q >= self.range[0] && q <= self.range[1] {
                     break (q, v);
                 }
             },

@@ -73,6 +73,13 @@ impl<W: Watch> Watch for Timed<'_, W> {
         self.watch.cross(lane, lost, time, speed);
     }
 
+    const FOLLOWS: bool = W::FOLLOWS;
+
+    #[inline(always)]
+    fn moved(&mut self, lane: usize, time: f64, step: f64, ends: [[f64; 2]; 2]) {
+        self.watch.moved(lane, time, step, ends);
+    }
+
     fn late(&self) -> bool {
         self.progress.late()
     }

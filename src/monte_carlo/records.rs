@@ -67,8 +67,12 @@ pub struct RecordResult {
     pub warnings: Vec<Warning>,
 }
 
+/// Relaxation times after which a start in the reference law of a damping that is not viscous is forgotten: e^-15.
+const FORGOTTEN: f64 = 15.0;
+
 /// Stationary statistics from records that start in the exact stationary law. With a sum of cosines,
-/// whose stationary law is not known, the first batch of each record is thrown away.
+/// whose stationary law is not known, the first batch of each record is thrown away; with a damping that is not viscous
+/// they start in the reference law, and as many batches are.
 ///
 /// `progress` is called, from any thread, with the fraction of the work done, 0 to 1.
 ///
@@ -135,12 +139,17 @@ impl Records {
             return Err(Error::invalid(key, format!("{value:?}"), accepted));
         }
         let threads = rayon::current_num_threads() as u64;
+        let burn_in = if !oscillator.is_viscous() {
+            (FORGOTTEN * memory / (samples * spacing)).ceil() as u64
+        } else {
+            u64::from(walk.noise != Noise::White)
+        };
         let mut it = Self {
             groups: groups as u64,
             batches: batches as u64,
             samples: samples as u64,
             steps: steps as u64,
-            burn_in: u64::from(walk.noise != Noise::White),
+            burn_in,
             batch_length: samples * spacing,
             // Sums of each of four histograms of every group, and counts by lane of those that run.
             cost: Cost {
@@ -183,7 +192,7 @@ impl Records {
         let work = self.groups * (self.batches + self.burn_in);
         let progress = &Progress::new(work, limits, progress);
         let run = Run::new(self, oscillator, progress)?;
-        let sums = law::dispatch(oscillator.contact(), &run);
+        let sums = law::dispatch(oscillator, &run);
         progress.finish()?;
         let effective_samples = sums.means.effective_samples();
         let share = run.burst.map(|burst| burst.share(self.batch_length));

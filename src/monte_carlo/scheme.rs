@@ -269,7 +269,7 @@ fn one<L: Law, K: Kernel, W: Watch>(
     watch: &mut W,
 ) {
     let (mut q0, mut v0) = ([0.0; LANES], [0.0; LANES]);
-    if W::LISTENS {
+    if W::LISTENS || W::FOLLOWS {
         (q0, v0) = (state.q, state.v);
     }
     for lane in 0..LANES {
@@ -299,6 +299,12 @@ fn one<L: Law, K: Kernel, W: Watch>(
                     watch.cross(lane, lost, now + after, speed);
                 }
             }
+        }
+    }
+    if W::FOLLOWS {
+        for lane in 0..LANES {
+            let ends = [[q0[lane], v0[lane]], [state.q[lane], state.v[lane]]];
+            watch.moved(lane, now, kernel.duration(), ends);
         }
     }
 }
@@ -365,10 +371,20 @@ impl Kernel for CentralDifference {
         (q, v, kick): (f64, f64, f64),
         excitation: f64,
     ) -> (f64, f64, f64) {
-        let middle = v - self.friction * v + kick; // (q+ - q)/step
+        let friction = if L::VISCOUS {
+            self.friction
+        } else {
+            self.friction * law.friction(q)
+        };
+        let middle = v - friction * v + kick; // (q+ - q)/step
         let q = q + self.step * middle;
         let kick = self.kick(law, q, excitation);
-        (q, (middle + kick) / (1.0 + self.friction), kick)
+        let friction = if L::VISCOUS {
+            self.friction
+        } else {
+            self.friction * law.friction(q)
+        };
+        (q, (middle + kick) / (1.0 + friction), kick)
     }
 
     /// Half a step of f, where a standard normal stands for spread.
@@ -384,12 +400,43 @@ fn ornstein_uhlenbeck(oscillator: &Oscillator, time: f64) -> (f64, f64) {
     (exponent.exp(), variance.sqrt())
 }
 
+/// The exact Ornstein-Uhlenbeck step of v where the rate depends on the displacement, which it leaves alone.
+#[derive(Debug, Clone, Copy)]
+struct Local {
+    /// 2 zeta times the time.
+    exponent: f64,
+    /// Variance that noise alone adds, 2 pi h times the time.
+    variance: f64,
+}
+
+impl Local {
+    fn new(oscillator: &Oscillator, time: f64) -> Self {
+        Self {
+            exponent: 2.0 * oscillator.zeta() * time,
+            variance: 2.0 * oscillator.noise() * time,
+        }
+    }
+
+    /// Decay and spread where c/(2 zeta) is `friction`; in free flight noise alone.
+    #[inline(always)]
+    fn at(self, friction: f64) -> (f64, f64) {
+        let x = friction * self.exponent;
+        let share = if x > 1e-300 {
+            -(-2.0 * x).exp_m1() / (2.0 * x)
+        } else {
+            1.0
+        };
+        ((-x).exp(), (self.variance * share).sqrt())
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Baoab {
     step: f64,
     half: f64,
     decay: f64,
     spread: f64,
+    local: Local,
 }
 
 impl Baoab {
@@ -400,6 +447,7 @@ impl Baoab {
             half: 0.5 * step,
             decay,
             spread,
+            local: Local::new(oscillator, step),
         }
     }
 }
@@ -419,7 +467,12 @@ impl Kernel for Baoab {
     fn step<L: Law>(self, law: L, (q, v, kick): (f64, f64, f64), normal: f64) -> (f64, f64, f64) {
         let v = v + kick; // B
         let q = q + self.half * v; // A
-        let v = self.decay * v + self.spread * normal; // O
+        let (decay, spread) = if L::VISCOUS {
+            (self.decay, self.spread)
+        } else {
+            self.local.at(law.friction(q))
+        };
+        let v = decay * v + spread * normal; // O
         let q = q + self.half * v; // A
         let kick = self.kick(law, q, 0.0);
         (q, v + kick, kick) // B
@@ -456,7 +509,12 @@ impl Kernel for EulerMaruyama {
 
     #[inline(always)]
     fn step<L: Law>(self, law: L, (q, v, _): (f64, f64, f64), normal: f64) -> (f64, f64, f64) {
-        let force = law.force(q) * self.step + self.friction * v;
+        let friction = if L::VISCOUS {
+            self.friction
+        } else {
+            self.friction * law.friction(q)
+        };
+        let force = law.force(q) * self.step + friction * v;
         (q + self.step * v, v - force + self.spread * normal, 0.0)
     }
 }
@@ -550,6 +608,8 @@ pub(super) struct Splitting<const STAGES: usize> {
     friction: [(f64, f64); STAGES],
     /// What a force of 1 does to v in each of them.
     impulse: [f64; STAGES],
+    /// The same where the rate depends on the displacement.
+    local: [Local; STAGES],
 }
 
 /// What each Ornstein-Uhlenbeck step of a splitting adds beside stationary noise, time frozen within it.
@@ -597,6 +657,7 @@ impl<const STAGES: usize> Splitting<STAGES> {
                 let friction = 2.0 * oscillator.zeta();
                 -(-friction * w * step).exp_m1() / friction
             }),
+            local: weights.map(|w| Local::new(oscillator, w * step)),
         }
     }
 
@@ -648,7 +709,12 @@ impl<const STAGES: usize> Splitting<STAGES> {
                     streams.normals(&mut normal, &mut spare);
                 }
                 have_spare = !have_spare;
-                if P::PUSHES {
+                if !L::VISCOUS {
+                    for lane in 0..LANES {
+                        let (decay, spread) = self.local[stage].at(law.friction(q[lane]));
+                        v[lane] = decay * v[lane] + spread * normal[lane];
+                    }
+                } else if P::PUSHES {
                     let (force, factor) = push.at(now);
                     let (shift, spread) = (force * self.impulse[stage], factor * spread);
                     for lane in 0..LANES {

@@ -136,7 +136,7 @@ impl Series {
             visit,
             progress,
         };
-        let all = law::dispatch(oscillator.contact(), run);
+        let all = law::dispatch(oscillator, run);
         progress.finish()?;
         Ok(all)
     }

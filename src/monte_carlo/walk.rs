@@ -50,7 +50,7 @@ impl Walk {
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
         if it.excitation.is_plain() {
             let frequency = highest_frequency(oscillator, initial, 0.0);
-            let (scheme, why) = resolve(it.scheme, it.noise, oscillator.zeta(), frequency)?;
+            let (scheme, why) = resolve(it.scheme, it.noise, oscillator, frequency)?;
             return Self::by((scheme, why), oscillator, it, frequency);
         }
         // A splitting at any friction: the others know no force in time.
@@ -97,6 +97,7 @@ impl Walk {
         it: &Sampling,
         frequency: f64,
     ) -> Result<Self> {
+        oscillator.damping().depends_on_displacement("sampling")?;
         let longest = automatic_step(scheme, oscillator, frequency);
         let (step, how) = match it.step {
             Some(step) => (
@@ -310,13 +311,23 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
 fn resolve(
     scheme: Scheme,
     noise: Noise,
-    zeta: f64,
+    oscillator: &Oscillator,
     frequency: f64,
 ) -> Result<(Scheme, &'static str)> {
+    let zeta = oscillator.zeta();
+    if !oscillator.is_viscous() && scheme == Scheme::ExponentialHeun {
+        let accepted = "a scheme whose friction may change from place to place, as \"splitting_4_2\", with \
+                        oscillator.damping other than \"viscous\"";
+        return Err(Error::invalid(
+            "monte_carlo.scheme",
+            "\"exponential_heun\"",
+            accepted,
+        ));
+    }
     let (count, band) = match noise {
         Noise::White => {
             return Ok(match scheme {
-                Scheme::Auto if zeta > 2.0 * frequency.max(1.0) => (
+                Scheme::Auto if oscillator.is_viscous() && zeta > 2.0 * frequency.max(1.0) => (
                     Scheme::ExponentialHeun,
                     "friction is strong and binds no step of this scheme",
                 ),
@@ -351,7 +362,20 @@ fn resolve(
 /// For the splittings the mean of a linear oscillator then errs by less than 2e-4 of its amplitude and
 /// its variances by less than 1e-4 of theirs, at any time and any zeta (from their exact moments). The
 /// others are left with the phase error of step^2/24 a unit of time that their docs name.
+///
+/// A rate that depends on the displacement counts with the largest that the motion meets, and the step is half as long:
+/// where it jumps each crossing errs by the step, of either sign.
 fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
+    if !oscillator.is_viscous() {
+        let zeta = highest_friction(oscillator).max(oscillator.zeta());
+        let frequency = frequency.max(1.0);
+        let friction = (zeta * frequency).max(3.0 * zeta * zeta);
+        return match scheme {
+            Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta),
+            Scheme::EulerMaruyama => (0.02 * oscillator.zeta()).min(0.01 / frequency.max(zeta)),
+            _ => 0.5 * (1.0 / frequency).min((5.5e-3 / friction).sqrt()),
+        };
+    }
     let zeta = oscillator.zeta();
     let frequency = frequency.max(1.0);
     let friction = (zeta * frequency).max(3.0 * zeta * zeta);
@@ -375,6 +399,18 @@ fn short(x: f64) -> String {
 
 /// Longest time that a motion without noise is followed for the amplitude of a driven one.
 const FOLLOWED: f64 = 1000.0;
+/// Half the largest rate of friction between the turning points of an energy few paths exceed.
+fn highest_friction(oscillator: &Oscillator) -> f64 {
+    let rise = 5.0 * oscillator.temperature();
+    let (left, right) = oscillator
+        .contact()
+        .turning_points(rise)
+        .unwrap_or((0.0, 0.0));
+    let at = |k: i32| left + (right - left) * f64::from(k) / 64.0;
+    (0..=64)
+        .map(|k| 0.5 * oscillator.friction(at(k)))
+        .fold(0.0, f64::max)
+}
 
 /// The highest frequency a path meets: the root of the stiffness at the outer turning point of an
 /// energy few paths exceed, to whose amplitude a drive adds its `swing`.

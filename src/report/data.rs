@@ -12,7 +12,6 @@ use crate::oscillator::Quantity;
 use crate::results::{Results, dimension};
 use crate::rig::Rig;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
-use crate::stationary::Stationary;
 use ndarray::{Array1, Array2, arr0};
 #[cfg(feature = "cli")]
 use ndarray::{ArrayD, IxDyn};
@@ -30,7 +29,9 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
     let Some(numbers) = &results.stationary else {
         return Ok(Vec::new());
     };
-    let law = Stationary::of(&results.scene.oscillator)?;
+    let Some(law) = results.law() else {
+        return Ok(Vec::new());
+    };
     let mut table = Rows::of(results, &["value,error"]);
     for (name, number) in numbers.iter() {
         table.put(name, unit(name), &[number]);
@@ -58,7 +59,7 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
         .plain(
             "P(N <= this)",
             "1",
-            force().map(|n| law.distribution_force(n)),
+            law.distribution_force(&force().collect::<Vec<_>>()),
         );
     let by_v = Csv::of(results).plain("v", "u W", v()).plain(
         "p_v",

@@ -5,15 +5,37 @@ use super::csv::Csv;
 use super::data::{arrays, histogram, tables};
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::fokker_planck::FirstLoss;
+use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
 use ndarray::Array2;
 
 /// first_loss.csv and first_loss.npz: survival, its complement and density of the first loss, beside the paths.
 pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.first_loss else {
+    let paths = results.first_loss_paths.as_ref();
+    survival(results, "first_loss", results.first_loss.as_ref(), paths)
+}
+
+/// first_passage.csv and first_passage.npz: the same of a level.
+pub(super) fn first_passage(results: &Results) -> Result<Vec<File>> {
+    let paths = results.first_passage_paths.as_ref();
+    survival(
+        results,
+        "first_passage",
+        results.first_passage.as_ref(),
+        paths,
+    )
+}
+
+fn survival(
+    results: &Results,
+    name: &str,
+    it: Option<&FirstLoss>,
+    paths: Option<&FirstLossResult>,
+) -> Result<Vec<File>> {
+    let Some(it) = it else {
         return Ok(Vec::new());
     };
-    let paths = results.first_loss_paths.as_ref();
     let some = |all: &[Estimate]| all.iter().copied().map(Some).collect::<Vec<_>>();
     let mut table = Csv::of(results)
         .plain("t", "1/W", it.times.iter().copied())
@@ -32,7 +54,7 @@ pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
             .numbers(mean, "standard error", "W", some(&paths.density));
     }
     let arrays = arrays(
-        "first_loss.npz",
+        &format!("{name}.npz"),
         results,
         &it.times,
         &[
@@ -42,7 +64,7 @@ pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
         ],
         &[("mean_time", it.mean_time), ("rate", it.rate)],
     )?;
-    Ok(vec![table.file("first_loss.csv"), arrays])
+    Ok(vec![table.file(&format!("{name}.csv")), arrays])
 }
 
 /// flight_law.csv and flight_law.npz: the density of the time of flight.

@@ -85,6 +85,12 @@ const NUMBERS: &[Group] = &[
         losses::first_loss,
     ),
     (
+        "first_passage.csv: survival, its complement and density of the first passage of a level
+         first_passage.npz: the same as arrays",
+        &[Part::FirstPassage, Part::FirstPassagePaths],
+        losses::first_passage,
+    ),
+    (
         "flight_law.csv: density of the time of flight
          flight_law.npz: the same as arrays",
         &[Part::Crossings],
@@ -137,6 +143,11 @@ const PICTURES: &[Group] = &[
         "survival.svg: Survival until the first loss of contact, and the density of its time",
         &[Part::FirstLoss, Part::FirstLossPaths],
         plot::survival,
+    ),
+    (
+        "passage.svg: Survival until the first passage of a level, and the density of its time",
+        &[Part::FirstPassage, Part::FirstPassagePaths],
+        plot::passage,
     ),
     (
         "flights.svg: Density of the time of flight",

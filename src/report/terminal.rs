@@ -2,10 +2,12 @@
 
 use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
-use crate::fokker_planck::{DecayRate, Multiplier};
+use crate::fokker_planck::{DecayRate, FirstLoss, Multiplier};
 use crate::format::{brief, bytes, cell, many, rounded, seconds};
 use crate::initial::Initial;
 use crate::moments::{Entry, Moment, Moments};
+use crate::monte_carlo::FirstLossResult;
+use crate::oscillator::{Oscillator, Side};
 use crate::plan::{Part, Plan, Stage};
 use crate::results::{Results, distance, entries, physical_words};
 use std::fmt::Write;
@@ -123,6 +125,7 @@ pub fn table(results: &Results, colour: bool) -> String {
     records(&mut table, results);
     crossings(&mut table, results);
     first_loss(&mut table, results);
+    first_passage(&mut table, results);
     deterministic(&mut table, results);
     reach(&mut table, results);
     spectrum(&mut table, results);
@@ -145,12 +148,13 @@ fn head(table: &mut Table, results: &Results) {
         table.line(name);
     }
     let text = format!(
-        "{} contact, damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
+        "{} contact, {}damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
          T\u{a0}=\u{a0}{:.6}",
         oscillator.contact().name(),
+        damping(oscillator),
         brief(oscillator.zeta()),
         brief(oscillator.h()),
-        oscillator.temperature()
+        oscillator.viscous_temperature()
     );
     table.paragraph("", &text);
     let text = match results.scene.clock().unit() {
@@ -162,6 +166,16 @@ fn head(table: &mut Table, results: &Results) {
         "",
         &format!("{text}; each number is printed with its error (\"value ± error\")."),
     );
+}
+
+/// The damping law, if it is not viscous.
+fn damping(oscillator: &Oscillator) -> String {
+    let name = oscillator.damping().name();
+    if oscillator.is_viscous() {
+        String::new()
+    } else {
+        format!("{name} damping, ")
+    }
 }
 
 /// The last moments with their time.
@@ -184,7 +198,12 @@ fn stationary(table: &mut Table, results: &Results) {
     let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
     let closed = results.stationary.as_ref();
     if closed.is_some() {
-        columns.push(("closed form".into(), "(21)-(30)", None));
+        let (name, from) = if results.solved.is_some() {
+            ("solved", "no closed form")
+        } else {
+            ("closed form", "(21)-(30)")
+        };
+        columns.push((name.into(), from, None));
     }
     if let Some(moments) = &steady {
         columns.push(("steady state".into(), "on the mesh", Some(moments)));
@@ -242,12 +261,21 @@ fn stationary(table: &mut Table, results: &Results) {
 /// Closed form and long records side by side: name in results.json and both numbers.
 type Sides = (&'static str, Option<Estimate>, Option<Estimate>);
 
+/// Where stationary numbers come from.
+fn origin(results: &Results) -> &'static str {
+    if results.solved.is_some() {
+        "solved"
+    } else {
+        "closed form"
+    }
+}
+
 /// A table of what is known exactly and what was sampled; either may be missing altogether.
-fn sides(table: &mut Table, title: &str, rows: &[Sides]) {
+fn sides(table: &mut Table, results: &Results, title: &str, rows: &[Sides]) {
     let exact = rows.iter().any(|(_, it, _)| it.is_some());
     let sampled = rows.iter().any(|(.., it)| it.is_some());
     let mut head = format!("{title:<26}");
-    let heads = [("closed form", exact), ("long records", sampled)];
+    let heads = [(origin(results), exact), ("long records", sampled)];
     for (words, _) in heads.iter().filter(|(_, there)| *there) {
         let _ = write!(head, "{words:>18}");
     }
@@ -275,7 +303,7 @@ fn records(table: &mut Table, results: &Results) {
     let closed = results.stationary.as_ref();
     let row = |(name, number)| (name, closed.and_then(|it| it.get(name)), number);
     let rows: Vec<Sides> = sampled.iter().map(row).collect();
-    sides(table, "STATIONARY MOTION", &rows);
+    sides(table, results, "STATIONARY MOTION", &rows);
     let [q, force, energy] = it.effective_samples.map(|it| format!("{it:.0}"));
     let text = format!(
         "{}, {} records, {:.3e} of time in all, steps of {}, {} batches of {}; worth {q} independent \
@@ -304,7 +332,7 @@ fn crossings(table: &mut Table, results: &Results) {
     let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
     let row = |(name, number)| (name, number, sampled.as_ref().and_then(|it| it.get(name)));
     let rows: Vec<Sides> = numbers.iter().map(row).collect();
-    sides(table, "LOSSES OF CONTACT", &rows);
+    sides(table, results, "LOSSES OF CONTACT", &rows);
     let scene = &results.scene;
     let unit = match (scene.outputs.time_unit, scene.rig) {
         (None, Some(_)) | (Some(TimeUnit::Second), _) => " s",
@@ -361,11 +389,41 @@ fn spectrum(table: &mut Table, results: &Results) {
 }
 
 fn first_loss(table: &mut Table, results: &Results) {
-    let Some(it) = &results.first_loss else {
+    let sampled = results.first_loss_paths.as_ref();
+    if let Some(it) = &results.first_loss {
+        let words = ["FIRST LOSS OF CONTACT", "time to the loss", "given contact"];
+        survival(table, results, words, (it, sampled));
+    }
+}
+
+fn first_passage(table: &mut Table, results: &Results) {
+    let (Some(it), Some(asked)) = (&results.first_passage, results.scene.outputs.first_passage)
+    else {
         return;
     };
-    let sampled = results.first_loss_paths.as_ref();
-    let mut head = format!("{:<26}{:>18}", "FIRST LOSS OF CONTACT", "backward eq.");
+    let words = match asked.side {
+        Side::Below => "q BELOW",
+        Side::Above => "q ABOVE",
+        Side::Either => "|q| ABOVE",
+    };
+    let title = format!("FIRST {words} {}", brief(asked.level));
+    let words = [&title, "time to the passage", "short of the level"];
+    survival(
+        table,
+        results,
+        words,
+        (it, results.first_passage_paths.as_ref()),
+    );
+}
+
+/// `[title, mean, given]`: the heading, what is meant by the mean time, and of what a stationary start is taken.
+fn survival(
+    table: &mut Table,
+    results: &Results,
+    [title, mean, given]: [&str; 3],
+    (it, sampled): (&FirstLoss, Option<&FirstLossResult>),
+) {
+    let mut head = format!("{title:<26}{:>18}", "backward eq.");
     if sampled.is_some() {
         let _ = write!(head, "{:>18}{:>7}", "paths", "z");
     }
@@ -387,23 +445,20 @@ fn first_loss(table: &mut Table, results: &Results) {
         put("1 - S", &words, it.lost[k], seen.map(Estimate::complement));
     }
     let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
-    put(
-        "mean",
-        "time to the loss",
-        it.mean_time,
-        lost.map(|it| it.mean_time),
-    );
+    put("mean", mean, it.mean_time, lost.map(|it| it.mean_time));
     put("rate", "S ~ exp(-rate t)", it.rate, None);
-    put("", "over Rice's rate", it.rate_over_rice, None);
+    if it.rate_over_rice.value.is_finite() {
+        put("", "over Rice's rate", it.rate_over_rice, None);
+    }
     let text = format!(
         "{} x {} nodes, step {}; in the end the survival falls as exp(-rate t); from {}",
         it.method.cells[0],
         it.method.cells[1],
         brief(rounded(it.method.step, 3)),
         match results.scene.initial {
-            Initial::Rest => "rest",
-            Initial::Stationary => "the stationary law given contact",
-            Initial::Gaussian { .. } => "a Gaussian initial condition",
+            Initial::Rest => "rest".to_owned(),
+            Initial::Stationary => format!("the stationary law {given}"),
+            Initial::Gaussian { .. } => "a Gaussian initial condition".to_owned(),
         }
     );
     table.paragraph("", &text);
@@ -645,7 +700,9 @@ fn physical(table: &mut Table, results: &Results) {
     if !sampled.is_empty() {
         table.line(format!(
             "{:<26}{:>18}{:>18}",
-            "", "closed form", "long records"
+            "",
+            origin(results),
+            "long records"
         ));
     }
     let mut numbers: Vec<_> = results
@@ -721,12 +778,13 @@ pub fn plan(plan: &Plan) -> String {
     table.paragraph(
         "",
         &format!(
-            "{}: {} contact, zeta = {}, h = {}, T = {:.6}",
+            "{}: {} contact, {}zeta = {}, h = {}, T = {:.6}",
             scene.title,
             oscillator.contact().name(),
+            damping(oscillator),
             brief(oscillator.zeta()),
             brief(oscillator.h()),
-            oscillator.temperature()
+            oscillator.viscous_temperature()
         ),
     );
     table.line("");
@@ -770,7 +828,12 @@ pub fn plan(plan: &Plan) -> String {
         bytes(scene.accuracy.max_memory)
     );
     table.paragraph("", &text);
-    let refines = |it: &Stage| matches!(it.part, Part::Transient | Part::FirstLoss);
+    let refines = |it: &Stage| {
+        matches!(
+            it.part,
+            Part::Transient | Part::FirstLoss | Part::FirstPassage
+        )
+    };
     if scene.method.cells.is_none() && plan.stages().iter().any(refines) {
         let text = "refinement may multiply this time";
         table.paragraph("", text);
@@ -780,6 +843,8 @@ pub fn plan(plan: &Plan) -> String {
         (Part::Crossings, "crossings"),
         (Part::FirstLoss, "first loss"),
         (Part::FirstLossPaths, "paths of the first loss"),
+        (Part::FirstPassage, "first passage"),
+        (Part::FirstPassagePaths, "paths of the first passage"),
         (Part::Transient, "transient"),
         (Part::Reach, "time to a level"),
         (Part::Steady, "steady state"),

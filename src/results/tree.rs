@@ -39,9 +39,10 @@ impl Results {
         let mut put = |key: &str, it: Option<Value>| all.extend(it.map(|it| (key.to_owned(), it)));
         put("scene", Some(self.scene.resolved()));
         let mut physics = json!({
-                "temperature": oscillator.temperature(),
+                "temperature": oscillator.viscous_temperature(),
                 "noise": oscillator.noise(),
                 "contact": oscillator.contact().name(),
+                "damping": oscillator.damping().name(),
                 "zeta": oscillator.zeta(),
                 "h": oscillator.h(),
                 "loss_point": oscillator.contact().loss_point(),
@@ -61,6 +62,14 @@ impl Results {
             crossings.map(|it| self.crossing_tree(it, None)),
         );
         put("first_loss", self.first_loss.as_ref().map(first_loss));
+        let asked = self.scene.outputs.first_passage;
+        let passage = self.first_passage.as_ref().zip(asked).map(|(it, asked)| {
+            let mut tree = first_loss(it);
+            tree["level"] = json!(asked.level);
+            tree["side"] = json!(asked.side.name());
+            tree
+        });
+        put("first_passage", passage);
         put("transient", self.transient.as_ref().map(transient));
         let reach = self.reach.as_ref().zip(self.scene.outputs.reach);
         let reach = reach.map(|(it, asked)| {
@@ -153,6 +162,9 @@ impl Results {
         }
         if let Some(it) = &self.first_loss_paths {
             all.insert("first_loss".into(), sampled_first_loss(it, paths));
+        }
+        if let Some(it) = &self.first_passage_paths {
+            all.insert("first_passage".into(), sampled_first_loss(it, paths));
         }
         if let Some((seen, numbers)) = self.sampled_crossings() {
             all.insert("crossings".into(), self.crossing_tree(&numbers, Some(seen)));

@@ -1,8 +1,8 @@
 //! Scenes from TOML, with messages that show the line.
 
 use super::{
-    Accuracy, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, Quantity, ReachRequest,
-    ResponseRequest, SCHEMES, Scene, SpectrumRequest, TIME, TRANSIENT, Times,
+    Accuracy, DAMPINGS, DRIFT, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, Quantity,
+    ReachRequest, ResponseRequest, SCHEMES, Scene, Side, SpectrumRequest, TIME, TRANSIENT, Times,
 };
 use crate::clock::TIME_UNITS;
 use crate::contact::{ContactLaw, LAWS, Parameter, Parameters};
@@ -581,7 +581,7 @@ impl Document {
 
     fn oscillator(&self, root: &Section<'_>, rig: Option<&Rig>) -> Read<Oscillator> {
         let section = root.section("oscillator")?;
-        section.known(&["contact", "zeta", "h", "force_psd"])?;
+        section.known(&["contact", "damping", "zeta", "h", "force_psd"])?;
         if section.table.is_none() {
             let help = "accepted: [oscillator] with zeta and h, as zeta = 0.005 and h = 2e-3";
             let wrong = self.wrong("[oscillator] is missing", "", Some(help), None);
@@ -614,7 +614,10 @@ impl Document {
             }
             (None, None, _) => section.required(None, "h", "an input level > 0, as 2e-3")?,
         };
-        Oscillator::new(contact, zeta, h).map_err(|error| self.explain(&error))
+        let damping = section.choice("damping", DAMPINGS)?.unwrap_or_default();
+        Oscillator::new(contact, zeta, h)
+            .and_then(|it| it.with_damping(damping))
+            .map_err(|error| self.explain(&error))
     }
 
     fn excitation(&self, root: &Section<'_>) -> Read<Excitation> {
@@ -731,6 +734,7 @@ impl Document {
             "decay_rates",
             "spectrum",
             "first_loss",
+            "first_passage",
             "crossings",
             "reach",
             "time_unit",
@@ -762,6 +766,22 @@ impl Document {
             it.spectrum = Some(SpectrumRequest {
                 until: spectrum.required(until, "until", "a circular frequency > 0")?,
                 quantity: spectrum.choice("quantity", quantities)?.unwrap_or_default(),
+            });
+        }
+        let passage = section.section("first_passage")?;
+        passage.known(&["level", "side", "until"])?;
+        if passage.table.is_some() {
+            let (level, until) = (passage.number("level")?, passage.number("until")?);
+            let sides = &[
+                ("below", Side::Below),
+                ("above", Side::Above),
+                ("either", Side::Either),
+            ];
+            let side = passage.choice("side", sides)?;
+            it.first_passage = Some(PassageRequest {
+                level: passage.required(level, "level", "a displacement, as 3.0")?,
+                side: passage.required(side, "side", "\"above\", \"below\" or \"either\"")?,
+                until: passage.required(until, "until", "a time > 0")?,
             });
         }
         for (name, key, target) in [

@@ -21,7 +21,9 @@ use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::hermite::{DEGREE, Factored, Hierarchy, Resolution};
+use crate::fokker_planck::hermite::{
+    DEGREE, Factored, Hierarchy, REACH, Resolution, work as friction_work,
+};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use crate::sparse::eigen;
@@ -104,6 +106,10 @@ const STALLS: usize = 2;
 /// Share of the tolerance left to the algebraic error.
 const SHARE: f64 = 0.02;
 
+/// A shift in place of 0, and how often a residual counts, where friction depends on the displacement.
+const ASIDE: f64 = 1e-6;
+const SKEWED: f64 = 4.0;
+
 /// An error estimate beyond this, relative to the eigenvalue, makes it unknown.
 const KNOWN: f64 = 0.05;
 
@@ -128,6 +134,8 @@ pub(crate) struct Eigenvalues {
     natural: f64,
     /// Where the continuous spectrum begins; minus infinity without one.
     edge: f64,
+    /// Whether friction depends on the displacement.
+    local: bool,
     tolerance: f64,
     /// What it will take: cells are functions of q and of v, steps the factorisations.
     pub(crate) cost: Cost,
@@ -159,6 +167,9 @@ impl Eigenvalues {
     /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one.
     pub(crate) fn of(oscillator: &Oscillator, count: usize, settings: &Settings) -> Result<Self> {
         oscillator.displacement_law()?;
+        oscillator
+            .damping()
+            .depends_on_displacement("decay rates")?;
         let contact = oscillator.contact();
         let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
         let mut it = Self {
@@ -168,6 +179,7 @@ impl Eigenvalues {
             vectors: KRYLOV.max(count + KRYLOV / 2),
             natural: stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt),
             edge: oscillator.continuous_from().unwrap_or(f64::NEG_INFINITY),
+            local: !oscillator.is_viscous(),
             tolerance: settings.tolerance,
             cost: Cost {
                 cells: [0; 2],
@@ -215,7 +227,13 @@ impl Eigenvalues {
         // A solve reads a state some forty times, orthogonalisation once a vector: 16 operations each, at a third of
         // the speed.
         let reads = (vectors * (vectors + 40) * it.len()) as f64;
-        let operations = it.operations() + 48.0 * reads;
+        let factor = if self.local {
+            // Complex, and without the order that eliminates inner functions first.
+            4.0 * friction_work(it).1
+        } else {
+            it.operations()
+        };
+        let operations = factor + 48.0 * reads;
         // Factors and vectors of the shifts that are worked on at the same time.
         let held = 16 * (MOST_VECTORS * self.vectors * it.len()) as u64;
         Work {
@@ -391,7 +409,8 @@ impl Question for Search<'_> {
     fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
         let done = self.levels.len();
         let resolution = self.recipe.resolution(done);
-        let full = Hierarchy::new(self.oscillator, Quantity::Displacement, resolution)?;
+        let weighed = self.oscillator.weighed(REACH);
+        let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
         let mut modes = Vec::new();
         if done == 0 {
             self.places = self.sweep(&full, &mut modes)?;
@@ -664,6 +683,12 @@ impl<'a> Arnoldi<'a> {
         let mut first: Vec<C> = (0..full.len()).map(|k| C::new(golden(k), 0.0)).collect();
         full.drop_constant(&mut first);
         normalise(&mut first);
+        // At 0 the constant, which is left out of everything, would make the matrix singular.
+        let shift = if full.is_local() && shift == C::default() {
+            C::new(ASIDE, 0.0)
+        } else {
+            shift
+        };
         Ok(Self {
             inverse: Factored::new(full, shift, late)?,
             full,
@@ -737,14 +762,16 @@ impl<'a> Arnoldi<'a> {
     }
 }
 
-/// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding.
+/// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding. Where friction depends on the displacement J x is
+/// the left vector in part only, and the residual counts [`SKEWED`] times.
 fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
     let image = full.apply(x).into_iter();
     let residual: f64 = image.zip(x).map(|(y, x)| (y - value * x).norm_sqr()).sum();
     let norm: f64 = x.iter().map(C::norm_sqr).sum();
     let (even, odd) = x.split_at(full.even());
     let square = |x: &[C]| x.iter().map(|x| x * x).sum::<C>();
-    (residual * norm).sqrt() / (square(even) - square(odd)).norm() + ROUNDING * full.size()
+    let skewed = if full.is_local() { SKEWED } else { 1.0 };
+    skewed * (residual * norm).sqrt() / (square(even) - square(odd)).norm() + ROUNDING * full.size()
 }
 
 fn normalise(x: &mut [C]) -> f64 {

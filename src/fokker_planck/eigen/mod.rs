@@ -1,9 +1,12 @@
 //! Eigenvectors of the Fokker-Planck operator: the stationary density and the slowest rates of decay.
 
 mod decay_rates;
+mod stationary;
 mod steady;
 
 pub(crate) use decay_rates::Eigenvalues;
 pub use decay_rates::{DecayRate, DecayRates, decay_rates};
+pub(crate) use stationary::StationaryState;
+pub use stationary::{SolvedLaw, stationary_law};
 pub(crate) use steady::SteadyState;
 pub use steady::{Steady, null_vector, steady};

@@ -6,12 +6,12 @@
 //! between (Strang splitting). A point is lost within a motion if and only if its velocity is below the
 //! critical one of its displacement, found to rounding; the noise is integrated from there upward, so no
 //! stencil crosses the jump. What remains is smooth in sqrt(q - q_loss), and the mesh is uniform in it near
-//! the loss point.
+//! the loss point. Any other level is absorbed alike, in coordinates of its own (`region`); between two levels there is
+//! a critical velocity upwards too.
 
+use super::region::Region;
 use crate::error::{Error, Result};
 use crate::fokker_planck::difference::lagrange;
-use crate::fokker_planck::trajectory::Motion;
-use crate::oscillator::Oscillator;
 use crate::quadrature::gauss;
 use rayon::prelude::*;
 use std::sync::LazyLock;
@@ -36,11 +36,14 @@ pub(crate) struct Fineness {
     pub(crate) level: f64,
 }
 
-/// Nodes in contact: q = q_loss + b (sqrt(1 + y^2) - 1), v = c sinh(eta), y and eta uniform.
+/// Nodes in contact: q = q_loss + b (sqrt(1 + y^2) - 1), v = c sinh(eta), y and eta uniform; between two levels
+/// q = middle - b cos(y).
 #[derive(Debug, Clone)]
 pub(crate) struct Contact {
     loss: f64,
     bend: f64,
+    /// The middle between two levels.
+    middle: Option<f64>,
     grade: f64,
     /// Spacing of y and of eta.
     spacing: [f64; 2],
@@ -50,30 +53,39 @@ pub(crate) struct Contact {
 }
 
 impl Contact {
-    fn new(oscillator: &Oscillator, loss: f64, fineness: &Fineness) -> Result<Self> {
-        let contact = oscillator.contact();
-        let lowest = contact.lowest_potential().unwrap_or(0.0);
-        let top = contact.potential(loss) - lowest + fineness.level * oscillator.temperature();
-        let Some((_, right)) = contact.turning_points(top) else {
+    fn new(region: &Region<'_>, fineness: &Fineness) -> Result<Self> {
+        let (oscillator, loss) = (region.oscillator, region.barrier.low);
+        let rise = region.rise();
+        let top = rise + fineness.level * oscillator.temperature();
+        let Some(right) = region.turning_point(top) else {
             return Err(Error::NoStationaryLaw {
                 what: "the first loss of contact".into(),
-                contact: contact.name().into(),
+                contact: oscillator.contact().name().into(),
                 why: "nothing brings the motion back".into(),
             });
         };
         let speed = (2.0 * top).sqrt();
-        // A fall from rest covers x = s^2/2: near the wall y is the speed at which it is hit.
-        let bend = 1.0;
-        let reach = (right - loss) / bend + 1.0;
-        let reach = (reach * reach - 1.0).sqrt();
+        let (bend, middle, reach) = match region.barrier.high {
+            None => {
+                // A fall from rest covers x = a s^2/2: near the wall y is the speed at which it is hit.
+                let bend = -region.force(loss);
+                let reach = (right - loss) / bend + 1.0;
+                (bend, None, (reach * reach - 1.0).sqrt())
+            }
+            Some(high) => (
+                0.5 * (high - loss),
+                Some(0.5 * (high + loss)),
+                std::f64::consts::PI,
+            ),
+        };
         // Twice as fine at the turning points as at the speed at which contact is lost.
-        let rise = contact.potential(loss) - lowest;
         let grade = (2.0 * rise / 3.0).max(oscillator.temperature()).sqrt();
         let end = (speed / grade).asinh();
         let [nq, nv] = fineness.nodes;
         Ok(Self {
             loss,
             bend,
+            middle,
             grade,
             spacing: [reach / (nq - 1) as f64, 2.0 * end / (nv - 1) as f64],
             nodes: fineness.nodes,
@@ -82,8 +94,19 @@ impl Contact {
     }
 
     pub(crate) fn q(&self, i: usize) -> f64 {
-        let y = i as f64 * self.spacing[0];
-        self.loss + self.bend * y * y / ((1.0 + y * y).sqrt() + 1.0)
+        self.place(i as f64 * self.spacing[0]).0
+    }
+
+    /// q at y, and its slope.
+    fn place(&self, y: f64) -> (f64, f64) {
+        if let Some(middle) = self.middle {
+            return (middle - self.bend * y.cos(), self.bend * y.sin());
+        }
+        let root = (1.0 + y * y).sqrt();
+        (
+            self.loss + self.bend * y * y / (root + 1.0),
+            self.bend * y / root,
+        )
     }
 
     pub(crate) fn v(&self, j: usize) -> f64 {
@@ -93,8 +116,12 @@ impl Contact {
 
     /// The stencil of a point: its first node in each direction, and weights; clamped to the mesh.
     fn stencil(&self, [q, v]: [f64; 2]) -> Stencil {
-        let x = ((q - self.loss) / self.bend).max(0.0);
-        let y = (x * (x + 2.0)).sqrt() / self.spacing[0];
+        let y = if let Some(middle) = self.middle {
+            ((middle - q) / self.bend).clamp(-1.0, 1.0).acos()
+        } else {
+            let x = ((q - self.loss) / self.bend).max(0.0);
+            (x * (x + 2.0)).sqrt()
+        } / self.spacing[0];
         let middle = 0.5 * (self.nodes[1] - 1) as f64;
         let eta = (v / self.grade).asinh() / self.spacing[1] + middle;
         let mut it = Stencil::default();
@@ -164,6 +191,7 @@ pub(crate) struct Absorbed {
     /// ... between half a step and a step.
     second: Vec<f64>,
     loss: f64,
+    high: f64,
 }
 
 /// The velocities at one displacement, in an integral over q.
@@ -171,8 +199,9 @@ pub(crate) struct Absorbed {
 pub(crate) struct Line {
     q: f64,
     weight: f64,
-    /// Velocity below which contact is lost within half a step.
+    /// Velocity below which contact is lost within half a step, and above which an upper level is passed.
     cut: f64,
+    top: f64,
 }
 
 /// Weights on the nodes: what a start sees of the survival after a whole number of steps.
@@ -191,29 +220,35 @@ impl Absorbed {
     /// # Errors
     /// [`Error::NoStationaryLaw`] for a contact that does not confine; those of `late`.
     pub(crate) fn new(
-        oscillator: &Oscillator,
-        loss: f64,
+        region: &Region<'_>,
         fineness: &Fineness,
         late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
-        let mesh = Contact::new(oscillator, loss, fineness)?;
+        let mesh = Contact::new(region, fineness)?;
+        let oscillator = region.oscillator;
         let step = fineness.step;
-        let rest = (-2.0 * oscillator.zeta() * step).exp();
-        let spread =
-            (oscillator.temperature() * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
-        let motion = Motion::new(oscillator.contact());
-        let whole = critical(oscillator, loss, &mesh, step);
-        let half = critical(oscillator, loss, &mesh, 0.5 * step);
+        // Decay and deviation of the Ornstein-Uhlenbeck step, row by row where friction depends on the displacement.
+        let noise: Vec<[f64; 2]> = (0..fineness.nodes[0])
+            .map(|i| kick(region, mesh.q(i), step))
+            .collect();
+        let spread = if oscillator.is_viscous() {
+            noise[0][1]
+        } else {
+            noise.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min)
+        };
+        let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
         let [nq, nv] = mesh.nodes;
-        let edge = mesh.speed + REACH * spread;
         let rows: Result<Vec<Row>> = (0..nq)
             .into_par_iter()
             .map(|i| {
                 late()?;
-                let points = from_cut(whole[i], [-edge, edge], spread);
+                let [rest, spread] = noise[i];
+                let [low, high] = whole[i];
+                let edge = mesh.speed + REACH * spread;
+                let points = between([low, high], [-edge, edge], spread);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
                 let mut ends = vec![[0.0; 2]; starts.len()];
-                motion.after(&starts, &[step], &mut ends);
+                region.after(&starts, &[step], &mut ends);
                 let mut row = Row {
                     stencils: ends.iter().map(|end| mesh.stencil(*end)).collect(),
                     spans: Vec::with_capacity(nv),
@@ -221,19 +256,20 @@ impl Absorbed {
                 };
                 for j in 0..nv {
                     let centre = rest * mesh.v(j);
-                    let low = points.partition_point(|(v, _)| *v < centre - REACH * spread);
-                    let high = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
-                    row.spans.push((low as u32, row.kernel.len() as u32));
+                    let first = points.partition_point(|(v, _)| *v < centre - REACH * spread);
+                    let end = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
+                    row.spans.push((first as u32, row.kernel.len() as u32));
                     let from = row.kernel.len();
                     row.kernel.extend(
-                        points[low..high]
+                        points[first..end]
                             .iter()
                             .map(|(v, weight)| weight * normal((v - centre) / spread) / spread),
                     );
                     // What is not lost is carried on to rounding: losses may be rarer than 1e-14 a step.
                     let carried: f64 = row.kernel[from..].iter().sum();
                     if carried > 1e-10 {
-                        let part = lower((centre - whole[i]) / spread) / carried;
+                        let above = lower((centre - high) / spread);
+                        let part = (lower((centre - low) / spread) - above) / carried;
                         row.kernel[from..].iter_mut().for_each(|k| *k *= part);
                     }
                 }
@@ -241,19 +277,27 @@ impl Absorbed {
                 Ok(row)
             })
             .collect();
-        let below = |cut: f64, j: usize| lower((cut - rest * mesh.v(j)) / spread);
         let mut first = vec![0.0; nq * nv];
         let mut second = vec![0.0; nq * nv];
         for i in 0..nq {
             for j in 0..nv {
-                first[i * nv + j] = below(half[i], j);
+                let [rest, spread] = noise[i];
                 // A difference of tails, taken on the side where they are small.
-                let (a, b) = (half[i] - rest * mesh.v(j), whole[i] - rest * mesh.v(j));
-                second[i * nv + j] = if a + b > 0.0 {
-                    lower(-a / spread) - lower(-b / spread)
-                } else {
-                    lower(b / spread) - lower(a / spread)
+                let gap = |half: f64, whole: f64, v: f64| {
+                    let (a, b) = (half - rest * v, whole - rest * v);
+                    if a + b > 0.0 {
+                        lower(-a / spread) - lower(-b / spread)
+                    } else {
+                        lower(b / spread) - lower(a / spread)
+                    }
                 };
+                let v = mesh.v(j);
+                first[i * nv + j] = lower((half[i][0] - rest * v) / spread);
+                second[i * nv + j] = gap(half[i][0], whole[i][0], v);
+                if half[i][1] < f64::INFINITY || whole[i][1] < f64::INFINITY {
+                    first[i * nv + j] += lower((rest * v - half[i][1]) / spread);
+                    second[i * nv + j] += gap(-half[i][1], -whole[i][1], -v);
+                }
             }
         }
         Ok(Self {
@@ -263,7 +307,8 @@ impl Absorbed {
             step,
             first,
             second,
-            loss,
+            loss: region.barrier.low,
+            high: region.barrier.high.unwrap_or(f64::INFINITY),
         })
     }
 
@@ -311,17 +356,20 @@ impl Absorbed {
     }
 
     /// A start at a point.
-    pub(crate) fn point(&self, oscillator: &Oscillator, z: [f64; 2]) -> Start {
-        let cut = self.cuts(oscillator, &[z[0]])[0];
-        let lost = z[0] < self.loss || z[1] < cut;
+    pub(crate) fn point(&self, region: &Region<'_>, z: [f64; 2]) -> Start {
+        let outside = z[0] < self.loss || z[0] > self.high;
+        let lost = outside || {
+            let [cut, top] = self.cuts(region, &[z[0]])[0];
+            z[1] < cut || z[1] > top
+        };
         let alive: &[([f64; 2], f64)] = if lost { &[] } else { &[(z, 1.0)] };
-        self.seen(oscillator, alive, f64::from(u8::from(lost)))
+        self.seen(region, alive, f64::from(u8::from(lost)))
     }
 
     /// A start with independent q and v: lines of q, and a Gaussian in v.
     pub(crate) fn lines(
         &self,
-        oscillator: &Oscillator,
+        region: &Region<'_>,
         lines: &[Line],
         mean: f64,
         deviation: f64,
@@ -331,23 +379,29 @@ impl Absorbed {
         let ends = [mean - 8.0 * deviation, mean + 8.0 * deviation];
         // Survival has the scale of the noise, the start that of its deviation.
         let scale = (2.0 * self.spread).min(0.5 * deviation);
-        for &Line { q, weight, cut } in lines {
-            for (v, w) in from_cut(cut, ends, scale) {
+        for &Line {
+            q,
+            weight,
+            cut,
+            top,
+        } in lines
+        {
+            for (v, w) in between([cut, top], ends, scale) {
                 points.push((
                     [q, v],
                     weight * w * normal((v - mean) / deviation) / deviation,
                 ));
             }
-            lost += weight * lower((cut - mean) / deviation);
+            lost += weight * (lower((cut - mean) / deviation) + lower((mean - top) / deviation));
         }
-        self.seen(oscillator, &points, lost)
+        self.seen(region, &points, lost)
     }
 
     /// Lines for integrals over q in contact of `density`, which has the scale `scale`, up to
     /// the edge of the mesh.
     pub(crate) fn displacements(
         &self,
-        oscillator: &Oscillator,
+        region: &Region<'_>,
         scale: f64,
         density: impl Fn(f64) -> f64,
     ) -> Vec<Line> {
@@ -362,9 +416,14 @@ impl Absorbed {
                 let low = i as f64 * self.mesh.spacing[0] + part as f64 * width;
                 for (x, w) in rule {
                     let y = low + 0.5 * width * (1.0 + x);
-                    let root = (1.0 + y * y).sqrt();
-                    let q = self.loss + self.mesh.bend * y * y / (root + 1.0);
-                    let weight = 0.5 * width * w * self.mesh.bend * y / root * density(q);
+                    let (q, slope) = self.mesh.place(y);
+                    let weight = match self.mesh.middle {
+                        Some(_) => 0.5 * width * w * slope * density(q),
+                        None => {
+                            let root = (1.0 + y * y).sqrt();
+                            0.5 * width * w * self.mesh.bend * y / root * density(q)
+                        }
+                    };
                     // What would underflow in any sum.
                     if weight > 1e-300 {
                         lines.push((q, weight));
@@ -373,26 +432,31 @@ impl Absorbed {
             }
         }
         let q: Vec<f64> = lines.iter().map(|line| line.0).collect();
-        let cuts: Vec<f64> = q
+        let cuts: Vec<[f64; 2]> = q
             .par_chunks(64)
-            .flat_map_iter(|q| self.cuts(oscillator, q))
+            .flat_map_iter(|q| self.cuts(region, q))
             .collect();
         lines
             .into_iter()
             .zip(cuts)
-            .map(|((q, weight), cut)| Line { q, weight, cut })
+            .map(|((q, weight), [cut, top])| Line {
+                q,
+                weight,
+                cut,
+                top,
+            })
             .collect()
     }
 
     /// What one step loses of the stationary law that carries a field u, R L_1 u: by detailed balance the
     /// probability of a loss in the step from the mirrored state. Small numbers keep their digits.
-    pub(crate) fn outflow(&self, oscillator: &Oscillator, lines: &[Line]) -> Start {
-        let deviation = oscillator.temperature().sqrt();
+    pub(crate) fn outflow(&self, region: &Region<'_>, lines: &[Line]) -> Start {
+        let deviation = region.oscillator.temperature().sqrt();
         let ends = [-8.0 * deviation, 8.0 * deviation];
         let scale = self.spread.min(0.5 * deviation);
         let mut near = Vec::new();
         let mut points = Vec::new();
-        for &Line { q, weight, cut } in lines {
+        for &Line { q, weight, cut, .. } in lines {
             let law = |v: f64| weight * normal(v / deviation) / deviation;
             // Both ends of [cut, -cut] are roots.
             if cut > ends[0] {
@@ -413,21 +477,21 @@ impl Absorbed {
         }
         let mirrored: Vec<[f64; 2]> = near.iter().map(|(z, _)| [z[0], -z[1]]).collect();
         let mut images = vec![[0.0; 2]; mirrored.len()];
-        Motion::new(oscillator.contact()).after(&mirrored, &[0.5 * self.step], &mut images);
+        region.after(&mirrored, &[0.5 * self.step], &mut images);
         let nv = self.mesh.nodes[1];
         points.extend(near.iter().zip(images).map(|((z, weight), image)| {
             (*z, weight * self.mesh.stencil(image).value(&self.first, nv))
         }));
-        self.seen(oscillator, &points, 0.0)
+        self.seen(region, &points, 0.0)
     }
 
     /// What enters contact in stationary motion, a unit of time: the flux v p_s(q_loss, v) of v > 0. By
     /// integration by parts in the stationary law p_s, what of it is still in contact after t is the
     /// density at t of the first loss from p_s.
-    pub(crate) fn entering(&self, oscillator: &Oscillator, density: f64) -> Start {
-        let deviation = oscillator.temperature().sqrt();
+    pub(crate) fn entering(&self, region: &Region<'_>, density: f64) -> Start {
+        let deviation = region.oscillator.temperature().sqrt();
         let scale = self.spread.min(0.5 * deviation);
-        let cut = self.cuts(oscillator, &[self.loss])[0].max(0.0);
+        let cut = self.cuts(region, &[self.loss])[0][0].max(0.0);
         // From (q_loss, 0) the survival rises as a root of v.
         let start = -f64::MIN_POSITIVE;
         let points: Vec<([f64; 2], f64)> = from_cut(cut, [start, 8.0 * deviation], scale)
@@ -437,25 +501,19 @@ impl Absorbed {
                 ([self.loss, v], w * flux)
             })
             .collect();
-        self.seen(oscillator, &points, 0.0)
+        self.seen(region, &points, 0.0)
     }
 
-    /// The critical velocity over half a step.
-    fn cuts(&self, oscillator: &Oscillator, q: &[f64]) -> Vec<f64> {
-        Cut::new(
-            oscillator,
-            self.loss,
-            0.5 * self.step,
-            2.0 * self.mesh.speed,
-        )
-        .of(q)
+    /// The critical velocities over half a step.
+    fn cuts(&self, region: &Region<'_>, q: &[f64]) -> Vec<[f64; 2]> {
+        cuts(region, 0.5 * self.step, 2.0 * self.mesh.speed, q)
     }
 
     /// What points that outlive half a step see of the field, and the weight of those that do not.
-    fn seen(&self, oscillator: &Oscillator, alive: &[([f64; 2], f64)], lost: f64) -> Start {
+    fn seen(&self, region: &Region<'_>, alive: &[([f64; 2], f64)], lost: f64) -> Start {
         let starts: Vec<[f64; 2]> = alive.iter().map(|(z, _)| *z).collect();
         let mut ends = vec![[0.0; 2]; starts.len()];
-        Motion::new(oscillator.contact()).after(&starts, &[0.5 * self.step], &mut ends);
+        region.after(&starts, &[0.5 * self.step], &mut ends);
         let mut it = Start {
             weights: vec![0.0; self.len()],
             lost,
@@ -494,14 +552,65 @@ fn from_cut(cut: f64, [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
     points
 }
 
-fn critical(oscillator: &Oscillator, loss: f64, mesh: &Contact, time: f64) -> Vec<f64> {
+/// Points and weights for an integral between two cuts, the upper one of which may be infinite.
+fn between([low, high]: [f64; 2], [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
+    if high >= edge {
+        return from_cut(low, [start, edge], scale);
+    }
+    if low >= high {
+        return Vec::new();
+    }
+    // Both ends may be roots.
+    let middle = 0.5 * (low.max(start) + high);
+    let mut points = from_cut(low, [start.min(middle), middle], scale);
+    let mut upper = from_cut(-high, [-edge, -middle], scale);
+    upper.reverse();
+    points.extend(upper.into_iter().map(|(v, w)| (-v, w)));
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    points
+}
+
+/// Decay and deviation of the Ornstein-Uhlenbeck step at a displacement.
+fn kick(region: &Region<'_>, x: f64, step: f64) -> [f64; 2] {
+    let oscillator = region.oscillator;
+    if oscillator.is_viscous() {
+        let rest = (-2.0 * oscillator.zeta() * step).exp();
+        let variance = oscillator.temperature() * -(-4.0 * oscillator.zeta() * step).exp_m1();
+        return [rest, variance.sqrt()];
+    }
+    let friction = region.friction(x) * step;
+    let share = if friction > 1e-300 {
+        -(-2.0 * friction).exp_m1() / (2.0 * friction)
+    } else {
+        1.0
+    };
+    let variance = 2.0 * oscillator.noise() * step * share;
+    [(-friction).exp(), variance.sqrt()]
+}
+
+fn critical(region: &Region<'_>, mesh: &Contact, time: f64) -> Vec<[f64; 2]> {
     let nodes: Vec<f64> = (0..mesh.nodes[0]).map(|i| mesh.q(i)).collect();
-    Cut::new(oscillator, loss, time, 2.0 * mesh.speed).of(&nodes)
+    cuts(region, time, 2.0 * mesh.speed, &nodes)
+}
+
+/// The velocities below and above which an undamped motion from each displacement is lost within a time.
+fn cuts(region: &Region<'_>, time: f64, fastest: f64, q: &[f64]) -> Vec<[f64; 2]> {
+    let low = Cut::new(region, time, fastest).of(q);
+    let Some(high) = region.barrier.high else {
+        return low.into_iter().map(|low| [low, f64::INFINITY]).collect();
+    };
+    let mirrored = region.mirrored(high);
+    let back: Vec<f64> = q.iter().map(|q| -q).collect();
+    let top = Cut::new(&mirrored, time, fastest).of(&back);
+    low.into_iter()
+        .zip(top)
+        .map(|(low, top)| [low, -top])
+        .collect()
 }
 
 /// The velocity below which an undamped motion is lost within a time.
 struct Cut<'a> {
-    oscillator: &'a Oscillator,
+    region: &'a Region<'a>,
     loss: f64,
     time: f64,
     /// Speed beyond which nothing is asked.
@@ -509,10 +618,10 @@ struct Cut<'a> {
 }
 
 impl<'a> Cut<'a> {
-    fn new(oscillator: &'a Oscillator, loss: f64, time: f64, fastest: f64) -> Self {
+    fn new(region: &'a Region<'a>, time: f64, fastest: f64) -> Self {
         Self {
-            oscillator,
-            loss,
+            region,
+            loss: region.barrier.low,
             time,
             fastest,
         }
@@ -522,12 +631,11 @@ impl<'a> Cut<'a> {
     /// velocity -w began at the mirror image of where one from the loss point with velocity w ends; nearer
     /// to it the critical motion grazes on the way.
     fn of(&self, q: &[f64]) -> Vec<f64> {
-        let contact = self.oscillator.contact();
-        let motion = Motion::new(contact);
+        let region = self.region;
         let after = |speeds: &[f64]| {
             let starts: Vec<[f64; 2]> = speeds.iter().map(|w| [self.loss, *w]).collect();
             let mut ends = vec![[0.0; 2]; starts.len()];
-            motion.after(&starts, &[self.time], &mut ends);
+            region.after(&starts, &[self.time], &mut ends);
             ends
         };
         let grazed = after(&[0.0])[0][0];
@@ -566,12 +674,12 @@ impl<'a> Cut<'a> {
             }
         }
         let ends = after(&high);
-        let top_potential = contact.potential(self.loss);
+        let top_potential = region.potential(self.loss);
         q.iter()
             .zip(ends)
             .map(|(q, end)| {
                 if *q <= grazed {
-                    -(2.0 * (top_potential - contact.potential(*q)).max(0.0)).sqrt()
+                    -(2.0 * (top_potential - region.potential(*q)).max(0.0)).sqrt()
                 } else if end[0] < q - 1e-6 {
                     f64::NEG_INFINITY
                 } else {

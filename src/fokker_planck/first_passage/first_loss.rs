@@ -14,15 +14,16 @@
 //! from a coarser mesh; whichever is larger is refined.
 
 use super::absorbed::Fineness;
-use super::layout::{Asked, Layout, loss_point};
+use super::layout::{Asked, Layout};
+use super::region::{Barrier, Region};
 use super::run::{NAME, Problem, Run};
-use crate::error::{Result, positive};
+use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Oscillator, Side};
 
 /// The first loss of contact: going down through q_loss.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,12 +78,48 @@ impl FirstPassage {
         settings: &Settings,
     ) -> Result<Self> {
         positive("outputs.first_loss.until", until)?;
+        let barrier = Barrier::loss(oscillator)?;
+        Self::beyond(oscillator, initial, (barrier, until), settings)
+    }
+
+    /// The recipe for the first passage of a level of q from `initial`, up to the time `until`.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid) for a level that is not beyond the equilibrium on its side, or a time, tolerance or
+    /// step that is not positive; [`Error::NotAvailable`](crate::Error::NotAvailable) for a stationary start where its law has no
+    /// closed form; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
+    pub(crate) fn of_level(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        (level, side, until): (f64, Side, f64),
+        settings: &Settings,
+    ) -> Result<Self> {
+        positive("outputs.first_passage.until", until)?;
+        let barrier = Barrier::of(oscillator, level, side)?;
+        Self::beyond(oscillator, initial, (barrier, until), settings)
+    }
+
+    fn beyond(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        (barrier, until): (Barrier, f64),
+        settings: &Settings,
+    ) -> Result<Self> {
         positive("accuracy.tolerance", settings.tolerance)?;
         if let Some(step) = settings.step {
             positive("method.step", step)?;
         }
+        oscillator
+            .damping()
+            .depends_on_displacement("a first passage")?;
+        if *initial == Initial::Stationary && !oscillator.is_viscous() {
+            return Err(Error::not_available(
+                "a first passage from the stationary law of a damping that is not viscous",
+                "a \"gaussian\" initial condition",
+            ));
+        }
         let asked = Asked {
-            loss: loss_point(oscillator)?,
+            barrier,
             until,
             tolerance: settings.tolerance,
             step: settings.step,
@@ -170,6 +207,26 @@ pub fn first_loss(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
     let recipe = FirstPassage::of(oscillator, initial, until, settings)?;
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    recipe.solve(oscillator, initial, &limits, progress)
+}
+
+/// The first passage of `level` from `initial`: below it, above it, or of either of it and its negative. Otherwise as
+/// [`first_loss`].
+///
+/// # Errors
+/// [`Error::Invalid`](crate::Error::Invalid) for a level that is not beyond the equilibrium on its side, or a time, tolerance or step
+/// that is not positive; [`Error::NotAvailable`](crate::Error::NotAvailable) for a stationary start where its law has no closed form;
+/// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine; [`Error::Limit`](crate::Error::Limit) when
+/// `max_seconds` is reached.
+pub fn first_passage(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    passage: (f64, Side, f64),
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<FirstLoss> {
+    let recipe = FirstPassage::of_level(oscillator, initial, passage, settings)?;
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     recipe.solve(oscillator, initial, &limits, progress)
 }
@@ -326,14 +383,12 @@ impl Task<'_> {
     }
 
     fn domain(&self, layout: &Layout) -> [f64; 4] {
-        let contact = self.problem.oscillator.contact();
-        let rise =
-            contact.potential(self.problem.asked.loss) - contact.lowest_potential().unwrap_or(0.0);
-        let top = rise + layout.level * self.problem.oscillator.temperature();
-        let right = contact
-            .turning_points(top)
-            .map_or(self.problem.asked.loss, |ends| ends.1);
+        let region = Region::new(self.problem.oscillator, self.problem.asked.barrier);
+        let Barrier { low, high, .. } = self.problem.asked.barrier;
+        let top = region.rise() + layout.level * self.problem.oscillator.temperature();
+        let right = high.or(region.turning_point(top)).unwrap_or(low);
         let speed = (2.0 * top).sqrt();
-        [self.problem.asked.loss, right, -speed, speed]
+        let [left, right] = region.range(low, right);
+        [left, right, -speed, speed]
     }
 }

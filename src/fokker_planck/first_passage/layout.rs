@@ -1,9 +1,8 @@
 //! Steps, meshes and times of the backward equation.
 
 use super::absorbed::{Fineness, POINTS};
-use crate::error::{Error, Result};
+use super::region::{Barrier, Region};
 use crate::fokker_planck::budget::{Cost, timing};
-use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -17,8 +16,8 @@ const COARSE: f64 = 0.7;
 /// What is asked, and what the scene fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Asked {
-    /// The loss point.
-    pub(super) loss: f64,
+    /// The loss point, or any other level.
+    pub(super) barrier: Barrier,
     pub(super) until: f64,
     pub(super) tolerance: f64,
     pub(super) step: Option<f64>,
@@ -42,29 +41,38 @@ impl Layout {
     /// The layout of the first run.
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, asked: &Asked) -> Self {
         let Asked {
-            loss,
+            barrier,
             until,
             tolerance,
             ..
         } = *asked;
+        let region = Region::new(oscillator, barrier);
         let t = oscillator.temperature();
-        let contact = oscillator.contact();
-        let rise = contact.potential(loss) - contact.lowest_potential().unwrap_or(0.0);
+        let rise = region.rise();
         // One hundredth of the tolerance above the edge, and a start with its Gaussian.
         let mut level = (100.0 / tolerance).ln().clamp(8.0, 30.0) + 2.0;
-        if let Initial::Gaussian { mean, deviation } = initial {
+        if let Initial::Gaussian { mean, deviation } = region.seen(initial) {
             let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
             for (a, b) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-                let energy = oscillator.energy(far(0, a).max(loss), far(1, b));
+                let q = far(0, a).max(barrier.low);
+                let q = barrier.high.map_or(q, |high| q.min(high));
+                let energy = 0.5 * far(1, b).powi(2) + region.potential(q);
                 level = level.max((energy - rise) / t);
             }
         }
         let speed = (2.0 * (rise + level * t)).sqrt();
         // A motion must not come back to the loss point within a step: a quarter of the fastest bounce.
-        let bounce = bounce(oscillator, loss, speed);
+        let bounce = match barrier.high {
+            None => bounce(&region, speed),
+            // From level to level at the highest speed.
+            Some(high) => (high - barrier.low) / speed,
+        };
         // Noise gathered at the middle of a step errs by 2 pi h step^3/24 in the variance of q where the
         // law varies on the scale T of U: half the tolerance of T^2.
-        let zeta = oscillator.zeta();
+        let zeta = match oscillator.is_viscous() {
+            true => oscillator.zeta(),
+            false => 0.5 * strongest(&region, rise + t),
+        };
         let noisy = (6.0 * tolerance * t / zeta).cbrt();
         let damped = (12.0 * tolerance / zeta).sqrt();
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
@@ -182,19 +190,21 @@ fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64, part: f64) -
 }
 
 /// Time from the loss point back to it at this speed.
-fn bounce(oscillator: &Oscillator, loss: f64, speed: f64) -> f64 {
+fn bounce(region: &Region<'_>, speed: f64) -> f64 {
+    let loss = region.barrier.low;
     // Contact is never softer than the preload: the time is found from below.
     let times: Vec<f64> = (-60..=20).map(|k| (0.1 * f64::from(k)).exp()).collect();
     let mut ends = vec![[0.0; 2]; times.len()];
-    Motion::new(oscillator.contact()).after(&[[loss, speed]], &times, &mut ends);
+    region.after(&[[loss, speed]], &times, &mut ends);
     let back = ends.iter().position(|end| end[0] <= loss);
     back.map_or(1.0, |k| times[k.saturating_sub(1)])
 }
 
-pub(super) fn loss_point(oscillator: &Oscillator) -> Result<f64> {
-    let contact = oscillator.contact();
-    contact.loss_point().ok_or_else(|| {
-        let accepted = "a law that can lose contact, for first_loss";
-        Error::invalid("oscillator.contact", contact.name(), accepted)
-    })
+/// The largest rate of friction where an energy above the lowest reaches.
+fn strongest(region: &Region<'_>, rise: f64) -> f64 {
+    let low = region.barrier.low;
+    let high = region.barrier.high.or(region.turning_point(rise));
+    let high = high.unwrap_or(low);
+    let at = |k: i32| low + (high - low) * f64::from(k) / 64.0;
+    (0..=64).map(|k| region.friction(at(k))).fold(0.0, f64::max)
 }

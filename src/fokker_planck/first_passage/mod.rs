@@ -6,4 +6,5 @@ pub(crate) mod flight;
 pub(crate) mod impact;
 mod layout;
 pub(crate) mod pontryagin;
+mod region;
 mod run;

@@ -3,6 +3,7 @@
 use super::absorbed::{Absorbed, Fineness, Start};
 use super::layout::{Asked, Layout};
 use super::pontryagin::{dot, long_run};
+use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::initial::Initial;
@@ -113,18 +114,24 @@ pub(super) struct Problem<'a> {
 }
 
 impl Problem<'_> {
+    /// Where the motion survives.
+    pub(super) fn region(&self) -> Region<'_> {
+        Region::new(self.oscillator, self.asked.barrier)
+    }
+
     /// The start as weights, and what its survival is divided by.
     fn start(&self, absorbed: &Absorbed, stationary: &Start) -> (Start, f64) {
-        match *self.initial {
-            Initial::Rest => (absorbed.point(self.oscillator, [0.0, 0.0]), 1.0),
+        let region = &self.region();
+        match region.seen(self.initial) {
+            Initial::Rest => (absorbed.point(region, [0.0, 0.0]), 1.0),
             Initial::Stationary => (stationary.clone(), stationary.total),
             Initial::Gaussian { mean, deviation } => {
                 let density = |q: f64| {
                     let x = (q - mean[0]) / deviation[0];
                     (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
                 };
-                let lines = absorbed.displacements(self.oscillator, deviation[0], density);
-                let it = absorbed.lines(self.oscillator, &lines, mean[1], deviation[1]);
+                let lines = absorbed.displacements(region, deviation[0], density);
+                let it = absorbed.lines(region, &lines, mean[1], deviation[1]);
                 (it, 1.0)
             }
         }
@@ -139,15 +146,19 @@ impl Problem<'_> {
     ) -> Result<Run> {
         let it = self.oscillator;
         let late = self.limits.late(NAME);
-        let absorbed = Absorbed::new(it, self.asked.loss, fineness, &late)?;
+        let region = &self.region();
+        let absorbed = Absorbed::new(region, fineness, &late)?;
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
-        let lines = absorbed.displacements(it, 0.5 * deviation, |q| law.density(q));
-        let stationary = absorbed.lines(it, &lines, 0.0, deviation);
+        let lines = absorbed.displacements(region, 0.5 * deviation, |q| region.density(&law, q));
+        let stationary = absorbed.lines(region, &lines, 0.0, deviation);
         let (start, total) = self.start(&absorbed, &stationary);
-        let balanced = *self.initial == Initial::Stationary;
-        let outflow = absorbed.outflow(it, &lines);
-        let entering = absorbed.entering(it, law.density(self.asked.loss));
+        // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by its march alone.
+        let balances = region.balances();
+        let balanced = balances && *self.initial == Initial::Stationary;
+        let low = self.asked.barrier.low;
+        let outflow = absorbed.outflow(region, &lines);
+        let entering = absorbed.entering(region, region.density(&law, low));
         let balance = balanced.then_some([&outflow, &entering]);
         let step = fineness.step;
         let every = (layout.every as f64 * layout.step / step).round() as usize;
@@ -170,16 +181,32 @@ impl Problem<'_> {
         // that its error holds.
         let rare = |mode: &[f64]| {
             let forgotten = per_step(mode) * layout.memory / step;
-            forgotten < 0.3 * self.asked.tolerance
+            balances && forgotten < 0.3 * self.asked.tolerance
         };
         let long = long_run(&absorbed, stride, enough, &rare, &late)?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
-        let rate = -(-per_step(&long.mode)).ln_1p() / step;
-        let rice = law.density(self.asked.loss) * deviation / std::f64::consts::TAU.sqrt();
+        let rate = if balances {
+            -(-per_step(&long.mode)).ln_1p() / step
+        } else {
+            -long.factor.ln() / step
+        };
+        let crossed = region.density(&law, low)
+            + region
+                .barrier
+                .high
+                .map_or(0.0, |high| region.density(&law, high));
+        let rice = if it.is_viscous() {
+            crossed * deviation / std::f64::consts::TAU.sqrt()
+        } else {
+            f64::NAN
+        };
         let inside = start.total / total;
         let last = march.gone.len() - 1;
-        let doubt = march.doubt(rate * step, long.sum.is_none());
+        let mut doubt = march.doubt(rate * step, long.sum.is_none());
+        if !balances {
+            doubt += long.residuals[1] * rate * step;
+        }
         let entering = balanced.then_some(entering.total);
         let ends = (inside, total, entering);
         let mut run = march.curves(ends, (rate * step, step), doubt, every, layout.times.len());

@@ -75,28 +75,25 @@ impl Buffers {
         }
     }
 
-    /// coefficients <- those of the values, averaged along v by the matrix.
-    pub(super) fn average(&mut self, nv: usize, matrix: &Matrix, share: bool) {
+    /// coefficients <- those of the values, averaged along v by the matrices, each for some rows.
+    pub(super) fn average(&mut self, nv: usize, matrices: &[(Range<usize>, Matrix)], share: bool) {
         let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
-        let panel = |((panel, matrix), range): ((&mut [f64], &[f64]), &Range<usize>)| {
+        let panel = |(number, panel): (usize, &mut [f64])| {
             pulp::Arch::new().dispatch(Average {
                 filter,
                 values,
                 nv,
-                matrix,
-                range: range.clone(),
+                matrices,
+                number,
                 panel,
             });
         };
-        let size = nv * PANEL;
         if share {
             let panels = self.panels.par_chunks_mut(nq * PANEL);
-            let matrices = panels.zip(matrix.panels.par_chunks(size));
-            matrices.zip(&matrix.ranges).for_each(panel);
+            panels.enumerate().for_each(panel);
         } else {
             let panels = self.panels.chunks_mut(nq * PANEL);
-            let matrices = panels.zip(matrix.panels.chunks(size));
-            matrices.zip(&matrix.ranges).for_each(panel);
+            panels.enumerate().for_each(panel);
         }
         let panels = &self.panels[..];
         let row = |(k, row): (usize, &mut [f64])| {
@@ -154,8 +151,8 @@ struct Average<'a> {
     filter: &'a Filter,
     values: &'a [f64],
     nv: usize,
-    matrix: &'a [f64],
-    range: Range<usize>,
+    matrices: &'a [(Range<usize>, Matrix)],
+    number: usize,
     panel: &'a mut [f64],
 }
 
@@ -164,7 +161,14 @@ impl pulp::WithSimd for Average<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        product(self.values, self.nv, self.matrix, self.range, self.panel);
+        let (nv, number) = (self.nv, self.number);
+        for (rows, matrix) in self.matrices {
+            let size = nv * PANEL;
+            let values = &self.values[rows.start * nv..rows.end * nv];
+            let panel = &mut self.panel[rows.start * PANEL..rows.end * PANEL];
+            let entries = &matrix.panels[number * size..(number + 1) * size];
+            product(values, nv, entries, matrix.ranges[number].clone(), panel);
+        }
         self.filter.apply(self.panel);
     }
 }

@@ -25,10 +25,10 @@ pub(super) const LOCAL: usize = DEGREE + 1;
 
 /// Gauss points an element: products of two basis functions with G and p_q, to rounding for a p_q that
 /// changes by ten powers of e.
-const POINTS: usize = 2 * DEGREE + 6;
+pub(super) const POINTS: usize = 2 * DEGREE + 6;
 
 /// Values or slopes at the points, times the root of the weight: a product is a sum.
-type Row = [f64; POINTS];
+pub(super) type Row = [f64; POINTS];
 
 /// A real matrix of the continuous functions of an element.
 pub(super) type Square = [[f64; LOCAL]; LOCAL];
@@ -56,6 +56,31 @@ pub(super) struct Element {
     pub(super) mass: [[f64; 2]; 2],
     /// Products of the continuous functions with 1 and with the quantity that is watched.
     seen: [[f64; LOCAL]; 2],
+    /// Its points, the root of the weight there, and the functions times it: the continuous and the discontinuous ones.
+    pub(super) at: Points,
+}
+
+/// An element at its Gauss points.
+#[derive(Debug, Clone)]
+pub(super) struct Points {
+    pub(super) ends: [f64; 2],
+    pub(super) places: Row,
+    pub(super) root: Row,
+    pub(super) even: [Row; LOCAL],
+    pub(super) odd: [Row; DEGREE],
+}
+
+impl Points {
+    /// The products of the continuous functions with a function of q between them, and of the discontinuous ones.
+    pub(super) fn products(&self, f: impl Fn(f64) -> f64) -> (Square, [[f64; DEGREE]; DEGREE]) {
+        let f: Row = self.places.map(f);
+        let sum = |a: &Row, b: &Row| a.iter().zip(b).zip(&f).map(|((a, b), f)| a * b * f).sum();
+        let (even, odd) = (&self.even, &self.odd);
+        (
+            std::array::from_fn(|a| std::array::from_fn(|b| sum(&even[a], &even[b]))),
+            std::array::from_fn(|a| std::array::from_fn(|b| sum(&odd[a], &odd[b]))),
+        )
+    }
 }
 
 impl Element {
@@ -107,6 +132,13 @@ impl Element {
             cd: [[0.0; LOCAL]; LOCAL],
             mass: std::array::from_fn(|a| std::array::from_fn(|b| dot(&all[a][0], &all[b][0]))),
             seen: [[0.0; LOCAL]; 2],
+            at: Points {
+                ends: [low, high],
+                places,
+                root,
+                even: std::array::from_fn(|b| all[b][0]),
+                odd: std::array::from_fn(|a| odd[a][0]),
+            },
         };
         for (b, [value, slope]) in all.iter().enumerate() {
             let pushed: Row = std::array::from_fn(|k| {
@@ -130,6 +162,9 @@ impl Element {
             }
             for seen in &mut self.seen {
                 seen[b] /= by;
+            }
+            for value in &mut self.at.even[b] {
+                *value /= by;
             }
             for a in 0..2 {
                 self.mass[a][b] /= by;

@@ -8,9 +8,10 @@ use super::basis::INNER;
 use super::condensed::{Condensed, Ends, Rates, Small};
 use super::operator::Hierarchy;
 use crate::error::Result;
-use crate::sparse::DenseLu;
+use crate::sparse::{DenseLu, Lu};
 use ndarray::Array2;
 use num_complex::Complex;
+use std::sync::{Mutex, PoisonError};
 
 type C = Complex<f64>;
 
@@ -27,6 +28,8 @@ pub(in crate::fokker_planck) struct Factored<'a> {
     /// Of each node its own block, and the one that couples it with the next.
     nodes: Vec<DenseLu>,
     next: Vec<Array2<C>>,
+    /// All of it, where friction depends on the displacement.
+    whole: Option<Mutex<Lu<C>>>,
 }
 
 impl<'a> Factored<'a> {
@@ -42,6 +45,18 @@ impl<'a> Factored<'a> {
     ) -> Result<Self> {
         let k = full.pairs;
         let rates = Rates::new(full.zeta, full.temperature, shift, k);
+        if let Some(local) = &full.local {
+            late()?;
+            return Ok(Self {
+                full,
+                shift,
+                rates,
+                inner: Vec::new(),
+                nodes: Vec::new(),
+                next: Vec::new(),
+                whole: Some(Mutex::new(local.factored(shift)?)),
+            });
+        }
         let count = full.basis.elements.len();
         let (mut inner, mut nodes) = (Vec::new(), Vec::new());
         let mut next: Vec<Array2<C>> = Vec::new();
@@ -88,6 +103,7 @@ impl<'a> Factored<'a> {
             inner,
             nodes,
             next,
+            whole: None,
         })
     }
 
@@ -125,6 +141,14 @@ impl<'a> Factored<'a> {
         let k = full.pairs;
         let mut x = b.to_vec();
         full.drop_constant(&mut x);
+        if let Some(whole) = &self.whole {
+            basis.test(&mut x[..full.even()], k);
+            let mut lu = whole.lock().unwrap_or_else(PoisonError::into_inner);
+            lu.solve(&mut x)?;
+            basis.of_hats(&mut x[..full.even()], k);
+            full.drop_constant(&mut x);
+            return Ok(x);
+        }
         let (even, odd) = x.split_at_mut(full.even());
         // The odd n in terms of the even ones: o_n = (b_n + transport of e)/(s + 2 zeta n).
         let half: Vec<C> = self

@@ -3,8 +3,10 @@
 mod basis;
 mod condensed;
 mod factored;
+mod friction;
 mod operator;
 
 pub(super) use basis::DEGREE;
 pub(super) use factored::Factored;
+pub(super) use friction::{Kept, LAW, REACH, work};
 pub(super) use operator::{Hierarchy, Resolution};

@@ -17,6 +17,7 @@
 //! number of functions, and nearly so of elements.
 
 use super::basis::{Basis, DEGREE, INNER, LOCAL, Number};
+use super::friction::Local;
 use crate::error::Result;
 use crate::oscillator::{Oscillator, Quantity};
 
@@ -72,6 +73,8 @@ pub(in crate::fokker_planck) struct Hierarchy {
     pub(super) temperature: f64,
     pub(super) pairs: usize,
     pub(super) basis: Basis,
+    /// The whole operator, where friction depends on the displacement.
+    pub(super) local: Option<Local>,
 }
 
 impl Hierarchy {
@@ -83,12 +86,23 @@ impl Hierarchy {
     ) -> Result<Self> {
         let law = oscillator.displacement_law()?;
         let ends = ends(oscillator, resolution);
-        Ok(Self {
+        let mut it = Self {
             zeta: oscillator.zeta(),
             temperature: oscillator.temperature(),
             pairs: resolution.pairs,
             basis: Basis::new(oscillator, &law, &ends, quantity)?,
-        })
+            local: None,
+        };
+        if !oscillator.is_viscous() {
+            it.local = Some(Local::new(&it, oscillator));
+        }
+        Ok(it)
+    }
+
+    /// Whether friction depends on the displacement: v -> -v then does not turn L into its transpose, and L writes into
+    /// the constant, though it does not read it.
+    pub(in crate::fokker_planck) fn is_local(&self) -> bool {
+        self.local.is_some()
     }
 
     /// Size of the largest entries of L.
@@ -134,9 +148,17 @@ impl Hierarchy {
         }
     }
 
-    /// L x.
+    /// L x; without the constant it writes where friction depends on the displacement.
     pub(in crate::fokker_planck) fn apply<T: Number>(&self, x: &[T]) -> Vec<T> {
         let (k, basis) = (self.pairs, &self.basis);
+        if let Some(local) = &self.local {
+            let mut hats = x.to_vec();
+            basis.hats_of(&mut hats[..self.even()], k);
+            let mut out = local.image(&hats);
+            basis.project(&mut out[..self.even()], k);
+            self.drop_constant(&mut out);
+            return out;
+        }
         let (even, odd) = x.split_at(self.even());
         let mut hats = even.to_vec();
         basis.hats_of(&mut hats, k);

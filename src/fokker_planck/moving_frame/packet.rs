@@ -64,6 +64,8 @@ pub(crate) struct Packet {
     temperature: f64,
     /// What there is beside stationary noise.
     forcing: Option<Arc<Forcing>>,
+    /// Where friction depends on the displacement.
+    local: Option<Oscillator>,
     fineness: Fineness,
     axis: Axis,
     frame: Frame,
@@ -156,6 +158,7 @@ impl Packet {
             zeta: oscillator.zeta(),
             temperature: oscillator.temperature(),
             forcing: None,
+            local: (!oscillator.is_viscous()).then(|| oscillator.clone()),
             fineness,
             axis,
             frame,
@@ -285,7 +288,8 @@ impl Packet {
 
     pub(crate) fn advance(&mut self, tau: f64) {
         self.longest = self.longest.max(tau);
-        let x = self.zeta * tau;
+        // A rate that changes from place to place does not run the motion at one wrong rate.
+        let x = self.local.as_ref().map_or(self.zeta * tau, |_| 0.0);
         let stretched = if x > 1e-4 {
             x.sinh() / x
         } else {
@@ -402,22 +406,76 @@ impl Packet {
         self.interpolate();
     }
 
-    /// O over `duration`, time frozen at `t`, in steps with this `lead`.
+    /// O over `duration`, time frozen at `t`, in steps with this `lead`. Where friction depends on the displacement, that at the mean between two halves of what it is
+    /// more elsewhere: of second order in the difference.
     fn spread(&mut self, t: f64, duration: f64, lead: f64) {
-        let n = self.axis.len();
-        let friction = 2.0 * self.zeta * duration;
-        let a = (-friction).exp();
-        // T (1 - a^2), also where zeta is so small that T overflows what is left of 1 - a^2.
-        let variance = match &self.forcing {
-            None => -self.temperature * (-2.0 * friction).exp_m1(),
-            Some(it) => it.variance(t, duration),
+        let Some(oscillator) = self.local.take() else {
+            let friction = 2.0 * self.zeta * duration;
+            // T (1 - a^2), also where zeta is so small that T overflows what is left of 1 - a^2.
+            let variance = match &self.forcing {
+                None => -self.temperature * (-2.0 * friction).exp_m1(),
+                Some(it) => it.variance(t, duration),
+            };
+            let shift = self.forcing.as_ref();
+            let shift = shift.map(|it| it.shift(t, duration, lead));
+            return self.spread_by(friction, variance, shift);
         };
+        let at_mean = oscillator.friction(self.frame.mean[0]);
+        let friction = at_mean * duration;
+        let share = if friction > 1e-300 {
+            -(-2.0 * friction).exp_m1() / (2.0 * friction)
+        } else {
+            1.0
+        };
+        let more = |q: f64| 0.5 * duration * (oscillator.friction(q) - at_mean);
+        self.slow(more);
+        self.spread_by(friction, 2.0 * oscillator.noise() * duration * share, None);
+        self.slow(more);
+        self.local = Some(oscillator);
+    }
+
+    /// Velocities over e^x, x a function of the displacement.
+    fn slow(&mut self, x: impl Fn(f64) -> f64) {
+        let n = self.axis.len();
+        let centres = self.axis.centres();
+        let factors: Vec<f64> = centres
+            .iter()
+            .map(|xi| x(self.frame.at([*xi, 0.0])[0]))
+            .collect();
+        if factors.iter().all(|x| x.abs() < 1e-13) {
+            return;
+        }
+        for ((i, x), xi) in factors.iter().enumerate().zip(centres) {
+            let row = i * n..(i + 1) * n;
+            for (point, eta) in self.origins[row.clone()].iter_mut().zip(centres) {
+                let [q, v] = self.frame.at([*xi, *eta]);
+                *point = [q, v * x.exp()];
+            }
+            pulp::Arch::new().dispatch(Sample {
+                it: Interpolant {
+                    frame: &self.frame,
+                    axis: &self.axis,
+                    spline: &self.spline,
+                    coefficients: &self.coefficients,
+                },
+                scale: x.exp(),
+                points: &self.origins[row.clone()],
+                values: &mut self.values[row],
+            });
+        }
+        self.interpolate();
+    }
+
+    /// O with this friction, this variance of the noise and what a drive adds to v.
+    fn spread_by(&mut self, friction: f64, variance: f64, shift: Option<f64>) {
+        let n = self.axis.len();
+        let a = (-friction).exp();
         let [qq, vq, vv] = self.frame.lower;
         let widened = (a * a * vv * vv + variance).sqrt();
         self.frame.mean[1] *= a;
         self.frame.lower = [qq, a * vq, widened];
-        if let Some(it) = &self.forcing {
-            self.frame.mean[1] += it.shift(t, duration, lead);
+        if let Some(shift) = shift {
+            self.frame.mean[1] += shift;
             if variance == 0.0 {
                 // The frame contracts, and P in it stays.
                 return;
@@ -634,7 +692,7 @@ struct Linear {
 impl Linear {
     fn of(oscillator: &Oscillator) -> Self {
         Self {
-            zeta: oscillator.zeta(),
+            zeta: 0.5 * oscillator.friction(0.0),
             stiffness: oscillator.contact().stiffness(0.0),
             drive: -oscillator.contact().force(0.0),
             noise: oscillator.noise(),

@@ -104,6 +104,7 @@ impl Domain {
             });
             stationary
                 .value
+                .max(oscillator.averaged_beyond(level))
                 .max(start_outside(oscillator, initial, lowest + level))
         };
         // ln P(H > level) falls nearly in proportion to the level: its secant, in a bracket.

@@ -74,7 +74,7 @@ impl Task<'_> {
                     tail: left,
                     ..Loss::default()
                 },
-                ..self.observe(t, &propagator, &observables, &density)
+                ..self.observe(t, &propagator, &observables, (&density, None))
             });
         }
         let (step, domain) = (propagator.step(), rung.layout.domain);

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
+use crate::fokker_planck::hermite::Kept;
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::packet::{Fineness, Packet, STRONG};
@@ -14,10 +15,13 @@ use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
+use std::cell::RefCell;
 
 /// A packet on its way to a mesh.
 pub(super) struct Opening<'a> {
     oscillator: &'a Oscillator,
+    /// The stationary law, where it is not exp(-H/T)/Z.
+    law: Option<&'a Kept>,
     rung: &'a Rung,
     packet: Packet,
     /// The cells there would be without regard to the initial condition; None for a law that leaves every domain,
@@ -157,6 +161,7 @@ impl<'a> Opening<'a> {
         rung: &'a Rung,
         oscillator: &'a Oscillator,
         initial: &Initial,
+        law: Option<&'a Kept>,
     ) -> Result<Option<Self>> {
         if !rung.opens_on_moving_grid() {
             return Ok(None);
@@ -175,6 +180,7 @@ impl<'a> Opening<'a> {
         };
         Ok(Some(Self {
             oscillator,
+            law,
             rung,
             packet,
             goal,
@@ -371,7 +377,16 @@ impl<'a> Opening<'a> {
         let packet = &self.packet;
         let law = self.oscillator.displacement_law().ok();
         let temperature = self.oscillator.temperature();
+        let column = self.law.map(|law| RefCell::new(law.column(f64::NAN)));
         let stationary = |[q, v]: [f64; 2]| {
+            if let Some((column, law)) = column.as_ref().zip(self.law) {
+                // Points come displacement by displacement.
+                let mut column = column.borrow_mut();
+                if column.q() != q {
+                    *column = law.column(q);
+                }
+                return column.density(v);
+            }
             law.as_ref().map_or(0.0, |law| {
                 let scale = (std::f64::consts::TAU * temperature).sqrt();
                 law.density(q) * (-0.5 * v * v / temperature).exp() / scale

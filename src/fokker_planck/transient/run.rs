@@ -8,6 +8,7 @@ use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
+use crate::fokker_planck::hermite::Kept;
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
@@ -72,6 +73,8 @@ pub(super) struct Task<'a> {
     pub(super) density_times: &'a [f64],
     pub(super) recipe: &'a Recipe,
     pub(super) limits: &'a Limits,
+    /// The stationary law, where it is not the one that g is taken against.
+    pub(super) law: Option<&'a Kept>,
 }
 
 /// Distance to the stationary law at which a run stops, over the tolerance.
@@ -148,7 +151,7 @@ impl Task<'_> {
         let in_time = |come: f64| {
             limits.in_time(|| format!("the transient had come to t = {come:.3} of {until}"))
         };
-        let opening = Opening::of(rung, oscillator, initial)?;
+        let opening = Opening::of(rung, oscillator, initial, self.law)?;
         let (opening, mut outputs) = self.open(opening, times, &mut |come| {
             progress(come / until);
             in_time(come)
@@ -177,9 +180,13 @@ impl Task<'_> {
             .as_ref()
             .map_or(oscillator, |it| it.reference());
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
-        let (mut density, handed) = match &opening {
-            None => (propagator.start(oscillator, initial)?, 0.0),
-            Some(opening) => opening.density(&propagator),
+        let law = self
+            .law
+            .map(|law| propagator.sampled(&|points| law.densities(points)));
+        let (mut density, handed) = match (&opening, &law) {
+            (None, Some(law)) if *initial == Initial::Stationary => (law.clone(), 0.0),
+            (None, _) => (propagator.start(oscillator, initial)?, 0.0),
+            (Some(opening), _) => opening.density(&propagator),
         };
         // What is forced comes to no stationary law.
         let settles = oscillator.contact().is_confining() && rung.forcing.is_none();
@@ -216,7 +223,11 @@ impl Task<'_> {
                     }
                     progress((now + done) / until);
                     in_time(now + done)?;
-                    if settles && density.distance(&weights, &columns) < close {
+                    let distance = || match &law {
+                        None => density.distance(&weights, &columns),
+                        Some(law) => density.distance_to(law, &columns),
+                    };
+                    if settles && distance() < close {
                         settled = Some(now + done);
                     }
                     Ok(settled.is_none())
@@ -227,7 +238,7 @@ impl Task<'_> {
             outputs.push(Output {
                 steps: propagator.steps(),
                 opening: spent,
-                ..self.observe(t, &propagator, &observables, &density)
+                ..self.observe(t, &propagator, &observables, (&density, law.as_ref()))
             });
         }
         let step = propagator.step();
@@ -275,7 +286,7 @@ impl Task<'_> {
         t: f64,
         propagator: &Propagator,
         observables: &Observables,
-        density: &Density,
+        (density, law): (&Density, Option<&Density>),
     ) -> Output {
         let (weights, columns) = (propagator.weights(), propagator.columns());
         let wanted = self.density_times.contains(&t);
@@ -289,8 +300,14 @@ impl Task<'_> {
             mass: density.mass(),
             lowest: density.lowest(),
             negative: density.negative_mass(),
-            entropy: density.relative_entropy(weights, columns),
-            distance: density.distance(weights, columns),
+            entropy: law.map_or_else(
+                || density.relative_entropy(weights, columns),
+                |law| density.entropy_to(law, columns),
+            ),
+            distance: law.map_or_else(
+                || density.distance(weights, columns),
+                |law| density.distance_to(law, columns),
+            ),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
             opening: Loss::default(),

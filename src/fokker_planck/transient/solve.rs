@@ -7,10 +7,12 @@ use super::propagator;
 use super::recipe::{Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
+use crate::damping::Damping;
 use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work};
 use crate::fokker_planck::flux::Drift;
+use crate::fokker_planck::hermite::{Kept, LAW};
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::Settings;
 use crate::initial::Initial;
@@ -77,6 +79,7 @@ pub fn uncertified(
         density_times: &[],
         recipe: &recipe,
         limits: &limits,
+        law: None,
     };
     let until = times.last().copied().unwrap_or(0.0);
     let rung = recipe.rung(oscillator, initial, until, recipe.expected)?;
@@ -115,6 +118,13 @@ impl Recipe {
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
+        let late = || limits.in_time(|| "the stationary law was not found".into());
+        let displacement = !matches!(oscillator.damping(), Damping::Energy(_));
+        let law = if oscillator.is_viscous() || !displacement {
+            None
+        } else {
+            Some(Kept::new(oscillator, LAW, &late)?)
+        };
         let task = Task {
             oscillator,
             initial,
@@ -122,6 +132,7 @@ impl Recipe {
             density_times,
             recipe: self,
             limits,
+            law: law.as_ref(),
         };
         if self.drift() == Drift::Upwind {
             return adaptive::pursue(Upwind::new(task)?, limits, progress);

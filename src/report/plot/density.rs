@@ -9,9 +9,7 @@ use crate::error::Result;
 use crate::fokker_planck::Snapshot;
 use crate::format::bare;
 use crate::report::File;
-use crate::results::Results;
-use crate::results::widths;
-use crate::stationary::Stationary;
+use crate::results::{Law, Results, widths};
 
 /// A snapshot with its marginals, ready to be drawn.
 pub(super) struct Sheet<'a> {
@@ -119,7 +117,7 @@ fn density_picture(
     let Some(sheet) = Sheet::of(snapshot) else {
         return Ok(None);
     };
-    let law = Stationary::of(&results.scene.oscillator).ok();
+    let law = results.law();
     let (x, y) = sheet.window();
     let main = Panel::new([92.0, 156.0, 430.0, 330.0], x, y);
     let curve = |xs: &[f64], ps: &[f64]| {
@@ -131,15 +129,12 @@ fn density_picture(
     let fine =
         |(low, high): (f64, f64)| (0..=300).map(move |k| low + (high - low) * f64::from(k) / 300.0);
     let (by_q, by_v) = (curve(&sheet.q, &sheet.p_q), curve(&sheet.v, &sheet.p_v));
-    let exact = |f: &dyn Fn(&Stationary, f64) -> f64, x: (f64, f64)| -> Points {
+    let exact = |f: &dyn Fn(&Law, f64) -> f64, x: (f64, f64)| -> Points {
         law.iter()
             .flat_map(|law| fine(x).map(move |x| (x, f(law, x))))
             .collect()
     };
-    let (exact_q, exact_v) = (
-        exact(&Stationary::density_q, x),
-        exact(&Stationary::density_v, y),
-    );
+    let (exact_q, exact_v) = (exact(&Law::density_q, x), exact(&Law::density_v, y));
     let top = |a: &Points, b: &Points| {
         let most = a
             .iter()

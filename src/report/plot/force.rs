@@ -11,15 +11,16 @@ use crate::format::bare;
 use crate::monte_carlo::Histogram;
 use crate::report::File;
 use crate::results::Results;
-use crate::stationary::Stationary;
 
 /// What force.svg shows.
 struct ForceCurves {
-    /// (N, p_N) of the closed form, and of the mesh.
+    /// (N, p_N) of the stationary law, and of the mesh.
     exact: Points,
     meshed: Points,
     /// What the mesh's points are.
     words: String,
+    /// Where the law comes from.
+    origin: &'static str,
     /// Histogram of long records.
     sampled: Option<Histogram>,
     /// The Dirac mass and the force of flight it stands at, if that is within the picture.
@@ -30,7 +31,7 @@ struct ForceCurves {
 
 impl ForceCurves {
     fn of(results: &Results) -> Option<Self> {
-        let law = Stationary::of(&results.scene.oscillator).ok()?;
+        let law = results.law()?;
         let contact = results.contact();
         let t = results.scene.oscillator.temperature();
         let (low, high) = contact.turning_points(14.0 * t)?;
@@ -75,6 +76,7 @@ impl ForceCurves {
         let most = usual.map(|(_, p)| *p).fold(0.0, f64::max);
         Some(Self {
             dirac: law.contact_loss_probability().zip(flight),
+            origin: law.words(),
             exact,
             meshed,
             words,
@@ -162,7 +164,7 @@ pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
             write(area, &words, at, NOTE)?;
         }
         let right = linear.right() - 226.0;
-        let mut legends = vec![(INK, Mark::Line, "closed form")];
+        let mut legends = vec![(INK, Mark::Line, curves.origin)];
         if !curves.meshed.is_empty() {
             legends.push((BLUE, Mark::Dot, &curves.words));
         }

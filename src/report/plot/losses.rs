@@ -5,6 +5,10 @@ use super::canvas::{
 };
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::fokker_planck::FirstLoss;
+use crate::format::bare;
+use crate::monte_carlo::FirstLossResult;
+use crate::oscillator::Side;
 use crate::report::File;
 use crate::results::Results;
 use crate::results::centres;
@@ -12,10 +16,46 @@ use crate::results::centres;
 /// survival.svg: survival until the first loss of contact, and its density on a logarithmic scale, from
 /// the backward equation and from paths.
 pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.first_loss else {
+    let title = "First loss of contact: survival, and density of its time";
+    let paths = results.first_loss_paths.as_ref();
+    curves(
+        results,
+        ("survival.svg", title),
+        results.first_loss.as_ref(),
+        paths,
+    )
+}
+
+/// passage.svg: the same of a level.
+pub(crate) fn passage(results: &Results) -> Result<Vec<File>> {
+    let Some(asked) = results.scene.outputs.first_passage else {
         return Ok(Vec::new());
     };
-    let paths = results.first_loss_paths.as_ref();
+    let words = match asked.side {
+        Side::Below => "q below",
+        Side::Above => "q above",
+        Side::Either => "|q| above",
+    };
+    let level = bare(asked.level).replace('-', "\u{2212}");
+    let title = format!("First passage of {words} {level}: survival, and density of its time");
+    let paths = results.first_passage_paths.as_ref();
+    curves(
+        results,
+        ("passage.svg", &title),
+        results.first_passage.as_ref(),
+        paths,
+    )
+}
+
+fn curves(
+    results: &Results,
+    (file, title): (&str, &str),
+    it: Option<&FirstLoss>,
+    paths: Option<&FirstLossResult>,
+) -> Result<Vec<File>> {
+    let Some(it) = it else {
+        return Ok(Vec::new());
+    };
     let time = results.scene.clock().axis();
     let until = it.times[it.times.len() - 1];
     let points = |curve: &[Estimate], log: bool| -> Points {
@@ -44,8 +84,7 @@ pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
         log: true,
         ..left.clone()
     };
-    picture("survival.svg", (990, 420), |area| {
-        let title = "First loss of contact: survival, and density of its time";
+    picture(file, (990, 420), |area| {
         write(area, title, (left.left, 22.0), TITLE)?;
         left.axes(area, time, "survival")?;
         right.axes(area, time, "density")?;

@@ -21,7 +21,7 @@ pub(crate) use density::{densities, steady};
 pub(crate) use driven::{periodic, response};
 pub(crate) use force::force;
 pub(crate) use impacts::impacts;
-pub(crate) use losses::{flights, survival};
+pub(crate) use losses::{flights, passage, survival};
 pub(crate) use map::{Field, Ruler, map};
 pub(crate) use spectrum::spectrum;
 pub(crate) use transient::{approach, moments};

@@ -102,7 +102,11 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
                 (640.0, 20.0),
                 INK,
                 Mark::Dashes,
-                "stationary, closed form",
+                if results.solved.is_some() {
+                    "stationary, solved"
+                } else {
+                    "stationary, closed form"
+                },
             )?;
         }
         Ok(())

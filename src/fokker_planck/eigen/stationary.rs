@@ -1,0 +1,345 @@
+//! The stationary law where it has no closed form: the null vector of the Fokker-Planck operator in Hermite functions of v
+//! and spectral elements of q (`hermite::friction`), at three resolutions or more.
+
+use crate::error::Result;
+use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::hermite::{DEGREE, Kept, Resolution, work};
+use crate::fokker_planck::settings::Settings;
+use crate::moments::{Moment, Moments};
+use crate::oscillator::Oscillator;
+use crate::scales::Scales;
+use std::f64::consts::LN_10;
+
+/// The stationary law p(q, v) of a damping that is not viscous.
+#[derive(Debug, Clone)]
+pub struct SolvedLaw {
+    /// All moments with their errors.
+    pub moments: Moments,
+    /// Losses of contact a unit of time: the flux of probability through the loss point. None for a law that cannot lose
+    /// contact, or where the truncated domain does not reach the loss point.
+    pub loss_rate: Option<Estimate>,
+    /// Mean time out of contact, P(loss)/rate.
+    pub mean_flight: Option<Estimate>,
+    /// Mean speed at the return to contact.
+    pub mean_impact_speed: Option<Estimate>,
+    /// E\[c v^2\], which is pi h exactly: what friction takes, noise gives.
+    pub dissipated: Estimate,
+    /// Functions of q and of v at the finest resolution.
+    pub functions: [usize; 2],
+    /// What the tolerance asked for and was not reached.
+    pub shortfall: Option<Shortfall>,
+    kept: Kept,
+}
+
+impl SolvedLaw {
+    /// p(q, v); 0 beyond the truncated domain.
+    pub fn density(&self, q: f64, v: f64) -> f64 {
+        self.kept.along(q, &[v])[0]
+    }
+
+    /// p(q, v) at one displacement and many velocities.
+    pub fn along(&self, q: f64, velocities: &[f64]) -> Vec<f64> {
+        self.kept.along(q, velocities)
+    }
+
+    /// Where p begins and ends in q.
+    pub fn domain(&self) -> [f64; 2] {
+        self.kept.domain()
+    }
+
+    /// Mean number of losses of contact in a dimensionless time.
+    pub fn losses_in(&self, time: f64) -> Option<Estimate> {
+        self.loss_rate.map(|rate| rate.scaled(time))
+    }
+
+    /// p_q(q).
+    pub fn density_q(&self, q: f64) -> f64 {
+        self.kept.density_q(q)
+    }
+
+    /// p_v(v).
+    pub fn density_v(&self, v: f64) -> f64 {
+        self.kept.density_v(v)
+    }
+
+    /// log10 P(q < q_loss); None where that is not known to be more than its error.
+    pub fn log10_contact_loss_probability(&self) -> Option<Estimate> {
+        let it = self.moments.contact_loss_probability?;
+        let known = it.value > it.error;
+        known.then(|| it.mapped(it.value.log10(), 1.0 / (LN_10 * it.value)))
+    }
+}
+
+/// How a stationary law will be solved for: resolutions, and the foreseen cost.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct StationaryState {
+    first: Resolution,
+    given: bool,
+    tolerance: f64,
+    /// What it will take: cells are functions of q and of v, steps the factorisations.
+    pub(crate) cost: Cost,
+}
+
+/// Growth of elements and functions from one resolution to the next, and of the energy, in T, at which the domain ends.
+const FINER: f64 = 1.4;
+const HIGHER: f64 = 4.0;
+
+/// Energy at which the first domain ends, in T of the reference law.
+const LEVEL: f64 = 16.0;
+
+/// Resolutions at most; the last has 32 times the unknowns of the first.
+const RESOLUTIONS: usize = 6;
+
+/// An error over the last change, and the part of the change before it and of the largest change of all numbers that it is
+/// at least: a single difference may pass through zero.
+const SAFETY: f64 = 2.0;
+const BEFORE: f64 = 0.25;
+const POOLED: f64 = 0.2;
+
+/// Rounding of the null vector, relative to the scale of a number.
+const ROUNDING: f64 = 1e-11;
+
+/// The stationary law of `oscillator`, to `settings.tolerance`; `settings.cells` fixes the finest resolution, as functions
+/// of q and of v. For viscous damping it is exp(-H/T)/Z, found by other means.
+///
+/// # Errors
+/// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Limit`] where `settings.max_seconds` or
+/// `settings.max_memory` do not suffice for a first answer; [`Error::Linear`] if a null vector does not settle.
+pub fn stationary_law(oscillator: &Oscillator, settings: &Settings) -> Result<SolvedLaw> {
+    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+    StationaryState::of(oscillator, settings)?.solve(oscillator, &limits, &|_| {})
+}
+
+impl StationaryState {
+    /// The recipe.
+    ///
+    /// # Errors
+    /// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Invalid`] for a rate that depends on more than q.
+    pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
+        oscillator.displacement_law()?;
+        oscillator
+            .damping()
+            .depends_on_displacement("the stationary law")?;
+        let coarse = |n: usize, of: usize| {
+            let n = n as f64 / of as f64 / FINER.powi(2);
+            (n.round() as usize).max(2)
+        };
+        let [elements, pairs] = match settings.cells {
+            Some([q, v]) => [coarse(q, DEGREE), coarse(v, 2)],
+            None => [6, 14],
+        };
+        let mut it = Self {
+            first: Resolution {
+                elements,
+                pairs,
+                level: LEVEL,
+            },
+            given: settings.cells.is_some(),
+            tolerance: settings.tolerance,
+            cost: Cost {
+                cells: [0; 2],
+                steps: 3,
+                memory: 0,
+                seconds: 0.0,
+            },
+        };
+        let finest = it.resolution(2);
+        it.cost.cells = [finest.across(), 2 * finest.pairs];
+        it.cost.memory = it.work(2).memory;
+        it.cost.seconds = (0..3).map(|level| it.work(level).seconds).sum();
+        Ok(it)
+    }
+
+    /// Method and reason.
+    pub(crate) fn words(&self) -> String {
+        "null vector in Hermite functions and spectral elements, three resolutions: no closed form under this damping"
+            .into()
+    }
+
+    fn resolution(&self, level: usize) -> Resolution {
+        (0..level).fold(self.first, |it, _| it.finer(FINER, HIGHER))
+    }
+
+    fn work(&self, level: usize) -> Work {
+        let (memory, operations) = work(self.resolution(level));
+        Work {
+            seconds: operations * timing::OPERATION,
+            memory,
+        }
+    }
+
+    /// As [`stationary_law`], by this recipe.
+    ///
+    /// # Errors
+    /// Those of [`stationary_law`].
+    pub(crate) fn solve(
+        &self,
+        oscillator: &Oscillator,
+        limits: &Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<SolvedLaw> {
+        let task = Task {
+            recipe: self,
+            oscillator,
+            limits: limits.clone(),
+            scales: Scales::of(oscillator),
+            levels: Vec::new(),
+            best: None,
+        };
+        adaptive::pursue(task, limits, progress)
+    }
+}
+
+/// The numbers of one resolution: moments, then rate, flight, speed and what friction takes.
+struct Level {
+    moments: Moments,
+    beside: [Option<f64>; 4],
+}
+
+impl Level {
+    fn of(oscillator: &Oscillator, kept: &Kept) -> Self {
+        let moments = kept.raw().moments(oscillator.contact());
+        let loss = oscillator.contact().loss_point();
+        let crossings = loss.map(|loss| kept.crossings(loss));
+        // What goes out comes back: the mean of both.
+        let rate = crossings.map(|[down, up, _]| 0.5 * (down + up));
+        let rate = rate.filter(|rate| *rate > 0.0);
+        let lost = moments.contact_loss_probability.map(|it| it.value);
+        let flight = lost.zip(rate).map(|(lost, rate)| lost / rate);
+        let speed = crossings.filter(|it| it[1] > 0.0);
+        Self {
+            moments,
+            beside: [
+                rate,
+                flight,
+                speed.map(|[_, up, square]| square / up),
+                Some(kept.dissipated()),
+            ],
+        }
+    }
+
+    fn values(&self) -> Vec<Option<f64>> {
+        let moments = self.moments.named().map(|(_, number)| Some(number?.value));
+        moments.into_iter().chain(self.beside).collect()
+    }
+
+    /// The natural scale of each number: rates and times their own value.
+    fn scales(&self, scales: &Scales) -> Vec<f64> {
+        let own = self.beside.map(|it| it.unwrap_or(1.0).abs());
+        scales.each(&self.moments).into_iter().chain(own).collect()
+    }
+}
+
+struct Task<'a> {
+    recipe: &'a StationaryState,
+    oscillator: &'a Oscillator,
+    limits: Limits,
+    scales: Scales,
+    levels: Vec<Level>,
+    /// The finest law with its largest error over the tolerance, and whose that is.
+    best: Option<(SolvedLaw, f64, &'static str)>,
+}
+
+/// The question in messages.
+const NAME: &str = "the stationary law";
+
+impl Question for Task<'_> {
+    type Answer = SolvedLaw;
+
+    fn name(&self) -> String {
+        NAME.into()
+    }
+
+    fn ratio(&self) -> Option<f64> {
+        self.best.as_ref().map(|it| it.1)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let done = self.levels.len();
+        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
+        if done >= 3 && self.recipe.given {
+            return stop("its cells are those of the scene".into(), false);
+        }
+        if done == RESOLUTIONS {
+            return stop(format!("{done} resolutions did not settle it"), true);
+        }
+        Ok(Next::Run {
+            now: self.recipe.work(done),
+            then: (done < 2).then(|| self.recipe.work(2)),
+        })
+    }
+
+    fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let resolution = self.recipe.resolution(self.levels.len());
+        let late = || {
+            self.limits
+                .in_time(|| format!("{NAME} was not found at {} functions", resolution.len()))
+        };
+        let kept = Kept::new(self.oscillator, resolution, &late)?;
+        self.levels.push(Level::of(self.oscillator, &kept));
+        if let [.., coarse, middle, fine] = &self.levels[..] {
+            let scales = fine.scales(&self.scales);
+            let (a, b, c) = (coarse.values(), middle.values(), fine.values());
+            let change = |x: &[Option<f64>], y: &[Option<f64>], k: usize| {
+                let both = x[k].zip(y[k]);
+                both.map_or(0.0, |(x, y)| (x - y).abs() / scales[k])
+            };
+            let all = 0..scales.len();
+            let [earlier, last] = [(&a, &b), (&b, &c)]
+                .map(|(x, y)| all.clone().map(|k| change(x, y, k)).collect::<Vec<f64>>());
+            // Rates and times of what hardly ever happens say nothing of the rest.
+            let pooled = last[..Moment::ALL.len()]
+                .iter()
+                .copied()
+                .fold(0.0, f64::max);
+            let error = |k: usize| {
+                let largest = last[k].max(BEFORE * earlier[k]).max(POOLED * pooled);
+                scales[k] * (SAFETY * largest + ROUNDING)
+            };
+            let mut moments = fine.moments;
+            let mut worst = (0.0, "mean_q");
+            for (k, number) in moments.each_mut().into_iter().enumerate() {
+                if let Some(number) = number {
+                    *number = Estimate::new(number.value, error(k), Origin::Space);
+                    let ratio = error(k) / (scales[k] * self.recipe.tolerance);
+                    if ratio > worst.0 || ratio.is_nan() {
+                        worst = (ratio, Moment::ALL[k].name());
+                    }
+                }
+            }
+            let first = Moment::ALL.len();
+            let beside = |k: usize| {
+                let value = fine.beside[k]?;
+                Some(Estimate::new(value, error(first + k), Origin::Space))
+            };
+            let lost = moments.contact_loss_probability;
+            let known = lost.is_some_and(|it| it.value > it.error);
+            let law = SolvedLaw {
+                moments,
+                loss_rate: beside(0).filter(|_| known),
+                mean_flight: beside(1).filter(|_| known),
+                mean_impact_speed: beside(2).filter(|_| known),
+                dissipated: beside(3).unwrap_or_default(),
+                functions: [resolution.across(), 2 * resolution.pairs],
+                shortfall: None,
+                kept,
+            };
+            let better = self.best.as_ref().is_none_or(|best| worst.0 <= best.1);
+            if better {
+                self.best = Some((law, worst.0, worst.1));
+            }
+        }
+        Ok(())
+    }
+
+    fn answer(self, stop: Stop) -> Option<SolvedLaw> {
+        let (law, ratio, name) = self.best?;
+        let number = format!("{name} in the stationary law");
+        Some(SolvedLaw {
+            shortfall: stop.shortfall(number, ratio, self.recipe.tolerance),
+            ..law
+        })
+    }
+}

@@ -1,0 +1,186 @@
+//! Where a motion survives: beyond a level, or between two, in coordinates in which it is lost downwards.
+//!
+//! A passage upwards is one downwards in x = -q, and so is everything that the motion needs of the oscillator.
+
+use crate::error::{Error, Result};
+use crate::fokker_planck::trajectory::Motion;
+use crate::initial::Initial;
+use crate::oscillator::{DisplacementLaw, Oscillator, Side};
+
+/// Levels at which a motion is absorbed, in x = sign q.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Barrier {
+    /// 1, or -1 for a passage upwards.
+    sign: f64,
+    /// Absorbed going down through it.
+    pub(crate) low: f64,
+    /// Absorbed going up through it, if there is one.
+    pub(crate) high: Option<f64>,
+}
+
+impl Barrier {
+    /// The loss of contact.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a law that cannot lose contact.
+    pub(super) fn loss(oscillator: &Oscillator) -> Result<Self> {
+        let contact = oscillator.contact();
+        let low = contact.loss_point().ok_or_else(|| {
+            let accepted = "a law that can lose contact, for first_loss";
+            Error::invalid("oscillator.contact", contact.name(), accepted)
+        })?;
+        Ok(Self {
+            sign: 1.0,
+            low,
+            high: None,
+        })
+    }
+
+    /// A level of q.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a level that is not finite, or not beyond the equilibrium on its side, from where motions
+    /// would come back to it at once.
+    pub(super) fn of(oscillator: &Oscillator, level: f64, side: Side) -> Result<Self> {
+        let key = "outputs.first_passage.level";
+        if !level.is_finite() {
+            return Err(Error::invalid(key, level, "a finite displacement"));
+        }
+        let it = match side {
+            Side::Below => Self {
+                sign: 1.0,
+                low: level,
+                high: None,
+            },
+            Side::Above => Self {
+                sign: -1.0,
+                low: -level,
+                high: None,
+            },
+            Side::Either => Self {
+                sign: 1.0,
+                low: -level,
+                high: Some(level),
+            },
+        };
+        let region = Region::new(oscillator, it);
+        let driven_back = |x: f64| region.force(x);
+        let inwards =
+            driven_back(it.low) < 0.0 && it.high.is_none_or(|high| driven_back(high) > 0.0);
+        if !inwards {
+            let accepted = match side {
+                Side::Below => "a level below the equilibrium, with side = \"below\"",
+                Side::Above => "a level above the equilibrium, with side = \"above\"",
+                Side::Either => {
+                    "a level > 0 with the equilibrium between it and its negative, with side = \"either\""
+                }
+            };
+            return Err(Error::invalid(key, level, accepted));
+        }
+        Ok(it)
+    }
+}
+
+/// An oscillator as seen from where its motion survives.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Region<'a> {
+    pub(crate) oscillator: &'a Oscillator,
+    pub(crate) barrier: Barrier,
+}
+
+impl<'a> Region<'a> {
+    pub(crate) fn new(oscillator: &'a Oscillator, barrier: Barrier) -> Self {
+        Self {
+            oscillator,
+            barrier,
+        }
+    }
+
+    /// The same seen from the upper level, which is then the lower one.
+    pub(crate) fn mirrored(self, high: f64) -> Self {
+        let barrier = Barrier {
+            sign: -self.barrier.sign,
+            low: -high,
+            high: None,
+        };
+        Self { barrier, ..self }
+    }
+
+    /// Whether what leaves is known by detailed balance: one level, and exp(-H/T)/Z.
+    pub(crate) fn balances(&self) -> bool {
+        self.barrier.high.is_none() && self.oscillator.is_viscous()
+    }
+
+    /// Displacement at x.
+    fn q(&self, x: f64) -> f64 {
+        self.barrier.sign * x
+    }
+
+    /// Minus the acceleration at x.
+    pub(crate) fn force(&self, x: f64) -> f64 {
+        self.barrier.sign * self.oscillator.contact().force(self.q(x))
+    }
+
+    /// U at x.
+    pub(crate) fn potential(&self, x: f64) -> f64 {
+        self.oscillator.contact().potential(self.q(x))
+    }
+
+    /// U at the higher of the levels above the lowest.
+    pub(crate) fn rise(&self) -> f64 {
+        let lowest = self.oscillator.contact().lowest_potential().unwrap_or(0.0);
+        let low = self.potential(self.barrier.low);
+        let high = self.barrier.high.map_or(low, |high| self.potential(high));
+        low.max(high) - lowest
+    }
+
+    /// Rate of friction at x.
+    pub(crate) fn friction(&self, x: f64) -> f64 {
+        self.oscillator.friction(self.q(x))
+    }
+
+    /// p_q of the reference law at x.
+    pub(crate) fn density(&self, law: &DisplacementLaw, x: f64) -> f64 {
+        law.density(self.q(x))
+    }
+
+    /// The higher turning point of an energy above the lowest.
+    pub(crate) fn turning_point(&self, rise: f64) -> Option<f64> {
+        let (left, right) = self.oscillator.contact().turning_points(rise)?;
+        Some(if self.barrier.sign > 0.0 {
+            right
+        } else {
+            -left
+        })
+    }
+
+    /// Where starts (x, v) are after a time.
+    pub(crate) fn after(&self, starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
+        let motion = Motion::new(self.oscillator.contact());
+        if self.barrier.sign > 0.0 {
+            return motion.after(starts, times, ends);
+        }
+        let starts: Vec<[f64; 2]> = starts.iter().map(|[x, v]| [-x, -v]).collect();
+        motion.after(&starts, times, ends);
+        for [x, v] in &mut ends[..starts.len() * times.len()] {
+            (*x, *v) = (-*x, -*v);
+        }
+    }
+
+    /// A range of x as one of q.
+    pub(crate) fn range(&self, low: f64, high: f64) -> [f64; 2] {
+        let (a, b) = (self.q(low), self.q(high));
+        [a.min(b), a.max(b)]
+    }
+
+    /// An initial condition, its mean in x.
+    pub(crate) fn seen(&self, initial: &Initial) -> Initial {
+        match *initial {
+            Initial::Gaussian { mean, deviation } => Initial::Gaussian {
+                mean: mean.map(|it| self.barrier.sign * it),
+                deviation,
+            },
+            other => other,
+        }
+    }
+}

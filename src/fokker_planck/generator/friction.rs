@@ -1,0 +1,65 @@
+//! Friction that depends on the state: what it does beside the friction that keeps the weights.
+//!
+//! The weights are a Gibbs law of temperature T, which the friction k = pi h/T keeps: friction and diffusion of that rate
+//! are -S^T (pi h w) S g. Of c(q, v) the rest is a drift of its own, d/dv[(c - k) v w g], a mass flux e = -(c - k) v w
+//! along v that carries g. It is added to the stationary mass flux, whose divergence is no longer 0: with central
+//! differences the pairs carry e dg/dv, and a rate on the diagonal adds g de/dv such that every column sums to 0 still.
+
+use super::super::difference::central;
+use super::super::flux::{Drift, MassFlux, maxwell};
+use super::Generator;
+use crate::oscillator::Oscillator;
+
+impl Generator {
+    /// Adds the drift of a friction other than that of the weights.
+    pub(super) fn add_friction(&mut self, oscillator: &Oscillator) {
+        let reference = oscillator.reference_friction();
+        let temperature = oscillator.temperature();
+        let nv = self.mesh.v.len();
+        let half = self.drift.half_width();
+        let excess = |q: f64, v: f64| (reference - oscillator.friction_at(q, v)) * v;
+        let axes = (&self.mesh.q, &self.mesh.v);
+        let columns = || self.active.iter().cloned().enumerate();
+        match &mut self.flux {
+            MassFlux::Faces { v: flux, .. } => {
+                for (i, column) in columns() {
+                    let q = axes.0.centres()[i];
+                    for j in column.start + 1..column.end {
+                        let v = axes.1.edges()[j];
+                        let weight = self.weights.q[i] * maxwell(v, temperature);
+                        flux[i * (nv + 1) + j] += excess(q, v) * weight;
+                    }
+                }
+            }
+            MassFlux::Centres { v: flux, .. } => {
+                let c = central(half);
+                let mut extra = vec![0.0; nv];
+                for (i, column) in columns() {
+                    let q = axes.0.centres()[i];
+                    extra.fill(0.0);
+                    // A pair with a cell beyond the column must carry nothing.
+                    for j in column.start + half..column.end.saturating_sub(half) {
+                        if !self.weights.in_rim(i, j) {
+                            let weight = self.weights.at(i, j) / axes.1.slopes()[j];
+                            extra[j] = excess(q, axes.1.centres()[j]) * weight;
+                        }
+                    }
+                    for j in column {
+                        flux[i * nv + j] += extra[j];
+                        let at = |k: Option<usize>| k.and_then(|k| extra.get(k)).copied();
+                        let change = (1..).zip(c).map(|(l, c)| {
+                            let above = at(Some(j + l)).unwrap_or(-extra[j]);
+                            let below = at(j.checked_sub(l)).unwrap_or(-extra[j]);
+                            c * (above - below)
+                        });
+                        let divergence: f64 = change.sum();
+                        if divergence != 0.0 {
+                            self.open.push((i * nv + j, -divergence));
+                        }
+                    }
+                }
+            }
+        }
+        self.gathers = self.drift != Drift::Upwind;
+    }
+}

@@ -1,0 +1,459 @@
+//! The operator where friction depends on the displacement, as a sparse matrix, and the stationary law that it keeps.
+//!
+//! With k = pi h/T the friction that keeps the weights, the backward operator has beside that of `operator`
+//! -(c - k) v d/dv, which takes h_n to -(c - k) (n h_n + sqrt(n (n - 1)) h_{n-2}): products with c(q) between the functions of
+//! one element, and n couples with n + 2. The constant is a null vector still; that of the transpose is the stationary law
+//! over the weights. Hats are left as they are, not made orthonormal.
+
+use super::basis::{DEGREE, Element, LOCAL, Number, POINTS};
+use super::operator::{Hierarchy, Resolution};
+use crate::error::{Error, Result};
+use crate::fokker_planck::flux::maxwell;
+use crate::moments::RawMoments;
+use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
+use crate::quadrature::gauss;
+use crate::sparse::{Lu, shift};
+use num_complex::Complex;
+use sprs::{CsMat, TriMat};
+
+/// Resolution of the stationary law that distances are taken to.
+pub(in crate::fokker_planck) const LAW: Resolution = Resolution {
+    elements: 10,
+    pairs: 20,
+    level: 22.0,
+};
+
+/// Powers of e by which the law has fallen where the weights have: half of what the functions of a fine resolution see.
+pub(in crate::fokker_planck) const REACH: f64 = 45.0;
+
+/// Degrees of the Legendre polynomials of an element.
+const DEGREES: usize = DEGREE + 1;
+
+/// The stationary law of a friction that depends on the displacement, over the weights: sum_n b_n(q) h_n(v).
+#[derive(Debug, Clone)]
+pub(in crate::fokker_planck) struct Kept {
+    law: DisplacementLaw,
+    temperature: f64,
+    /// Ends of the elements, ascending.
+    ends: Vec<f64>,
+    /// Legendre coefficients of each b_n of each element.
+    parts: Vec<Vec<[f64; DEGREES]>>,
+    /// Integrals of b_n over the law of q.
+    means: Vec<f64>,
+    /// Expectations, not divided by their mass.
+    raw: RawMoments,
+    /// E[c v^2].
+    dissipated: f64,
+}
+
+/// The operator and the products of the functions as sparse matrices, by columns; hats first, as they are.
+pub(super) struct Local {
+    pub(super) operator: CsMat<f64>,
+    pub(super) mass: CsMat<f64>,
+}
+
+impl Local {
+    pub(super) fn new(full: &Hierarchy, oscillator: &Oscillator) -> Self {
+        let (k, basis) = (full.pairs, &full.basis);
+        let size = full.len();
+        let mut mass = TriMat::with_capacity((size, size), 2 * size);
+        let hats = basis.elements.len() + 1;
+        for (e, element) in basis.elements.iter().enumerate() {
+            for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                for i in 0..k {
+                    mass.add_triplet((e + a) * k + i, (e + b) * k + i, element.mass[a][b]);
+                }
+            }
+        }
+        for n in hats * k..size {
+            mass.add_triplet(n, n, 1.0);
+        }
+        Self {
+            operator: operator(full, oscillator),
+            mass: mass.to_csc(),
+        }
+    }
+
+    /// What the operator makes of coefficients: products with the functions.
+    pub(super) fn image<T: Number>(&self, x: &[T]) -> Vec<T> {
+        let mut out = vec![T::default(); x.len()];
+        for (column, x) in self.operator.outer_iterator().zip(x) {
+            for (row, value) in column.iter() {
+                out[row] += *x * *value;
+            }
+        }
+        out
+    }
+
+    /// s times the products of the functions, less the operator, factored.
+    pub(super) fn factored(&self, shift: Complex<f64>) -> Result<Lu<Complex<f64>>> {
+        let operator = self.operator.map(|x| Complex::new(-x, 0.0));
+        let mass = self.mass.map(|x| shift * x);
+        Lu::factor(&operator + &mass)
+    }
+}
+
+/// The entries of the operator.
+fn operator(full: &Hierarchy, oscillator: &Oscillator) -> CsMat<f64> {
+    let (k, basis) = (full.pairs, &full.basis);
+    let reference = oscillator.reference_friction();
+    let temperature = oscillator.temperature();
+    let functions = basis.one.len();
+    let size = full.len();
+    let mut triplets = TriMat::with_capacity((size, size), 40 * size);
+    let even = |place: usize, i: usize| place * k + i;
+    let odd = |e: usize, a: usize, i: usize| functions * k + (e * DEGREE + a) * k + i;
+    let mut add = |row: usize, column: usize, value: f64| triplets.add_triplet(row, column, value);
+    for (e, element) in basis.elements.iter().enumerate() {
+        let places = basis.places(e);
+        let rate = |q: f64| oscillator.friction(q);
+        let (even_rate, odd_rate) = element.at.products(rate);
+        let (even_mass, odd_mass) = element.at.products(|_| 1.0);
+        for i in 0..k {
+            let (n, m) = ((2 * i) as f64, (2 * i + 1) as f64);
+            let heat = |n: f64| (temperature * n).sqrt();
+            for (b, place) in places.into_iter().enumerate() {
+                for a in 0..DEGREE {
+                    let (c, d) = (element.c[a][b], element.d[a][b]);
+                    // Even n = 2i reads the odd n - 1 and n + 1, odd m = 2i + 1 the even m - 1 and m + 1.
+                    if i > 0 {
+                        add(even(place, i), odd(e, a, i - 1), heat(n) * d);
+                    }
+                    add(even(place, i), odd(e, a, i), -heat(n + 1.0) * c);
+                    add(odd(e, a, i), even(place, i), heat(m) * c);
+                    if i + 1 < k {
+                        add(odd(e, a, i), even(place, i + 1), -heat(m + 1.0) * d);
+                    }
+                }
+            }
+            let up = |n: f64| ((n + 1.0) * (n + 2.0)).sqrt();
+            for (a, row) in places.into_iter().enumerate() {
+                for (b, column) in places.into_iter().enumerate() {
+                    let rate = even_rate[a][b];
+                    add(even(row, i), even(column, i), -n * rate);
+                    if i + 1 < k {
+                        let more = rate - reference * even_mass[a][b];
+                        add(even(row, i), even(column, i + 1), -up(n) * more);
+                    }
+                }
+            }
+            for a in 0..DEGREE {
+                for b in 0..DEGREE {
+                    let rate = odd_rate[a][b];
+                    add(odd(e, a, i), odd(e, b, i), -m * rate);
+                    if i + 1 < k {
+                        let more = rate - reference * odd_mass[a][b];
+                        add(odd(e, a, i), odd(e, b, i + 1), -up(m) * more);
+                    }
+                }
+            }
+        }
+    }
+    triplets.to_csc()
+}
+
+/// Bytes and floating-point operations of a stationary law at a resolution: measured of the sparse LU.
+pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
+    let n = it.len() as f64;
+    let filled = n * 0.6 * (it.pairs * 2 * DEGREE) as f64;
+    ((16.0 * filled) as u64, 2.0 * filled * filled / n)
+}
+
+impl Kept {
+    /// The law at a resolution, by inverse iteration from no structure.
+    ///
+    /// # Errors
+    /// [`Error::Linear`] if the iteration does not settle; those of the basis and of `late`.
+    pub(in crate::fokker_planck) fn new(
+        oscillator: &Oscillator,
+        resolution: Resolution,
+        late: &dyn Fn() -> Result<()>,
+    ) -> Result<Self> {
+        let oscillator = &oscillator.weighed(REACH);
+        let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;
+        let mut matrix = match &full.local {
+            Some(local) => local.operator.transpose_view().to_csc(),
+            None => operator(&full, oscillator).transpose_view().to_csc(),
+        };
+        let norm = matrix
+            .outer_iterator()
+            .map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>())
+            .fold(0.0, f64::max);
+        shift(&mut matrix, -1e-10 * norm);
+        late()?;
+        let mut lu = Lu::factor(matrix)?;
+        late()?;
+        let mut x = vec![0.0; full.len()];
+        x[..full.even()]
+            .iter_mut()
+            .step_by(full.pairs)
+            .for_each(|x| *x = 1.0);
+        let mut change = f64::INFINITY;
+        for _ in 0..30 {
+            let before = x.clone();
+            lu.solve(&mut x)?;
+            let size = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let sign = if x.iter().zip(&before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
+                -size
+            } else {
+                size
+            };
+            x.iter_mut().for_each(|x| *x /= sign);
+            let now: f64 = x
+                .iter()
+                .zip(&before)
+                .map(|(a, b)| (a - b).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            if now < 1e-12 || (now < 1e-9 && now > 0.5 * change) {
+                change = now;
+                break;
+            }
+            change = now;
+        }
+        if change > 1e-9 || change.is_nan() {
+            let what = format!("inverse iteration still changes by {change:.1e} after 30 solves");
+            return Err(Error::Linear {
+                stage: "stationary law",
+                what,
+            });
+        }
+        Self::read(oscillator, &full, &x)
+    }
+
+    fn read(oscillator: &Oscillator, full: &Hierarchy, x: &[f64]) -> Result<Self> {
+        let (k, basis, contact) = (full.pairs, &full.basis, oscillator.contact());
+        let (even, odd) = x.split_at(full.even());
+        let mut it = Self {
+            law: oscillator.displacement_law()?,
+            temperature: oscillator.temperature(),
+            ends: vec![],
+            parts: vec![],
+            means: vec![0.0; 2 * k],
+            raw: RawMoments::default(),
+            dissipated: 0.0,
+        };
+        let t = it.temperature;
+        let legendre = gauss::<POINTS>();
+        for (e, element) in basis.elements.iter().enumerate() {
+            let at = &element.at;
+            it.ends.push(at.ends[0]);
+            let places = basis.places(e);
+            let mut part = Vec::with_capacity(2 * k);
+            let mut first = [[0.0; POINTS]; 3];
+            for n in 0..2 * k {
+                // b_n at the points, times the root of the weight.
+                let mut values = [0.0; POINTS];
+                let mut more = |by: f64, row: &[f64; POINTS]| {
+                    for (value, x) in values.iter_mut().zip(row) {
+                        *value += by * x;
+                    }
+                };
+                if n % 2 == 0 {
+                    for (b, place) in places.into_iter().enumerate().take(LOCAL) {
+                        more(even[place * k + n / 2], &at.even[b]);
+                    }
+                } else {
+                    for a in 0..DEGREE {
+                        more(odd[(e * DEGREE + a) * k + n / 2], &at.odd[a]);
+                    }
+                }
+                it.means[n] += values.iter().zip(&at.root).map(|(b, r)| b * r).sum::<f64>();
+                if let Some(first) = first.get_mut(n) {
+                    *first = values;
+                }
+                part.push(coefficients(&legendre, &values, element));
+            }
+            it.parts.push(part);
+            for j in 0..POINTS {
+                let (q, root) = (at.places[j], at.root[j]);
+                let [b0, b1, b2] = first.map(|b| b[j] * root);
+                let square = t * (b0 + std::f64::consts::SQRT_2 * b2);
+                let force = contact.force(q);
+                let raw = &mut it.raw;
+                raw.mass += b0;
+                raw.q += q * b0;
+                raw.qq += q * q * b0;
+                raw.v += t.sqrt() * b1;
+                raw.vv += square;
+                raw.qv += q * t.sqrt() * b1;
+                for (power, sum) in (1..).zip(&mut raw.force) {
+                    *sum += force.powi(power) * b0;
+                }
+                raw.potential += contact.potential(q) * b0;
+                raw.lost += f64::from(u8::from(contact.loss_point().is_some_and(|it| q < it))) * b0;
+                it.dissipated += oscillator.friction(q) * square;
+            }
+        }
+        if let Some(last) = basis.elements.last() {
+            it.ends.push(last.at.ends[1]);
+        }
+        let mass = it.raw.mass;
+        if !(mass.is_finite() && mass.abs() > 1e-12) {
+            return Err(Error::Linear {
+                stage: "stationary law",
+                what: "the null vector holds no probability".into(),
+            });
+        }
+        it.dissipated /= mass;
+        it.means.iter_mut().for_each(|x| *x /= mass);
+        for part in it.parts.iter_mut().flatten().flatten() {
+            *part /= mass;
+        }
+        Ok(it)
+    }
+
+    /// Expectations, not divided by their mass.
+    pub(in crate::fokker_planck) fn raw(&self) -> RawMoments {
+        self.raw
+    }
+
+    /// E\[c v^2\], which is pi h.
+    pub(in crate::fokker_planck) fn dissipated(&self) -> f64 {
+        self.dissipated
+    }
+
+    /// Where the elements begin and end.
+    pub(in crate::fokker_planck) fn domain(&self) -> [f64; 2] {
+        [self.ends[0], self.ends[self.ends.len() - 1]]
+    }
+
+    /// b_n(q) for all n; empty beyond the domain. At a common end the mean of both elements.
+    fn ratios(&self, q: f64) -> Vec<f64> {
+        let last = self.ends.len() - 1;
+        if !(q >= self.ends[0] && q <= self.ends[last]) {
+            return Vec::new();
+        }
+        let right = self.ends.partition_point(|end| *end <= q).clamp(1, last) - 1;
+        let left = if self.ends[right] == q && right > 0 {
+            right - 1
+        } else {
+            right
+        };
+        let mut sums = vec![0.0; self.means.len()];
+        for e in [left, right] {
+            let (low, high) = (self.ends[e], self.ends[e + 1]);
+            let polynomials = legendre(((2.0 * q - low - high) / (high - low)).clamp(-1.0, 1.0));
+            for (sum, part) in sums.iter_mut().zip(&self.parts[e]) {
+                let value: f64 = part.iter().zip(&polynomials).map(|(a, p)| a * p).sum();
+                *sum += 0.5 * value;
+            }
+        }
+        sums
+    }
+
+    /// sum_n b_n h_n(v).
+    fn sum(&self, ratios: &[f64], v: f64) -> f64 {
+        let x = v / self.temperature.sqrt();
+        let (mut before, mut here, mut sum) = (0.0, 1.0, 0.0);
+        for (n, b) in ratios.iter().enumerate() {
+            sum += b * here;
+            let n = n as f64;
+            let next = (x * here - n.sqrt() * before) / (n + 1.0).sqrt();
+            (before, here) = (here, next);
+        }
+        sum
+    }
+
+    /// The law at one displacement.
+    pub(in crate::fokker_planck) fn column(&self, q: f64) -> Column<'_> {
+        Column {
+            law: self,
+            q,
+            ratios: self.ratios(q),
+            weight: self.law.density(q),
+        }
+    }
+
+    /// p(q, v) at one displacement and many velocities.
+    pub(in crate::fokker_planck) fn along(&self, q: f64, velocities: &[f64]) -> Vec<f64> {
+        let column = self.column(q);
+        velocities.iter().map(|v| column.density(*v)).collect()
+    }
+
+    /// p at many points; those of one displacement stand together.
+    pub(in crate::fokker_planck) fn densities(&self, points: &[[f64; 2]]) -> Vec<f64> {
+        let columns = points.chunk_by(|a, b| a[0] == b[0]);
+        let column = |points: &[[f64; 2]]| {
+            let velocities: Vec<f64> = points.iter().map(|it| it[1]).collect();
+            self.along(points[0][0], &velocities)
+        };
+        columns.flat_map(column).collect()
+    }
+
+    /// p_q(q).
+    pub(in crate::fokker_planck) fn density_q(&self, q: f64) -> f64 {
+        self.law.density(q) * self.ratios(q).first().copied().unwrap_or(0.0)
+    }
+
+    /// p_v(v).
+    pub(in crate::fokker_planck) fn density_v(&self, v: f64) -> f64 {
+        maxwell(v, self.temperature) * self.sum(&self.means, v)
+    }
+
+    /// Crossings of a level a unit of time, down and up, and the integral of v^2 p over those upwards.
+    pub(in crate::fokker_planck) fn crossings(&self, q: f64) -> [f64; 3] {
+        let (ratios, weight) = (self.ratios(q), self.law.density(q));
+        let (deviation, mut sums) = (self.temperature.sqrt(), [0.0; 3]);
+        // Panels of a third of a deviation up to nine of them.
+        for k in 0..27 {
+            for (x, w) in gauss::<10>() {
+                let v = deviation * (f64::from(k) + 0.5 + 0.5 * x) / 3.0;
+                let part = w * deviation / 6.0 * weight * maxwell(v, self.temperature);
+                let up = part * self.sum(&ratios, v);
+                sums[0] += v * part * self.sum(&ratios, -v);
+                sums[1] += v * up;
+                sums[2] += v * v * up;
+            }
+        }
+        sums
+    }
+}
+
+/// A stationary law at one displacement.
+pub(in crate::fokker_planck) struct Column<'a> {
+    law: &'a Kept,
+    q: f64,
+    ratios: Vec<f64>,
+    weight: f64,
+}
+
+impl Column<'_> {
+    /// The displacement.
+    pub(in crate::fokker_planck) fn q(&self) -> f64 {
+        self.q
+    }
+
+    /// p(q, v).
+    pub(in crate::fokker_planck) fn density(&self, v: f64) -> f64 {
+        let law = self.law;
+        self.weight * maxwell(v, law.temperature) * law.sum(&self.ratios, v)
+    }
+}
+
+/// Legendre coefficients of a polynomial from its values at the points, times the root of the weight.
+fn coefficients(
+    rule: &[(f64, f64); POINTS],
+    values: &[f64; POINTS],
+    element: &Element,
+) -> [f64; DEGREES] {
+    let mut sums = [0.0; DEGREES];
+    for (j, (x, w)) in rule.iter().enumerate() {
+        let value = values[j] / element.at.root[j];
+        for (n, (sum, p)) in sums.iter_mut().zip(legendre(*x)).enumerate() {
+            *sum += (n as f64 + 0.5) * w * p * value;
+        }
+    }
+    sums
+}
+
+/// Legendre polynomials at x, by degree.
+fn legendre(x: f64) -> [f64; DEGREES] {
+    let mut all = [1.0; DEGREES];
+    all[1] = x;
+    for n in 2..DEGREES {
+        let m = n as f64;
+        all[n] = ((2.0 * m - 1.0) * x * all[n - 1] - (m - 1.0) * all[n - 2]) / m;
+    }
+    all
+}

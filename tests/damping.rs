@@ -1,0 +1,263 @@
+//! Damping that depends on the state: the stationary law that no closed form gives, and the way there.
+
+use vibroimpact::contact::ContactLaw;
+use vibroimpact::damping::Damping;
+use vibroimpact::fokker_planck::{
+    Axis, Domain, Drift, Generator, Mesh, Settings, SolvedLaw, TransientMethod, null_vector,
+    stationary_law, transient,
+};
+use vibroimpact::initial::Initial;
+use vibroimpact::moments::Moments;
+use vibroimpact::monte_carlo::{self, Sampling};
+use vibroimpact::oscillator::Oscillator;
+use vibroimpact::stationary::Stationary;
+
+/// The oscillator of the reference values: zeta = 0.05, h = 2e-2.
+fn oscillator(damping: Damping) -> Oscillator {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 2e-2).unwrap();
+    it.with_damping(damping).unwrap()
+}
+
+fn settings(tolerance: f64) -> Settings {
+    Settings {
+        tolerance,
+        ..Settings::default()
+    }
+}
+
+fn solved(it: &Oscillator, tolerance: f64) -> SolvedLaw {
+    let law = stationary_law(it, &settings(tolerance)).unwrap();
+    assert!(law.shortfall.is_none(), "{:?}", law.shortfall);
+    law
+}
+
+/// Largest |a - b| over the joint error, and whose it is.
+fn worst(a: &Moments, b: &Moments) -> (f64, &'static str) {
+    let pairs = a.named().into_iter().zip(b.named());
+    pairs.fold((0.0, ""), |worst, ((name, a), (_, b))| {
+        let Some((a, b)) = a.zip(b) else { return worst };
+        let z = (a.value - b.value).abs() / a.error.hypot(b.error);
+        if z > worst.0 { (z, name) } else { worst }
+    })
+}
+
+#[test]
+fn viscous_damping_given_as_a_function_gives_the_closed_form() {
+    for (zeta, h, contact) in [
+        (0.05, 2e-2, ContactLaw::Hertz),
+        (0.005, 2e-3, ContactLaw::Bilinear),
+        (0.5, 1e-3, ContactLaw::Linear),
+    ] {
+        let viscous = Oscillator::new(contact, zeta, h).unwrap();
+        let constant = Damping::of_displacement(|_| 1.0).unwrap();
+        let law = solved(&viscous.clone().with_damping(constant).unwrap(), 1e-3);
+        let exact = Stationary::of(&viscous).unwrap().moments();
+        for ((name, got), (_, exact)) in law.moments.named().into_iter().zip(exact.named()) {
+            let Some((got, exact)) = got.zip(exact) else {
+                continue;
+            };
+            let error = (got.value - exact.value).abs();
+            println!("zeta = {zeta}, {name}: {got} errs by {error:.1e}");
+            assert!(
+                error <= got.error + exact.error + 1e-12,
+                "{name}: {error:e}, {got}"
+            );
+            assert!(got.error < 2e-4, "{name}: {got}");
+        }
+    }
+}
+
+#[test]
+fn friction_takes_what_noise_gives_and_the_mean_force_is_zero() {
+    let scenes = [
+        (ContactLaw::Hertz, 0.05, 2e-2),
+        (ContactLaw::Hertz, 0.005, 2e-3),
+        (ContactLaw::Hertz, 0.005, 8e-5),
+        (ContactLaw::Bilinear, 0.02, 5e-3),
+        (ContactLaw::Hertz, 0.2, 0.02),
+    ];
+    for (contact, zeta, h) in scenes {
+        for damping in [Damping::Contact, Damping::HuntCrossley] {
+            let it = Oscillator::new(contact.clone(), zeta, h).unwrap();
+            let it = it.with_damping(damping.clone()).unwrap();
+            let law = solved(&it, 1e-3);
+            let (taken, force) = (law.dissipated, law.moments.mean_force);
+            println!(
+                "{} {damping:?} zeta = {zeta}, h = {h}: E[c v^2] = {taken}, pi h = {:.8}; E[G] = {force}",
+                contact.name(),
+                it.noise()
+            );
+            assert!((taken.value - it.noise()).abs() <= taken.error);
+            assert!(force.value.abs() <= force.error);
+            assert!(taken.error < 1e-3 * it.noise());
+        }
+    }
+}
+
+#[test]
+fn damping_in_contact_alone_shakes_harder_than_hunt_and_crossley_s_as_monte_carlo_says() {
+    // Strang splitting, dt = 0.05, 24 records of 2e4 each: value and standard error of E[v^2], Var q, P(loss).
+    let known = [
+        (
+            Damping::Contact,
+            [(0.699, 6e-3), (1.06, 2e-2), (0.0855, 1.2e-3)],
+            0.777,
+        ),
+        (
+            Damping::HuntCrossley,
+            [(0.629, 3e-3), (0.856, 8e-3), (0.0743, 9e-4)],
+            0.746,
+        ),
+    ];
+    for (damping, numbers, force) in known {
+        let it = oscillator(damping.clone());
+        let law = solved(&it, 1e-3);
+        let moments = &law.moments;
+        let lost = moments.contact_loss_probability.unwrap();
+        let mine = [moments.var_v, moments.var_q, lost];
+        for (mine, (value, error)) in mine.into_iter().zip(numbers) {
+            let z = (mine.value - value).abs() / mine.error.hypot(error);
+            println!("{damping:?}: {mine}, Monte Carlo {value} ± {error}: z = {z:.1}");
+            assert!(z < 4.0);
+        }
+        assert!((moments.std_force.value - force).abs() < 5e-3);
+        // Records of our own.
+        let sampling = Sampling {
+            duration: 3e5,
+            seed: 11,
+            ..Sampling::default()
+        };
+        let records = monte_carlo::records(&it, &sampling, &|_| ()).unwrap();
+        let (z, name) = worst(moments, &records.moments);
+        println!("{damping:?}: records of our own, worst z = {z:.1} ({name})");
+        assert!(z < 4.0, "{name}: {z}");
+        let crossings = records.crossings.unwrap();
+        for (name, a, b) in [
+            ("loss_rate", law.loss_rate, crossings.loss_rate),
+            ("mean_flight", law.mean_flight, crossings.mean_flight),
+            (
+                "mean_impact_speed",
+                law.mean_impact_speed,
+                crossings.mean_impact_speed,
+            ),
+        ] {
+            let a = a.unwrap();
+            let z = (a.value - b.value).abs() / a.error.hypot(b.error);
+            println!("{damping:?}: {name} {a}, records {b}: z = {z:.1}");
+            assert!(z < 4.0);
+        }
+    }
+}
+
+#[test]
+fn transients_of_both_methods_agree_with_paths() {
+    let initial = Initial::gaussian([0.5, 0.5], [0.5, 0.5]).unwrap();
+    let times = [2.0, 10.0, 40.0];
+    for damping in [Damping::Contact, Damping::HuntCrossley] {
+        let it = oscillator(damping.clone());
+        let sampling = Sampling {
+            paths: 40_000,
+            seed: 5,
+            ..Sampling::default()
+        };
+        let paths = monte_carlo::run(&it, &initial, &times, &sampling, &|_| ()).unwrap();
+        let mut courses = Vec::new();
+        for method in [TransientMethod::FlowMap, TransientMethod::FiniteVolume] {
+            let settings = Settings {
+                method: Some(method),
+                ..settings(1e-3)
+            };
+            let course = transient(&it, &initial, &times, &[], &settings, &|_| ()).unwrap();
+            println!(
+                "{damping:?} {}: {:?} cells, step {:.2}, distance {:?}",
+                course.method.name, course.method.cells, course.method.step, course.distance
+            );
+            assert!(course.shortfall.is_none(), "{:?}", course.shortfall);
+            for (t, (a, b)) in times.iter().zip(course.moments.iter().zip(&paths.moments)) {
+                let (z, name) = worst(a, b);
+                println!("{damping:?} {method:?} t = {t}: worst z = {z:.1} ({name})");
+                assert!(z < 4.0, "{name} at t = {t}: {z}");
+            }
+            for (mass, entropy) in course.mass.iter().zip(course.relative_entropy.windows(2)) {
+                assert!((mass.value - 1.0).abs() < 1e-9);
+                let [a, b] = [0, 1].map(|k| entropy[k].unwrap().value);
+                assert!(b < a, "entropy {a} to {b}");
+            }
+            courses.push(course);
+        }
+        for (a, b) in courses[0].moments.iter().zip(&courses[1].moments) {
+            let (ratio, name) = worst(a, b);
+            println!("{damping:?}: methods differ by {ratio:.2} of their joint error ({name})");
+            assert!(ratio < 1.5, "{name}");
+        }
+    }
+}
+
+/// A damping in the energy with the integral of its factor: the law is exp(-(2 zeta/(pi h)) integral).
+type Caughey = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
+
+#[test]
+fn finite_volumes_find_caughey_s_law_and_its_limit_cycle() {
+    let laws: [Caughey; 3] = [
+        ("constant", |_| 1.0, |h| h),
+        ("rising", |h| 0.5 + h, |h| 0.5 * h + 0.5 * h * h),
+        ("self-excited", |h| h - 0.6, |h| 0.5 * h * h - 0.6 * h),
+    ];
+    for (name, factor, integral) in laws {
+        let viscous = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
+        let t = viscous.viscous_temperature();
+        let damping = Damping::of_energy(factor).unwrap();
+        let it = viscous.with_damping(damping).unwrap();
+        let mut errors = Vec::new();
+        for cells in [[40, 40], [56, 56], [80, 80]] {
+            let domain = Domain::closed(&it, &Initial::Stationary, 1e-9).unwrap();
+            let margin = Drift::Order8.margin();
+            let t = it.temperature();
+            let mesh = Mesh {
+                q: Axis::displacement(it.contact(), t, domain.q, cells[0], margin).unwrap(),
+                v: Axis::velocity(domain.v[1], cells[1], margin).unwrap(),
+            };
+            let generator = Generator::new(&it, &mesh, Drift::Order8).unwrap();
+            let (density, residual) = null_vector(&generator).unwrap();
+            assert!(residual < 1e-12, "{residual:e}");
+            let exact =
+                |q: f64, v: f64| (-integral(it.energy(q, v)) / it.viscous_temperature()).exp();
+            let mut law: Vec<f64> = Vec::new();
+            for (q, a) in mesh.q.centres().iter().zip(mesh.q.slopes()) {
+                for (v, b) in mesh.v.centres().iter().zip(mesh.v.slopes()) {
+                    law.push(exact(*q, *v) * a * b);
+                }
+            }
+            let mass: f64 = law.iter().sum();
+            let both = law.iter().zip(density.cells());
+            let error: f64 = both.map(|(a, b)| (a / mass - b).abs()).sum();
+            errors.push(error);
+        }
+        let order = (errors[0] / errors[2]).log2();
+        let shown: Vec<String> = errors.iter().map(|it| format!("{it:.1e}")).collect();
+        println!(
+            "{name} (T = {t:.3}): L1 errors {}, order {order:.1}",
+            shown.join(" ")
+        );
+        assert!(errors[2] < 1e-8 || (errors[2] < 1e-4 && order > 6.0));
+    }
+}
+
+#[test]
+fn every_solver_says_which_rates_it_takes() {
+    let of_energy = Damping::of_energy(|h| 0.5 + h).unwrap();
+    let it = oscillator(of_energy);
+    let errors = [
+        stationary_law(&it, &settings(1e-3)).unwrap_err(),
+        monte_carlo::records(&it, &Sampling::default(), &|_| ()).unwrap_err(),
+    ];
+    for error in errors {
+        assert!(
+            error.to_string().contains("a rate that depends on q alone"),
+            "{error}"
+        );
+    }
+    let free = Oscillator::new(ContactLaw::Free, 0.05, 2e-2).unwrap();
+    let error = free.with_damping(Damping::Contact).unwrap_err().to_string();
+    assert!(error.contains("oscillator.damping"), "{error}");
+}
