@@ -1317,7 +1317,7 @@ mod tests {
         println!("{found:?}");
         let expected = [
             ("first_loss", [67, 96], 832),
-            ("transient", [186, 122], 1471),
+            ("transient", [186, 122], 981),
             ("steady", [115, 68], 60),
             ("decay_rates", [89, 96], 15),
             ("spectrum", [153, 152], 21),

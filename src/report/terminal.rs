@@ -885,8 +885,8 @@ mod tests {
             assert!(text.contains("not asked for, not computed:"), "{text}");
             let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let most = flat.ends_with(
-                "not computed: crossings, first loss, paths of the first loss, time to a level, spectrum, Welch's \
-                 spectrum, long records",
+                "not computed: crossings, first loss, paths of the first loss, first passage, paths of the first \
+                 passage, time to a level, spectrum, Welch's spectrum, long records",
             );
             assert_eq!(most, *name == "default", "{text}");
         }

@@ -44,9 +44,10 @@ const SHARED: f64 = 3e-5;
 /// The part of the splitting error of a flow map that runs with as many steps do not show.
 const UNSEEN: f64 = 0.5;
 
-/// A difference that passes through zero on its way from one output to the next, or beside those of the numbers that the
-/// motion turns into it, is not taken for less than this part of theirs.
-const NEIGHBOURS: f64 = 0.3;
+/// A difference that passes through zero, on its way from one output to the next or beside those of the other numbers, is
+/// not taken for less than this part of theirs.
+const NEIGHBOURS: f64 = 0.5;
+const OTHERS: f64 = 0.5;
 
 /// Moments that the motion turns into each other.
 const KIN: [&[Moment]; 2] = [
@@ -68,7 +69,7 @@ fn plain(a: &Run, b: &Run) -> Table {
 }
 
 /// Differences none of which is far below those of its neighbours: the same number at the times within a quarter of a
-/// period, and its kin.
+/// period, its kin and the median of all numbers.
 fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
     const QUARTER: f64 = 1.6;
     let outputs = &run.outputs;
@@ -94,6 +95,13 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
                 let i = *it as usize;
                 row[i] = row[i].max(NEIGHBOURS * largest * scale[i]);
             }
+        }
+        // Kurtosis and skewness of a narrow force may err far more than anything else: the median speaks for the density.
+        let mut sorted: Vec<f64> = plain[k].iter().zip(scale).map(|(x, s)| x / s).collect();
+        sorted.sort_by(f64::total_cmp);
+        let middle = sorted[sorted.len() / 2];
+        for (x, s) in row.iter_mut().zip(scale) {
+            *x = x.max(OTHERS * middle * s);
         }
     }
     table
