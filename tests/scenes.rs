@@ -1571,10 +1571,6 @@ const BAD: &[(&str, &str)] = &[
         "@[outputs]\nreach = { quantity = \"mean_energy\", fraction = -0.5 }",
     ),
     (
-        "reach under a drive",
-        "@[excitation]\ndrive = { amplitude = 0.1, frequency = 0.9 }\n[outputs]\nreach = { quantity = \"mean_energy\", fraction = 0.5 }",
-    ),
-    (
         "reach from the stationary law",
         "[oscillator]\nzeta = 0.005\nh = 2e-3\n[initial]\nkind = \"stationary\"\n[outputs]\nreach = { quantity = \"mean_energy\", fraction = 0.5 }",
     ),
