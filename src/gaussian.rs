@@ -44,7 +44,7 @@ impl Gaussian {
                 })
             }
             Initial::Stationary => Err(Error::NoStationaryLaw {
-                what: "a Gaussian stationary start".into(),
+                what: "a Gaussian stationary initial condition".into(),
                 contact: oscillator.contact().name().into(),
                 why: "its stationary law, if there is one, is not Gaussian".into(),
             }),

@@ -151,6 +151,11 @@ impl Outputs {
                 self.crossings
                     .map(|window| format!("{{ window = {} }}", num(window))),
             ),
+            (
+                "outputs.reach",
+                self.reach
+                    .map(|it| format!("{{ quantity = {:?} }}", it.quantity.name())),
+            ),
         ]
         .into_iter()
         .filter_map(|(key, value)| Some((key, value?)))
@@ -534,6 +539,7 @@ impl Scene {
         !it.moments_at.is_empty()
             || !it.density_at.is_empty()
             || it.first_loss.is_some()
+            || it.first_passage.is_some()
             || it.reach.is_some()
     }
 

@@ -303,3 +303,11 @@ fn what_is_hardly_meant_is_doubted() {
     );
     assert!(it.tree()["rig"]["contact_loss_probability"]["value"].is_number());
 }
+
+#[test]
+fn a_level_of_a_law_that_a_drive_takes_away_is_refused() {
+    let text = "[oscillator]\nzeta = 0.005\nh = 2e-3\n[excitation]\ndrive = { amplitude = 0.02, frequency = 0.95, phase = 0.0 }\n\
+                [outputs]\nreach = { quantity = \"mean_energy\", fraction = 0.5 }";
+    let wrong = SceneText::parse("scene", text, &[]).unwrap_err();
+    assert_eq!(wrong.key(), Some("outputs.reach"), "{wrong}");
+}

@@ -233,7 +233,7 @@ impl Density {
 fn no_mesh_holds_rest() -> Error {
     Error::not_available(
         "initial.kind = \"rest\" for the Fokker-Planck solver",
-        "a \"gaussian\" start with a small deviation",
+        "a \"gaussian\" initial condition with a small deviation",
     )
 }
 
@@ -266,7 +266,7 @@ fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> 
                 Density::NARROWEST
             ),
             help: format!(
-                "about {:.0} cells along {name}, or a wider start",
+                "about {:.0} cells along {name}, or a wider initial condition",
                 cells.ceil()
             ),
         });

@@ -201,8 +201,10 @@ impl Weights {
             .min(smallest(&it.v))
             .min(smallest(&it.maxwell));
         if !(lowest.is_finite() && lowest > 1e-290) {
-            let what = format!("the stationary law falls to {lowest:.0e} inside the box");
-            let help = "a start nearer to the stationary law, or a higher tolerance".to_string();
+            let what =
+                format!("the stationary law falls to {lowest:.0e} inside the truncated domain");
+            let help = "an initial condition nearer to the stationary law, or a higher tolerance"
+                .to_string();
             return Err(Error::Mesh { what, help });
         }
         Ok(it)

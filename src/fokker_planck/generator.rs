@@ -109,8 +109,9 @@ impl Generator {
         }
         if !inverse.iter().all(|x| x.is_finite()) {
             return Err(Error::Mesh {
-                what: "the stationary law underflows inside the box".into(),
-                help: "a start nearer to the stationary law, or a higher tolerance".into(),
+                what: "the stationary law underflows inside the truncated domain".into(),
+                help: "an initial condition nearer to the stationary law, or a higher tolerance"
+                    .into(),
             });
         }
         if drift != Drift::Upwind {

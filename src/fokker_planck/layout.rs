@@ -79,7 +79,8 @@ impl Layout {
             if n > 20_000.0 {
                 return Err(Error::Mesh {
                     what: format!("{n:.1e} cells along {axis} would be needed"),
-                    help: "a start that is wider, or nearer to the stationary law".into(),
+                    help: "an initial condition that is wider, or nearer to the stationary law"
+                        .into(),
                 });
             }
         }

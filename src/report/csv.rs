@@ -6,6 +6,7 @@ use crate::estimate::Estimate;
 use crate::format::num;
 use crate::results::Results;
 use crate::rig::Rig;
+use std::fmt::Write;
 
 /// A number as it reads back exactly; empty where it does not exist.
 pub(super) fn field(x: f64) -> String {
@@ -220,7 +221,7 @@ impl Rows {
                 .flat_map(|it| it.split(','))
                 .map(|it| format!("{it} in SI units"))
                 .collect();
-            text += &format!(",{},SI unit", si.join(","));
+            let _ = write!(text, ",{},SI unit", si.join(","));
         }
         text.push('\n');
         Self {
@@ -237,7 +238,7 @@ impl Rows {
             numbers.iter().map(scaled).collect::<Vec<_>>().join(",")
         };
         let shown = spelled(self.clock.unit().of(unit));
-        self.text += &format!("{name},{},{shown}", all(1.0));
+        let _ = write!(self.text, "{name},{},{shown}", all(1.0));
         if let Some(rig) = &self.rig {
             let (unit, scale) = match (unit, si(unit, rig)) {
                 ("1/W", _) => ("s", self.clock.seconds(rig)),
@@ -245,7 +246,7 @@ impl Rows {
                 (_, Some(it)) => it,
                 (_, None) => ("1", 1.0),
             };
-            self.text += &format!(",{},{unit}", all(scale));
+            let _ = write!(self.text, ",{},{unit}", all(scale));
         }
         self.text.push('\n');
     }

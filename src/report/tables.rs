@@ -129,7 +129,7 @@ pub(super) fn summary(results: &Results) -> String {
     if let Some(it) = &results.first_loss {
         let _ = write!(
             text,
-            " The first loss of contact takes {}{} in the mean.",
+            " The first passage to contact loss takes {}{} in the mean.",
             cell(Some(it.mean_time)),
             unit(results)
         );
@@ -306,7 +306,7 @@ fn first_passage(results: &Results) -> String {
         ]);
     }
     for (words, number) in [
-        ("mean time to the first loss", it.mean_time),
+        ("mean time to contact loss", it.mean_time),
         ("asymptotic hazard rate", it.rate),
         ("the same over Rice's rate", it.rate_over_rice),
     ] {

@@ -377,7 +377,7 @@ struct Search<'a> {
 }
 
 /// The question in messages.
-const NAME: &str = "the search for decay rates";
+const NAME: &str = "the search for eigenvalues";
 
 impl Question for Search<'_> {
     type Answer = DecayRates;
@@ -513,7 +513,7 @@ impl Search<'_> {
     ) -> Result<()> {
         let late = || {
             self.limits
-                .in_time(|| "the decay rates had not ended".into())
+                .in_time(|| "the eigenvalues had not ended".into())
         };
         let error = |modes: &[Mode], target: &C| {
             let distance = |it: &&Mode| (it.value - target).norm();

@@ -114,7 +114,11 @@ impl SteadyState {
         format!(
             "finite volumes, {}; null vector by sparse LU{}",
             self.layout.drift.name(),
-            if self.marches { ", and a march" } else { "" }
+            if self.marches {
+                ", and time integration"
+            } else {
+                ""
+            }
         )
     }
 

@@ -138,8 +138,8 @@ impl Packet {
             ),
             Initial::Stationary => {
                 return Err(Error::not_available(
-                    "a packet of the stationary law",
-                    "a \"gaussian\" start or one at \"rest\"",
+                    "a moving local grid from the stationary law",
+                    "a \"gaussian\" initial condition or \"rest\"",
                 ));
             }
         };

@@ -116,10 +116,10 @@ impl Domain {
             (low, above) = (high, below);
             high *= 1.5;
             if !high.is_finite() {
-                let what = "no energy level holds the start".to_string();
+                let what = "no energy level holds the initial condition".to_string();
                 return Err(Error::Mesh {
                     what,
-                    help: "a start nearer to equilibrium".into(),
+                    help: "an initial condition nearer to equilibrium".into(),
                 });
             }
             below = excess(high);

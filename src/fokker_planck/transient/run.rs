@@ -132,7 +132,7 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
              e^{levels:.0}",
             o.t, o.negative
         ),
-        help: "a start nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
+        help: "an initial condition nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
                [monte_carlo] alone"
             .into(),
     }

@@ -209,7 +209,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
         if let Some(panel) = &second {
             write(
                 area,
-                "Marching to the steady state",
+                "Time integration to the steady state",
                 (panel.left, 22.0),
                 TITLE,
             )?;
