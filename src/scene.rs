@@ -151,6 +151,11 @@ impl Outputs {
                 self.crossings
                     .map(|window| format!("{{ window = {} }}", num(window))),
             ),
+            (
+                "outputs.reach",
+                self.reach
+                    .map(|it| format!("{{ quantity = \"{}\" }}", it.quantity.name())),
+            ),
         ]
         .into_iter()
         .filter_map(|(key, value)| Some((key, value?)))

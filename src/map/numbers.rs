@@ -12,7 +12,7 @@ const NOT_NUMBERS: [&str; 3] = ["scene", "run", "method"];
 
 /// Where a section has its curves, and what each runs over: a grid that the program chose. The moments of a transient
 /// stand at times that the scene names, eigenvalues and peaks are few: these are numbers.
-const CURVES: [(&str, &str, &[&str]); 7] = [
+const CURVES: [(&str, &str, &[&str]); 9] = [
     (
         "spectrum",
         "omega",
