@@ -66,13 +66,19 @@ pub(crate) fn swing(oscillator: &Oscillator, excitation: &Excitation, until: f64
 }
 
 /// The largest amplitude of the same motions between two times, the earlier so late that they have forgotten where they
-/// began.
-pub(crate) fn late_swing(oscillator: &Oscillator, excitation: &Excitation, times: [f64; 2]) -> f64 {
-    let late = starts(oscillator, excitation).map(|start| {
+/// began, and the state there of the one from rest.
+pub(crate) fn late_swing(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    times: [f64; 2],
+) -> (f64, [f64; 2]) {
+    let mut late = (0.0, None);
+    for start in starts(oscillator, excitation) {
         let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
-        highest(oscillator, excitation, state, times).0
-    });
-    late.fold(0.0, f64::max)
+        late.0 = f64::max(late.0, highest(oscillator, excitation, state, times).0);
+        late.1.get_or_insert(state);
+    }
+    (late.0, late.1.unwrap_or_default())
 }
 
 /// Where motions begin that show what a drive does; none without one.

@@ -296,7 +296,7 @@ pub struct ResponseRequest {
 
 impl ResponseRequest {
     /// Most points accepted.
-    const MOST: usize = 2000;
+    const MOST: usize = 500;
 
     /// The frequencies.
     pub fn frequencies(&self) -> Vec<f64> {

@@ -261,9 +261,10 @@ fn a_weak_drive_is_answered_as_the_fluctuations_say() {
         first.amplitude.value / a,
         first.amplitude.error / a
     );
-    // 7.022 of an independent prototype.
-    assert!((first.amplitude.value / a - 7.022).abs() < 5e-3);
-    assert!((found / exact - 1.0).abs() < 1e-3);
+    // 7.022 and 7.029 of an independent prototype on one mesh of 80 x 64 cells.
+    assert!((first.amplitude.value / a / 7.022 - 1.0).abs() < 4e-3);
+    assert!((found - exact).abs() < first.amplitude.error / a);
+    assert!((found / exact - 1.0).abs() < 5e-4);
 }
 
 #[test]
@@ -288,10 +289,10 @@ fn over_a_period_the_drive_and_the_noise_bring_what_friction_takes() {
 
 #[test]
 fn with_less_and_less_noise_the_law_comes_to_the_orbit_found_by_shooting() {
-    let drive = Drive::new(0.1, 1.2, 0.0).unwrap();
-    let excitation = driven(0.1, 1.2, 0.0);
-    let off = [4e-6, 1e-6].map(|h| {
-        let it = hertz(0.01, h);
+    let drive = Drive::new(0.05, 1.2, 0.0).unwrap();
+    let excitation = driven(0.05, 1.2, 0.0);
+    let off = [4e-5, 1e-5].map(|h| {
+        let it = hertz(0.05, h);
         let orbit: Orbit = noise_free::orbit(&it, &drive, [0.0; 2]).unwrap();
         let got = periodic(&it, 16, &settings(&excitation, 1e-3), &|_| ()).unwrap();
         let first = got.mean_q[0].amplitude;
@@ -305,7 +306,8 @@ fn with_less_and_less_noise_the_law_comes_to_the_orbit_found_by_shooting() {
         (first.value / orbit.amplitude - 1.0).abs()
     });
     println!("off by {:.1e} and {:.1e}", off[0], off[1]);
-    assert!(off[1] < 2e-3);
+    // In proportion to the noise.
+    assert!(off[1] < 2e-3 && off[1] < 0.4 * off[0]);
 }
 
 #[test]

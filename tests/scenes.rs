@@ -482,6 +482,10 @@ fn every_built_in_scene_runs_when_its_size_is_cut() {
         if text.contains("spectrum") {
             arguments.extend(["--set", "outputs.spectrum={until=1.2}"]);
         }
+        if text.contains("response") {
+            arguments.extend(["--set", "outputs.response.points=3"]);
+            arguments.extend(["--set", "accuracy.tolerance=0.05"]);
+        }
         if text.contains("[monte_carlo]") {
             arguments.extend(["--set", "monte_carlo.paths=20"]);
         }
@@ -1776,6 +1780,7 @@ const SECTIONS: &[(&str, &[&str])] = &[
         &["contact", "damping", "zeta", "h", "force_psd"],
     ),
     ("rig", &["static_load", "frequency", "static_compression"]),
+    ("excitation", &["drive", "envelope"]),
     ("initial", &["kind", "mean", "deviation"]),
     (
         "outputs",
@@ -1789,6 +1794,8 @@ const SECTIONS: &[(&str, &[&str])] = &[
             "first_loss",
             "first_passage",
             "crossings",
+            "periodic",
+            "response",
         ],
     ),
     (

@@ -35,6 +35,9 @@ pub(crate) struct Forcing {
     reference: Oscillator,
     swing: f64,
     narrowing: f64,
+    late: [f64; 2],
+    /// By how much more than under stationary noise a splitting errs under the envelope.
+    uneven: f64,
 }
 
 /// Correlation times after which a motion without noise has found its orbit.
@@ -82,8 +85,11 @@ impl Forcing {
         }
         let period = excitation.drive.map_or(0.0, |it| it.period());
         let end = (LATE / oscillator.zeta()).min(FOLLOWED);
-        let swing = noise_free::late_swing(oscillator, excitation, [end, end + BEATS * period]);
-        Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing)).map(Some)
+        let end = (end / period).ceil() * period;
+        let times = [end, end + BEATS * period];
+        let (swing, late) = noise_free::late_swing(oscillator, excitation, times);
+        let it = Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing))?;
+        Ok(Some(Self { late, ..it }))
     }
 
     fn by(
@@ -122,6 +128,11 @@ impl Forcing {
             reference,
             swing,
             narrowing: (coldest / factor).sqrt(),
+            late: [0.0; 2],
+            uneven: match excitation.envelope {
+                None => 0.0,
+                Some(_) => factor * (1 + excitation.bends(0.0, until).count()) as f64,
+            },
         })
     }
 
@@ -143,6 +154,17 @@ impl Forcing {
     /// The amplitude sqrt(2 (H - lowest U)) that the drive adds.
     pub(crate) fn swing(&self) -> f64 {
         self.swing
+    }
+
+    /// Where the motion without noise from rest has come to after many periods.
+    pub(crate) fn late(&self) -> [f64; 2] {
+        self.late
+    }
+
+    /// By how much more than under stationary noise a splitting errs under the envelope: its level, and the ends of the
+    /// intervals that it cuts. 0 without one.
+    pub(crate) fn uneven(&self) -> f64 {
+        self.uneven
     }
 
     /// The narrowest deviations of the law over those under the strongest noise.

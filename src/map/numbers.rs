@@ -12,7 +12,7 @@ const NOT_NUMBERS: [&str; 3] = ["scene", "run", "method"];
 
 /// Where a section has its curves, and what each runs over: a grid that the program chose. The moments of a transient
 /// stand at times that the scene names, eigenvalues and peaks are few: these are numbers.
-const CURVES: [(&str, &str, &[&str]); 7] = [
+const CURVES: [(&str, &str, &[&str]); 9] = [
     (
         "spectrum",
         "omega",
@@ -21,6 +21,33 @@ const CURVES: [(&str, &str, &[&str]); 7] = [
             "linear",
             "monte_carlo",
             "monte_carlo_expectation",
+        ],
+    ),
+    (
+        "periodic",
+        "phase",
+        &[
+            "mean_q",
+            "var_q",
+            "mean_v",
+            "var_v",
+            "cov_qv",
+            "mean_force",
+            "std_force",
+            "skewness_force",
+            "kurtosis_force",
+            "mean_energy",
+            "contact_loss_probability",
+        ],
+    ),
+    (
+        "response",
+        "frequency",
+        &[
+            "mean_q_1",
+            "mean_q_2",
+            "mean_force_1",
+            "contact_loss_probability",
         ],
     ),
     ("first_loss", "t", &["survival", "density"]),

@@ -38,6 +38,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("spectrum", include_str!("../scenes/spectrum.toml")),
     ("records", include_str!("../scenes/records.toml")),
     ("table-3", include_str!("../scenes/table-3.toml")),
+    ("driven", include_str!("../scenes/driven.toml")),
 ];
 
 /// The text of a built-in scene.

@@ -38,6 +38,16 @@ fn expected(tolerance: f64) -> f64 {
 /// moving local grid carries it first.
 const HELD: f64 = 1.0;
 
+/// Refuses friction too strong for the one solver that knows a drive.
+fn check_friction(oscillator: &Oscillator) -> Result<()> {
+    let zeta = oscillator.zeta();
+    if zeta <= KNOWN {
+        return Ok(());
+    }
+    let accepted = format!("at most {KNOWN} with [excitation]; [monte_carlo] takes any");
+    Err(Error::invalid("oscillator.zeta", num(zeta), accepted))
+}
+
 /// What is asked of a transient.
 #[derive(Clone, Copy)]
 struct Question<'a> {
@@ -62,6 +72,9 @@ impl Recipe {
         times: &[f64],
         settings: &Settings,
     ) -> Result<Self> {
+        if !settings.excitation.is_plain() {
+            check_friction(oscillator)?;
+        }
         let until = times.last().copied().unwrap_or(0.0);
         let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
         let forcing = forcing.map(Arc::new);
@@ -91,6 +104,7 @@ impl Recipe {
             let accepted = "a drive: without one the law that lasts is the stationary one";
             return Err(Error::invalid("excitation.drive", "none", accepted));
         };
+        check_friction(oscillator)?;
         let forcing = Forcing::lasting(oscillator, &settings.excitation)?.map(Arc::new);
         let question = Question {
             oscillator,
@@ -334,11 +348,6 @@ impl Question<'_> {
                     "\"auto\" with [excitation]: the flow map, which is taken then, has neither";
                 return Err(Error::invalid(key, "a scheme of finite volumes", accepted));
             }
-        }
-        let zeta = self.oscillator.zeta();
-        if zeta > KNOWN {
-            let accepted = format!("at most {KNOWN} with [excitation]; [monte_carlo] takes any");
-            return Err(Error::invalid("oscillator.zeta", zeta, accepted));
         }
         if !self.oscillator.contact().is_confining() && !self.stays_on_moving_grid() {
             let accepted = "\"auto\" and no method.cells with [excitation] and a contact law that never confines";

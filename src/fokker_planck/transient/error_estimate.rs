@@ -209,9 +209,11 @@ impl Errors {
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
                 let steps = rung.flow_map();
-                let driven = rung.forcing.as_ref();
-                let driven = driven.map_or(0.0, |it| it.splitting_error(steps.step));
-                UNSEEN * (steps.splitting_error(task.oscillator) + driven)
+                let own = steps.splitting_error(task.oscillator);
+                let forced = rung.forcing.as_ref();
+                let forced =
+                    forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);
+                UNSEEN * (own + forced)
             }
             Scheme::Volumes(_) => 0.0,
         };
@@ -223,8 +225,10 @@ impl Errors {
                     None => a.distance * (1.0 + 4.0 * task.oscillator.zeta() * a.t),
                     Some(_) => 1.0,
                 };
-                let alike =
-                    rung.automatic && a.steps > 0 && (a.steps as f64) < 1.15 * b.steps as f64;
+                // The intervals of an envelope are short: steps that fill them differ by chance.
+                let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
+                let near = uneven || (a.steps as f64) < 1.15 * b.steps as f64;
+                let alike = rung.automatic && a.steps > 0 && near;
                 let unseen = if alike {
                     splitting * fading.min(1.0)
                 } else {

@@ -102,16 +102,16 @@ impl Propagator {
         match self {
             Self::Volumes { generator, .. } => Density::start(generator, initial),
             Self::FlowMap { map, .. } if map.is_forced() && *initial == Initial::Stationary => {
-                self.stationary(oscillator)
+                self.stationary(oscillator, [0.0; 2])
             }
             Self::FlowMap { map, .. } => map.start(initial),
         }
     }
 
-    /// The stationary law of the undriven oscillator, where densities are taken against another one.
-    pub(super) fn stationary(&self, oscillator: &Oscillator) -> Result<Density> {
+    /// The stationary law of the undriven oscillator, where densities are taken against another one, moved by so much.
+    pub(super) fn stationary(&self, oscillator: &Oscillator, by: [f64; 2]) -> Result<Density> {
         let (law, temperature) = (oscillator.displacement_law()?, oscillator.temperature());
-        let p = |[q, v]: &[f64; 2]| law.density(*q) * maxwell(*v, temperature);
+        let p = |[q, v]: &[f64; 2]| law.density(*q - by[0]) * maxwell(*v - by[1], temperature);
         let mut density = self.sampled(&|points| points.iter().map(p).collect());
         let mass = density.mass();
         for p in density.cells_mut() {
