@@ -57,7 +57,7 @@ impl Parameters {
     /// The same, relative paths starting from `folder`: that of the scene's file.
     #[must_use]
     pub fn from_folder(mut self, folder: &Path) -> Self {
-        self.folder = folder.to_owned();
+        folder.clone_into(&mut self.folder);
         self
     }
 

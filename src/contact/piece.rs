@@ -38,36 +38,29 @@ impl Piece {
         x * (c0 + x * (c1 / 2.0 + x * (c2 / 3.0 + x * (c3 / 4.0))))
     }
 
-    /// Every q between `self.from` and `to` at which G passes `force`.
-    fn roots(&self, to: f64, force: f64) -> Vec<f64> {
+    /// Where the piece, which reaches up to `to`, begins, turns and ends; where it has no end, beyond every q with G(q) =
+    /// `force`.
+    fn marks(&self, to: f64, force: f64) -> Vec<f64> {
         let [c0, c1, c2, c3] = self.coefficients;
-        let c0 = c0 - force;
-        let Some(top) = [c3, c2, c1].into_iter().find(|c| *c != 0.0) else {
-            return Vec::new();
-        };
-        // Cauchy's bound of the roots, for pieces without an end.
-        let far = 2.0
-            + 2.0
-                * [c0, c1, c2]
-                    .map(|c| (c / top).abs())
-                    .iter()
-                    .fold(0.0, |a, b| b.max(a));
-        let (low, high) = (self.from.max(self.centre - far), to.min(self.centre + far));
-        // Between the extrema of the cubic it is monotone.
-        let mut ends = vec![low];
-        let turns = quadratic(3.0 * c3, 2.0 * c2, c1);
-        ends.extend(
+        let top = [c3, c2, c1].into_iter().find(|c| *c != 0.0);
+        // Cauchy's bound of the roots.
+        let largest = |top: f64| [c0 - force, c1, c2].map(|c| (c / top).abs());
+        let far = top.map_or(1.0, |top| {
+            2.0 + 2.0 * largest(top).into_iter().fold(0.0, f64::max)
+        });
+        let low = self.from.max(self.centre - far);
+        let high = to.min(self.centre + far);
+        let mut marks = vec![low];
+        let turns = quadratic(3.0 * c3, 2.0 * c2, c1).into_iter();
+        marks.extend(
             turns
-                .into_iter()
                 .map(|x| self.centre + x)
                 .filter(|q| *q > low && *q < high),
         );
-        ends.push(high);
-        let below = |q: f64| self.force(q) < force;
-        ends.windows(2)
-            .filter(|w| w[0] < w[1] && below(w[0]) != below(w[1]))
-            .map(|w| bisect(w[0], w[1], |q| below(q) == below(w[1])))
-            .collect()
+        if to == f64::INFINITY {
+            marks.push(high);
+        }
+        marks
     }
 }
 
@@ -91,20 +84,25 @@ fn quadratic(a: f64, b: f64, c: f64) -> Vec<f64> {
 }
 
 /// Every q at which the force of all pieces passes `force`, ascending.
-pub(crate) fn roots(pieces: &[Piece], force: f64) -> Vec<f64> {
-    let ends = pieces
-        .iter()
-        .skip(1)
-        .map(|it| it.from)
-        .chain([f64::INFINITY]);
-    let mut all: Vec<f64> = pieces
+pub(super) fn roots(pieces: &[Piece], force: f64) -> Vec<f64> {
+    let ends = pieces.iter().skip(1).map(|it| it.from);
+    let ends = ends.chain([f64::INFINITY]);
+    // Between its marks the force is monotone. On an end of two pieces the value of the second counts for both, so that
+    // a root there is found once.
+    let marks: Vec<(f64, &Piece)> = pieces
         .iter()
         .zip(ends)
-        .flat_map(|(it, to)| it.roots(to, force))
+        .flat_map(|(it, to)| it.marks(to, force).into_iter().map(move |q| (q, it)))
         .collect();
-    // A root on an end is found on either side of it.
-    all.dedup_by(|b, a| (*b - *a).abs() <= 1e-14 * a.abs().max(1e-3));
-    all
+    let below = |(q, piece): &(f64, &Piece)| piece.force(*q) < force;
+    marks
+        .windows(2)
+        .filter(|w| below(&w[0]) != below(&w[1]))
+        .map(|w| {
+            let (piece, before) = (w[0].1, below(&w[0]));
+            bisect(w[0].0, w[1].0, |q| (piece.force(q) < force) != before)
+        })
+        .collect()
 }
 
 /// The piece that holds q.

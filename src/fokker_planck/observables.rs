@@ -72,10 +72,8 @@ impl Observables {
             // In contact the force may have a half-integer power at a kink, on an edge to rounding or inside of the cell.
             let flown = contact.is_lost(mesh.q.centres()[i]);
             let near = kinks.iter().map(|kink| kink - i as f64);
-            let near = near.filter(|xi| match flown {
-                true => *xi > 1e-6 && *xi < 1.0 - 1e-6,
-                false => *xi > -1e-6 && *xi < 1.0 + 1e-6,
-            });
+            let reach = if flown { -1e-6 } else { 1e-6 };
+            let near = near.filter(|xi| *xi > -reach && *xi < 1.0 + reach);
             let splits: Vec<f64> = near.map(|xi| xi.clamp(0.0, 1.0)).collect();
             for (xi, weight, middle) in nodes(i as f64, &splits) {
                 let lost = contact.is_lost(mesh.q.at(middle).0);
