@@ -215,10 +215,11 @@ const RESERVED: f64 = 3.0;
 const OVERRUN: f64 = 1.3;
 
 /// Keys of a scene under which times stand.
-const TIMES: [&str; 7] = [
+const TIMES: [&str; 8] = [
     "outputs.moments_at",
     "outputs.density_at",
     "outputs.first_loss",
+    "outputs.first_passage",
     "outputs.crossings",
     "monte_carlo.step",
     "monte_carlo.duration",

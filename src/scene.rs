@@ -534,6 +534,7 @@ impl Scene {
         !it.moments_at.is_empty()
             || !it.density_at.is_empty()
             || it.first_loss.is_some()
+            || it.first_passage.is_some()
             || it.reach.is_some()
     }
 
