@@ -113,7 +113,7 @@ impl Damping {
     pub fn factor(&self, contact: &ContactLaw, q: f64, v: f64) -> f64 {
         match self {
             Self::Viscous => 1.0,
-            Self::Contact => f64::from(u8::from(contact.loss_point().is_none_or(|it| q >= it))),
+            Self::Contact => f64::from(u8::from(!contact.is_lost(q))),
             Self::HuntCrossley => (1.0 + contact.force(q)).abs(),
             Self::Displacement(factor) => factor(q),
             Self::Energy(factor) => factor(0.5 * v * v + contact.potential(q)),

@@ -79,13 +79,14 @@ impl Oscillator {
             ..self
         };
         if !damping.is_viscous() {
-            if !it.contact.is_confining() {
+            if !it.contact.is_confining() || it.contact.back_wall().is_some() {
                 let value = format!(
                     "\"{}\" with oscillator.contact = \"{}\"",
                     damping.name(),
                     it.contact.name()
                 );
-                let accepted = "\"viscous\" for a contact that does not hold the motion";
+                let accepted =
+                    "\"viscous\" for a contact that does not hold the motion, or has a second wall";
                 return Err(Error::invalid("oscillator.damping", value, accepted));
             }
             let averaged = Averaged::of(&it.contact, &damping, it.temperature)?;
@@ -180,7 +181,6 @@ impl Oscillator {
         std::f64::consts::PI * self.h
     }
 
-    /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
     /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
     /// force out of contact (1 for the built-in laws). None for a contact that is never lost, or whose flight ends on a
     /// second wall. Where no eigenvalue lies above it, distances to the stationary law fall as

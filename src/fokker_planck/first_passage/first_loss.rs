@@ -345,11 +345,14 @@ impl Task<'_> {
         let mean_time = number(&|run| run.mean_time, fine.residuals[0]);
         let rate = number(&|run| run.rate, fine.residuals[1]);
         let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
-        note(
-            mean_time.error / (tolerance * mean_time.value),
-            "mean_time",
-            None,
-        );
+        // Of an initial condition beyond the level nothing is left to be known relative to itself.
+        if fine.survival.first().is_some_and(|s| *s > 1e-9) {
+            note(
+                mean_time.error / (tolerance * mean_time.value),
+                "mean_time",
+                None,
+            );
+        }
         note(rate.error / (tolerance * rate.value), "rate", None);
         let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
         let number = format!("first_loss.{}{at}", worst.1);

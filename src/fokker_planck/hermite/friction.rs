@@ -1,11 +1,7 @@
-//! The operator where friction depends on the displacement, as a sparse matrix, and the stationary law that it keeps.
-//!
-//! With k = pi h/T the friction that keeps the weights, the backward operator has beside that of `operator`
-//! -(c - k) v d/dv, which takes h_n to -(c - k) (n h_n + sqrt(n (n - 1)) h_{n-2}): products with c(q) between the functions of
-//! one element, and n couples with n + 2. The constant is a null vector still; that of the transpose is the stationary law
-//! over the weights. Hats are left as they are, not made orthonormal.
+//! The stationary law where friction depends on the displacement: the null vector of the transpose of the operator
+//! (`local`), which is the law over the weights.
 
-use super::basis::{DEGREE, Element, LOCAL, Number, POINTS};
+use super::basis::{DEGREE, Element, LOCAL, POINTS};
 use super::operator::{Hierarchy, Resolution};
 use crate::error::{Error, Result};
 use crate::fokker_planck::flux::maxwell;
@@ -13,8 +9,6 @@ use crate::moments::RawMoments;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
 use crate::quadrature::gauss;
 use crate::sparse::{Lu, shift};
-use num_complex::Complex;
-use sprs::{CsMat, TriMat};
 
 /// Resolution of the stationary law that distances are taken to.
 pub(in crate::fokker_planck) const LAW: Resolution = Resolution {
@@ -46,112 +40,6 @@ pub(in crate::fokker_planck) struct Kept {
     dissipated: f64,
 }
 
-/// The operator and the products of the functions as sparse matrices, by columns; hats first, as they are.
-pub(super) struct Local {
-    pub(super) operator: CsMat<f64>,
-    pub(super) mass: CsMat<f64>,
-}
-
-impl Local {
-    pub(super) fn new(full: &Hierarchy, oscillator: &Oscillator) -> Self {
-        let (k, basis) = (full.pairs, &full.basis);
-        let size = full.len();
-        let mut mass = TriMat::with_capacity((size, size), 2 * size);
-        let hats = basis.elements.len() + 1;
-        for (e, element) in basis.elements.iter().enumerate() {
-            for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                for i in 0..k {
-                    mass.add_triplet((e + a) * k + i, (e + b) * k + i, element.mass[a][b]);
-                }
-            }
-        }
-        for n in hats * k..size {
-            mass.add_triplet(n, n, 1.0);
-        }
-        Self {
-            operator: operator(full, oscillator),
-            mass: mass.to_csc(),
-        }
-    }
-
-    /// What the operator makes of coefficients: products with the functions.
-    pub(super) fn image<T: Number>(&self, x: &[T]) -> Vec<T> {
-        let mut out = vec![T::default(); x.len()];
-        for (column, x) in self.operator.outer_iterator().zip(x) {
-            for (row, value) in column.iter() {
-                out[row] += *x * *value;
-            }
-        }
-        out
-    }
-
-    /// s times the products of the functions, less the operator, factored.
-    pub(super) fn factored(&self, shift: Complex<f64>) -> Result<Lu<Complex<f64>>> {
-        let operator = self.operator.map(|x| Complex::new(-x, 0.0));
-        let mass = self.mass.map(|x| shift * x);
-        Lu::factor(&operator + &mass)
-    }
-}
-
-/// The entries of the operator.
-fn operator(full: &Hierarchy, oscillator: &Oscillator) -> CsMat<f64> {
-    let (k, basis) = (full.pairs, &full.basis);
-    let reference = oscillator.reference_friction();
-    let temperature = oscillator.temperature();
-    let functions = basis.one.len();
-    let size = full.len();
-    let mut triplets = TriMat::with_capacity((size, size), 40 * size);
-    let even = |place: usize, i: usize| place * k + i;
-    let odd = |e: usize, a: usize, i: usize| functions * k + (e * DEGREE + a) * k + i;
-    let mut add = |row: usize, column: usize, value: f64| triplets.add_triplet(row, column, value);
-    for (e, element) in basis.elements.iter().enumerate() {
-        let places = basis.places(e);
-        let rate = |q: f64| oscillator.friction(q);
-        let (even_rate, odd_rate) = element.at.products(rate);
-        let (even_mass, odd_mass) = element.at.products(|_| 1.0);
-        for i in 0..k {
-            let (n, m) = ((2 * i) as f64, (2 * i + 1) as f64);
-            let heat = |n: f64| (temperature * n).sqrt();
-            for (b, place) in places.into_iter().enumerate() {
-                for a in 0..DEGREE {
-                    let (c, d) = (element.c[a][b], element.d[a][b]);
-                    // Even n = 2i reads the odd n - 1 and n + 1, odd m = 2i + 1 the even m - 1 and m + 1.
-                    if i > 0 {
-                        add(even(place, i), odd(e, a, i - 1), heat(n) * d);
-                    }
-                    add(even(place, i), odd(e, a, i), -heat(n + 1.0) * c);
-                    add(odd(e, a, i), even(place, i), heat(m) * c);
-                    if i + 1 < k {
-                        add(odd(e, a, i), even(place, i + 1), -heat(m + 1.0) * d);
-                    }
-                }
-            }
-            let up = |n: f64| ((n + 1.0) * (n + 2.0)).sqrt();
-            for (a, row) in places.into_iter().enumerate() {
-                for (b, column) in places.into_iter().enumerate() {
-                    let rate = even_rate[a][b];
-                    add(even(row, i), even(column, i), -n * rate);
-                    if i + 1 < k {
-                        let more = rate - reference * even_mass[a][b];
-                        add(even(row, i), even(column, i + 1), -up(n) * more);
-                    }
-                }
-            }
-            for a in 0..DEGREE {
-                for b in 0..DEGREE {
-                    let rate = odd_rate[a][b];
-                    add(odd(e, a, i), odd(e, b, i), -m * rate);
-                    if i + 1 < k {
-                        let more = rate - reference * odd_mass[a][b];
-                        add(odd(e, a, i), odd(e, b, i + 1), -up(m) * more);
-                    }
-                }
-            }
-        }
-    }
-    triplets.to_csc()
-}
-
 /// Bytes and floating-point operations of a stationary law at a resolution: measured of the sparse LU.
 pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
     let n = it.len() as f64;
@@ -173,7 +61,7 @@ impl Kept {
         let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;
         let mut matrix = match &full.local {
             Some(local) => local.operator.transpose_view().to_csc(),
-            None => operator(&full, oscillator).transpose_view().to_csc(),
+            None => full.whole(oscillator).operator.transpose_view().to_csc(),
         };
         let norm = matrix
             .outer_iterator()
@@ -281,7 +169,7 @@ impl Kept {
                     *sum += force.powi(power) * b0;
                 }
                 raw.potential += contact.potential(q) * b0;
-                raw.lost += f64::from(u8::from(contact.loss_point().is_some_and(|it| q < it))) * b0;
+                raw.lost += f64::from(u8::from(contact.is_lost(q))) * b0;
                 it.dissipated += oscillator.friction(q) * square;
             }
         }

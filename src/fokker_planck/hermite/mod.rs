@@ -4,6 +4,7 @@ mod basis;
 mod condensed;
 mod factored;
 mod friction;
+mod local;
 mod operator;
 
 pub(super) use basis::DEGREE;

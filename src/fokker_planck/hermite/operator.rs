@@ -17,7 +17,7 @@
 //! number of functions, and nearly so of elements.
 
 use super::basis::{Basis, DEGREE, INNER, LOCAL, Number};
-use super::friction::Local;
+use super::local::Local;
 use crate::error::Result;
 use crate::oscillator::{Oscillator, Quantity};
 
@@ -94,9 +94,14 @@ impl Hierarchy {
             local: None,
         };
         if !oscillator.is_viscous() {
-            it.local = Some(Local::new(&it, oscillator));
+            it.local = Some(it.whole(oscillator));
         }
         Ok(it)
+    }
+
+    /// The whole operator of any friction.
+    pub(super) fn whole(&self, oscillator: &Oscillator) -> Local {
+        Local::new(&self.basis, self.pairs, oscillator)
     }
 
     /// Whether friction depends on the displacement: v -> -v then does not turn L into its transpose, and L writes into

@@ -1,0 +1,118 @@
+//! The operator where friction depends on the displacement, as a sparse matrix.
+//!
+//! With k = pi h/T the friction that keeps the weights, the backward operator has beside that of `operator`
+//! -(c - k) v d/dv, which takes h_n to -(c - k) (n h_n + sqrt(n (n - 1)) h_{n-2}): products with c(q) between the functions of
+//! one element, and n couples with n + 2. The constant is a null vector still; that of the transpose is the stationary law
+//! over the weights. Hats are left as they are, not made orthonormal.
+
+use super::basis::{Basis, DEGREE, Number};
+use crate::error::Result;
+use crate::oscillator::Oscillator;
+use crate::sparse::Lu;
+use num_complex::Complex;
+use sprs::{CsMat, TriMat};
+
+/// The operator and the products of the functions as sparse matrices, by columns; hats first, as they are.
+pub(super) struct Local {
+    pub(super) operator: CsMat<f64>,
+    pub(super) mass: CsMat<f64>,
+}
+
+impl Local {
+    /// Of so many pairs of Hermite functions on a basis of q.
+    pub(super) fn new(basis: &Basis, pairs: usize, oscillator: &Oscillator) -> Self {
+        let k = pairs;
+        let size = k * (basis.one.len() + DEGREE * basis.elements.len());
+        let mut mass = TriMat::with_capacity((size, size), 2 * size);
+        let hats = basis.elements.len() + 1;
+        for (e, element) in basis.elements.iter().enumerate() {
+            for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                for i in 0..k {
+                    mass.add_triplet((e + a) * k + i, (e + b) * k + i, element.mass[a][b]);
+                }
+            }
+        }
+        for n in hats * k..size {
+            mass.add_triplet(n, n, 1.0);
+        }
+        Self {
+            operator: operator(basis, (k, size), oscillator),
+            mass: mass.to_csc(),
+        }
+    }
+
+    /// What the operator makes of coefficients: products with the functions.
+    pub(super) fn image<T: Number>(&self, x: &[T]) -> Vec<T> {
+        let mut out = vec![T::default(); x.len()];
+        for (column, x) in self.operator.outer_iterator().zip(x) {
+            for (row, value) in column.iter() {
+                out[row] += *x * *value;
+            }
+        }
+        out
+    }
+
+    /// s times the products of the functions, less the operator, factored.
+    pub(super) fn factored(&self, shift: Complex<f64>) -> Result<Lu<Complex<f64>>> {
+        let operator = self.operator.map(|x| Complex::new(-x, 0.0));
+        let mass = self.mass.map(|x| shift * x);
+        Lu::factor(&operator + &mass)
+    }
+}
+
+/// The entries of the operator.
+fn operator(basis: &Basis, (k, size): (usize, usize), oscillator: &Oscillator) -> CsMat<f64> {
+    let reference = oscillator.reference_friction();
+    let temperature = oscillator.temperature();
+    let functions = basis.one.len();
+    let mut triplets = TriMat::with_capacity((size, size), 40 * size);
+    let even = |place: usize, i: usize| place * k + i;
+    let odd = |e: usize, a: usize, i: usize| functions * k + (e * DEGREE + a) * k + i;
+    let mut add = |row: usize, column: usize, value: f64| triplets.add_triplet(row, column, value);
+    for (e, element) in basis.elements.iter().enumerate() {
+        let places = basis.places(e);
+        let rate = |q: f64| oscillator.friction(q);
+        let (even_rate, odd_rate) = element.at.products(rate);
+        let (even_mass, odd_mass) = element.at.products(|_| 1.0);
+        for i in 0..k {
+            let (n, m) = ((2 * i) as f64, (2 * i + 1) as f64);
+            let heat = |n: f64| (temperature * n).sqrt();
+            for (b, place) in places.into_iter().enumerate() {
+                for a in 0..DEGREE {
+                    let (c, d) = (element.c[a][b], element.d[a][b]);
+                    // Even n = 2i reads the odd n - 1 and n + 1, odd m = 2i + 1 the even m - 1 and m + 1.
+                    if i > 0 {
+                        add(even(place, i), odd(e, a, i - 1), heat(n) * d);
+                    }
+                    add(even(place, i), odd(e, a, i), -heat(n + 1.0) * c);
+                    add(odd(e, a, i), even(place, i), heat(m) * c);
+                    if i + 1 < k {
+                        add(odd(e, a, i), even(place, i + 1), -heat(m + 1.0) * d);
+                    }
+                }
+            }
+            let up = |n: f64| ((n + 1.0) * (n + 2.0)).sqrt();
+            for (a, row) in places.into_iter().enumerate() {
+                for (b, column) in places.into_iter().enumerate() {
+                    let rate = even_rate[a][b];
+                    add(even(row, i), even(column, i), -n * rate);
+                    if i + 1 < k {
+                        let more = rate - reference * even_mass[a][b];
+                        add(even(row, i), even(column, i + 1), -up(n) * more);
+                    }
+                }
+            }
+            for a in 0..DEGREE {
+                for b in 0..DEGREE {
+                    let rate = odd_rate[a][b];
+                    add(odd(e, a, i), odd(e, b, i), -m * rate);
+                    if i + 1 < k {
+                        let more = rate - reference * odd_mass[a][b];
+                        add(odd(e, a, i), odd(e, b, i + 1), -up(m) * more);
+                    }
+                }
+            }
+        }
+    }
+    triplets.to_csc()
+}
