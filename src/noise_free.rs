@@ -299,9 +299,12 @@ mod tests {
         println!("{small:?} {large:?}");
         assert!(small.multiplier < 1.0 && large.multiplier < 1.0);
         assert!(large.amplitude > 1.5 * small.amplitude);
-        // Two more starts fall on the one between.
-        let between = (0..40)
-            .filter_map(|k| orbit(&it, &drive, [-0.1 * f64::from(k), 0.0]).ok())
+        // The one between is found from somewhere on the line from one to the other.
+        let along = |share: f64| {
+            std::array::from_fn(|i| small.start[i] + share * (large.start[i] - small.start[i]))
+        };
+        let between = (1..40)
+            .filter_map(|k| orbit(&it, &drive, along(f64::from(k) / 40.0)).ok())
             .find(|it| it.multiplier > 1.0);
         println!("{between:?}");
         assert!(between.is_some());

@@ -1151,16 +1151,16 @@ mod tests {
         use crate::fokker_planck::transient::FirstGrid::{self, Mesh, Moving, MovingForGood};
         const MAP: &str = "flow map, order 8";
         let recipes: [(&str, &str, FirstGrid, [usize; 2], u64); 12] = [
-            ("default", MAP, Moving, [186, 122], 1471),
-            ("paper-level 3e-6 0.01", MAP, Mesh, [102, 102], 120),
-            ("paper-level 8e-5 0.05", MAP, Mesh, [106, 106], 120),
-            ("paper-level 5e-4 0.15", MAP, Mesh, [102, 90], 120),
-            ("paper-level 1.2e-3 0.25", MAP, Mesh, [114, 84], 120),
-            ("paper-level 2e-3 0.3", MAP, Mesh, [142, 90], 120),
-            ("paper-level 3.2e-3 0.4", MAP, Mesh, [158, 88], 120),
-            ("bilinear", MAP, Mesh, [146, 92], 120),
+            ("default", MAP, Moving, [186, 122], 981),
+            ("paper-level 3e-6 0.01", MAP, Mesh, [102, 102], 80),
+            ("paper-level 8e-5 0.05", MAP, Mesh, [106, 106], 80),
+            ("paper-level 5e-4 0.15", MAP, Mesh, [102, 90], 80),
+            ("paper-level 1.2e-3 0.25", MAP, Mesh, [114, 84], 80),
+            ("paper-level 2e-3 0.3", MAP, Mesh, [142, 90], 80),
+            ("paper-level 3.2e-3 0.4", MAP, Mesh, [158, 88], 80),
+            ("bilinear", MAP, Mesh, [146, 92], 80),
             ("displaced", MAP, Mesh, [109, 70], 160),
-            ("dropped", MAP, Moving, [188, 122], 104),
+            ("dropped", MAP, Moving, [188, 122], 66),
             (
                 "overdamped",
                 "finite volumes, order 8, imex",

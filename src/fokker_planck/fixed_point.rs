@@ -204,7 +204,7 @@ impl Arnoldi {
             }
         }
         let size = dot(&w, &w, inverse).sqrt();
-        let last = size <= 1e-14 * before;
+        let last = size <= 1e-12 * before;
         column[m + 1] = size;
         self.columns.push(column.clone());
         for (k, (c, s)) in self.turns.iter().enumerate() {
