@@ -204,12 +204,17 @@ impl Averaged {
                 why: format!("{} damping does not hold the motion", damping.name()),
             });
         }
-        // The area within an energy is the action: exp(-Psi) between two rows, trapezoidal.
+        // The area within an energy is the action; Psi between two rows is a straight line in it.
         let rows = it.psi.windows(2).zip(areas.windows(2));
         let masses: Vec<f64> = rows
             .map(|(psi, area)| {
-                let mean = 0.5 * ((lowest - psi[0]).exp() + (lowest - psi[1]).exp());
-                mean * (area[1] - area[0])
+                let rise = psi[1] - psi[0];
+                let mean = if rise.abs() < 1e-12 {
+                    1.0
+                } else {
+                    -(-rise).exp_m1() / rise
+                };
+                (lowest - psi[0]).exp() * mean * (area[1] - area[0])
             })
             .collect();
         let total: f64 = masses.iter().sum();

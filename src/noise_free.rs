@@ -220,8 +220,16 @@ pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Ve
         let (Ok(drive), [a, b]) = (drive.at(*w), &here[..]) else {
             continue;
         };
-        for part in [0.5, 0.35, 0.65, 0.2, 0.8] {
-            let guess = [0, 1].map(|k| a.start[k] + part * (b.start[k] - a.start[k]));
+        // The unstable one is in phase with the smaller where the larger is not.
+        let [small, large] = if a.amplitude < b.amplitude {
+            [a, b]
+        } else {
+            [b, a]
+        };
+        let parts = [0.5, 0.65, 0.8, 0.95, 0.35, 0.2].into_iter();
+        for (sign, part) in parts.flat_map(|part| [(1.0, part), (-1.0, part)]) {
+            let guess =
+                [0, 1].map(|k| small.start[k] + part * (sign * large.start[k] - small.start[k]));
             if let Ok(it) = orbit(oscillator, &drive, guess) {
                 put(&mut found, *w, it);
             }
@@ -299,12 +307,9 @@ mod tests {
         println!("{small:?} {large:?}");
         assert!(small.multiplier < 1.0 && large.multiplier < 1.0);
         assert!(large.amplitude > 1.5 * small.amplitude);
-        // The one between is found from somewhere on the line from one to the other.
-        let along = |share: f64| {
-            std::array::from_fn(|i| small.start[i] + share * (large.start[i] - small.start[i]))
-        };
+        // The one between is in phase with the drive, as the small one.
         let between = (1..40)
-            .filter_map(|k| orbit(&it, &drive, along(f64::from(k) / 40.0)).ok())
+            .filter_map(|k| orbit(&it, &drive, [0.05 * f64::from(k), 0.0]).ok())
             .find(|it| it.multiplier > 1.0);
         println!("{between:?}");
         assert!(between.is_some());
