@@ -12,7 +12,7 @@ use vibroimpact::stationary::Stationary;
 struct Line;
 
 impl Restoring for Line {
-    fn name(&self) -> &str {
+    fn name(&self) -> &'static str {
         "line"
     }
 
@@ -32,15 +32,8 @@ fn main() -> vibroimpact::Result<()> {
 
     // From a Gaussian about the equilibrium to t = 40.
     let initial = Initial::gaussian([0.0, 0.0], [0.4, 0.4])?;
-    let settings = Settings::default();
-    let course = transient(
-        &oscillator,
-        &initial,
-        &[10.0, 40.0],
-        &[],
-        &settings,
-        &|_| (),
-    )?;
+    let (times, settings) = ([10.0, 40.0], Settings::default());
+    let course = transient(&oscillator, &initial, &times, &[], &settings, &|_| ())?;
     println!("{:<8} {:>26} {:>26}", "", "std N", "P(loss)");
     for (t, it) in course.times.iter().zip(&course.moments) {
         let lost = it.contact_loss_probability.unwrap_or_default();

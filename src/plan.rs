@@ -323,6 +323,7 @@ impl Plan {
     }
 
     /// The scene, its times in its own unit.
+    #[expect(clippy::misnamed_getters)] // what is computed has dimensionless times
     pub fn scene(&self) -> &Scene {
         &self.given
     }
@@ -378,7 +379,7 @@ impl Plan {
         let (it, method) = match part {
             Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
                 let recipe = StationaryState::of(oscillator, &self.settings)?;
-                let mut cost = Cost::on_mesh(recipe.cost, recipe.words());
+                let mut cost = Cost::on_mesh(recipe.cost, StationaryState::WORDS.into());
                 // What one stage has solved for serves the other.
                 if self.recipes.stationary.replace(recipe).is_some() {
                     (cost.seconds, cost.steps) = (0.0, 0);
@@ -394,51 +395,15 @@ impl Plan {
                     seconds: 1e-3,
                 });
             }
-            Part::MonteCarlo => {
-                let times = self.scene.outputs.moments_at.list();
-                let recipe = Ensemble::of(oscillator, initial, &times, &self.sampling())?;
-                let cost = Cost::of_sample(recipe.cost, recipe.words());
-                self.recipes.ensemble = Some(recipe);
-                return Ok(cost);
-            }
-            Part::FirstLossPaths => {
-                let until = self.scene.outputs.first_loss.unwrap_or(0.0);
-                let recipe = FirstLosses::of(oscillator, initial, until, &self.sampling())?;
-                let cost = Cost::of_sample(recipe.cost, recipe.words());
-                self.recipes.first_losses = Some(recipe);
-                return Ok(cost);
-            }
-            Part::FirstPassagePaths => {
-                let Some(passage) = self.passage() else {
-                    return Err(Error::invalid(
-                        "outputs.first_passage",
-                        "nothing",
-                        "a level",
-                    ));
-                };
-                let recipe = FirstLosses::of_level(oscillator, initial, passage, &self.sampling())?;
-                let cost = Cost::of_sample(recipe.cost, recipe.words());
-                self.recipes.passages = Some(recipe);
-                return Ok(cost);
+            Part::MonteCarlo | Part::FirstLossPaths | Part::FirstPassagePaths | Part::Records => {
+                return self.sample_cost(part);
             }
             Part::FirstPassage => {
-                let Some(passage) = self.passage() else {
-                    return Err(Error::invalid(
-                        "outputs.first_passage",
-                        "nothing",
-                        "a level",
-                    ));
-                };
+                let passage = self.passage()?;
                 let recipe = FirstPassage::of_level(oscillator, initial, passage, &self.settings)?;
                 let cost = (recipe.cost, recipe.words());
                 self.recipes.passage = Some(recipe);
                 cost
-            }
-            Part::Records => {
-                let recipe = Records::of(oscillator, &self.sampling())?;
-                let cost = Cost::of_sample(recipe.cost, recipe.words());
-                self.recipes.records = Some(recipe);
-                return Ok(cost);
             }
             Part::FirstLoss => {
                 let until = self.scene.outputs.first_loss.unwrap_or(0.0);
@@ -501,6 +466,47 @@ impl Plan {
         Ok(Cost::on_mesh(it, method))
     }
 
+    /// The cost of paths.
+    fn sample_cost(&mut self, part: Part) -> Result<Cost> {
+        let Scene {
+            oscillator,
+            initial,
+            outputs,
+            ..
+        } = &self.scene;
+        let sampling = self.sampling();
+        let (cost, method) = match part {
+            Part::MonteCarlo => {
+                let times = outputs.moments_at.list();
+                let recipe = Ensemble::of(oscillator, initial, &times, &sampling)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.ensemble = Some(recipe);
+                cost
+            }
+            Part::FirstLossPaths => {
+                let until = outputs.first_loss.unwrap_or(0.0);
+                let recipe = FirstLosses::of(oscillator, initial, until, &sampling)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.first_losses = Some(recipe);
+                cost
+            }
+            Part::FirstPassagePaths => {
+                let recipe =
+                    FirstLosses::of_level(oscillator, initial, self.passage()?, &sampling)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.passages = Some(recipe);
+                cost
+            }
+            _ => {
+                let recipe = Records::of(oscillator, &sampling)?;
+                let cost = (recipe.cost, recipe.words());
+                self.recipes.records = Some(recipe);
+                cost
+            }
+        };
+        Ok(Cost::of_sample(cost, method))
+    }
+
     /// What `outputs.reach` asks for: moment, fraction, and the stationary value that it is a fraction of.
     fn reach(&self) -> Result<(Moment, f64, f64)> {
         let Some(ReachRequest { quantity, fraction }) = self.scene.outputs.reach else {
@@ -517,9 +523,11 @@ impl Plan {
     }
 
     /// Level, side and time of the first passage asked for.
-    fn passage(&self) -> Option<(f64, scene::Side, f64)> {
-        let it = self.scene.outputs.first_passage?;
-        Some((it.level, it.side, it.until))
+    fn passage(&self) -> Result<(f64, scene::Side, f64)> {
+        let asked = self.scene.outputs.first_passage;
+        let it =
+            asked.ok_or_else(|| Error::invalid("outputs.first_passage", "nothing", "a level"))?;
+        Ok((it.level, it.side, it.until))
     }
 
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.
@@ -797,12 +805,10 @@ impl Plan {
             Part::Transient => results.transient.put_in(clock),
             Part::Reach => results.reach.put_in(clock),
             Part::Periodic => results.periodic.put_in(clock),
-            // Frequencies are circular, and steps not told.
-            Part::Response => {}
             Part::Steady => results.steady.put_in(clock),
             Part::DecayRates => results.decay_rates.put_in(clock),
-            // The solved spectrum holds no time.
-            Part::Spectrum => {}
+            // The solved spectrum holds no time, and a response curve circular frequencies.
+            Part::Spectrum | Part::Response => {}
             Part::Series => results.spectrum.put_in(clock),
             Part::MonteCarlo => results.monte_carlo.put_in(clock),
             Part::FirstLossPaths => results.first_loss_paths.put_in(clock),

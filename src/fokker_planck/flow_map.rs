@@ -174,6 +174,9 @@ pub struct Progress {
     pub negative: f64,
 }
 
+/// Matrices along v, each for some rows.
+type Blocks = Vec<(Range<usize>, Matrix)>;
+
 /// The propagator of an oscillator on a mesh.
 #[derive(Debug, Clone)]
 pub struct FlowMap {
@@ -198,11 +201,11 @@ pub struct FlowMap {
     /// Number of active cells in the rows before.
     offsets: Vec<usize>,
     /// Values to coefficients along v, without noise.
-    open: Vec<(Range<usize>, Matrix)>,
+    open: Blocks,
     /// Flow maps by their time.
     maps: Vec<(f64, Map)>,
     /// Matrices by what they do, each for some rows.
-    matrices: Vec<(Noise, Vec<(Range<usize>, Matrix)>)>,
+    matrices: Vec<(Noise, Blocks)>,
     schedule: Schedule,
     progress: Progress,
     buffers: Buffers,
@@ -567,11 +570,7 @@ impl FlowMap {
     }
 
     /// Friction with noise over a time, for all rows at once or for those of equal friction.
-    fn averages(
-        &self,
-        what: &Noise,
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<Vec<(Range<usize>, Matrix)>> {
+    fn averages(&self, what: &Noise, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<Blocks> {
         let ([nq, n], stride) = (self.mesh.cells(), self.buffers.stride);
         let (axis, temperature) = (&self.mesh.v, self.temperature);
         let time = what.duration;

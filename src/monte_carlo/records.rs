@@ -139,10 +139,10 @@ impl Records {
             return Err(Error::invalid(key, format!("{value:?}"), accepted));
         }
         let threads = rayon::current_num_threads() as u64;
-        let burn_in = if !oscillator.is_viscous() {
-            (FORGOTTEN * memory / (samples * spacing)).ceil() as u64
-        } else {
+        let burn_in = if oscillator.is_viscous() {
             u64::from(walk.noise != Noise::White)
+        } else {
+            (FORGOTTEN * memory / (samples * spacing)).ceil() as u64
         };
         let mut it = Self {
             groups: groups as u64,

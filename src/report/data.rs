@@ -25,12 +25,12 @@ pub(crate) fn unit(name: &str) -> &'static str {
 }
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
-pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
+pub(super) fn stationary(results: &Results) -> Vec<File> {
     let Some(numbers) = &results.stationary else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
     let Some(law) = results.law() else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
     let mut table = Rows::of(results, &["value,error"]);
     for (name, number) in numbers.iter() {
@@ -66,12 +66,12 @@ pub(super) fn stationary(results: &Results) -> Result<Vec<File>> {
         "1/(u W)",
         v().map(|v| law.density_v(v)),
     );
-    Ok(vec![
+    vec![
         table.file("stationary.csv"),
         by_q.file("stationary_q.csv"),
         by_v.file("stationary_v.csv"),
         by_force.file("stationary_force.csv"),
-    ])
+    ]
 }
 
 fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {

@@ -40,7 +40,7 @@ const NUMBERS: &[Group] = &[
          stationary_v.csv: its density of velocity
          stationary_force.csv: its density and distribution of force",
         &[Part::Stationary],
-        data::stationary,
+        |it| Ok(data::stationary(it)),
     ),
     (
         "moments.csv: moments against time by the Fokker-Planck equation

@@ -27,7 +27,7 @@ impl Table {
     }
 
     fn put<const N: usize>(&mut self, cells: [String; N]) {
-        self.rows.push(cells.to_vec());
+        self.rows.push(cells.into());
     }
 
     /// With its title; nothing without rows. Columns without a single entry are left out.
@@ -80,8 +80,7 @@ pub(super) fn summary(results: &Results) -> String {
         });
         let _ = write!(
             text,
-            " In the stationary motion the contact force deviates by {newtons}{:.3} static loads from its mean",
-            deviation
+            " In the stationary motion the contact force deviates by {newtons}{deviation:.3} static loads from its mean"
         );
         match of("contact_loss_probability") {
             Some(lost) if lost > 0.0 => {

@@ -11,13 +11,13 @@ use crate::stationary::Stationary;
 #[derive(Debug, Clone)]
 pub enum Law {
     /// Viscous damping: (21)-(30).
-    ClosedForm(Stationary),
+    ClosedForm(Box<Stationary>),
     /// Any other: the null vector of the Fokker-Planck operator.
     Solved {
         /// The contact law.
         contact: ContactLaw,
         /// What was solved for.
-        law: SolvedLaw,
+        law: Box<SolvedLaw>,
     },
 }
 
@@ -25,11 +25,13 @@ impl Law {
     /// That of an oscillator, with what was solved for it.
     pub(super) fn of(oscillator: &Oscillator, solved: Option<&SolvedLaw>) -> Option<Self> {
         if oscillator.is_viscous() {
-            return Stationary::of(oscillator).ok().map(Self::ClosedForm);
+            return Stationary::of(oscillator)
+                .ok()
+                .map(|it| Self::ClosedForm(Box::new(it)));
         }
         solved.map(|law| Self::Solved {
             contact: oscillator.contact().clone(),
-            law: law.clone(),
+            law: Box::new(law.clone()),
         })
     }
 

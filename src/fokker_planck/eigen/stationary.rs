@@ -153,10 +153,8 @@ impl StationaryState {
     }
 
     /// Method and reason.
-    pub(crate) fn words(&self) -> String {
-        "null vector in Hermite functions and spectral elements, three resolutions: no closed form under this damping"
-            .into()
-    }
+    pub(crate) const WORDS: &str = "null vector in Hermite functions and spectral elements, three resolutions: no closed \
+                                    form under this damping";
 
     fn resolution(&self, level: usize) -> Resolution {
         (0..level).fold(self.first, |it, _| it.finer(FINER, HIGHER))

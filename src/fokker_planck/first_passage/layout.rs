@@ -69,9 +69,10 @@ impl Layout {
         };
         // Noise gathered at the middle of a step errs by 2 pi h step^3/24 in the variance of q where the
         // law varies on the scale T of U: half the tolerance of T^2.
-        let zeta = match oscillator.is_viscous() {
-            true => oscillator.zeta(),
-            false => 0.5 * strongest(&region, rise + t),
+        let zeta = if oscillator.is_viscous() {
+            oscillator.zeta()
+        } else {
+            0.5 * strongest(&region, rise + t)
         };
         let noisy = (6.0 * tolerance * t / zeta).cbrt();
         let damped = (12.0 * tolerance / zeta).sqrt();

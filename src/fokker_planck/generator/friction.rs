@@ -38,10 +38,11 @@ impl Generator {
                     let q = axes.0.centres()[i];
                     extra.fill(0.0);
                     // A pair with a cell beyond the column must carry nothing.
-                    for j in column.start + half..column.end.saturating_sub(half) {
-                        if !self.weights.in_rim(i, j) {
+                    let inner = column.start + half..column.end.saturating_sub(half);
+                    for (j, extra) in extra.iter_mut().enumerate() {
+                        if inner.contains(&j) && !self.weights.in_rim(i, j) {
                             let weight = self.weights.at(i, j) / axes.1.slopes()[j];
-                            extra[j] = excess(q, axes.1.centres()[j]) * weight;
+                            *extra = excess(q, axes.1.centres()[j]) * weight;
                         }
                     }
                     for j in column {

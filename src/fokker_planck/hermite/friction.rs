@@ -86,7 +86,9 @@ impl Kept {
             } else {
                 size
             };
-            x.iter_mut().for_each(|x| *x /= sign);
+            for x in &mut x {
+                *x /= sign;
+            }
             let now: f64 = x
                 .iter()
                 .zip(&before)

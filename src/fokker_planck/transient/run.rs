@@ -163,14 +163,7 @@ impl Task<'_> {
             None => rung.mesh(oscillator)?,
             Some(opening) => opening.mesh()?,
         };
-        let (cells, given) = (mesh.cells(), rung.layout.is_given());
-        let needed = match rung.scheme {
-            Scheme::FlowMap => budget::flow_map_memory(cells),
-            Scheme::Volumes(_) => budget::memory(cells, rung.drift(), rung.scheme.factors()),
-        };
-        budget::check_memory(needed, cells, given, limits.memory)?;
-        let whole = budget::factoring(cells, rung.drift(), rung.scheme.factors());
-        limits.room_for(whole, || format!("a mesh of {cells:?} cells"))?;
+        self.check_memory(rung, mesh.cells())?;
         let clock = limits.clone();
         let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
@@ -200,14 +193,10 @@ impl Task<'_> {
         };
         let weights = propagator.weights().clone();
         let columns = propagator.columns().to_vec();
-        let (mut now, spent, opened) = match &opening {
-            None => (0.0, Loss::default(), 0),
-            Some(it) => (
-                it.packet().time(),
-                it.loss().and(handed),
-                it.packet().steps(),
-            ),
-        };
+        let (mut now, spent, opened) = opening.as_ref().map_or_else(Default::default, |it| {
+            let packet = it.packet();
+            (packet.time(), it.loss().and(handed), packet.steps())
+        });
         propagator.set_time(now);
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
@@ -254,6 +243,19 @@ impl Task<'_> {
             settled,
             floquet: None,
         })
+    }
+
+    /// Whether a run on so many cells fits.
+    fn check_memory(&self, rung: &Rung, cells: [usize; 2]) -> Result<()> {
+        let limits = self.limits;
+        let given = rung.layout.is_given();
+        let needed = match rung.scheme {
+            Scheme::FlowMap => budget::flow_map_memory(cells),
+            Scheme::Volumes(_) => budget::memory(cells, rung.drift(), rung.scheme.factors()),
+        };
+        budget::check_memory(needed, cells, given, limits.memory)?;
+        let whole = budget::factoring(cells, rung.drift(), rung.scheme.factors());
+        limits.room_for(whole, || format!("a mesh of {cells:?} cells"))
     }
 
     /// Carries a packet, if there is one, through the times that it reaches before a mesh takes over.

@@ -1,9 +1,11 @@
 //! map.svg: numbers over the axes of a map: curves over one, contours over two, small multiples over three.
 
+mod field;
 mod plane;
 mod ruler;
 mod scale;
 
+pub(crate) use field::Field;
 pub(crate) use ruler::Ruler;
 
 use crate::error::Result;
@@ -14,19 +16,6 @@ use crate::report::plot::canvas::{
 use plane::{Sheet, plane};
 use ruler::axes;
 use scale::Scale;
-
-/// A number over the axes, the last running fastest; NaN where there is none.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Field {
-    /// Its words, with its unit.
-    pub(crate) label: String,
-    /// The numbers.
-    pub(crate) values: Vec<f64>,
-    /// Their errors.
-    pub(crate) errors: Vec<f64>,
-    /// A level to be marked.
-    pub(crate) level: Option<f64>,
-}
 
 /// The picture of a map; None where there is nothing to be drawn, or more than three axes of several points. With three,
 /// the first number at up to a dozen points of the last axis.

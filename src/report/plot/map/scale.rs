@@ -1,6 +1,6 @@
 //! The scale on which a number over the axes is drawn, and its colours.
 
-use super::Field;
+use super::field::Field;
 use super::ruler::{digits, marks};
 use crate::report::plot::canvas::{Colour, LEVELS, range};
 
