@@ -220,7 +220,7 @@ pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Ve
         let (Ok(drive), [a, b]) = (drive.at(*w), &here[..]) else {
             continue;
         };
-        // The unstable one is in phase with the smaller where the larger is not.
+        // The unstable one lags as little behind the drive as the larger lags short of half a turn: its mirror image in q.
         let [small, large] = if a.amplitude < b.amplitude {
             [a, b]
         } else {
@@ -228,8 +228,8 @@ pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Ve
         };
         let parts = [0.5, 0.65, 0.8, 0.95, 0.35, 0.2].into_iter();
         for (sign, part) in parts.flat_map(|part| [(1.0, part), (-1.0, part)]) {
-            let guess =
-                [0, 1].map(|k| small.start[k] + part * (sign * large.start[k] - small.start[k]));
+            let far = [sign * large.start[0], large.start[1]];
+            let guess = [0, 1].map(|k| small.start[k] + part * (far[k] - small.start[k]));
             if let Ok(it) = orbit(oscillator, &drive, guess) {
                 put(&mut found, *w, it);
             }
@@ -307,10 +307,9 @@ mod tests {
         println!("{small:?} {large:?}");
         assert!(small.multiplier < 1.0 && large.multiplier < 1.0);
         assert!(large.amplitude > 1.5 * small.amplitude);
-        // The one between is in phase with the drive, as the small one.
-        let between = (1..40)
-            .filter_map(|k| orbit(&it, &drive, [0.05 * f64::from(k), 0.0]).ok())
-            .find(|it| it.multiplier > 1.0);
+        let grid: Vec<f64> = (80..=110).map(|k| f64::from(k) / 100.0).collect();
+        let all = orbits(&it, &drive, &grid);
+        let between = all.iter().find(|(_, it)| it.multiplier > 1.0);
         println!("{between:?}");
         assert!(between.is_some());
     }

@@ -191,17 +191,7 @@ fn a_linear_oscillator_under_an_envelope_follows_the_covariance_equation() {
             };
             // A point at rest has no error where it has no variance.
             if *t > 2.0 || initial != Initial::Rest {
-                let here = off(&it, moments, &exact);
-                println!("{} at {t}: {here:?}", initial.name());
-                for moment in Moment::ALL {
-                    println!(
-                        "  {}: {:?}",
-                        moment.name(),
-                        moments.get(moment).map(|it| (it.value, it.error))
-                    );
-                }
-                println!("  exact {:?} {:?}", exact.mean, exact.covariance);
-                worst = larger(worst, here);
+                worst = larger(worst, off(&it, moments, &exact));
             } else {
                 let wrong = (moments.mean_q.value - exact.mean[0]).abs();
                 assert!(moments.var_q.value == 0.0 && wrong < 1e-8, "{wrong:e}");
