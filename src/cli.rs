@@ -578,7 +578,7 @@ struct Observer {
 
 impl Observer {
     /// Seconds between lines in the log of a batch job: a run that is shorter prints none.
-    const PAUSE: u64 = 10;
+    const PAUSE: u64 = 60;
 
     fn new(quiet: bool) -> Self {
         let (stop, now) = (StopFlag::default(), Instant::now());
@@ -606,7 +606,7 @@ impl Observer {
             return;
         };
         let (began, last) = *told;
-        if last.elapsed().as_secs() < Self::PAUSE {
+        if last.elapsed().as_secs() < Self::PAUSE || fraction >= 1.0 {
             return;
         }
         told.1 = Instant::now();
