@@ -19,10 +19,16 @@ fn beside_paths(
     it: &Oscillator,
     initial: &Initial,
     (level, side, until): (f64, Side, f64),
-    paths: u64,
+    (tolerance, paths): (f64, u64),
 ) -> (FirstLoss, f64) {
-    let solved =
-        first_passage(it, initial, (level, side, until), &settings(1e-3), &|_| ()).unwrap();
+    let solved = first_passage(
+        it,
+        initial,
+        (level, side, until),
+        &settings(tolerance),
+        &|_| (),
+    )
+    .unwrap();
     assert!(solved.shortfall.is_none(), "{:?}", solved.shortfall);
     let sampling = Sampling {
         paths,
@@ -57,7 +63,7 @@ fn a_linear_oscillator_from_rest_passes_two_and_three_deviations_as_its_paths_do
         (1.0, Side::Either),
         (1.5, Side::Either),
     ] {
-        let (solved, z) = beside_paths(&it, &Initial::Rest, (level, side, 60.0), 60_000);
+        let (solved, z) = beside_paths(&it, &Initial::Rest, (level, side, 60.0), (1e-3, 60_000));
         let last = solved.survival[solved.survival.len() - 1];
         println!(
             "{side:?} {level}: S(60) = {last}, mean time {}, rate {}; worst z of {} times {z:.1}",
@@ -134,7 +140,7 @@ fn hertz_and_its_other_dampings_pass_levels_as_their_paths_do() {
     for damping in [Damping::Viscous, Damping::Contact, Damping::HuntCrossley] {
         let it = hertz().with_damping(damping.clone()).unwrap();
         for (level, side) in [(1.6, Side::Above), (-2.5, Side::Below)] {
-            let (solved, z) = beside_paths(&it, &start, (level, side, 30.0), 40_000);
+            let (solved, z) = beside_paths(&it, &start, (level, side, 30.0), (3e-2, 40_000));
             println!(
                 "{damping:?} {side:?} {level}: mean time {}, rate {}, z = {z:.1}",
                 solved.mean_time, solved.rate
@@ -164,6 +170,7 @@ fn a_level_on_the_wrong_side_is_refused_by_name_and_a_start_beyond_it_is_lost_at
         .to_string();
         assert!(error.contains("outputs.first_passage.level"), "{error}");
     }
+    let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
     let beyond = Initial::gaussian([3.0, 0.0], [0.1, 0.1]).unwrap();
     let it = first_passage(
         &it,
