@@ -9,7 +9,7 @@
 //! p = C exp(-Psi(H)),   Psi'(H) = <c v^2>/(pi h <v^2>),   < > the integral over the time of one period
 //! ```
 //!
-//! exact for a rate that depends on H alone (Caughey, J. Appl. Mech. 31, 1964). [`Averaged`] is this law. The solvers
+//! exact for a rate that depends on H alone (Caughey, J. Appl. Mech. 31, 1964). `Averaged` is this law. The solvers
 //! take from it the Gibbs law that they weigh with, and where to end the domain; never an answer.
 
 use crate::contact::ContactLaw;

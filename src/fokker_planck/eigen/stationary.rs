@@ -105,8 +105,8 @@ const ROUNDING: f64 = 1e-11;
 /// of q and of v. For viscous damping it is exp(-H/T)/Z, found by other means.
 ///
 /// # Errors
-/// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Limit`] where `settings.max_seconds` or
-/// `settings.max_memory` do not suffice for a first answer; [`Error::Linear`] if a null vector does not settle.
+/// [`crate::Error::NoStationaryLaw`] for a contact without one; [`crate::Error::Limit`] where `settings.max_seconds` or
+/// `settings.max_memory` do not suffice for a first answer; [`crate::Error::Linear`] if a null vector does not settle.
 pub fn stationary_law(oscillator: &Oscillator, settings: &Settings) -> Result<SolvedLaw> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     StationaryState::of(oscillator, settings)?.solve(oscillator, &limits, &|_| {})
