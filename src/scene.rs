@@ -20,6 +20,7 @@
 pub mod text;
 
 use crate::clock::{Clock, TimeUnit};
+#[cfg(feature = "toml")]
 use crate::damping::Damping;
 use crate::error::{Error, Result, finite, positive};
 use crate::excitation::{Drive, Excitation};
@@ -1166,6 +1167,7 @@ fn name_of<T: PartialEq>(names: &[(&'static str, T)], value: Option<T>) -> Value
 }
 
 /// The damping laws a scene file can name.
+#[cfg(feature = "toml")]
 const DAMPINGS: &[(&str, Damping)] = &[
     ("viscous", Damping::Viscous),
     ("contact", Damping::Contact),

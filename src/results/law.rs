@@ -36,6 +36,7 @@ impl Law {
     }
 
     /// In two words.
+    #[cfg(feature = "plots")]
     pub(crate) fn words(&self) -> &'static str {
         match self {
             Self::ClosedForm(_) => "closed form",

@@ -1,6 +1,8 @@
 //! A number over a plane: filled levels, and lines of one level.
 
-use super::canvas::{Area, Colour, Drawn, Panel, Points, line, rectangle};
+use super::canvas::{Area, Colour, Drawn, Panel, rectangle};
+#[cfg(feature = "cli")]
+use super::canvas::{Points, line};
 
 /// Fills a panel with the colours of levels, light to dark: `values` is asked of the middle of each row of pixels, its
 /// share of the height from the top, for the number at each pixel's edge from the left to the right. What is no number
@@ -102,6 +104,7 @@ pub(super) fn between(
 }
 
 /// Draws the line on which a number over a grid has a level, linear along the edges of its cells (marching squares).
+#[cfg(feature = "cli")]
 pub(super) fn level_line(
     area: &Area<'_>,
     panel: &Panel,

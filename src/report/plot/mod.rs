@@ -12,6 +12,7 @@ mod driven;
 mod force;
 mod impacts;
 mod losses;
+#[cfg(feature = "cli")]
 mod map;
 mod spectrum;
 mod transient;
@@ -22,6 +23,7 @@ pub(crate) use driven::{periodic, response};
 pub(crate) use force::force;
 pub(crate) use impacts::impacts;
 pub(crate) use losses::{flights, passage, survival};
+#[cfg(feature = "cli")]
 pub(crate) use map::{Field, Ruler, map};
 pub(crate) use spectrum::spectrum;
 pub(crate) use transient::{approach, moments};
