@@ -158,7 +158,7 @@ def test_numbers_become_those_of_uncertainties(computed: vi.Results) -> None:
 
 def test_a_notebook_shows_table_and_pictures(computed: vi.Results) -> None:
     html = computed._repr_html_()
-    assert html.count("<svg") == html.count("</svg>") > 2 and "<pre>" in html and "<html" not in html
+    assert html.count("<svg") == html.count("</svg>") > 2 and "<table" in html and "<html" not in html
     assert set(computed.files()) >= {"moments.svg", "snapshots.svg", "report.html", "results.json"}
 
 
