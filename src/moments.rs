@@ -112,6 +112,17 @@ impl Moment {
         Self::ContactLossProbability,
     ];
 
+    /// Their names in results.json, in the same order.
+    pub(crate) const NAMES: [&str; Self::ALL.len()] = {
+        let mut names = [""; Self::ALL.len()];
+        let mut i = 0;
+        while i < names.len() {
+            names[i] = TABLE[i].name;
+            i += 1;
+        }
+        names
+    };
+
     /// How it is written.
     pub(crate) fn entry(self) -> &'static Entry {
         &TABLE[self as usize]

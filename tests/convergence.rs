@@ -54,7 +54,7 @@ impl Case {
     /// the one in space.
     fn run(&mut self, duration: f64) {
         let mut scheme = RungeKutta4::new(&self.generator);
-        let step = 0.2 * scheme.longest_step();
+        let step = 0.5 * scheme.longest_step();
         scheme.advance(&mut self.density, duration, step);
     }
 

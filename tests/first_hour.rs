@@ -146,7 +146,8 @@ fn scene(unit: Option<&str>, length: f64) -> String {
         "[oscillator]\nzeta = 0.05\nh = 0.02\n[rig]\nstatic_load = 110\nfrequency = 232\nstatic_compression = 7e-6\n\
          [initial]\ndeviation = [0.8, 0.8]\n[outputs]\nstationary = true\nmoments_at = [{}, {}]\ndensity_at = [{}]\n\
          decay_rates = 1\nfirst_loss = {{ until = {} }}\ncrossings = {{ window = {window} }}\n\
-         reach = {{ quantity = \"std_force\", fraction = 1.02 }}\n{unit}[monte_carlo]\npaths = 300\nduration = {}\n",
+         reach = {{ quantity = \"std_force\", fraction = 1.02 }}\n{unit}[monte_carlo]\npaths = 300\nduration = {}\n\
+         [accuracy]\ntolerance = 1e-2\n",
         of(2.0),
         of(4.0),
         of(4.0),

@@ -79,7 +79,7 @@ fn a_linear_oscillator_from_rest_passes_two_and_three_deviations_as_its_paths_do
 fn up_is_down_in_a_mirror_and_the_loss_of_contact_is_a_level() {
     let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();
     let start = |q: f64| Initial::gaussian([q, -0.3 * q], [0.2, 0.3]).unwrap();
-    let settings = settings(1e-3);
+    let settings = settings(1e-2);
     let up = first_passage(
         &it,
         &start(0.4),
@@ -121,7 +121,7 @@ fn the_rate_tends_to_rice_s_as_the_level_rises() {
     for level in [2.0, 3.0, 4.0, 5.0] {
         let passage = (level * deviation, Side::Above, 50.0);
         let solved =
-            first_passage(&it, &Initial::Stationary, passage, &settings(1e-3), &|_| ()).unwrap();
+            first_passage(&it, &Initial::Stationary, passage, &settings(2e-3), &|_| ()).unwrap();
         println!(
             "{level} deviations: rate over Rice's {}",
             solved.rate_over_rice

@@ -1,6 +1,7 @@
 //! The numbers of a line: those of results.json, without curves unless they are asked for.
 
 use crate::error::{Error, Result};
+use crate::moments::Moment;
 use serde_json::{Map as Object, Value};
 
 /// Curves that lines hold too.
@@ -12,7 +13,7 @@ const NOT_NUMBERS: [&str; 3] = ["scene", "run", "method"];
 
 /// Where a section has its curves, and what each runs over: a grid that the program chose. The moments of a transient
 /// stand at times that the scene names, eigenvalues and peaks are few: these are numbers.
-const CURVES: [(&str, &str, &[&str]); 9] = [
+const CURVES: [(&str, &str, &[&str]); 12] = [
     (
         "spectrum",
         "omega",
@@ -23,23 +24,7 @@ const CURVES: [(&str, &str, &[&str]); 9] = [
             "monte_carlo_expectation",
         ],
     ),
-    (
-        "periodic",
-        "phase",
-        &[
-            "mean_q",
-            "var_q",
-            "mean_v",
-            "var_v",
-            "cov_qv",
-            "mean_force",
-            "std_force",
-            "skewness_force",
-            "kurtosis_force",
-            "mean_energy",
-            "contact_loss_probability",
-        ],
-    ),
+    ("periodic", "phase", &Moment::NAMES),
     (
         "response",
         "frequency",
@@ -50,13 +35,17 @@ const CURVES: [(&str, &str, &[&str]); 9] = [
             "contact_loss_probability",
         ],
     ),
-    ("first_loss", "t", &["survival", "density"]),
-    ("monte_carlo.first_loss", "t", &["survival", "density"]),
-    ("first_passage", "t", &["survival", "density"]),
-    ("monte_carlo.first_passage", "t", &["survival", "density"]),
+    ("first_loss", "t", PASSAGE),
+    ("monte_carlo.first_loss", "t", PASSAGE),
+    ("first_passage", "t", PASSAGE),
+    ("monte_carlo.first_passage", "t", PASSAGE),
     ("crossings", "flight_time", &["flight_density"]),
     ("monte_carlo.crossings", "flight_time", &["flight_density"]),
+    ("crossings.impact", "speed", &["speed_density"]),
+    ("crossings.impact", "peak_force", &["peak_force_density"]),
+    ("monte_carlo.crossings.impact", "speed", &["speed_density"]),
 ];
+const PASSAGE: &[&str] = &["survival", "density"];
 
 impl Keep {
     /// Curves by their names: a section for all of its curves, or one of them.
@@ -88,15 +77,15 @@ impl Keep {
 
     /// Whether a key of a section is left out of lines.
     fn drops(&self, section: &str, key: &str) -> bool {
-        let Some((_, over, curves)) = CURVES.iter().find(|it| it.0 == section) else {
-            return false;
-        };
         let kept = |key: &str| {
             let full = format!("{section}.{key}");
             self.0.iter().any(|it| it == section || *it == full)
         };
-        let curve = curves.contains(&key);
-        (curve && !kept(key)) || (key == *over && !curves.iter().any(|it| kept(it)))
+        let mut here = CURVES.iter().filter(|it| it.0 == section);
+        here.any(|(_, over, curves)| {
+            let curve = curves.contains(&key) && !kept(key);
+            curve || (key == *over && !curves.iter().any(|it| kept(it)))
+        })
     }
 }
 
@@ -129,7 +118,10 @@ fn section(tree: &Value, path: &str, keep: &Keep) -> Value {
         } else {
             format!("{path}.{key}")
         };
-        kept.insert(key.clone(), section(value, &full, keep));
+        let inner = section(value, &full, keep);
+        if inner.as_object().is_none_or(|it| !it.is_empty()) {
+            kept.insert(key.clone(), inner);
+        }
     }
     kept.into()
 }
@@ -146,6 +138,8 @@ mod tests {
             "spectrum": { "omega": [1], "linear": [2.0], "fokker_planck": { "value": [3.0], "error": [0.1] },
                 "peaks": [{ "omega": { "value": 1.0, "error": 0.1 } }], "method": { "name": "x" } },
             "monte_carlo": { "first_loss": { "t": [1], "survival": 1, "mean_time": 2 } },
+            "crossings": { "loss_rate": 1, "impact": { "speed": [1], "speed_density": [2],
+                "peak_force": [3], "peak_force_density": [4] } },
             "transient": { "t": [5], "mean_q": { "value": [0.0], "error": [0.0] } },
         });
         let kept = |names: &[&str]| {
@@ -159,10 +153,14 @@ mod tests {
         );
         assert_eq!(none["monte_carlo"]["first_loss"], json!({ "mean_time": 2 }));
         assert_eq!(none["transient"], tree["transient"]);
+        assert_eq!(none["crossings"], json!({ "loss_rate": 1 }));
         assert!(none.get("scene").is_none());
         let one = kept(&["spectrum.linear"]);
         assert_eq!(one["spectrum"]["omega"], json!([1]));
         assert!(one["spectrum"].get("fokker_planck").is_none());
+        let speed = kept(&["crossings.impact.speed_density"]);
+        let impact = json!({ "speed": [1], "speed_density": [2] });
+        assert_eq!(speed["crossings"]["impact"], impact);
         let all = kept(&["spectrum", "monte_carlo.first_loss"]);
         assert!(all["spectrum"]["fokker_planck"].is_object());
         assert_eq!(all["monte_carlo"]["first_loss"]["t"], json!([1]));

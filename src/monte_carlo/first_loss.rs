@@ -5,7 +5,7 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
-use super::scheme::Coefficients;
+use super::scheme::{self, Coefficients};
 use super::statistics::proportion;
 use super::walk::{self, Cost, TASKS, Walk};
 use super::{Sampling, Scheme};
@@ -411,55 +411,45 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> [f64; LANES] {
         let Self { law, run, first } = self;
-        let mut group = run.paths.group(first);
-        if let Some(range) = run.range {
-            let mut out = Timed {
-                watch: Out {
-                    first: [f64::INFINITY; LANES],
-                    range,
-                },
-                progress: run.progress,
-            };
-            for lane in 0..LANES {
-                let q = group.q[lane];
-                if q < range[0] || q > range[1] {
-                    out.watch.first[lane] = 0.0;
-                }
-            }
-            let mut done = 0;
-            while done < run.steps && out.watch.first.iter().any(|time| time.is_infinite()) {
-                if out.late() {
-                    break;
-                }
-                let steps = PIECE.min(run.steps - done);
-                let now = done as f64 * run.step;
-                let coefficients = &run.coefficients;
-                coefficients.advance(law, &mut group, steps, now, &mut out);
-                done += steps;
-            }
-            return out.watch.first;
-        }
-        let mut first = Timed {
-            watch: First([f64::INFINITY; LANES]),
-            progress: run.progress,
+        let group = run.paths.group(first);
+        let beyond = |q: f64| match run.range {
+            Some([below, above]) => q < below || q > above,
+            None => q < law.loss(),
         };
-        for lane in 0..LANES {
-            if group.q[lane] < law.loss() {
-                first.watch.0[lane] = 0.0;
-            }
+        let gone = std::array::from_fn(|lane| match beyond(group.q[lane]) {
+            true => 0.0,
+            false => f64::INFINITY,
+        });
+        match run.range {
+            Some(range) => self.watched(group, Out { first: gone, range }, |it| &it.first),
+            None => self.watched(group, First(gone), |it| &it.0),
         }
-        // In pieces, so that a group whose paths have all been lost can stop.
+    }
+}
+
+impl<L: Law> Group<'_, L> {
+    /// The times that a watch has noted of a group, in pieces, so that one whose paths are all gone can stop.
+    #[inline(always)]
+    fn watched<W: Watch>(
+        &self,
+        mut group: scheme::Group,
+        watch: W,
+        times: impl Fn(&W) -> &[f64; LANES],
+    ) -> [f64; LANES] {
+        let run = self.run;
+        let progress = run.progress;
+        let mut timed = Timed { watch, progress };
         let mut done = 0;
-        while done < run.steps && first.watch.0.iter().any(|time| time.is_infinite()) {
-            if first.late() {
+        while done < run.steps && times(&timed.watch).iter().any(|it| it.is_infinite()) {
+            if timed.late() {
                 break;
             }
             let steps = PIECE.min(run.steps - done);
             let now = done as f64 * run.step;
             let coefficients = &run.coefficients;
-            coefficients.advance(law, &mut group, steps, now, &mut first);
+            coefficients.advance(self.law, &mut group, steps, now, &mut timed);
             done += steps;
         }
-        first.watch.0
+        *times(&timed.watch)
     }
 }

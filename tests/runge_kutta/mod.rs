@@ -7,6 +7,8 @@ use vibroimpact::fokker_planck::{Density, Generator};
 pub(crate) struct RungeKutta4 {
     generator: Generator,
     longest: f64,
+    /// The rates, the sum of the stages and the stage of a step.
+    buffers: [Vec<f64>; 3],
 }
 
 impl RungeKutta4 {
@@ -17,6 +19,7 @@ impl RungeKutta4 {
         Self {
             generator: generator.clone(),
             longest: 2.6 / transport.hypot(diffusion),
+            buffers: Default::default(),
         }
     }
 
@@ -41,19 +44,23 @@ impl RungeKutta4 {
     }
 
     /// One step on g.
-    fn step(&self, g: &mut [f64], dt: f64) {
+    fn step(&mut self, g: &mut [f64], dt: f64) {
         let inverse = self.generator.inverse_weights();
-        let mut rate = vec![0.0; g.len()];
-        let (mut sum, mut stage) = (g.to_vec(), g.to_vec());
+        let [rate, sum, stage] = &mut self.buffers;
+        rate.resize(g.len(), 0.0);
+        for start in [&mut *sum, &mut *stage] {
+            start.clear();
+            start.extend_from_slice(g);
+        }
         for (weight, ahead) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
-            self.generator.apply(&stage, &mut rate);
-            let cells = sum.iter_mut().zip(&mut stage).zip(&*g).zip(&rate);
+            self.generator.apply(stage, rate);
+            let cells = sum.iter_mut().zip(&mut *stage).zip(&*g).zip(&*rate);
             for ((((sum, stage), g), rate), w) in cells.zip(inverse) {
                 let k = rate * w;
                 *sum += dt * weight / 6.0 * k;
                 *stage = g + dt * ahead * k;
             }
         }
-        g.copy_from_slice(&sum);
+        g.copy_from_slice(sum);
     }
 }

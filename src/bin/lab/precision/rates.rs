@@ -6,6 +6,7 @@
 
 use super::calibration::TOLERANCES;
 use crate::rows::{Row, rows};
+use rayon::prelude::*;
 use std::fmt;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
@@ -80,8 +81,8 @@ impl Rates {
     /// between are too and are left out.
     pub fn calibrate() -> Result<Self> {
         let references = references()?;
-        let mut judged = Vec::new();
-        for (scene, oscillator) in scenes()?.iter().enumerate() {
+        let of = |(scene, oscillator): (usize, &Oscillator)| {
+            let mut judged = Vec::new();
             let solve = |tolerance: f64| {
                 let settings = Settings {
                     tolerance,
@@ -114,8 +115,13 @@ impl Rates {
                     });
                 }
             }
-        }
-        Ok(Self { judged })
+            Ok(judged)
+        };
+        let scenes = scenes()?;
+        let judged: Result<Vec<_>> = scenes.par_iter().enumerate().map(of).collect();
+        Ok(Self {
+            judged: judged?.concat(),
+        })
     }
 
     /// Those that err more than their estimates.
