@@ -480,7 +480,7 @@ fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
 
 #[test]
 fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
-    for (h, cells) in [(0.3, [300, 130]), (1e-6, [100, 100])] {
+    for (h, cells) in [(0.3, [240, 104]), (1e-6, [100, 100])] {
         let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();
         let t = it.temperature();
         let steady = Settings {
