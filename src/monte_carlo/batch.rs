@@ -5,7 +5,7 @@ use super::law::Law;
 use super::noise::{LANES, Lanes};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
-use crate::moments::{Moment, Moments};
+use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::DisplacementLaw;
 
 /// Numbers summed per sample: q, q^2, v, v^2, q v, N, N^2, N^3, N^4, H, H^2, \[q < q_loss\], q N; q, v, N
@@ -106,77 +106,37 @@ impl Batch {
     }
 }
 
-/// First and second moments of the batch means.
+/// The mean of every batch, in the order of the records.
 #[derive(Debug, Clone)]
-pub(super) struct BatchMeans {
-    count: f64,
-    samples: f64,
-    sum: Vector,
-    product: [Vector; TERMS],
-    /// Batches with a sample out of contact.
-    lost: f64,
-}
+pub(super) struct BatchMeans(Vec<Vector>);
 
 impl BatchMeans {
     pub(super) fn new() -> Self {
-        Self {
-            count: 0.0,
-            samples: 0.0,
-            sum: [0.0; TERMS],
-            product: [[0.0; TERMS]; TERMS],
-            lost: 0.0,
-        }
+        Self(Vec::new())
     }
 
     pub(super) fn count(&self) -> f64 {
-        self.count
+        self.0.len() as f64
     }
 
     /// Adds a batch of every lane.
     pub(super) fn push(&mut self, batch: &Batch) {
-        for lane in 0..LANES {
-            let x = batch.mean(lane);
-            self.count += 1.0;
-            self.samples += batch.samples;
-            self.lost += f64::from(u8::from(x[LOST] > 0.0));
-            for j in 0..TERMS {
-                self.sum[j] += x[j];
-                for k in 0..TERMS {
-                    self.product[j][k] += x[j] * x[k];
-                }
-            }
-        }
+        self.0.extend((0..LANES).map(|lane| batch.mean(lane)));
     }
 
     pub(super) fn add(&mut self, more: &Self) {
-        self.count += more.count;
-        self.samples += more.samples;
-        self.lost += more.lost;
-        for j in 0..TERMS {
-            self.sum[j] += more.sum[j];
-            for k in 0..TERMS {
-                self.product[j][k] += more.product[j][k];
-            }
-        }
+        self.0.extend(&more.0);
     }
 
     fn mean(&self) -> Vector {
-        self.sum.map(|x| x / self.count)
+        std::array::from_fn(|k| self.0.iter().map(|row| row[k]).sum::<f64>() / self.count())
     }
 
-    /// Covariance of the mean over all batches.
-    fn covariance(&self) -> [Vector; TERMS] {
-        let (n, mean) = (self.count, self.mean());
-        std::array::from_fn(|j| {
-            std::array::from_fn(|k| (self.product[j][k] / n - mean[j] * mean[k]) / (n - 1.0))
-        })
-    }
-
-    /// The moments with one standard error each, by the delta method on the batch means; that of the loss
-    /// probability knows that no burst of losses is smaller than `burst`, a mean square share of a batch,
-    /// None for a law that cannot lose contact.
+    /// The moments with one standard error each, by the jackknife over the batches; that of the loss probability knows
+    /// that no burst of losses is smaller than `burst`, a mean square share of a batch, None for a law that cannot
+    /// lose contact.
     pub(super) fn moments(&self, units: &Units, burst: Option<f64>) -> Moments {
-        self.estimate(units, burst, |_| Vec::new())
+        self.estimate(units, burst, &[])
     }
 
     /// The moments with the exact identities E\[N\] = 0, E\[q N\] = T, E\[v^2\] = T, E\[q v\] = 0 as control
@@ -184,136 +144,183 @@ impl BatchMeans {
     /// Cov(q, v), which the identities fix, are left as they are.
     pub(super) fn controlled_moments(&self, units: &Units, burst: Option<f64>) -> Moments {
         // q N is about the mean of q, and E[N] = 0, so E[(q - Eq) N] = T.
-        let controls = vec![(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)];
-        self.estimate(units, burst, |moment| match moment {
-            Moment::MeanForce | Moment::VarV | Moment::CovQv => Vec::new(),
-            _ => controls.clone(),
-        })
+        self.estimate(
+            units,
+            burst,
+            &[(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)],
+        )
     }
 
-    fn estimate(
-        &self,
-        units: &Units,
-        burst: Option<f64>,
-        controls: impl Fn(Moment) -> Vec<(usize, f64)>,
-    ) -> Moments {
-        let (x, covariance) = (self.mean(), self.covariance());
-        let [q, _, v, _, _, n1, n2, n3, n4, ..] = x;
-        // value, and its slope against each term.
-        let linear = |k: usize| (x[k], slope(&[(k, 1.0)]));
-        let var_q = (x[1] - q * q, slope(&[(1, 1.0), (0, -2.0 * q)]));
-        let var_v = (x[3] - v * v, slope(&[(3, 1.0), (2, -2.0 * v)]));
-        let cov = (x[4] - q * v, slope(&[(4, 1.0), (0, -v), (2, -q)]));
-        let m2 = (n2 - n1 * n1).max(0.0);
-        let s = m2.sqrt();
-        let m3 = n3 - 3.0 * n1 * n2 + 2.0 * n1.powi(3);
-        let m4 = n4 - 4.0 * n1 * n3 + 6.0 * n1 * n1 * n2 - 3.0 * n1.powi(4);
-        let of_m2 = slope(&[(6, 1.0), (5, -2.0 * n1)]);
-        let of_m3 = slope(&[(7, 1.0), (6, -3.0 * n1), (5, 6.0 * n1 * n1 - 3.0 * n2)]);
-        let of_m4 = slope(&[
-            (8, 1.0),
-            (7, -4.0 * n1),
-            (6, 6.0 * n1 * n1),
-            (5, 12.0 * n1 * n2 - 4.0 * n3 - 12.0 * n1.powi(3)),
-        ]);
-        let combine = |a: f64, x: &Vector, b: f64, y: &Vector| -> Vector {
-            std::array::from_fn(|k| a * x[k] + b * y[k])
+    fn estimate(&self, units: &Units, burst: Option<f64>, controls: &[(usize, f64)]) -> Moments {
+        let (n, mean) = (self.count(), self.mean());
+        let whole = statistics(&mean);
+        // What each batch does to every statistic: the pseudo-values of the jackknife.
+        let without = |row: &Vector| {
+            let rest: Vector = std::array::from_fn(|k| (n * mean[k] - row[k]) / (n - 1.0));
+            statistics(&rest)
         };
-        let std = (s, combine(0.5 / s, &of_m2, 0.0, &of_m2));
-        let skewness = (
-            m3 / s.powi(3),
-            combine(1.0 / s.powi(3), &of_m3, -1.5 * m3 / s.powi(5), &of_m2),
-        );
-        let kurtosis = (
-            m4 / s.powi(4),
-            combine(1.0 / s.powi(4), &of_m4, -2.0 * m4 / s.powi(6), &of_m2),
-        );
-        let give = |moment: Moment, (value, slope): (f64, Vector), centre: f64, unit: f64| {
-            let (value, error) = self.regress(value, &slope, &x, &covariance, &controls(moment));
-            Estimate::new(centre + unit * value, unit * error, Origin::Sampling)
+        let pseudo: Vec<PerMoment<f64>> = self
+            .0
+            .iter()
+            .map(|row| {
+                let rest = without(row);
+                std::array::from_fn(|m| n * whole[m] - (n - 1.0) * rest[m])
+            })
+            .collect();
+        let free = Regression::of(&self.0, &mean, &[]);
+        let bound = Regression::of(&self.0, &mean, controls);
+        let [q, v, force, energy] = [units.q, units.v, units.force, units.energy];
+        let give = |moment: Moment, centre: f64, unit: f64| {
+            let m = moment as usize;
+            let regression = match moment {
+                Moment::MeanForce | Moment::VarV | Moment::CovQv => &free,
+                _ => &bound,
+            };
+            let along: Vec<f64> = pseudo.iter().map(|row| row[m]).collect();
+            let (shift, error) = regression.at_exact(&along);
+            Estimate::new(
+                centre + unit * (whole[m] + shift),
+                unit * error,
+                Origin::Sampling,
+            )
         };
         Moments {
-            mean_q: give(Moment::MeanQ, linear(0), units.q[0], units.q[1]),
-            var_q: give(Moment::VarQ, var_q, 0.0, units.q[1].powi(2)),
-            mean_v: give(Moment::MeanV, linear(2), 0.0, units.v[1]),
-            var_v: give(Moment::VarV, var_v, 0.0, units.v[1].powi(2)),
-            cov_qv: give(Moment::CovQv, cov, 0.0, units.q[1] * units.v[1]),
-            mean_force: give(Moment::MeanForce, linear(5), 0.0, units.force[1]),
-            std_force: give(Moment::StdForce, std, 0.0, units.force[1]),
-            skewness_force: give(Moment::SkewnessForce, skewness, 0.0, 1.0),
-            kurtosis_force: give(Moment::KurtosisForce, kurtosis, 0.0, 1.0),
-            mean_energy: give(
-                Moment::MeanEnergy,
-                linear(9),
-                units.energy[0],
-                units.energy[1],
-            ),
+            mean_q: give(Moment::MeanQ, q[0], q[1]),
+            var_q: give(Moment::VarQ, 0.0, q[1].powi(2)),
+            mean_v: give(Moment::MeanV, 0.0, v[1]),
+            var_v: give(Moment::VarV, 0.0, v[1].powi(2)),
+            cov_qv: give(Moment::CovQv, 0.0, q[1] * v[1]),
+            mean_force: give(Moment::MeanForce, 0.0, force[1]),
+            std_force: give(Moment::StdForce, 0.0, force[1]),
+            skewness_force: give(Moment::SkewnessForce, 0.0, 1.0),
+            kurtosis_force: give(Moment::KurtosisForce, 0.0, 1.0),
+            mean_energy: give(Moment::MeanEnergy, energy[0], energy[1]),
             contact_loss_probability: burst.map(|burst| {
-                let loss = give(Moment::ContactLossProbability, linear(LOST), 0.0, 1.0);
+                let loss = give(Moment::ContactLossProbability, 0.0, 1.0);
                 // What few bursts do not show.
-                let n = self.count;
-                let square = self.product[LOST][LOST] - n * x[LOST] * x[LOST];
-                let error = loss
-                    .error
-                    .hypot(unseen(square, self.lost, n, burst).sqrt() / n);
+                let square = self.0.iter().map(|row| (row[LOST] - mean[LOST]).powi(2));
+                let seen = self.0.iter().filter(|row| row[LOST] > 0.0).count();
+                let more = unseen(square.sum(), seen as f64, n, burst);
+                let error = loss.error.hypot(more.sqrt() / n);
                 Estimate { error, ..loss }
             }),
             left_out: 0,
         }
     }
 
-    /// Value and standard error of a statistic with the given slope, less its regression on the
-    /// controls (term, exact mean).
-    fn regress(
-        &self,
-        value: f64,
-        slope: &Vector,
-        x: &Vector,
-        covariance: &[Vector; TERMS],
-        controls: &[(usize, f64)],
-    ) -> (f64, f64) {
-        let along: Vector = std::array::from_fn(|j| dot(&covariance[j], slope));
-        let variance = dot(slope, &along);
-        let matrix: Vec<Vec<f64>> = controls
-            .iter()
-            .map(|(j, _)| controls.iter().map(|(k, _)| covariance[*j][*k]).collect())
-            .collect();
-        let right: Vec<f64> = controls.iter().map(|(j, _)| along[*j]).collect();
-        let weights = solve(matrix, right.clone());
-        let (mut value, mut rest) = (value, variance);
-        for ((weight, right), (k, exact)) in weights.iter().zip(&right).zip(controls) {
-            value -= weight * (x[*k] - exact);
-            rest -= weight * right;
-        }
-        if controls.is_empty() {
-            return (value, variance.max(0.0).sqrt());
-        }
-        // Each fitted weight costs one degree of freedom. The regression is linear: what is left of a
-        // curved statistic is of the order of its variance (everything is in natural units here).
-        let freedom = (self.count - 1.0) / (self.count - 1.0 - controls.len() as f64).max(1.0);
-        let curved = slope.iter().filter(|slope| **slope != 0.0).count() > 1;
-        let curvature = if curved { variance } else { 0.0 };
-        (value, (rest.max(0.0) * freedom).sqrt().hypot(curvature))
-    }
-
     /// How many independent samples would give the mean of q, of N and of H the same errors.
     pub(super) fn effective_samples(&self) -> [f64; 3] {
-        let (x, covariance) = (self.mean(), self.covariance());
-        [(0, 1), (5, 6), (9, 10)]
-            .map(|(first, second)| (x[second] - x[first] * x[first]) / covariance[first][first])
+        let (n, x) = (self.count(), self.mean());
+        [(0, 1), (5, 6), (9, 10)].map(|(first, second)| {
+            let square: f64 = self
+                .0
+                .iter()
+                .map(|row| (row[first] - x[first]).powi(2))
+                .sum();
+            (x[second] - x[first] * x[first]) / (square / (n * (n - 1.0)))
+        })
     }
 }
 
-/// A slope that is zero but for some terms.
-fn slope(terms: &[(usize, f64)]) -> Vector {
-    let mut slope = [0.0; TERMS];
-    for (k, value) in terms {
-        slope[*k] += value;
-    }
-    slope
+/// Every moment of samples with these mean terms, in their units.
+fn statistics(x: &Vector) -> PerMoment<f64> {
+    let [q, qq, v, vv, qv, n1, n2, n3, n4, energy, ..] = *x;
+    let m2 = (n2 - n1 * n1).max(0.0);
+    let m3 = n3 - 3.0 * n1 * n2 + 2.0 * n1.powi(3);
+    let m4 = n4 - 4.0 * n1 * n3 + 6.0 * n1 * n1 * n2 - 3.0 * n1.powi(4);
+    [
+        q,
+        qq - q * q,
+        v,
+        vv - v * v,
+        qv - q * v,
+        n1,
+        m2.sqrt(),
+        m3 / m2.powf(1.5),
+        m4 / (m2 * m2),
+        energy,
+        x[LOST],
+    ]
 }
 
-fn dot(a: &Vector, b: &Vector) -> f64 {
+/// A regression on controls whose means are known: its value there is a sum of the rows with the weights of the least
+/// squares.
+struct Regression {
+    /// Controls of each row from their mean.
+    rows: Vec<Vec<f64>>,
+    /// Sums of their products.
+    matrix: Vec<Vec<f64>>,
+    /// The weight of each row in the value, and its leverage.
+    weights: Vec<[f64; 2]>,
+}
+
+impl Regression {
+    /// On `controls` (term, exact mean).
+    fn of(batches: &[Vector], mean: &Vector, controls: &[(usize, f64)]) -> Self {
+        let row = |it: &Vector| controls.iter().map(|(k, _)| it[*k] - mean[*k]).collect();
+        let rows: Vec<Vec<f64>> = batches.iter().map(row).collect();
+        let sum = |j: usize, k: usize| rows.iter().map(|row| row[j] * row[k]).sum();
+        let all = 0..controls.len();
+        let matrix: Vec<Vec<f64>> = all
+            .clone()
+            .map(|j| all.clone().map(|k| sum(j, k)).collect())
+            .collect();
+        let away = controls.iter().map(|(k, exact)| exact - mean[*k]).collect();
+        let away = solve(matrix.clone(), away);
+        let share = 1.0 / rows.len() as f64;
+        let weight = |row: &Vec<f64>| {
+            let leverage = dot(row, &solve(matrix.clone(), row.clone()));
+            [share + dot(row, &away), share + leverage]
+        };
+        Self {
+            weights: rows.iter().map(weight).collect(),
+            rows,
+            matrix,
+        }
+    }
+
+    /// How far the value at the exact means lies from the mean of `along`, and its standard error: that of MacKinnon and
+    /// White (J. Econometrics 29, 1985, HC3), which holds for residuals whose spread follows the controls, as that of a
+    /// batch at a high energy does.
+    fn at_exact(&self, along: &[f64]) -> (f64, f64) {
+        let mean = along.iter().sum::<f64>() / along.len() as f64;
+        let right = (0..self.matrix.len())
+            .map(|k| {
+                self.rows
+                    .iter()
+                    .zip(along)
+                    .map(|(row, y)| row[k] * (y - mean))
+                    .sum()
+            })
+            .collect();
+        let slope = solve(self.matrix.clone(), right);
+        let rows = || self.rows.iter().zip(along).zip(&self.weights);
+        let shift = rows()
+            .map(|((_, y), [weight, _])| weight * (y - mean))
+            .sum();
+        let parts = rows().map(|((row, y), [weight, leverage])| {
+            // A row that carries the fit alone shows nothing of its own scatter.
+            weight * (y - mean - dot(row, &slope)) / (1.0 - leverage).max(0.1)
+        });
+        (shift, skewed_variance(parts).sqrt())
+    }
+}
+
+/// The variance of a sum of independent parts whose means are taken off, with what their skewness hides: the sum over its
+/// estimated deviation has the mean square 1 + 2 g^2, g being the skewness of the sum (Gayen, Biometrika 36, 1949), for
+/// where rare large parts are lacking the scatter is too small as well.
+pub(super) fn skewed_variance(parts: impl Iterator<Item = f64>) -> f64 {
+    let (square, cube) = parts.fold((0.0, 0.0), |(square, cube), x| {
+        (square + x * x, cube + x * x * x)
+    });
+    if square > 0.0 {
+        square + 2.0 * (cube / square).powi(2)
+    } else {
+        square
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 

@@ -1,5 +1,6 @@
 //! Losses and returns of contact: how often, for how long, how fast.
 
+use super::batch::skewed_variance;
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::noise::LANES;
 use crate::estimate::{Estimate, Origin};
@@ -343,86 +344,78 @@ const FLIGHTS: usize = 2;
 /// Sums over batches.
 #[derive(Debug, Clone)]
 pub(super) struct CrossingSums {
-    batches: f64,
     time: f64,
-    sum: [f64; SEEN],
-    product: [[f64; SEEN]; SEEN],
-    /// Batches in which each is not 0.
-    seen: [f64; SEEN],
+    /// What each batch saw.
+    batches: Vec<[f64; SEEN]>,
     counts: [BatchCounts; 3],
 }
 
 impl CrossingSums {
     pub(super) fn new(bins: ReturnBins) -> Self {
         Self {
-            batches: 0.0,
             time: 0.0,
-            sum: [0.0; SEEN],
-            product: [[0.0; SEEN]; SEEN],
-            seen: [0.0; SEEN],
+            batches: Vec::new(),
             counts: bins.all().map(BatchCounts::new),
         }
     }
 
     fn push(&mut self, seen: [f64; SEEN], length: f64) {
-        self.batches += 1.0;
         self.time += length;
-        for j in 0..SEEN {
-            self.sum[j] += seen[j];
-            self.seen[j] += f64::from(u8::from(seen[j] != 0.0));
-            for k in 0..SEEN {
-                self.product[j][k] += seen[j] * seen[k];
-            }
-        }
+        self.batches.push(seen);
     }
 
     pub(super) fn add(&mut self, more: &Self) {
-        self.batches += more.batches;
         self.time += more.time;
-        for j in 0..SEEN {
-            self.sum[j] += more.sum[j];
-            self.seen[j] += more.seen[j];
-            for k in 0..SEEN {
-                self.product[j][k] += more.product[j][k];
-            }
-        }
+        self.batches.extend(&more.batches);
         for (mine, theirs) in self.counts.iter_mut().zip(&more.counts) {
             mine.add(theirs);
         }
     }
 
-    /// Sum j over the number of flights, its error from the scatter about the ratio of the batches that saw
-    /// a flight, each of which is a degree of freedom but one. The flights of a burst that was not seen
-    /// scatter as the speeds of a Rayleigh law, by sqrt(4/pi - 1) of their mean.
+    fn sum(&self, j: usize) -> f64 {
+        self.batches.iter().map(|seen| seen[j]).sum()
+    }
+
+    /// Batches in which j is not 0.
+    fn seen(&self, j: usize) -> f64 {
+        self.batches.iter().filter(|seen| seen[j] != 0.0).count() as f64
+    }
+
+    /// Sum j over the number of flights, its error by the jackknife over the batches. The flights of a burst that was not
+    /// seen scatter as the speeds of a Rayleigh law, by sqrt(4/pi - 1) of their mean.
     fn per_flight(&self, j: usize, burst: Burst) -> Estimate {
-        let (seen, a, b) = (self.seen[FLIGHTS], self.sum[j], self.sum[FLIGHTS]);
-        let r = a / b;
-        let product = |j: usize, k: usize| self.product[j][k];
-        let square =
-            product(j, j) - 2.0 * r * product(j, FLIGHTS) + r * r * product(FLIGHTS, FLIGHTS);
-        let square = square.max(0.0);
-        let burst = ALIKE * burst.losses * r * r * (4.0 / PI - 1.0);
-        let variance =
-            square * seen / (seen - 1.0).max(1.0) + unseen(square, seen, self.batches, burst);
-        Estimate::new(r, variance.sqrt() / b, Origin::Sampling)
+        let flights = self.sum(FLIGHTS);
+        let ratio = self.sum(j) / flights;
+        // A batch that holds all flights shows nothing of its own scatter.
+        let rest = |seen: &[f64; SEEN]| (1.0 - seen[FLIGHTS] / flights).max(0.1);
+        let away = |seen: &[f64; SEEN]| (seen[j] - ratio * seen[FLIGHTS]) / rest(seen);
+        let square: f64 = self.batches.iter().map(|seen| away(seen).powi(2)).sum();
+        let burst = ALIKE * burst.losses * ratio * ratio * (4.0 / PI - 1.0);
+        let unseen = unseen(square, self.seen(FLIGHTS), self.batches.len() as f64, burst);
+        let scatter = skewed_variance(self.batches.iter().map(away));
+        let error = (scatter + unseen).sqrt() / flights;
+        Estimate::new(ratio, error, Origin::Sampling)
     }
 
     /// Sum j per unit time, no burst being smaller than `burst`, a mean square.
     fn rate(&self, j: usize, burst: f64) -> Estimate {
-        let (n, sum) = (self.batches, self.sum[j]);
-        let square = (self.product[j][j] - sum * sum / n).max(0.0);
-        let variance = square * n / (n - 1.0) + unseen(square, self.seen[j], n, burst);
+        let (n, sum) = (self.batches.len() as f64, self.sum(j));
+        let away = || self.batches.iter().map(|seen| seen[j] - sum / n);
+        let square: f64 = away().map(|it| it * it).sum();
+        let variance =
+            skewed_variance(away()) * n / (n - 1.0) + unseen(square, self.seen(j), n, burst);
         let error = variance.sqrt() / self.time;
         Estimate::new(sum / self.time, error, Origin::Sampling)
     }
 
     pub(super) fn crossings(&self, bins: ReturnBins, burst: Burst) -> Crossings {
         let [losses, lost_time, flight_time, speed] = [0, 1, 3, 4];
-        let seen = self.sum[losses];
+        let seen = self.sum(losses);
+        let squares: f64 = self.batches.iter().map(|it| it[losses].powi(2)).sum();
         Crossings {
             time: self.time,
             losses: seen as u64,
-            bursts: seen * seen / self.product[losses][losses].max(1.0),
+            bursts: seen * seen / squares.max(1.0),
             loss_rate: self.rate(losses, burst.losses),
             lost_share: self.rate(lost_time, burst.time),
             mean_flight: self.per_flight(flight_time, burst),

@@ -67,6 +67,9 @@ pub struct RecordResult {
     pub warnings: Vec<Warning>,
 }
 
+/// Most batches of a record: the mean of each is kept.
+const BATCHES: f64 = 64.0;
+
 /// Relaxation times after which a start in the reference law of a damping that is not viscous is forgotten: e^-15.
 const FORGOTTEN: f64 = 15.0;
 
@@ -124,7 +127,7 @@ impl Records {
         let groups = (duration / (lanes * 2.0 * longest * spacing)).floor();
         let groups = groups.clamp(GROUPS[0], GROUPS[1]);
         let samples = (duration / (groups * lanes * spacing)).ceil().max(1.0);
-        let batches = (samples / longest).floor().max(1.0);
+        let batches = (samples / longest).floor().clamp(1.0, BATCHES);
         let samples = (samples / batches).ceil();
         let all = groups * batches * samples * steps;
         // Not a number where the step or the duration leaves the range of doubles.
