@@ -539,6 +539,28 @@ pub(super) fn superscript(k: i64) -> String {
         .collect()
 }
 
+/// A text with its powers of ten as they are printed: "h = 4.5e-5" as h = 4.5 times 10 to the -5.
+pub(super) fn typeset(text: &str) -> String {
+    let word = |word: &str| -> String {
+        let start = word.rfind('=').map_or(0, |at| at + 1);
+        let (name, rest) = word.split_at(start);
+        let (number, comma) = rest.split_at(rest.trim_end_matches(',').len());
+        let parts = number.split_once('e');
+        let parts = parts.and_then(|(m, e)| Some((m, m.parse::<f64>().ok()?, e.parse().ok()?)));
+        let Some((digits, mantissa, power)) = parts else {
+            return word.to_owned();
+        };
+        let power = superscript(power);
+        let name = name.replace('=', " = ");
+        if mantissa == 1.0 {
+            format!("{name}10{power}{comma}")
+        } else {
+            format!("{name}{digits}\u{b7}10{power}{comma}")
+        }
+    };
+    text.split(' ').map(word).collect::<Vec<_>>().join(" ")
+}
+
 /// A line with its words, for a legend; `x`, `y` in pixels.
 pub(super) fn legend(
     area: &Area<'_>,
@@ -556,6 +578,14 @@ pub(super) fn legend(
             let centre = fine((x + 11.0, y));
             area.draw(&Circle::new(centre, (3.0 * FINE) as i32, colour.filled()))?;
         }
+        Mark::Circle => {
+            let (centre, style) = (fine((x + 11.0, y)), colour.stroke_width(FINE as u32));
+            area.draw(&Circle::new(centre, (2.5 * FINE) as i32, style))?;
+        }
+        Mark::Band => {
+            let corners = [(x, y - 6.0), (x + 22.0, y + 6.0)].map(fine);
+            area.draw(&Rectangle::new(corners, colour.mix(0.22).filled()))?;
+        }
     }
     write(area, words, (x + 29.0, y), WORDS)
 }
@@ -566,11 +596,23 @@ pub(super) enum Mark {
     Halo,
     Dashes,
     Dot,
+    Circle,
+    Band,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn powers_of_ten_are_printed_as_such() {
+        assert_eq!(typeset("h=1e-6"), "h = 10\u{207b}\u{2076}");
+        let two = "h = 4.5\u{b7}10\u{207b}\u{2075}, P = 0.0005";
+        assert_eq!(typeset("h=4.5e-5, P = 0.0005"), two);
+        for plain in ["the time", "h = 0.3", "e", "1e", "none"] {
+            assert_eq!(typeset(plain), plain);
+        }
+    }
 
     #[test]
     fn ticks_are_round_numbers_within_the_range() {

@@ -2,7 +2,7 @@
 
 use super::canvas::{
     Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, GREY, Hang, INK, MANY, Mark, Panel, Points,
-    VERMILION, dashed, legend, line, picture, range, superscript, write,
+    VERMILION, dashed, legend, line, picture, range, superscript, typeset, write,
 };
 use crate::error::Result;
 use crate::report::File;
@@ -33,6 +33,8 @@ pub enum Stroke {
     Dashes,
     /// Open circles.
     Circles,
+    /// The area within its points, which run along the upper edge and back along the lower, at the same x.
+    Band,
 }
 
 /// A curve of a [`Chart`].
@@ -110,7 +112,7 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
             )
             .logarithmic(chart.log);
             let letter = (b'a' + (k % 26) as u8) as char;
-            let title = format!("({letter}) {}", chart.title);
+            let title = format!("({letter}) {}", typeset(&chart.title));
             write(
                 area,
                 &title,
@@ -130,6 +132,12 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
                             }
                         }
                     }
+                    Stroke::Band => {
+                        let (upper, lower) = curve.points.split_at(curve.points.len() / 2);
+                        let pairs = upper.iter().zip(lower.iter().rev());
+                        let points: Vec<_> = pairs.map(|(a, b)| (a.0, b.1, a.1)).collect();
+                        panel.band(area, &points, colour)?;
+                    }
                     Stroke::Circles => {
                         for point in &curve.points {
                             panel.circle(area, *point, colour)?;
@@ -147,7 +155,8 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
                 Stroke::Line => Mark::Line,
                 Stroke::Thick => Mark::Halo,
                 Stroke::Dashes => Mark::Dashes,
-                Stroke::Circles => Mark::Dot,
+                Stroke::Circles => Mark::Circle,
+                Stroke::Band => Mark::Band,
             };
             legend(area, (x, 18.0), curve.ink.colour(), mark, &curve.words)?;
             // An advance of the font is about 0.56 of its size.

@@ -85,7 +85,7 @@ fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<Fil
     data::tables(&format!("{folder}.npz"), &axes, &tables)
 }
 
-/// p_N over N: closed form, long records as circles, the Dirac mass as a bar of its probability.
+/// p_N over N: closed form, long records as circles, the Dirac mass as a bar with its probability in the title.
 fn density(run: &Run) -> Result<Option<Chart>> {
     let oscillator = &run.results.scene.oscillator;
     let law = Stationary::of(oscillator)?;
@@ -95,14 +95,10 @@ fn density(run: &Run) -> Result<Option<Chart>> {
     let high = 5.0 * std;
     let points = 600;
     let even = (0..=points).map(|k| low + (high - low) * f64::from(k) / f64::from(points));
-    // Towards the infinite value at flight (29) an even grid is too coarse.
-    let near = (0..=60).map(|k| -1.0 + 1e-6 * 1e4f64.powf(f64::from(k) / 60.0));
-    let mut abscissae: Vec<f64> = even.chain(near).collect();
-    abscissae.sort_by(f64::total_cmp);
-    let exact = abscissae
-        .into_iter()
-        .map(|n| (n, law.density_force(n)))
-        .collect();
+    // Towards the infinite value at flight (29) the bar of the Dirac mass hides the line.
+    let hidden = -1.0..-1.0 + 0.006 * (high - low);
+    let abscissae = even.filter(|n| !hidden.contains(n));
+    let exact = abscissae.map(|n| (n, law.density_force(n))).collect();
     let mut curves = vec![Curve::new(
         "closed form (28)",
         Ink::Black,
@@ -119,9 +115,8 @@ fn density(run: &Run) -> Result<Option<Chart>> {
     let mut title = run.label.clone();
     if let Some(lost) = law.contact_loss_probability().filter(|it| it.value > 1e-6) {
         title = format!("{title}, P(N = \u{2212}1) = {:.4}", lost.value);
-        // The bar of the Dirac mass: its probability in units of the axis.
-        let bar = vec![(-1.0, 0.0), (-1.0, lost.value * top)];
-        let words = "Dirac mass (share of the height)";
+        let bar = vec![(-1.0, 0.0), (-1.0, 0.9 * top)];
+        let words = "Dirac mass of that probability";
         curves.push(Curve::new(words, Ink::Blue, Stroke::Thick, bar));
     }
     Ok(Some(Chart {
@@ -175,17 +170,23 @@ fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart
     let oscillator = &run.results.scene.oscillator;
     let magnitude = |part: Part| magnitude(oscillator, known, on_the_rig, part);
     let curve = magnitude(Part::Value)?;
-    let mut curves = vec![Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve)];
+    let mut curves = Vec::new();
     if !on_the_rig {
         // Where the resolution did not fit the time: as far as the error goes.
-        for (part, words) in [(Part::Highest, "its error"), (Part::Lowest, "")] {
-            let edge = magnitude(part)?;
-            curves.push(Curve::new(words, Ink::Grey, Stroke::Dashes, edge));
-        }
+        let mut edges = magnitude(Part::Highest)?;
+        edges.extend(magnitude(Part::Lowest)?.into_iter().rev());
+        curves.push(Curve::new("its error", Ink::Black, Stroke::Band, edges));
+        let expected = expected(oscillator, known)?;
+        let words = "what Welch's method expects";
+        curves.push(Curve::new(words, Ink::Grey, Stroke::Dashes, expected));
         let dots = welch(oscillator, known)?;
         let words = "Monte Carlo, Welch";
         curves.push(Curve::new(words, Ink::Vermilion, Stroke::Circles, dots));
     }
+    curves.insert(
+        0,
+        Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve),
+    );
     Ok(Some(spectra(run, on_the_rig, curves)))
 }
 
@@ -195,6 +196,14 @@ fn welch(oscillator: &Oscillator, known: &Spectra) -> Result<Vec<(f64, f64)>> {
     let it = known.sampled(oscillator)?;
     let points = it.omega.iter().zip(&it.density).skip(1).step_by(6);
     Ok(points.map(|(w, p)| (*w, 0.5 * p.value.log10())).collect())
+}
+
+/// log10 of sqrt(G) as window and sampling show it.
+fn expected(oscillator: &Oscillator, known: &Spectra) -> Result<Vec<(f64, f64)>> {
+    let it = known.sampled(oscillator)?;
+    let points = it.omega.iter().zip(&it.expectation).skip(1);
+    let points = points.filter(|(_, p)| **p > 0.0);
+    Ok(points.map(|(w, p)| (*w, 0.5 * p.log10())).collect())
 }
 
 /// Hertz as a thin line and the bilinear law (34) as a thick one, as in Figure 13.

@@ -26,6 +26,8 @@ pub struct Sampled {
     pub omega: Vec<f64>,
     /// One-sided density with its standard error.
     pub density: Vec<Estimate>,
+    /// What the window and the sampling make of the solved spectrum.
+    pub expectation: Vec<f64>,
 }
 
 /// Relative error asked of every value: below the width of a line in the pictures.
@@ -105,8 +107,18 @@ impl Spectra {
             &|_| (),
         )?;
         let inside = welch.omega().into_iter().zip(welch.average(&records));
-        let (omega, density) = inside.take_while(|(w, _)| *w <= HIGHEST).unzip();
-        let it = Rc::new(Sampled { omega, density });
+        let (omega, density): (Vec<f64>, Vec<Estimate>) =
+            inside.take_while(|(w, _)| *w <= HIGHEST).unzip();
+        let correlation = self
+            .of(oscillator)?
+            .correlation(spacing, welch.record_length(1));
+        let mut expectation = welch.expectation(&correlation);
+        expectation.truncate(omega.len());
+        let it = Rc::new(Sampled {
+            omega,
+            density,
+            expectation,
+        });
         self.sampled.borrow_mut().insert(address, Rc::clone(&it));
         Ok(it)
     }
