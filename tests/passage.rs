@@ -182,3 +182,22 @@ fn a_level_on_the_wrong_side_is_refused_by_name_and_a_start_beyond_it_is_lost_at
     .unwrap();
     assert!(it.survival.iter().all(|s| s.value < 1e-9));
 }
+
+#[test]
+fn rare_passages_are_exponential_with_the_mean_time_of_their_rate() {
+    // One in a thousand by t = 100: far too many to be left to the slowest mode alone, and few enough to hide from GMRES.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.02, 8e-3).unwrap();
+    let start = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let settings = Settings {
+        cells: Some([63, 90]),
+        step: Some(0.5),
+        ..settings(1e-3)
+    };
+    let solved = first_passage(&it, &start, (3.0, Side::Above, 100.0), &settings, &|_| ()).unwrap();
+    println!("mean time {}, rate {}", solved.mean_time, solved.rate);
+    let product = solved.mean_time.value * solved.rate.value;
+    assert!((product - 1.0).abs() < 1e-3, "{product}");
+    // 380 x 544 nodes and steps of 0.0625 give 1.1751e-5 +- 7e-9.
+    let away = (solved.rate.value - 1.1751e-5).abs();
+    assert!(away < solved.rate.error && solved.rate.error < 0.03 * solved.rate.value);
+}

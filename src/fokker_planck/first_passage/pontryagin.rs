@@ -15,7 +15,7 @@ use num_complex::Complex;
 /// Vectors of the space.
 const VECTORS: usize = 16;
 /// Spaces built one after another, at the most.
-const CYCLES: usize = 6;
+const CYCLES: usize = 12;
 /// What the long run of an absorbed motion is.
 #[derive(Debug, Clone)]
 pub(crate) struct LongRun {
@@ -24,16 +24,21 @@ pub(crate) struct LongRun {
     /// The slowest mode, and its factor over a step.
     pub(crate) mode: Vec<f64>,
     pub(crate) factor: f64,
-    /// Relative residuals of both.
+    /// Relative errors of the sum and of 1 - factor that the iteration leaves.
     pub(crate) residuals: [f64; 2],
     /// Steps taken.
     pub(crate) steps: u64,
 }
 
-/// `stride` steps a Krylov vector; ends at the relative residual `enough`; `rare` says of a mode whether the
+/// `stride` steps a Krylov vector; ends at the relative errors `enough`; `rare` says of a mode whether the
 /// sum can be told from it at all; `late` stops it.
+///
+/// (I - B) all but annihilates the slowest mode phi where losses are rare, and GMRES does not see it: what is left is
+/// projected on it by its left eigenvector, which detailed balance gives, p_s(q, v) phi(q, -v). Where the law is not
+/// exp(-H/T)/Z that vector is near enough for the projection to shrink the rest from cycle to cycle.
 pub(crate) fn long_run(
     absorbed: &Absorbed,
+    (stationary, nv): (&[f64], usize),
     stride: usize,
     enough: f64,
     rare: &dyn Fn(&[f64]) -> bool,
@@ -66,41 +71,66 @@ pub(crate) fn long_run(
     let mut given = vec![0.0; n];
     several(&survival, Some(&mut given))?;
     let size = norm(&given);
+    // The part of a field along the slowest mode.
+    let along = |mode: &[f64], field: &[f64]| -> f64 {
+        let rows = mode
+            .chunks_exact(nv)
+            .zip(stationary.chunks_exact(nv))
+            .zip(field.chunks_exact(nv));
+        let row = |((mode, weights), field): ((&[f64], &[f64]), &[f64])| -> f64 {
+            let reversed = mode.iter().rev().zip(weights).zip(field);
+            reversed.map(|((m, w), x)| m * w * x).sum()
+        };
+        rows.map(row).sum()
+    };
 
     let mut sum = vec![0.0; n];
     let mut left = given.clone();
-    let mut residuals = [1.0, 1.0];
     let mut mode = given.clone();
-    let mut factor: f64 = 1.0;
+    let (mut factor, mut unlike) = (1.0f64, f64::INFINITY);
+    let mut residuals = [1.0, 1.0];
     for cycle in 0..CYCLES {
-        // The sum is as large as 1/(1 - factor).
-        let solving = residuals[0] > enough * (1.0 - factor).max(1e-3) || cycle == 0;
+        // The mode first, as far as half the spaces bring it, then the sum.
+        let solving = residuals[1] <= enough || cycle >= CYCLES / 2;
         let from = if solving { &left } else { &mode };
         let space = Space::of(from, &mut |field| several(field, None))?;
-        if residuals[1] > enough {
+        if !solving {
             let (vector, value, residual) = space.slowest()?;
-            if residual < residuals[1] || cycle == 0 {
-                (mode, factor, residuals[1]) = (vector, value, residual);
+            if residual < unlike {
+                (mode, factor, unlike) = (vector, value, residual);
             }
         }
-        if residuals[1] <= enough && rare(&mode) {
+        if unlike <= enough && rare(&mode) {
             return Ok(LongRun {
                 sum: None,
                 mode,
                 factor: factor.powf(1.0 / stride as f64),
-                residuals: [0.0, residuals[1]],
+                residuals: [0.0, unlike],
                 steps,
             });
         }
-        if solving {
+        // Rounding is the least that is told of a factor.
+        let lost = (1.0 - factor).max(f64::EPSILON);
+        residuals[1] = unlike / lost;
+        // The first space is that of both.
+        if solving || cycle == 0 {
             space.correct(&mut sum);
-            let image = several(&sum, None)?;
-            for (k, r) in left.iter_mut().enumerate() {
-                *r = given[k] - sum[k] + image[k];
+            // Once along the slowest mode; what is left along it then is an error of the sum, magnified by 1/lost.
+            for projecting in [true, false] {
+                let image = several(&sum, None)?;
+                for (k, r) in left.iter_mut().enumerate() {
+                    *r = given[k] - sum[k] + image[k];
+                }
+                let part = along(&mode, &left) / lost;
+                if projecting {
+                    let part = part / along(&mode, &mode);
+                    sum.iter_mut().zip(&mode).for_each(|(x, m)| *x += part * m);
+                } else {
+                    residuals[0] = (part / along(&mode, &sum)).abs() + norm(&left) / size;
+                }
             }
-            residuals[0] = norm(&left) / size;
         }
-        if residuals[0] <= enough * (1.0 - factor).max(1e-3) && residuals[1] <= enough {
+        if residuals.iter().all(|it| *it <= enough) {
             break;
         }
     }

@@ -183,7 +183,8 @@ impl Problem<'_> {
             let forgotten = per_step(mode) * layout.memory / step;
             balances && forgotten < 0.3 * self.asked.tolerance
         };
-        let long = long_run(&absorbed, stride, enough, &rare, &late)?;
+        let weights = (&stationary.weights[..], fineness.nodes[1]);
+        let long = long_run(&absorbed, weights, stride, enough, &rare, &late)?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         let rate = if balances {
@@ -231,10 +232,7 @@ impl Problem<'_> {
         run.mean_time = mean_time;
         run.rate = rate;
         run.over_rice = rate * stationary.total / rice;
-        run.residuals = [
-            long.residuals[0] / (rate * stride as f64 * step) + forgets,
-            (direct / rate - 1.0).abs(),
-        ];
+        run.residuals = [long.residuals[0] + forgets, (direct / rate - 1.0).abs()];
         run.steps = last as u64 + long.steps;
         Ok(run)
     }
