@@ -174,6 +174,15 @@ impl Envelope {
         let part = (t - self.times[k]) / (self.times[after] - self.times[k]);
         self.factors[k] + part * (self.factors[after] - self.factors[k])
     }
+
+    /// The rate at which the factor changes at time t; between its times, since it bends there.
+    pub(crate) fn rate(&self, t: f64) -> f64 {
+        let after = self.times.partition_point(|it| *it <= t);
+        let (Some(k), true) = (after.checked_sub(1), after < self.times.len()) else {
+            return 0.0;
+        };
+        (self.factors[after] - self.factors[k]) / (self.times[after] - self.times[k])
+    }
 }
 
 /// Drive and envelope; neither is the stationary noise alone.
@@ -206,6 +215,23 @@ impl Excitation {
     /// The factor on h at time t.
     pub(crate) fn factor(&self, t: f64) -> f64 {
         self.envelope.as_ref().map_or(1.0, |it| it.factor(t))
+    }
+
+    /// The rate at which that changes.
+    pub(crate) fn factor_rate(&self, t: f64) -> f64 {
+        self.envelope.as_ref().map_or(0.0, |it| it.rate(t))
+    }
+
+    /// The integrals of the factor and of the modulus of its rate from 0 to t.
+    pub(crate) fn dose(&self, t: f64) -> [f64; 2] {
+        let (mut dose, mut before) = ([0.0; 2], 0.0);
+        for end in self.bends(0.0, t).chain([t]) {
+            let factors = [before, end].map(|t| self.factor(t));
+            dose[0] += 0.5 * (factors[0] + factors[1]) * (end - before);
+            dose[1] += (factors[1] - factors[0]).abs();
+            before = end;
+        }
+        dose
     }
 
     /// The times between a and b at which the envelope bends: no step goes across one.

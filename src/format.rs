@@ -84,10 +84,11 @@ pub(crate) fn cell(it: Option<Estimate>) -> String {
     }
     if !plain || size >= 1e5 {
         let text = |digits: usize| format!("{value:.digits$e} ± {error:.0e}");
+        let warranted = value.abs().log10().floor() - error.log10().floor() + 1.0;
         // Exponents of three digits leave room for fewer digits before them.
-        return [2, 1]
+        return (0..=warranted.clamp(0.0, 6.0) as usize)
+            .rev()
             .map(text)
-            .into_iter()
             .find(|it| it.chars().count() <= 17)
             .unwrap_or(text(0));
     }
@@ -152,7 +153,7 @@ mod tests {
         let cell = |value: f64, error: f64| cell(Some(Estimate::new(value, error, Origin::Space)));
         assert_eq!(cell(-0.164_547_9, 1e-14), "-0.164548 ± 1e-14");
         assert_eq!(cell(-0.1641, 2.8e-3), "-0.1641 ± 3e-3");
-        assert_eq!(cell(1.7725e-17, 4e-29), "1.77e-17 ± 4e-29");
+        assert_eq!(cell(1.7725e-17, 4e-29), "1.773e-17 ± 4e-29");
         assert_eq!(cell(f64::NAN, 0.0), "-");
         assert_eq!(cell(0.0, 0.0), "0 exactly");
         assert_eq!(cell(-1288.9, 1e-10), "-1288.900 ± 1e-10");

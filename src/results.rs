@@ -465,6 +465,7 @@ impl Results {
         let reached = self.reach.as_ref().and_then(|it| it.t);
         all.extend(reached.map(|t| ("reach_s", t.scaled(seconds))));
         let first = self.first_loss.as_ref().map(|it| it.mean_time);
+        let first = first.filter(|it| it.value.is_finite());
         all.extend(first.map(|t| ("mean_time_to_loss_s", t.scaled(seconds))));
         all
     }

@@ -429,6 +429,9 @@ impl Scene {
     /// Whether long records are asked for: by Monte Carlo without times, for crossings, or by their
     /// duration. First losses and spectra have samples of their own.
     pub(crate) fn wants_records(&self) -> bool {
+        if !self.excitation.is_plain() {
+            return false;
+        }
         let asked = |it: &MonteCarlo| it.duration.is_some() || self.outputs.crossings.is_some();
         let it = self.monte_carlo.as_ref();
         let outputs = &self.outputs;
@@ -803,10 +806,12 @@ impl Scene {
     fn check_excitation(&self) -> Result<()> {
         let (outputs, excitation) = (&self.outputs, &self.excitation);
         if !excitation.is_plain()
-            && let Some((key, value)) = outputs.stationary_questions().next()
+            && let Some((key, value)) = outputs
+                .stationary_questions()
+                .find(|(key, _)| !["outputs.first_loss", "outputs.first_passage"].contains(key))
         {
-            let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, periodic and \
-                            response know it; stationary is the law without it";
+            let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, first_loss, \
+                            first_passage, periodic and response know it; stationary is the law without it";
             return Err(Error::invalid(key, value, accepted));
         }
         let phases = outputs
@@ -907,7 +912,8 @@ impl Scene {
                     accepted,
                 ));
             }
-            if self.outputs.moments_at.is_empty() {
+            let first = self.outputs.first_loss.is_some() || self.outputs.first_passage.is_some();
+            if self.outputs.moments_at.is_empty() && !first {
                 let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
                                 under [excitation] there are none";
                 return Err(Error::invalid("outputs.moments_at", "[]", accepted));

@@ -2,6 +2,7 @@
 
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::damping::Damping;
+use vibroimpact::excitation::{Drive, Envelope, Excitation};
 use vibroimpact::fokker_planck::{FirstLoss, Settings, first_loss, first_passage};
 use vibroimpact::initial::Initial;
 use vibroimpact::monte_carlo::{self, Sampling};
@@ -200,4 +201,149 @@ fn rare_passages_are_exponential_with_the_mean_time_of_their_rate() {
     // 380 x 544 nodes and steps of 0.0625 give 1.1751e-5 +- 7e-9.
     let away = (solved.rate.value - 1.1751e-5).abs();
     assert!(away < solved.rate.error && solved.rate.error < 0.03 * solved.rate.value);
+}
+
+fn driven(amplitude: f64, frequency: f64) -> Excitation {
+    Excitation {
+        drive: Some(Drive::new(amplitude, frequency, 0.4).unwrap()),
+        envelope: None,
+    }
+}
+
+#[test]
+fn forward_in_time_the_adjoint_says_what_the_backward_equation_says() {
+    // A drive of next to no amplitude takes the other road, and changes nothing.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.02, 6e-3).unwrap();
+    let near = Initial::gaussian([0.2, 0.0], [0.3, 0.2]).unwrap();
+    for initial in [Initial::Rest, Initial::Stationary, near] {
+        let asked = settings(3e-3);
+        let plain = first_loss(&it, &initial, 40.0, &asked, &|_| ()).unwrap();
+        let asked = Settings {
+            excitation: driven(1e-13, 0.9),
+            ..asked
+        };
+        let other = first_loss(&it, &initial, 40.0, &asked, &|_| ()).unwrap();
+        let pairs = plain.survival.iter().zip(&other.survival);
+        let off = pairs
+            .map(|(a, b)| (a.value - b.value).abs())
+            .fold(0.0, f64::max);
+        let error = plain.survival.iter().map(|it| it.error).fold(0.0, f64::max);
+        println!(
+            "{}: off by {off:.1e}, errors up to {error:.1e}",
+            initial.name()
+        );
+        assert!(off < error && off < 1e-3);
+        assert!(other.rate.value.is_nan() && other.mean_time.value.is_nan());
+    }
+}
+
+#[test]
+fn an_envelope_that_is_2_throughout_is_twice_the_noise() {
+    let level = |h: f64| Oscillator::new(ContactLaw::Hertz, 0.05, h).unwrap();
+    let even = Excitation {
+        drive: None,
+        envelope: Some(Envelope::new(vec![0.0], vec![2.0]).unwrap()),
+    };
+    let plain = first_loss(&level(0.02), &Initial::Rest, 30.0, &settings(2e-3), &|_| ()).unwrap();
+    let asked = Settings {
+        excitation: even,
+        ..settings(2e-3)
+    };
+    let other = first_loss(&level(0.01), &Initial::Rest, 30.0, &asked, &|_| ()).unwrap();
+    let pairs = plain.survival.iter().zip(&other.survival);
+    let worst = pairs.map(|(a, b)| (a.value - b.value).abs() / (a.error + b.error));
+    let worst = worst.fold(0.0, f64::max);
+    println!(
+        "{worst:.2} of both errors; S(30) = {}",
+        other.survival[other.survival.len() - 1]
+    );
+    assert!(worst < 1.0);
+}
+
+#[test]
+fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    let rise = |times: &[f64], factors: &[f64]| {
+        Some(Envelope::new(times.to_vec(), factors.to_vec()).unwrap())
+    };
+    let near = Initial::gaussian([0.3, 0.0], [0.3, 0.3]).unwrap();
+    for (excitation, initial, passage) in [
+        (driven(0.3, 0.8), Initial::Rest, None),
+        (driven(0.1, 0.9), Initial::Stationary, None),
+        (
+            Excitation {
+                envelope: rise(&[0.0, 3.0, 15.0], &[0.5, 2.0, 0.2]),
+                ..driven(0.2, 1.1)
+            },
+            near,
+            None,
+        ),
+        (
+            Excitation {
+                drive: None,
+                envelope: rise(&[2.0, 12.0], &[0.0, 1.0]),
+            },
+            Initial::Rest,
+            Some((1.0, Side::Above)),
+        ),
+        (driven(0.2, 0.9), Initial::Rest, Some((1.3, Side::Either))),
+    ] {
+        let asked = Settings {
+            excitation: excitation.clone(),
+            ..settings(3e-3)
+        };
+        let sampling = Sampling {
+            paths: 40_000,
+            seed: 5,
+            excitation,
+            ..Sampling::default()
+        };
+        let until = 25.0;
+        let quiet: &(dyn Fn(f64) + Sync) = &|_| ();
+        let (solved, sampled) = match passage {
+            None => {
+                let solved = first_loss(&it, &initial, until, &asked, quiet).unwrap();
+                let times = &solved.times.clone();
+                let sampled = monte_carlo::first_loss(&it, &initial, times, &sampling, quiet);
+                (solved, sampled.unwrap())
+            }
+            Some((level, side)) => {
+                let asked_for = (level, side, until);
+                let solved = first_passage(&it, &initial, asked_for, &asked, quiet).unwrap();
+                let level = (level, side);
+                let times = &solved.times.clone();
+                let sampled =
+                    monte_carlo::first_passage(&it, &initial, level, times, &sampling, quiet);
+                (solved, sampled.unwrap())
+            }
+        };
+        let pairs = solved.survival.iter().zip(&sampled.survival).skip(1);
+        let z = pairs
+            .map(|(a, b)| (a.value - b.value).abs() / a.error.hypot(b.error))
+            .filter(|z| z.is_finite())
+            .fold(0.0, f64::max);
+        let last = solved.times.len() - 1;
+        println!(
+            "{}, {passage:?}: S({until}) = {}, paths {}; worst z {z:.1}; {:?} nodes, step {}, {:?}",
+            initial.name(),
+            solved.survival[last],
+            sampled.survival[last],
+            solved.method.cells,
+            solved.method.step,
+            solved.shortfall
+        );
+        assert!(z < 4.0 && solved.shortfall.is_none());
+        // The density is the slope of the survival.
+        let gap = solved.times[1];
+        let integral: f64 = solved
+            .density
+            .windows(2)
+            .map(|w| 0.5 * gap * (w[0].value + w[1].value))
+            .sum();
+        let lost = solved.lost[last].value - solved.lost[0].value;
+        assert!(
+            (integral - lost).abs() < 1e-2 * lost.max(0.1),
+            "{integral} {lost}"
+        );
+    }
 }

@@ -1619,8 +1619,8 @@ const BAD: &[(&str, &str)] = &[
         "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nsteady = true",
     ),
     (
-        "first loss under an envelope",
-        "@[excitation]\nenvelope = { times = [0, 5], factors = [0, 1] }\n[outputs]\nfirst_loss = { until = 5 }",
+        "crossings under an envelope",
+        "@[excitation]\nenvelope = { times = [0, 5], factors = [0, 1] }\n[outputs]\ncrossings = { window = 5 }",
     ),
     (
         "periodic law without a drive",

@@ -131,12 +131,16 @@ impl Walk {
                 accepted,
             ));
         }
-        let frequency = highest_frequency(oscillator, initial, 0.0);
-        let scheme = match it.scheme {
-            Scheme::Auto => (Scheme::Splitting42, "it locates losses at any friction"),
-            scheme => (scheme, "as asked"),
+        let walk = if it.excitation.is_plain() {
+            let frequency = highest_frequency(oscillator, initial, 0.0);
+            let scheme = match it.scheme {
+                Scheme::Auto => (Scheme::Splitting42, "it locates losses at any friction"),
+                scheme => (scheme, "as asked"),
+            };
+            Self::by(scheme, oscillator, it, frequency)?
+        } else {
+            Self::of(oscillator, initial, it)?
         };
-        let walk = Self::by(scheme, oscillator, it, frequency)?;
         if !walk.scheme.locates_crossings() {
             let accepted = "a scheme that locates the loss of contact, as \"splitting_4_2\"";
             let given = format!("\"{}\"", walk.scheme);

@@ -53,6 +53,8 @@ fn survival(
             )
             .numbers(mean, "standard error", "W", some(&paths.density));
     }
+    let mut numbers = vec![("mean_time", it.mean_time), ("rate", it.rate)];
+    numbers.retain(|it| !it.1.value.is_nan());
     let arrays = arrays(
         &format!("{name}.npz"),
         results,
@@ -62,7 +64,7 @@ fn survival(
             ("lost", &it.lost),
             ("density", &it.density),
         ],
-        &[("mean_time", it.mean_time), ("rate", it.rate)],
+        &numbers,
     )?;
     Ok(vec![table.file(&format!("{name}.csv")), arrays])
 }

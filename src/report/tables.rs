@@ -125,7 +125,8 @@ pub(super) fn summary(results: &Results) -> String {
             unit(results)
         );
     }
-    if let Some(it) = &results.first_loss {
+    let first = results.first_loss.as_ref();
+    if let Some(it) = first.filter(|it| it.mean_time.value.is_finite()) {
         let _ = write!(
             text,
             " The first passage to contact loss takes {}{} in the mean.",
@@ -309,7 +310,9 @@ fn first_passage(results: &Results) -> String {
         ("asymptotic hazard rate", it.rate),
         ("the same over Rice's rate", it.rate_over_rice),
     ] {
-        table.put([words.to_owned(), shown(Some(number)), String::new()]);
+        if !number.value.is_nan() {
+            table.put([words.to_owned(), shown(Some(number)), String::new()]);
+        }
     }
     table.html("First passage to contact loss")
 }

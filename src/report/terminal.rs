@@ -445,16 +445,24 @@ fn survival(
         put("1 - S", &words, it.lost[k], seen.map(Estimate::complement));
     }
     let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
-    put("mean", mean, it.mean_time, lost.map(|it| it.mean_time));
-    put("rate", "S ~ exp(-rate t)", it.rate, None);
+    let lasts = it.rate.value.is_finite();
+    if lasts {
+        put("mean", mean, it.mean_time, lost.map(|it| it.mean_time));
+        put("rate", "S ~ exp(-rate t)", it.rate, None);
+    }
     if it.rate_over_rice.value.is_finite() {
         put("", "over Rice's rate", it.rate_over_rice, None);
     }
     let text = format!(
-        "{} x {} nodes, step {}; in the end the survival falls as exp(-rate t); from {}",
+        "{} x {} nodes, step {}; {}; from {}",
         it.method.cells[0],
         it.method.cells[1],
         brief(rounded(it.method.step, 3)),
+        if lasts {
+            "in the end the survival falls as exp(-rate t)"
+        } else {
+            "under [excitation] there is no rate in the end"
+        },
         match results.scene.initial {
             Initial::Rest => "rest".to_owned(),
             Initial::Stationary => format!("the stationary law {given}"),

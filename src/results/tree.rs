@@ -292,11 +292,16 @@ fn first_loss(it: &FirstLoss) -> Value {
         "survival": full_curve(&it.survival),
         "lost": full_curve(&it.lost),
         "density": full_curve(&it.density),
-        "mean_time": it.mean_time,
-        "rate": it.rate,
-        "rate_over_rice": it.rate_over_rice,
+        "mean_time": known(it.mean_time),
+        "rate": known(it.rate),
+        "rate_over_rice": known(it.rate_over_rice),
         "method": it.method,
     })
+}
+
+/// A number that there is.
+fn known(it: Estimate) -> Option<Estimate> {
+    (!it.value.is_nan()).then_some(it)
 }
 
 fn sampled_first_loss(it: &FirstLossResult, paths: Option<u64>) -> Value {

@@ -20,7 +20,7 @@ use std::sync::LazyLock;
 pub(super) const POINTS: usize = 6;
 
 /// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
-const REACH: f64 = 7.2;
+pub(super) const REACH: f64 = 7.2;
 
 /// Eight points for the velocities reached in a step.
 static GAUSS8: LazyLock<[(f64, f64); 8]> = LazyLock::new(gauss);
@@ -47,13 +47,13 @@ pub(crate) struct Contact {
     grade: f64,
     /// Spacing of y and of eta.
     spacing: [f64; 2],
-    nodes: [usize; 2],
+    pub(super) nodes: [usize; 2],
     /// Highest speed.
     pub(crate) speed: f64,
 }
 
 impl Contact {
-    fn new(region: &Region<'_>, fineness: &Fineness) -> Result<Self> {
+    pub(super) fn new(region: &Region<'_>, fineness: &Fineness) -> Result<Self> {
         let (oscillator, loss) = (region.oscillator, region.barrier.low);
         let rise = region.rise();
         let top = rise + fineness.level * oscillator.temperature();
@@ -114,8 +114,13 @@ impl Contact {
         self.grade * ((j as f64 - middle) * self.spacing[1]).sinh()
     }
 
+    /// The narrowest cell along v.
+    pub(super) fn finest(&self) -> f64 {
+        self.grade * self.spacing[1]
+    }
+
     /// The stencil of a point: its first node in each direction, and weights; clamped to the mesh.
-    fn stencil(&self, [q, v]: [f64; 2]) -> Stencil {
+    pub(super) fn stencil(&self, [q, v]: [f64; 2]) -> Stencil {
         let y = if let Some(middle) = self.middle {
             ((middle - q) / self.bend).clamp(-1.0, 1.0).acos()
         } else {
@@ -139,7 +144,7 @@ impl Contact {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Stencil {
+pub(super) struct Stencil {
     first: [u32; 2],
     weights: [[f64; POINTS]; 2],
 }
@@ -159,7 +164,7 @@ impl Stencil {
         sum
     }
 
-    fn add(&self, weight: f64, field: &mut [f64], nv: usize) {
+    pub(super) fn add(&self, weight: f64, field: &mut [f64], nv: usize) {
         let start = self.first[0] as usize * nv + self.first[1] as usize;
         for (a, wa) in self.weights[0].iter().enumerate() {
             for (b, wb) in self.weights[1].iter().enumerate() {
@@ -553,7 +558,11 @@ fn from_cut(cut: f64, [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
 }
 
 /// Points and weights for an integral between two cuts, the upper one of which may be infinite.
-fn between([low, high]: [f64; 2], [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
+pub(super) fn between(
+    [low, high]: [f64; 2],
+    [start, edge]: [f64; 2],
+    scale: f64,
+) -> Vec<(f64, f64)> {
     if high >= edge {
         return from_cut(low, [start, edge], scale);
     }
@@ -588,7 +597,8 @@ fn kick(region: &Region<'_>, x: f64, step: f64) -> [f64; 2] {
     [(-friction).exp(), variance.sqrt()]
 }
 
-fn critical(region: &Region<'_>, mesh: &Contact, time: f64) -> Vec<[f64; 2]> {
+/// The velocities at each displacement of the mesh below and above which a motion is lost within a time.
+pub(super) fn critical(region: &Region<'_>, mesh: &Contact, time: f64) -> Vec<[f64; 2]> {
     let nodes: Vec<f64> = (0..mesh.nodes[0]).map(|i| mesh.q(i)).collect();
     cuts(region, time, 2.0 * mesh.speed, &nodes)
 }
@@ -691,11 +701,11 @@ impl<'a> Cut<'a> {
 }
 
 /// Standard normal density.
-fn normal(x: f64) -> f64 {
+pub(super) fn normal(x: f64) -> f64 {
     (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt()
 }
 
 /// Standard normal distribution function, relative accuracy kept in the lower tail.
-fn lower(x: f64) -> f64 {
+pub(super) fn lower(x: f64) -> f64 {
     0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
 }

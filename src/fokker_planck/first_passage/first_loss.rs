@@ -2,7 +2,7 @@
 //!
 //! One run of the backward equation (`absorbed`) answers every start; from the stationary law it
 //! carries the density too, by detailed balance with reversed velocity, so that the rate of losses so rare
-//! that no path shows one keeps its digits.
+//! that no path shows one keeps its digits. Under a drive or an envelope its adjoint is run (`driven`).
 //!
 //! Orders seen (Hertz, zeta = 0.005, h = 3.2e-3): in space, at a step of 0.5, from 28 x 40, 42 x 60 and
 //! 63 x 90 nodes, the survival from rest errs by 1.7e-3, 4.5e-5 and 6.1e-6, order 8.9 and 4.9: the jump at
@@ -21,9 +21,11 @@ use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
 use crate::oscillator::{Oscillator, Side};
+use std::sync::Arc;
 
 /// The first loss of contact: going down through q_loss.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +40,7 @@ pub struct FirstLoss {
     /// Density -dS/dt of the first loss, with its error; the tolerance is asked of the survival, the mean time and the
     /// rate alone.
     pub density: Vec<Estimate>,
-    /// Mean time to the first loss, by Pontryagin's equation.
+    /// Mean time to the first loss, by Pontryagin's equation; NaN under a drive or an envelope, as the next two.
     pub mean_time: Estimate,
     /// Rate at which the survival falls in the end: S ~ exp(-rate t).
     pub rate: Estimate,
@@ -61,6 +63,7 @@ const SHARES: [f64; 2] = [0.5, 1.0];
 pub(crate) struct FirstPassage {
     asked: Asked,
     layout: Layout,
+    forcing: Option<Arc<Forcing>>,
     /// What it will take.
     pub(crate) cost: Cost,
 }
@@ -128,11 +131,19 @@ impl FirstPassage {
         if !oscillator.contact().is_confining() {
             oscillator.displacement_law()?;
         }
-        let layout = Layout::of(oscillator, initial, &asked);
+        let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
+        if forcing.is_some() && !oscillator.is_viscous() {
+            return Err(Error::not_available(
+                "a first passage under [excitation] with a damping that is not viscous",
+                "oscillator.damping = \"viscous\"",
+            ));
+        }
+        let layout = Layout::of(oscillator, initial, &asked, forcing.as_ref());
         let cost = layout.cost(oscillator);
         Ok(Self {
             asked,
             layout,
+            forcing: forcing.map(Arc::new),
             cost,
         })
     }
@@ -140,8 +151,13 @@ impl FirstPassage {
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
         let step = format!("{:.3}", self.layout.step);
+        let adjoint = if self.forcing.is_some() {
+            "adjoint of the backward equation, forward in time"
+        } else {
+            "backward equation"
+        };
         format!(
-            "backward equation along the exact motion, absorbed at the loss point; step {}",
+            "{adjoint} along the exact motion, absorbed at the loss point; step {}",
             step.trim_end_matches('0')
         )
     }
@@ -162,6 +178,7 @@ impl FirstPassage {
                 oscillator,
                 initial,
                 asked: self.asked,
+                forcing: self.forcing.as_deref(),
                 limits: limits.clone(),
             },
             layout: self.layout.clone(),
@@ -302,7 +319,7 @@ impl Task<'_> {
     fn report(&self, layout: &Layout, fine: &Run, others: [&Run; 2]) -> (FirstLoss, Worst) {
         let tolerance = self.problem.asked.tolerance;
         // What the edge of the mesh leaves out of the losses.
-        let outside = (-layout.level).exp() * (1.0 + layout.level);
+        let outside = layout.outside;
         let gaps = |f: &dyn Fn(&Run) -> f64| -> f64 {
             let each = others.iter().zip(SHARES);
             each.map(|(other, share)| share * (f(fine) - f(other)).abs())
@@ -346,14 +363,16 @@ impl Task<'_> {
         let rate = number(&|run| run.rate, fine.residuals[1]);
         let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
         // Of an initial condition beyond the level nothing is left to be known relative to itself.
-        if fine.survival.first().is_some_and(|s| *s > 1e-9) {
+        if !layout.driven && fine.survival.first().is_some_and(|s| *s > 1e-9) {
             note(
                 mean_time.error / (tolerance * mean_time.value),
                 "mean_time",
                 None,
             );
         }
-        note(rate.error / (tolerance * rate.value), "rate", None);
+        if !layout.driven {
+            note(rate.error / (tolerance * rate.value), "rate", None);
+        }
         let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
         let number = format!("first_loss.{}{at}", worst.1);
         let worst = Worst {
@@ -371,7 +390,11 @@ impl Task<'_> {
             rate,
             rate_over_rice,
             method: Method {
-                name: "backward equation along the exact motion, order 6".into(),
+                name: if layout.driven {
+                    "adjoint of the backward equation along the exact motion, order 6".into()
+                } else {
+                    "backward equation along the exact motion, order 6".into()
+                },
                 reason: "absorbed where each motion loses contact".into(),
                 cells: layout.nodes,
                 unknowns: nq * nv,

@@ -3,6 +3,7 @@
 use super::absorbed::{Fineness, POINTS};
 use super::region::{Barrier, Region};
 use crate::fokker_planck::budget::{Cost, timing};
+use crate::fokker_planck::forcing::Forcing;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -35,11 +36,25 @@ pub(super) struct Layout {
     pub(super) level: f64,
     /// Time over which the motion forgets.
     pub(super) memory: f64,
+    /// Part of the losses that begins beyond the edge of the mesh.
+    pub(super) outside: f64,
+    /// Whether each step has its own kick.
+    pub(super) driven: bool,
 }
 
 impl Layout {
-    /// The layout of the first run.
-    pub(super) fn of(oscillator: &Oscillator, initial: &Initial, asked: &Asked) -> Self {
+    /// The layout of the first run under stationary noise, or under a forcing: that of its strongest noise, farther by as
+    /// much as the drive swings, in steps that see it turn.
+    pub(super) fn of(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        asked: &Asked,
+        forcing: Option<&Forcing>,
+    ) -> Self {
+        let temperature = oscillator.temperature();
+        let oscillator = forcing.map_or(oscillator, Forcing::noise);
+        let swing = forcing.map_or(0.0, Forcing::swing);
+        let drive = forcing.and_then(|it| it.excitation().drive);
         let Asked {
             barrier,
             until,
@@ -60,7 +75,13 @@ impl Layout {
                 level = level.max((energy - rise) / t);
             }
         }
-        let speed = (2.0 * (rise + level * t)).sqrt();
+        let outside = (-level).exp() * (1.0 + level);
+        let speed = (2.0 * (rise + level * t)).sqrt() + swing;
+        let level = if forcing.is_none() {
+            level
+        } else {
+            (0.5 * speed * speed - rise) / temperature
+        };
         // A motion must not come back to the loss point within a step: a quarter of the fastest bounce.
         let bounce = match barrier.high {
             None => bounce(&region, speed),
@@ -77,6 +98,7 @@ impl Layout {
         let noisy = (6.0 * tolerance * t / zeta).cbrt();
         let damped = (12.0 * tolerance / zeta).sqrt();
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
+        let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         let longest = asked.step.unwrap_or(automatic);
         // The coarse step is twice the fine one and still ends on every time.
         let outputs = (until / (2.0 * longest)).floor().clamp(8.0, OUTPUTS);
@@ -99,6 +121,8 @@ impl Layout {
             nodes,
             level,
             memory,
+            outside,
+            driven: forcing.is_some(),
         }
     }
 
@@ -166,12 +190,24 @@ impl Layout {
             seconds: 2.0
                 * nq
                 * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * steps)
-                    + nv * timing::ABSORBED_NODE * steps),
+                    + nv * self.node_seconds() * steps),
+        }
+    }
+
+    /// Seconds of a node in a step: its kernel is there, or made.
+    fn node_seconds(&self) -> f64 {
+        if self.driven {
+            timing::DRIVEN_NODE
+        } else {
+            timing::ABSORBED_NODE
         }
     }
 
     /// Steps of a fine run, with those of the long run.
     fn all_steps(&self) -> f64 {
+        if self.driven {
+            return self.steps();
+        }
         self.steps().min(10.0 * self.memory / self.step)
             + 1.2 * 18.0 * self.stride(self.step) as f64
     }

@@ -121,6 +121,11 @@ impl<'a> Region<'a> {
         self.barrier.sign * self.oscillator.contact().force(self.q(x))
     }
 
+    /// What pushes q by so much pushes x by this.
+    pub(crate) fn seen_force(&self, push: f64) -> f64 {
+        self.barrier.sign * push
+    }
+
     /// U at x.
     pub(crate) fn potential(&self, x: f64) -> f64 {
         self.oscillator.contact().potential(self.q(x))

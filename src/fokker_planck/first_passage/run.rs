@@ -1,11 +1,13 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
 use super::absorbed::{Absorbed, Fineness, Start};
+use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::pontryagin::{dot, long_run};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
+use crate::fokker_planck::forcing::Forcing;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -110,6 +112,8 @@ pub(super) struct Problem<'a> {
     pub(super) oscillator: &'a Oscillator,
     pub(super) initial: &'a Initial,
     pub(super) asked: Asked,
+    /// What there is beside stationary noise.
+    pub(super) forcing: Option<&'a Forcing>,
     pub(super) limits: Limits,
 }
 
@@ -153,6 +157,10 @@ impl Problem<'_> {
         let lines = absorbed.displacements(region, 0.5 * deviation, |q| region.density(&law, q));
         let stationary = absorbed.lines(region, &lines, 0.0, deviation);
         let (start, total) = self.start(&absorbed, &stationary);
+        if let Some(forcing) = self.forcing {
+            let driven = Driven::new(region, fineness, forcing, &start)?;
+            return self.driven(layout, driven, (&start, total), progress);
+        }
         // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by its march alone.
         let balances = region.balances();
         let balanced = balances && *self.initial == Initial::Stationary;
@@ -235,6 +243,44 @@ impl Problem<'_> {
         run.residuals = [long.residuals[0] + forgets, (direct / rate - 1.0).abs()];
         run.steps = last as u64 + long.steps;
         Ok(run)
+    }
+
+    /// Survival and density under a forcing; without a rate, since nothing lasts, and without a mean time, which would
+    /// want all times.
+    fn driven(
+        &self,
+        layout: &Layout,
+        mut driven: Driven<'_>,
+        (start, total): (&Start, f64),
+        progress: &dyn Fn(f64),
+    ) -> Result<Run> {
+        let late = self.limits.late(NAME);
+        let every = (layout.every as f64 * layout.step / driven.step()).round() as usize;
+        let count = every * (layout.times.len() - 1);
+        let (mut gone, mut whole) = (vec![0.0], start.lost);
+        while gone.len() <= count + ENDS {
+            let [first, second] = driven.advance(&late)?;
+            // The first half of a motion ends at the time of this step, its second half in the next.
+            gone.push(whole + first);
+            whole += first + second;
+            progress(gone.len() as f64 / (count + ENDS) as f64);
+        }
+        let steps = gone.len() as u64;
+        let march = March {
+            gone,
+            left: Vec::new(),
+            entered: Vec::new(),
+            hazard: None,
+        };
+        let ends = (start.total / total, total, None);
+        let run = march.curves(ends, (0.0, driven.step()), 0.0, every, layout.times.len());
+        Ok(Run {
+            mean_time: f64::NAN,
+            rate: f64::NAN,
+            over_rice: f64::NAN,
+            steps,
+            ..run
+        })
     }
 
     /// Losses step by step, until they are constant in what survives. The stationary law loses in each step

@@ -41,9 +41,6 @@ const CARRIED: f64 = 0.2;
 /// The error that all rungs share, over what the last one aims at: rounding, and what passes through zero more than once.
 const SHARED: f64 = 3e-5;
 
-/// What an envelope does on a moving local grid, whose steps hardly change from rung to rung.
-const BENT: f64 = 1e-4;
-
 /// The part of the splitting error of a flow map that runs with as many steps do not show.
 const UNSEEN: f64 = 0.5;
 
@@ -237,9 +234,7 @@ impl Errors {
                 } else {
                     0.0
                 };
-                // Noise that begins or bends on a moving local grid: 2.4e-5 seen (tests/driven.rs).
-                let bent = if uneven && a.framed { BENT } else { 0.0 };
-                SHARED * rung.tolerance + unseen + bent
+                SHARED * rung.tolerance + unseen
             })
             .collect();
         errors

@@ -1,0 +1,293 @@
+//! The first passage under a drive or an envelope: the adjoint of the backward equation, forward in time.
+//!
+//! What changes from step to step is the kick alone, v' = a v + s + noise of this step's variance; the motion and where it
+//! is absorbed stay. One step of the survival is u <- P_n u. From the last time backwards each time asked for would want a
+//! run of its own; the weights of the initial condition, w <- P_n^T w, pass all times in one run, with the same numbers.
+
+use super::absorbed::{Contact, Fineness, REACH, Start, Stencil, between, critical, lower, normal};
+use super::region::Region;
+use crate::error::Result;
+use crate::fokker_planck::forcing::Forcing;
+use rayon::prelude::*;
+
+/// Deviation of a kick over the finest cell along v below which its average is that of three points about its mean: a
+/// quadrature rule from cell to cell would not see it.
+const NEEDLE: f64 = 0.3;
+
+/// A quadrature rule along v at one displacement, and where the motion takes its points.
+struct Row {
+    points: Vec<(f64, f64)>,
+    ends: Vec<Stencil>,
+}
+
+/// One kick.
+#[derive(Clone, Copy)]
+struct Kick {
+    rest: f64,
+    shift: f64,
+    spread: f64,
+}
+
+/// What a row gives on: weights at points after the motion, and what is lost in either half of it.
+struct Given {
+    moved: Vec<(Stencil, f64)>,
+    lost: [f64; 2],
+}
+
+/// The weights of an initial condition on their way.
+pub(super) struct Driven<'a> {
+    region: &'a Region<'a>,
+    forcing: &'a Forcing,
+    mesh: Contact,
+    step: f64,
+    /// Critical velocities over a step and over half of it, row by row.
+    whole: Vec<[f64; 2]>,
+    half: Vec<[f64; 2]>,
+    /// The rules in use, and the deviation that they are fine enough for.
+    rows: Vec<Row>,
+    fit: f64,
+    weights: Vec<f64>,
+    /// Kicks so far.
+    kicks: u64,
+}
+
+impl<'a> Driven<'a> {
+    /// From a start of [`super::absorbed::Absorbed`] on the same mesh.
+    ///
+    /// # Errors
+    /// As [`super::absorbed::Absorbed::new`].
+    pub(super) fn new(
+        region: &'a Region<'a>,
+        fineness: &Fineness,
+        forcing: &'a Forcing,
+        start: &Start,
+    ) -> Result<Self> {
+        let mesh = Contact::new(region, fineness)?;
+        let step = fineness.step;
+        let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
+        Ok(Self {
+            region,
+            forcing,
+            step,
+            whole,
+            half,
+            rows: Vec::new(),
+            fit: 0.0,
+            weights: start.weights.clone(),
+            kicks: 0,
+            mesh,
+        })
+    }
+
+    /// The step.
+    pub(super) fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// One step: what is lost in the half motion that ends it, and in the one that begins the next.
+    ///
+    /// # Errors
+    /// Those of `late`, which is asked before each row that is traced.
+    pub(super) fn advance(&mut self, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<[f64; 2]> {
+        // Noise and drive gather at the middle of the step.
+        let middle = (self.kicks as f64 + 0.5) * self.step;
+        let friction = 2.0 * self.region.oscillator.zeta();
+        let kick = Kick {
+            rest: (-friction * self.step).exp(),
+            shift: self
+                .region
+                .seen_force(self.forcing.shift(middle, self.step, 0.0)),
+            spread: self.forcing.variance(middle, self.step, 0.0).sqrt(),
+        };
+        self.kicks += 1;
+        let needle = kick.spread < NEEDLE * self.mesh.finest();
+        if !needle {
+            self.lay_out(kick, late)?;
+        }
+        let [nq, nv] = self.mesh.nodes;
+        let this = &*self;
+        let given: Result<Vec<Given>> = (0..nq)
+            .into_par_iter()
+            .map(|i| {
+                let weights = &this.weights[i * nv..(i + 1) * nv];
+                if weights.iter().all(|w| *w == 0.0) {
+                    return Ok(Given {
+                        moved: Vec::new(),
+                        lost: [0.0; 2],
+                    });
+                }
+                late()?;
+                Ok(if needle {
+                    this.by_points(i, weights, kick)
+                } else {
+                    this.by_rule(i, weights, kick)
+                })
+            })
+            .collect();
+        let mut next = vec![0.0; nq * nv];
+        let mut lost = [0.0; 2];
+        // In the order of the rows: the same bits on any number of threads.
+        for row in given? {
+            for (sum, part) in lost.iter_mut().zip(row.lost) {
+                *sum += part;
+            }
+            for (end, weight) in row.moved {
+                end.add(weight, &mut next, nv);
+            }
+        }
+        self.weights = next;
+        Ok(lost)
+    }
+
+    /// Rules fine enough for a kick. Those at hand serve up to twice their deviation.
+    fn lay_out(&mut self, kick: Kick, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
+        if !self.rows.is_empty() && kick.spread >= self.fit && kick.spread <= 2.0 * self.fit {
+            return Ok(());
+        }
+        // Noise that fades fits these for some time.
+        self.fit = if self.fit > 0.0 && kick.spread < self.fit {
+            0.5 * kick.spread
+        } else {
+            kick.spread
+        };
+        let (fit, step, swing) = (self.fit, self.step, self.forcing.excitation());
+        let push = swing.drive.map_or(0.0, |it| it.amplitude()) * step;
+        let edge = self.mesh.speed + 2.0 * REACH * fit + push;
+        let (region, mesh, whole) = (self.region, &self.mesh, &self.whole);
+        let rows: Result<Vec<Row>> = (0..mesh.nodes[0])
+            .into_par_iter()
+            .map(|i| {
+                late()?;
+                let points = between(whole[i], [-edge, edge], fit);
+                let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
+                let mut ends = vec![[0.0; 2]; starts.len()];
+                region.after(&starts, &[step], &mut ends);
+                let ends = ends.iter().map(|end| mesh.stencil(*end)).collect();
+                Ok(Row { points, ends })
+            })
+            .collect();
+        self.rows = rows?;
+        Ok(())
+    }
+
+    /// What a kick to velocities about `centre` loses in either half of the motion after it, and what it leaves.
+    fn parts(&self, i: usize, centre: f64, spread: f64) -> ([f64; 2], f64) {
+        // Without noise it is one side or the other.
+        let tail = |x: f64, at: bool| {
+            if spread > 0.0 {
+                lower(x / spread)
+            } else {
+                f64::from(u8::from(x > 0.0 || (at && x == 0.0)))
+            }
+        };
+        let below = |cut: f64| tail(cut - centre, false);
+        let above = |cut: f64| tail(centre - cut, true);
+        let both: [&dyn Fn(f64) -> f64; 2] = [&below, &above];
+        let ([half, half_top], [whole, whole_top]) = (self.half[i], self.whole[i]);
+        let mut lost = [below(half), between_cuts([half, whole], centre, both)];
+        if whole_top < f64::INFINITY {
+            lost[0] += above(half_top);
+            lost[1] += between_cuts([whole_top, half_top], centre, both);
+        }
+        (lost, above(whole) - above(whole_top))
+    }
+
+    /// A row by its quadrature rule.
+    fn by_rule(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
+        let row = &self.rows[i];
+        let spread = kick.spread;
+        let mut carried = vec![0.0; row.points.len()];
+        let mut lost = [0.0; 2];
+        let mut kernel = Vec::new();
+        for (j, weight) in weights.iter().enumerate() {
+            if *weight == 0.0 {
+                continue;
+            }
+            let centre = kick.rest * self.mesh.v(j) + kick.shift;
+            let (gone, held) = self.parts(i, centre, spread);
+            for (sum, part) in lost.iter_mut().zip(gone) {
+                *sum += weight * part;
+            }
+            let first = row
+                .points
+                .partition_point(|(v, _)| *v < centre - REACH * spread);
+            kernel.clear();
+            kernel.extend(
+                row.points[first..]
+                    .iter()
+                    .take_while(|(v, _)| *v <= centre + REACH * spread)
+                    .map(|(v, w)| w * normal((v - centre) / spread) / spread),
+            );
+            let sum: f64 = kernel.iter().sum();
+            // What is not lost is carried on to rounding.
+            let part = if sum > 1e-10 { held / sum } else { 1.0 };
+            for (x, k) in carried[first..].iter_mut().zip(&kernel) {
+                *x += weight * part * k;
+            }
+        }
+        Given {
+            moved: row.ends.iter().copied().zip(carried).collect(),
+            lost,
+        }
+    }
+
+    /// A row node by node: three points of the Gauss-Hermite rule about each mean, or that mean alone.
+    fn by_points(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
+        let spread = kick.spread;
+        let rule = [
+            (-3f64.sqrt(), 1.0 / 6.0),
+            (0.0, 2.0 / 3.0),
+            (3f64.sqrt(), 1.0 / 6.0),
+        ];
+        let rule = if spread > 0.0 {
+            &rule[..]
+        } else {
+            &[(0.0, 1.0)]
+        };
+        let [low, high] = self.whole[i];
+        let (mut starts, mut shares) = (Vec::new(), Vec::new());
+        let mut lost = [0.0; 2];
+        for (j, weight) in weights.iter().enumerate() {
+            if *weight == 0.0 {
+                continue;
+            }
+            let centre = kick.rest * self.mesh.v(j) + kick.shift;
+            let (gone, held) = self.parts(i, centre, spread);
+            for (sum, part) in lost.iter_mut().zip(gone) {
+                *sum += weight * part;
+            }
+            let alive = rule
+                .iter()
+                .map(|(x, w)| (centre + spread * x, w))
+                .filter(|(v, _)| *v > low && *v < high);
+            let alive: Vec<(f64, &f64)> = alive.collect();
+            let sum: f64 = alive.iter().map(|it| it.1).sum();
+            for (v, w) in alive {
+                starts.push([self.mesh.q(i), v]);
+                shares.push(weight * held * w / sum);
+            }
+        }
+        let mut ends = vec![[0.0; 2]; starts.len()];
+        self.region.after(&starts, &[self.step], &mut ends);
+        let ends = ends.iter().map(|end| self.mesh.stencil(*end));
+        Given {
+            moved: ends.zip(shares).collect(),
+            lost,
+        }
+    }
+}
+
+/// The probability between two cuts, as a difference of tails on the side where they are small.
+fn between_cuts(
+    [low, high]: [f64; 2],
+    centre: f64,
+    [below, above]: [&dyn Fn(f64) -> f64; 2],
+) -> f64 {
+    if low == high {
+        0.0
+    } else if low + high > 2.0 * centre {
+        above(low) - above(high)
+    } else {
+        below(high) - below(low)
+    }
+}
