@@ -374,7 +374,7 @@ impl Task<'_> {
             note(rate.error / (tolerance * rate.value), "rate", None);
         }
         let at = worst.2.map_or(String::new(), |t| format!(" at t = {t}"));
-        let number = format!("first_loss.{}{at}", worst.1);
+        let number = format!("{}{at}", worst.1);
         let worst = Worst {
             ratio: worst.0,
             number,

@@ -12,7 +12,7 @@ use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
 /// The question in messages.
-pub(super) const NAME: &str = "the first loss of contact";
+pub(super) const NAME: &str = "the first passage";
 
 /// The numbers of one mesh and step.
 #[derive(Debug, Clone, Default)]
