@@ -196,6 +196,13 @@ fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride
     now
 }
 
+/// The natural scale of every number of a run.
+fn scales(task: &Task, run: &Run) -> Table {
+    let natural = Scales::of(task.oscillator);
+    let rows = run.outputs.iter();
+    rows.map(|it| natural.each(&it.moments)).collect()
+}
+
 impl Errors {
     /// Those of the finest of three runs, `stride` rungs apart.
     pub(super) fn of(
@@ -203,9 +210,10 @@ impl Errors {
         (rung, stride): (&Rung, f64),
         [coarsest, coarse, fine]: [&Run; 3],
     ) -> Self {
-        let mut errors = Self::between(task, fine, coarse, 0.0);
+        let scales = scales(task, fine);
         let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
-        errors.space = of_differences(fine, [&now, &before], &errors.scales, stride);
+        let space = of_differences(fine, [&now, &before], &scales, stride);
+        let mut errors = Self::beside(space, scales, [coarse, fine]);
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
                 let steps = rung.flow_map();
@@ -242,16 +250,16 @@ impl Errors {
 
     /// Those of a fine run from its difference to a coarse one, `factor` times.
     pub(super) fn between(task: &Task, run: &Run, coarse: &Run, factor: f64) -> Self {
-        let natural = Scales::of(task.oscillator);
-        let scales: Table = run
-            .outputs
-            .iter()
-            .map(|it| natural.each(&it.moments))
-            .collect();
+        let scales = scales(task, run);
         let mut space = pooled(run, &plain(run, coarse), &scales);
         for x in space.iter_mut().flatten() {
             *x *= factor;
         }
+        Self::beside(space, scales, [coarse, run])
+    }
+
+    /// What there is beside the error in space of a run, from it and a coarser one.
+    fn beside(space: Table, scales: Table, [coarse, run]: [&Run; 2]) -> Self {
         Self {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
