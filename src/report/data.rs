@@ -329,6 +329,30 @@ pub(super) fn density(name: String, snapshot: &Snapshot, rig: Option<&Rig>) -> R
     })
 }
 
+/// Densities of several times on one mesh, as p[t, q, v].
+pub(super) fn stacked(name: String, all: &[Snapshot], rig: Option<&Rig>) -> Result<File> {
+    let views: Vec<_> = all.iter().map(|it| it.p.view()).collect();
+    let p = ndarray::stack(ndarray::Axis(0), &views).map_err(|error| Error::Io {
+        path: PathBuf::from(&name),
+        source: std::io::Error::other(error.to_string()),
+    })?;
+    let times: Array1<f64> = all.iter().map(|it| it.t).collect();
+    packed(name, |npz| {
+        npz.add_array("p", &p)?;
+        npz.add_array("t", &times)?;
+        let Some(Snapshot { q, v, .. }) = all.first() else {
+            return Ok(());
+        };
+        npz.add_array("q", q)?;
+        npz.add_array("v", v)?;
+        if let Some(rig) = rig {
+            npz.add_array("q_um", &(q * micrometre(rig)))?;
+            npz.add_array("v_mm_per_s", &(v * (1e3 * rig.velocity(1.0))))?;
+        }
+        Ok(())
+    })
+}
+
 /// Axes and tables by name, as numpy.load reads them.
 ///
 /// # Errors

@@ -2,12 +2,12 @@
 
 use super::File;
 use super::csv::Csv;
-use super::data::{density, unit, with_moments};
+use super::data::{density, stacked, unit, with_moments};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::results::Results;
 
-/// Moments over the phase, harmonics, multipliers, and the density at phase 0.
+/// Moments over the phase, harmonics, multipliers, the density at phase 0, and at several phases.
 pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
     let Some(it) = &results.periodic else {
         return Ok(Vec::new());
@@ -45,9 +45,12 @@ pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
         harmonics.file("harmonics.csv"),
         multipliers.file("multipliers.csv"),
     ];
-    if let Some(snapshot) = &it.density {
-        let rig = results.scene.rig.as_ref();
+    let rig = results.scene.rig.as_ref();
+    if let Some(snapshot) = it.densities.first() {
         files.push(density("periodic.npz".into(), snapshot, rig)?);
+    }
+    if it.densities.len() > 1 {
+        files.push(stacked("stroboscopic.npz".into(), &it.densities, rig)?);
     }
     Ok(files)
 }

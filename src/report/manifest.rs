@@ -52,7 +52,8 @@ const NUMBERS: &[Group] = &[
         "periodic.csv: moments of the periodic law over the phase of the drive
          harmonics.csv: harmonics of its mean displacement, velocity and force
          multipliers.csv: its Floquet multipliers
-         periodic.npz: its density at phase 0, with q, v, t: `numpy.load`",
+         periodic.npz: its density at phase 0, with q, v, t: `numpy.load`
+         stroboscopic.npz: p[t, q, v] at up to 8 phases of the drive",
         &[Part::Periodic],
         driven::periodic,
     ),
@@ -173,6 +174,11 @@ const PICTURES: &[Group] = &[
         "periodic.svg: Moments of the periodic law over the phase of the drive",
         &[Part::Periodic],
         plot::periodic,
+    ),
+    (
+        "stroboscopic.svg: Density of the periodic law at phases of the drive",
+        &[Part::Periodic],
+        plot::stroboscopic,
     ),
     (
         "response.svg: Response curve: harmonics and loss probability over the frequency of the drive",

@@ -93,6 +93,7 @@ impl InUnit for Reached {
 
 impl InUnit for Periodic {
     fn put_in(&mut self, clock: &Clock) {
+        times(self.densities.iter_mut().map(|it| &mut it.t), clock);
         times([&mut self.method.step], clock);
     }
 }

@@ -34,8 +34,8 @@ pub struct Periodic {
     pub multipliers: Vec<Multiplier>,
     /// The L1 distance of the law to itself a period later.
     pub residual: f64,
-    /// p(q, v) at phase 0.
-    pub density: Option<Snapshot>,
+    /// p(q, v) at up to [`Periodic::MAPS`] of these phases, the first at phase 0; t is the time since then.
+    pub densities: Vec<Snapshot>,
     /// What it was computed with; `steps` are those of all periods of the finest two runs.
     pub method: Method,
     /// What the tolerance asked for and was not reached.
@@ -95,19 +95,25 @@ impl PeriodicLaw {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Periodic> {
         let question = (oscillator, &Initial::Stationary);
-        let shown = if self.recipe.multipliers {
-            &self.times[..1]
+        let maps = if self.recipe.multipliers {
+            Periodic::MAPS.min(self.times.len())
         } else {
-            &[]
+            0
         };
+        let shown: Vec<f64> = (0..maps)
+            .map(|k| self.times[k * self.times.len() / maps])
+            .collect();
         let it = self
             .recipe
-            .solve(question, (&self.times, shown), limits, progress)?;
+            .solve(question, (&self.times, &shown), limits, progress)?;
         Ok(Periodic::of(it))
     }
 }
 
 impl Periodic {
+    /// Most stroboscopic maps of the density.
+    pub const MAPS: usize = 8;
+
     fn of(it: Transient) -> Self {
         let n = it.times.len();
         let curve = |moment: Moment| -> Vec<Estimate> {
@@ -124,7 +130,7 @@ impl Periodic {
             moments: it.moments,
             multipliers: it.multipliers,
             residual: it.residual,
-            density: it.densities.into_iter().next(),
+            densities: it.densities,
             method: it.method,
             shortfall: it.shortfall,
             warnings: it.warnings,

@@ -222,12 +222,39 @@ pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
         let title = format!("p(q, q\u{307}) at {symbol} = {}{unit}", bare(snapshot.t));
         files.extend(density_picture(name, &title, snapshot, results)?);
     }
-    files.extend(snapshots(results, &it.densities)?);
+    let label = |it: &Snapshot| format!("{symbol} = {}{unit}", bare(it.t));
+    let names = ("snapshots.svg", "p(q, q\u{307})");
+    files.extend(snapshots(results, names, &it.densities, &label)?);
     Ok(files)
 }
 
+/// stroboscopic.svg: the periodic law at phases of the drive, on one sheet.
+pub(crate) fn stroboscopic(results: &Results) -> Result<Vec<File>> {
+    let (Some(it), Some(drive)) = (&results.periodic, results.scene.excitation.drive) else {
+        return Ok(Vec::new());
+    };
+    let period = results.scene.clock().time(drive.period());
+    let label = |it: &Snapshot| {
+        format!(
+            "W\u{3c4}/2\u{3c0} = {}",
+            bare((1e4 * it.t / period).round() / 1e4)
+        )
+    };
+    let names = (
+        "stroboscopic.svg",
+        "p(q, q\u{307}) over the phase of the drive",
+    );
+    let picture = snapshots(results, names, &it.densities, &label)?;
+    Ok(picture.into_iter().collect())
+}
+
 /// Several densities on one sheet, on the same axes, each to its own peak.
-fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
+fn snapshots(
+    results: &Results,
+    (file, heading): (&str, &str),
+    all: &[Snapshot],
+    label: &dyn Fn(&Snapshot) -> String,
+) -> Result<Option<File>> {
     let each = all.len().div_ceil(9).max(1);
     let mut sheets: Vec<Sheet<'_>> = all
         .iter()
@@ -258,9 +285,8 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
         (86.0 + columns as f64 * (width + 18.0) + 74.0) as u32,
         (36.0 + rows as f64 * (height + 26.0) + 40.0) as u32,
     );
-    let [symbol, unit] = results.scene.clock().symbol();
-    picture("snapshots.svg", size, |area| {
-        write(area, "p(q, q\u{307})", (86.0, 18.0), TITLE)?;
+    picture(file, size, |area| {
+        write(area, heading, (86.0, 18.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let (row, column) = (k / columns, k % columns);
             let panel = Panel::new(
@@ -282,7 +308,7 @@ fn snapshots(results: &Results, all: &[Snapshot]) -> Result<Option<File>> {
             sheet.fill(area, &panel)?;
             loss_line(area, &panel, results, false)?;
             panel.frame(area)?;
-            let title = format!("{symbol} = {}{unit}", bare(sheet.snapshot.t));
+            let title = label(sheet.snapshot);
             let middle = panel.left + 0.5 * width;
             write(area, &title, (middle, panel.top - 10.0), CENTRED)?;
         }

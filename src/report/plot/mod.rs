@@ -18,7 +18,7 @@ mod spectrum;
 mod transient;
 
 pub use charts::{Chart, Curve, Ink, LogChart, LogCurve, Stroke, charts, log_log};
-pub(crate) use density::{densities, steady};
+pub(crate) use density::{densities, steady, stroboscopic};
 pub(crate) use driven::{periodic, response};
 pub(crate) use force::force;
 pub(crate) use impacts::impacts;
