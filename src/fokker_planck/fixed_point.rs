@@ -38,6 +38,8 @@ pub(super) struct Goal {
     pub(super) error: f64,
     /// Error of that eigenvalue, relative to it; infinite where none is asked for.
     pub(super) eigenvalue: f64,
+    /// A modulus that the largest eigenvalue is known not to be below: a start near the fixed point shows little of it.
+    pub(super) slowest: f64,
     /// Vectors that may be held.
     pub(super) vectors: usize,
 }
@@ -74,7 +76,7 @@ pub(super) fn solve(
         .collect();
     let mut fixed = Fixed {
         residual: f64::INFINITY,
-        slowest: 0.0,
+        slowest: goal.slowest,
         eigenvalues: Vec::new(),
         maps: 0,
     };
@@ -103,7 +105,7 @@ pub(super) fn solve(
             let full = last || columns >= goal.vectors;
             let left = arnoldi.residual();
             if left <= FIRST_LOOK * goal.error && columns.is_multiple_of(LOOK) || full {
-                fixed.slowest = arnoldi.slowest()?;
+                fixed.slowest = arnoldi.slowest()?.max(goal.slowest);
                 target = (0.5 * goal.error * (1.0 - fixed.slowest)).max(ROUNDING);
             }
             if left <= target && target.is_finite() {
@@ -315,6 +317,7 @@ mod tests {
         let goal = Goal {
             error: 1e-9,
             eigenvalue: 1e-9,
+            slowest: 0.0,
             vectors: 60,
         };
         let fixed = solve(&mut x, &weights, goal, &mut map).unwrap();

@@ -229,7 +229,10 @@ impl Question for Ladder<'_> {
         let times = self.task.times;
         let run = match recipe.period {
             None => self.task.run(&rung, times, progress),
-            Some(period) => self.task.lasting(&rung, period, times, progress),
+            Some(period) => {
+                let before = self.runs.last();
+                self.task.lasting(&rung, period, (times, before), progress)
+            }
         };
         let run = match run {
             Err(error) if self.skips(&error) => return Ok(()),

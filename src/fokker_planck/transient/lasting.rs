@@ -7,9 +7,10 @@ use super::run::{Floquet, Output, Run, Task, believable};
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
+use crate::fokker_planck::difference::lagrange;
 use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
 use crate::fokker_planck::integrators::Late;
-use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::observables::Observables;
 use std::sync::Arc;
 
@@ -21,12 +22,13 @@ const VECTORS: usize = 240;
 const MEMORY: f64 = 0.5;
 
 impl Task<'_> {
-    /// One run of a recipe for a lasting law of this period; `times` are those of its phases, from 0 on.
+    /// One run of a recipe for a lasting law of this period; `times` are those of its phases, from 0 on. It begins with the
+    /// law of the run before, if there is one; where multipliers are asked for, with something of every slow mode.
     pub(super) fn lasting(
         &self,
         rung: &Rung,
         period: f64,
-        times: &[f64],
+        (times, before): (&[f64], Option<&Run>),
         progress: &dyn Fn(f64),
     ) -> Result<Run> {
         let (oscillator, limits) = (self.oscillator, self.limits);
@@ -42,10 +44,18 @@ impl Task<'_> {
             .as_ref()
             .map_or(oscillator, |it| it.reference());
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
-        // About the motion without noise: from elsewhere GMRES has many more modes to find.
-        let late = rung.forcing.as_ref().map_or([0.0; 2], |it| it.late());
-        let mut density = propagator.stationary(oscillator, late)?;
-        tilt(&mut density, &mesh, late, oscillator.temperature().sqrt());
+        let known = before.and_then(|it| Some((&it.mesh, it.floquet.as_ref()?)));
+        let slowest = known.map_or(0.0, |it| it.1.slowest);
+        let mut density = match known.filter(|_| !self.recipe.multipliers) {
+            Some((coarse, floquet)) => carried(&propagator, &mesh, (coarse, &floquet.ratio)),
+            None => {
+                // About the motion without noise: from elsewhere GMRES has many more modes to find.
+                let late = rung.forcing.as_ref().map_or([0.0; 2], |it| it.late());
+                let mut density = propagator.stationary(oscillator, late)?;
+                tilt(&mut density, &mesh, late, oscillator.temperature().sqrt());
+                density
+            }
+        };
         let each = 8 * mesh.len() as u64;
         let room = (MEMORY * limits.memory as f64) as u64 / each.max(1);
         let goal = Goal {
@@ -55,13 +65,14 @@ impl Task<'_> {
             } else {
                 f64::INFINITY
             },
+            slowest,
             vectors: VECTORS.min(room as usize).max(8),
         };
         let fixed = periods(&mut propagator, &mut density, period, goal)?;
         progress(0.9);
         // In L1, of the law itself.
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
-        let before = propagator.steps();
+        let (steps, ratio) = (propagator.steps(), propagator.ratio(&density));
         propagator.set_time(0.0);
         let mut outputs: Vec<Output> = Vec::with_capacity(times.len());
         let mut now = 0.0;
@@ -83,7 +94,7 @@ impl Task<'_> {
         believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
         Ok(Run {
             outputs,
-            steps: before,
+            steps,
             step,
             domain,
             unknowns: propagator.unknowns(),
@@ -91,10 +102,49 @@ impl Task<'_> {
             floquet: Some(Floquet {
                 multipliers: fixed.eigenvalues,
                 residual: fixed.residual,
+                slowest: fixed.slowest,
+                ratio,
             }),
             mesh,
         })
     }
+}
+
+/// The density whose ratio was known on another mesh, by cubic interpolation.
+fn carried(propagator: &Propagator, mesh: &Mesh, (coarse, ratio): (&Mesh, &[f64])) -> Density {
+    const POINTS: usize = 4;
+    let places = |from: &Axis, to: &Axis| -> Vec<(usize, [f64; POINTS])> {
+        let last = from.len() - 1;
+        let place = |x: &f64| {
+            let xi = (from.locate(*x) - 0.5).clamp(0.0, last as f64);
+            let first = (xi.floor() as usize)
+                .saturating_sub(1)
+                .min(last + 1 - POINTS);
+            let mut weights = [0.0; POINTS];
+            lagrange(first as f64, xi, &mut weights);
+            (first, weights)
+        };
+        to.centres().iter().map(place).collect()
+    };
+    let (q, v) = (places(&coarse.q, &mesh.q), places(&coarse.v, &mesh.v));
+    let (weights, nv) = (propagator.weights(), coarse.v.len());
+    let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
+    let rows = density.cells_mut().chunks_exact_mut(mesh.v.len());
+    for ((row, (i, a)), wq) in rows.zip(&q).zip(&weights.q) {
+        for ((p, (j, b)), wv) in row.iter_mut().zip(&v).zip(&weights.v) {
+            let line = |k: usize| -> f64 {
+                let values = &ratio[(i + k) * nv + j..][..POINTS];
+                values.iter().zip(b).map(|(g, b)| g * b).sum()
+            };
+            let g: f64 = a.iter().enumerate().map(|(k, a)| a * line(k)).sum();
+            *p = g * wq * wv;
+        }
+    }
+    let mass = density.mass();
+    for p in density.cells_mut() {
+        *p /= mass;
+    }
+    density
 }
 
 /// Makes a density that has something of every slow mode: the fixed point does not depend on it, and what is not in it has
