@@ -30,7 +30,7 @@ pub struct Extreme {
 /// Seconds a scene may take unless it says otherwise.
 const SECONDS: f64 = 20.0;
 
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     include_str!("scenes/damping.toml"),
     include_str!("scenes/temperature.toml"),
     include_str!("scenes/starts.toml"),
@@ -41,6 +41,7 @@ const FILES: [&str; 10] = [
     include_str!("scenes/rare.toml"),
     include_str!("scenes/paths.toml"),
     include_str!("scenes/operators.toml"),
+    include_str!("scenes/driven.toml"),
 ];
 
 /// Every scene, by what is extreme about it.
