@@ -5,14 +5,14 @@ use crate::budget::Limits;
 pub use crate::budget::StopFlag;
 use crate::clock::Clock;
 use crate::error::{Error, Result};
-use crate::estimate::Warning;
+use crate::estimate::{Estimate, Warning};
 use crate::fokker_planck::{
     self, Eigenvalues, FirstPassage, PeriodicLaw, Reach, Recipe, Resolvent, ResponseCurve,
     Settings, StationaryState, SteadyState,
 };
 use crate::format::{brief, num};
 pub use crate::format::{bytes, seconds};
-use crate::moments::Moment;
+use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
 use crate::results::in_unit::InUnit;
 use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
@@ -58,6 +58,7 @@ struct Recipes {
     spectrum: Option<Resolvent>,
     first_passage: Option<FirstPassage>,
     reach: Option<Reach>,
+    level: Option<StationaryState>,
     passage: Option<FirstPassage>,
     ensemble: Option<Ensemble>,
     series: Option<Series>,
@@ -226,6 +227,9 @@ const TIMES: [&str; 9] = [
     "monte_carlo.duration",
     "method.step",
 ];
+
+/// Share of the tolerance that is left to the stationary value of what is reached.
+const LEVEL: f64 = 0.05;
 
 /// Steps beyond which a scene is taken for a slip of the pen.
 const MOST_STEPS: u64 = 10_000_000_000;
@@ -427,10 +431,23 @@ impl Plan {
                 cost
             }
             Part::Reach => {
-                let (quantity, fraction, stationary) = self.reach()?;
+                let ReachRequest { quantity, fraction } = self.reach()?;
                 let problem = (oscillator, initial);
-                let recipe = Reach::of(problem, quantity, (fraction, stationary), &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
+                let recipe = Reach::of(problem, quantity, fraction, &self.settings)?;
+                let mut cost = (recipe.cost, recipe.words());
+                if oscillator.is_viscous() {
+                    self.reached(quantity, Stationary::of(oscillator)?.moments())?;
+                } else {
+                    // The law is solved for anew, as exactly as a level must be known.
+                    let settings = Settings {
+                        tolerance: LEVEL * self.settings.tolerance,
+                        cells: None,
+                        ..self.settings.clone()
+                    };
+                    let law = StationaryState::of(oscillator, &settings)?;
+                    cost.0.seconds += law.cost.seconds;
+                    self.recipes.level = Some(law);
+                }
                 self.recipes.reach = Some(recipe);
                 cost
             }
@@ -507,19 +524,20 @@ impl Plan {
         Ok(Cost::of_sample(cost, method))
     }
 
-    /// What `outputs.reach` asks for: moment, fraction, and the stationary value that it is a fraction of.
-    fn reach(&self) -> Result<(Moment, f64, f64)> {
-        let Some(ReachRequest { quantity, fraction }) = self.scene.outputs.reach else {
-            return Err(Error::invalid("outputs.reach", "nothing", "a moment"));
-        };
-        let law = Stationary::of(&self.scene.oscillator)?.moments();
+    /// What `outputs.reach` asks for.
+    fn reach(&self) -> Result<ReachRequest> {
+        let asked = self.scene.outputs.reach;
+        asked.ok_or_else(|| Error::invalid("outputs.reach", "nothing", "a moment"))
+    }
+
+    /// The stationary value that a fraction of is reached.
+    fn reached(&self, quantity: Moment, law: Moments) -> Result<Estimate> {
         let stationary = law.get(quantity).filter(|it| it.value.abs() > it.error);
         let name = quantity.name();
-        let stationary = stationary.ok_or_else(|| {
+        stationary.ok_or_else(|| {
             let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
             Error::invalid("outputs.reach.quantity", format!("{name:?}"), accepted)
-        })?;
-        Ok((quantity, fraction, stationary.value))
+        })
     }
 
     /// Level, side and time of the first passage asked for.
@@ -698,7 +716,13 @@ impl Plan {
             }
             Part::Reach => {
                 if let Some(recipe) = &self.recipes.reach {
-                    let it = recipe.solve((oscillator, initial), &limits, progress)?;
+                    let law = match &self.recipes.level {
+                        Some(law) => law.solve(oscillator, &limits, &|_| {})?.moments,
+                        None => Stationary::of(oscillator)?.moments(),
+                    };
+                    let stationary = self.reached(self.reach()?.quantity, law)?;
+                    let problem = (oscillator, initial);
+                    let it = recipe.solve(problem, stationary, &limits, progress)?;
                     let warnings = it.warnings.iter().cloned();
                     results.run.warnings.extend(warnings.map(Warning::from));
                     results.fall_short(part.name(), it.shortfall.as_ref(), true);

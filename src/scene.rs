@@ -697,48 +697,15 @@ impl Scene {
         Ok(())
     }
 
-    /// Refuses what rests on exp(-H/T)/Z where that is not the stationary law.
+    /// Refuses what no solver has but for viscous damping.
     fn check_damping(&self) -> Result<()> {
-        if self.oscillator.is_viscous() {
+        if self.oscillator.is_viscous() || self.excitation.is_plain() {
             return Ok(());
         }
-        let outputs = &self.outputs;
-        let drawn = self.initial == Initial::Stationary && self.wants_paths();
-        for (key, asked, instead) in [
-            (
-                "outputs.spectrum",
-                outputs.spectrum.is_some(),
-                "outputs.stationary or moments_at",
-            ),
-            (
-                "outputs.reach",
-                outputs.reach.is_some(),
-                "moments_at, and outputs.stationary for the value that is reached",
-            ),
-            (
-                "excitation",
-                !self.excitation.is_plain(),
-                "\"viscous\" damping under a drive or an envelope",
-            ),
-            (
-                "initial.kind = \"stationary\" for a first passage",
-                self.initial == Initial::Stationary
-                    && (outputs.first_loss.is_some() || outputs.first_passage.is_some()),
-                "a \"gaussian\" one",
-            ),
-            (
-                "initial.kind = \"stationary\" for the paths of [monte_carlo]",
-                drawn,
-                "a \"gaussian\" one",
-            ),
-        ] {
-            if asked {
-                let damping = self.oscillator.damping().name();
-                let key = format!("{key} with oscillator.damping = \"{damping}\"");
-                return Err(Error::not_available(key, instead));
-            }
-        }
-        Ok(())
+        let damping = self.oscillator.damping().name();
+        let key = format!("excitation with oscillator.damping = \"{damping}\"");
+        let instead = "\"viscous\" damping under a drive or an envelope";
+        Err(Error::not_available(key, instead))
     }
 
     fn check_first_loss(&self, until: f64) -> Result<()> {

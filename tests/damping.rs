@@ -4,12 +4,15 @@ use vibroimpact::contact::ContactLaw;
 use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{
     Axis, Domain, Drift, Generator, Mesh, Settings, SolvedLaw, TransientMethod, null_vector,
-    stationary_law, transient,
+    spectrum, stationary_law, steady, transient,
 };
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::Moments;
 use vibroimpact::monte_carlo::{self, Sampling};
-use vibroimpact::oscillator::Oscillator;
+use vibroimpact::oscillator::{Oscillator, Quantity};
+use vibroimpact::plan::Plan;
+use vibroimpact::results::Results;
+use vibroimpact::scene::text::SceneText;
 use vibroimpact::stationary::Stationary;
 
 /// The oscillator of the reference values: zeta = 0.05, h = 2e-2.
@@ -260,4 +263,180 @@ fn every_solver_says_which_rates_it_takes() {
     let free = Oscillator::new(ContactLaw::Free, 0.05, 2e-2).unwrap();
     let error = free.with_damping(Damping::Contact).unwrap_err().to_string();
     assert!(error.contains("oscillator.damping"), "{error}");
+}
+
+/// What a scene of the reference oscillator says under a damping law.
+fn run(damping: &str, more: &str) -> Results {
+    let text = format!(
+        "[oscillator]\ndamping = \"{damping}\"\nzeta = 0.05\nh = 2e-2\n{more}\n[accuracy]\ntolerance = 3e-3\n"
+    );
+    let scene = SceneText::parse("a.toml", &text, &[]).unwrap();
+    Plan::of(scene.scene()).unwrap().run_quietly().unwrap()
+}
+
+/// The cells of a spectrum: under damping in contact alone its tails take minutes to a tolerance.
+fn cells(damping: &str) -> Option<[usize; 2]> {
+    (damping == "contact").then_some([130, 130])
+}
+
+#[test]
+fn a_constant_rate_given_as_a_function_gives_the_spectrum_of_viscous_damping() {
+    let omegas: Vec<f64> = (0..=40).map(|k| 0.1 * f64::from(k)).collect();
+    let constant = Damping::of_displacement(|_| 1.0).unwrap();
+    let [viscous, other] = [Damping::Viscous, constant].map(|it| {
+        let it = oscillator(it);
+        spectrum(&it, Quantity::Force, &omegas, &settings(1e-3), &|_| ()).unwrap()
+    });
+    for ((omega, a), b) in omegas.iter().zip(&viscous.density).zip(&other.density) {
+        let ratio = (a.value - b.value).abs() / (a.error + b.error);
+        assert!(ratio <= 1.0, "omega = {omega}: {a} and {b}");
+        assert!(b.error < 1e-2 * b.value, "omega = {omega}: {b}");
+    }
+    assert!((other.variance / viscous.variance - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn the_spectrum_under_any_damping_has_the_variance_of_the_law_as_its_integral() {
+    for damping in [Damping::Contact, Damping::HuntCrossley] {
+        let it = oscillator(damping.clone());
+        let law = solved(&it, 1e-4);
+        let omegas: Vec<f64> = (0..=600).map(|k| 0.02 * f64::from(k)).collect();
+        for quantity in [Quantity::Force, Quantity::Displacement] {
+            let asked = Settings {
+                cells: cells(damping.name()),
+                ..settings(1e-3)
+            };
+            let found = spectrum(&it, quantity, &omegas, &asked, &|_| ()).unwrap();
+            assert!(asked.cells.is_some() || found.shortfall.is_none());
+            // q'' + c(q) q' + G = f: what is a derivative has no share at omega = 0.
+            let exact = 2.0 * it.h();
+            let first = found.density[0];
+            if quantity == Quantity::Force {
+                println!("{damping:?}: G(0) = {first}, 2 h = {exact}");
+                assert!((first.value - exact).abs() <= first.error + 1e-9);
+            }
+            let variance = match quantity {
+                Quantity::Force => law.moments.std_force.value.powi(2),
+                Quantity::Displacement => law.moments.var_q.value,
+            };
+            // Simpson's rule; beyond 12 the density falls as omega^-4 or faster.
+            let weight = |k: usize| match k {
+                0 | 600 => 1.0,
+                k if k % 2 == 1 => 4.0,
+                _ => 2.0,
+            };
+            let sum: f64 = (found.density.iter().zip(0..))
+                .map(|(g, k)| weight(k) * g.value)
+                .sum();
+            let integral = sum * 0.02 / 3.0;
+            println!(
+                "{damping:?} {quantity:?}: integral {integral:.6}, variance {variance:.6}, of the operator {:.6}",
+                found.variance
+            );
+            assert!((integral - variance).abs() < error + 2e-3 * variance);
+            assert!((found.variance / variance - 1.0).abs() < 1e-3);
+        }
+    }
+}
+
+#[test]
+fn spectra_agree_with_records_under_every_damping() {
+    for damping in ["contact", "hunt_crossley"] {
+        let more =
+            "[outputs]\nspectrum = { until = 3.0 }\n[monte_carlo]\nseed = 3\nduration = 1e6\n";
+        let agreement = run(damping, more).agreement.unwrap();
+        println!("{damping}: {agreement:?}");
+        assert!(agreement.worst < 4.0f64.max(1.3 * agreement.expected_worst));
+    }
+}
+
+#[test]
+fn first_losses_from_the_stationary_law_agree_with_paths_that_were_run_in() {
+    for damping in ["contact", "hunt_crossley"] {
+        for more in [
+            "first_loss = { until = 40 }",
+            "first_passage = { level = 2.0, side = \"above\", until = 40 }",
+        ] {
+            let more = format!(
+                "[initial]\nkind = \"stationary\"\n[outputs]\n{more}\n[monte_carlo]\npaths = 20_000\nseed = 7\n"
+            );
+            let agreement = run(damping, &more).agreement.unwrap();
+            println!("{damping}: {agreement:?}");
+            assert!(agreement.worst < 4.0, "{agreement:?}");
+        }
+    }
+}
+
+#[test]
+fn what_starts_in_the_stationary_law_stays_there_and_so_do_paths() {
+    for damping in ["contact", "hunt_crossley"] {
+        let more = "[initial]\nkind = \"stationary\"\n[outputs]\nstationary = true\nmoments_at = [0, 2, 20]\n\
+                    [monte_carlo]\npaths = 30_000\nseed = 5\n";
+        let results = run(damping, more);
+        let agreement = results.agreement.as_ref().unwrap();
+        println!("{damping}: {agreement:?}");
+        assert!(agreement.worst < 4.0, "{agreement:?}");
+        let law = results.solved.as_ref().unwrap();
+        let course = results.transient.as_ref().unwrap();
+        for (t, moments) in course.times.iter().zip(&course.moments) {
+            let pairs = moments.named().into_iter().zip(law.moments.named());
+            for ((name, now), (_, law)) in pairs {
+                let Some((now, law)) = now.zip(law) else {
+                    continue;
+                };
+                assert!(
+                    (now.value - law.value).abs() <= now.error + law.error,
+                    "{damping}, {name} at {t}: {now}, in the law {law}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_part_of_the_stationary_loss_probability_is_reached_when_the_course_says() {
+    for damping in ["contact", "hunt_crossley"] {
+        let more = "[outputs]\nstationary = true\nreach = { quantity = \"mean_energy\", fraction = 0.6 }\n";
+        let results = run(damping, more);
+        let reached = results.reach.as_ref().unwrap().t.unwrap();
+        let law = results.solved.as_ref().unwrap().moments.mean_energy;
+        let it = Oscillator::new(ContactLaw::Hertz, 0.05, 2e-2).unwrap();
+        let law_of = if damping == "contact" {
+            Damping::Contact
+        } else {
+            Damping::HuntCrossley
+        };
+        let it = it.with_damping(law_of).unwrap();
+        let around = [reached.value - reached.error, reached.value + reached.error];
+        let course =
+            transient(&it, &Initial::Rest, &around, &[], &settings(1e-4), &|_| ()).unwrap();
+        let energy = [0, 1].map(|k: usize| course.moments[k].mean_energy);
+        let level = 0.6 * law.value;
+        println!(
+            "{damping}: at {reached} of {level:.6}: {} to {}",
+            energy[0], energy[1]
+        );
+        let slack = energy[0].error + energy[1].error + 0.6 * law.error;
+        assert!(energy[0].value - slack < level && level < energy[1].value + slack);
+        assert!(reached.error < 3e-3 * reached.value);
+    }
+}
+
+#[test]
+fn the_steady_state_on_the_mesh_is_the_solved_law_within_both_errors() {
+    for damping in [Damping::Contact, Damping::HuntCrossley] {
+        let it = oscillator(damping.clone());
+        let law = solved(&it, 1e-4);
+        let found = steady(&it, &settings(1e-3)).unwrap();
+        let l1 = found.l1_error;
+        println!("{damping:?}: L1 {l1}, shortfall {:?}", found.shortfall);
+        assert!(l1.error < 3e-4, "{l1}");
+        for ((name, a), (_, b)) in found.moments.named().into_iter().zip(law.moments.named()) {
+            let Some((a, b)) = a.zip(b) else { continue };
+            assert!(
+                (a.value - b.value).abs() <= a.error + b.error,
+                "{damping:?}, {name}: {a} on the mesh, {b} solved"
+            );
+        }
+    }
 }

@@ -1478,8 +1478,9 @@ const BAD: &[(&str, &str)] = &[
         "[oscillator]\ncontact = \"free\"\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nmoments_at = [1]",
     ),
     (
-        "spectrum under damping in contact",
-        "[oscillator]\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nspectrum = { until = 4 }",
+        "drive under damping in contact",
+        "[oscillator]\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[excitation]\n\
+         drive = { amplitude = 0.02, frequency = 0.9, phase = 0.0 }\n[outputs]\nmoments_at = [1]",
     ),
     (
         "passage without side",

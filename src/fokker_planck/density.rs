@@ -205,6 +205,21 @@ impl Density {
         })
     }
 
+    /// By how much the relative entropies to two laws can differ: the mean of |ln| of the one over the other.
+    pub(crate) fn entropy_between(&self, one: &Self, other: &Self) -> f64 {
+        let laws = one.cells.iter().zip(&other.cells);
+        let all = self.cells.iter().zip(laws);
+        let part = |(p, (one, other)): (&f64, (&f64, &f64))| {
+            let known = *p > 0.0 && *one > 0.0 && *other > 0.0;
+            if known {
+                p * (one / other).ln().abs()
+            } else {
+                0.0
+            }
+        };
+        all.map(part).sum()
+    }
+
     /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
     pub(crate) fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
         self.sum_active(columns, |i, j, p| (p - weights.at(i, j)).abs())

@@ -73,6 +73,8 @@ pub(crate) struct Ensemble {
     pub(crate) walk: Walk,
     pub(crate) paths: u64,
     pub(crate) times: Vec<f64>,
+    /// Time before 0 in which paths come from the reference law to the stationary one.
+    run_in: f64,
     /// The times at which paths stop: those, and where the envelope bends.
     stops: Vec<f64>,
     /// What the step may cost, relative to a variance.
@@ -122,9 +124,12 @@ impl Ensemble {
             companion = Some(own);
         }
         let paths = settings.paths as f64;
+        let run_in = walk::run_in(oscillator, initial);
+        let (before, _) = walk::equal_steps(run_in, walk.step)?;
+        let steps = steps + before;
         let beside = companion
             .as_ref()
-            .map_or(0.0, |it| it.seconds(paths * until / it.step));
+            .map_or(0.0, |it| it.seconds(paths * (run_in + until) / it.step));
         let threads = rayon::current_num_threads() as u64;
         let sums = TASKS * (stops.len() * size_of::<Sums>()) as u64;
         let cost = Cost {
@@ -136,6 +141,7 @@ impl Ensemble {
             walk,
             paths: settings.paths,
             times: times.to_vec(),
+            run_in,
             stops,
             bias,
             companion,
@@ -214,11 +220,18 @@ impl Ensemble {
             start = time;
         }
         let (steps, step) = longest(&self.stops, walk.step)?;
-        let path_steps = steps.saturating_mul(self.paths);
+        let (before, length) = walk::equal_steps(self.run_in, walk.step)?;
+        let run_in = (before > 0).then(|| Interval {
+            start: -self.run_in,
+            steps: before,
+            coefficients: walk.coefficients(oscillator, length),
+        });
+        let path_steps = (steps + before).saturating_mul(self.paths);
         let progress = &Progress::new(path_steps, limits, progress);
         let run = Run {
             count: self.paths,
             paths: &Paths::new(oscillator, initial, walk)?,
+            run_in: run_in.as_ref(),
             intervals: &intervals,
             progress,
         };
@@ -308,6 +321,8 @@ struct Interval {
 struct Run<'a> {
     count: u64,
     paths: &'a Paths,
+    /// What comes before the first of them, and is shown to nobody.
+    run_in: Option<&'a Interval>,
     intervals: &'a [Interval],
     progress: &'a Progress<'a>,
 }
@@ -357,14 +372,23 @@ impl Run<'_> {
             .collect();
         let (mut q, mut v) = (Vec::new(), Vec::new());
         let arch = pulp::Arch::new();
-        for (k, interval) in self.intervals.iter().enumerate() {
+        let advance = |interval: &Interval, groups: &mut [Group]| {
             arch.dispatch(Advance {
                 law,
                 interval,
-                groups: &mut groups,
+                groups,
                 progress: self.progress,
             });
-            if self.progress.late() {
+            self.progress.late()
+        };
+        if let Some(run_in) = self.run_in {
+            if advance(run_in, &mut groups) {
+                return;
+            }
+            self.progress.add(run_in.steps * paths);
+        }
+        for (k, interval) in self.intervals.iter().enumerate() {
+            if advance(interval, &mut groups) {
                 return;
             }
             q.clear();
@@ -454,6 +478,7 @@ mod tests {
             let run = Run {
                 count,
                 paths: &Paths::new(&it, &initial, &walk).unwrap(),
+                run_in: None,
                 intervals: &[interval],
                 progress: &Progress::new(1, Sampling::default().limits(), &|_| ()),
             };

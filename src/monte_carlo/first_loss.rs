@@ -1,6 +1,6 @@
 //! The first loss of contact: how long contact survives.
 
-use super::events::Watch;
+use super::events::{Deaf, Watch};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
@@ -69,7 +69,7 @@ pub fn first_loss(
 /// Between steps a path is the cubic through both ends.
 ///
 /// # Errors
-/// As [`first_loss`]; [`Error::NotAvailable`] for a stationary start where damping is not viscous.
+/// As [`first_loss`].
 pub fn first_passage(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -91,6 +91,8 @@ pub(crate) struct FirstLosses {
     /// Where paths survive, and whether it ends at the loss of contact.
     range: [f64; 2],
     level: bool,
+    /// Time before 0 in which paths come from the reference law to the stationary one.
+    run_in: f64,
     /// What the step may cost, relative to a variance.
     bias: f64,
     /// What they will take.
@@ -145,12 +147,6 @@ impl FirstLosses {
         until: f64,
         settings: &Sampling,
     ) -> Result<Self> {
-        if *initial == Initial::Stationary && !oscillator.is_viscous() {
-            return Err(Error::not_available(
-                "a first passage from the stationary law of a damping that is not viscous",
-                "a \"gaussian\" initial condition",
-            ));
-        }
         let key = if level {
             "outputs.first_passage"
         } else {
@@ -160,11 +156,15 @@ impl FirstLosses {
         let mut walk = Walk::locating(oscillator, initial, settings)?;
         let (steps, step) = walk::equal_steps(until, walk.step)?;
         walk.step = step;
+        let run_in = walk::run_in(oscillator, initial);
+        let (before, _) = walk::equal_steps(run_in, step)?;
+        let steps = steps + before;
         let threads = rayon::current_num_threads() as u64;
         Ok(Self {
             paths: settings.paths,
             range,
             level,
+            run_in,
             bias: walk.bias_on_the_way(oscillator, initial, until),
             cost: Cost {
                 steps,
@@ -196,8 +196,16 @@ impl FirstLosses {
         let end = times.last().copied().unwrap_or(0.0);
         let (steps, step) = walk::equal_steps(end, self.walk.step)?;
         let progress = &Progress::new(self.paths, limits, progress);
+        let (before, length) = walk::equal_steps(self.run_in, self.walk.step)?;
+        let paths = Paths::new(oscillator, initial, &self.walk)?;
         let run = Survive {
-            paths: Paths::new(oscillator, initial, &self.walk)?.given_within(self.range),
+            paths: if before > 0 {
+                paths
+            } else {
+                paths.given_within(self.range)
+            },
+            run_in: (before > 0)
+                .then(|| (before, length, self.walk.coefficients(oscillator, length))),
             range: self.level.then_some(self.range),
             count: self.paths,
             times,
@@ -209,7 +217,8 @@ impl FirstLosses {
         };
         let sums = law::dispatch(oscillator, &run);
         progress.finish()?;
-        let n = self.paths as f64;
+        // Of those run in the ones that are in contact, or within the levels.
+        let n = sums.count;
         let (mut gone, mut start) = (0.0, 0.0);
         let (mut survival, mut density) = (Vec::new(), Vec::new());
         for (time, lost) in times.iter().zip(&sums.lost) {
@@ -245,7 +254,7 @@ impl FirstLosses {
             mean_time: Estimate::new(mean, (variance / (n - 1.0)).sqrt(), Origin::Sampling),
             step,
             scheme: self.walk.scheme,
-            path_steps: steps.saturating_mul(self.paths),
+            path_steps: (steps + before).saturating_mul(self.paths),
             warnings: self.walk.warning(self.bias, n, names).into_iter().collect(),
         })
     }
@@ -254,6 +263,8 @@ impl FirstLosses {
 /// The ensemble, to be run once the contact law is known.
 struct Survive<'a> {
     paths: Paths,
+    /// Steps before 0, their length, and how they are made.
+    run_in: Option<(u64, f64, Coefficients)>,
     /// Levels other than the loss of contact.
     range: Option<[f64; 2]>,
     count: u64,
@@ -267,6 +278,8 @@ struct Survive<'a> {
 
 /// First losses in the intervals that end at the times asked for, and time in contact.
 struct LossSums {
+    /// Paths that began where nothing was lost yet, or whose beginning is given.
+    count: f64,
     lost: Vec<f64>,
     time: f64,
     time_square: f64,
@@ -275,13 +288,19 @@ struct LossSums {
 impl LossSums {
     fn new(run: &Survive) -> Self {
         Self {
+            count: 0.0,
             lost: vec![0.0; run.times.len()],
             time: 0.0,
             time_square: 0.0,
         }
     }
 
+    /// Adds a path by its first loss; one before all time is none of the sample.
     fn push(&mut self, run: &Survive, first: f64) {
+        if first == f64::NEG_INFINITY {
+            return;
+        }
+        self.count += 1.0;
         let interval = run.times.partition_point(|time| *time < first);
         if let Some(lost) = self.lost.get_mut(interval) {
             *lost += 1.0;
@@ -292,6 +311,7 @@ impl LossSums {
     }
 
     fn add(&mut self, more: &Self) {
+        self.count += more.count;
         for (a, b) in self.lost.iter_mut().zip(&more.lost) {
             *a += b;
         }
@@ -411,13 +431,31 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> [f64; LANES] {
         let Self { law, run, first } = self;
-        let group = run.paths.group(first);
+        let mut group = run.paths.group(first);
+        // What is run in is of the sample only where nothing is lost at 0.
+        let at_once = match &run.run_in {
+            Some((steps, length, coefficients)) => {
+                let mut deaf = Timed {
+                    watch: Deaf,
+                    progress: run.progress,
+                };
+                let mut done = 0;
+                while done < *steps && !deaf.late() {
+                    let piece = PIECE.min(steps - done);
+                    let now = (done as f64 - *steps as f64) * length;
+                    coefficients.advance(law, &mut group, piece, now, &mut deaf);
+                    done += piece;
+                }
+                f64::NEG_INFINITY
+            }
+            None => 0.0,
+        };
         let beyond = |q: f64| match run.range {
             Some([below, above]) => q < below || q > above,
             None => q < law.loss(),
         };
         let gone = std::array::from_fn(|lane| match beyond(group.q[lane]) {
-            true => 0.0,
+            true => at_once,
             false => f64::INFINITY,
         });
         match run.range {
@@ -440,7 +478,7 @@ impl<L: Law> Group<'_, L> {
         let progress = run.progress;
         let mut timed = Timed { watch, progress };
         let mut done = 0;
-        while done < run.steps && times(&timed.watch).iter().any(|it| it.is_infinite()) {
+        while done < run.steps && times(&timed.watch).iter().any(|it| *it == f64::INFINITY) {
             if timed.late() {
                 break;
             }

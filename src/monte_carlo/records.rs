@@ -11,7 +11,7 @@ use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
 use super::statistics::unknown;
-use super::walk::{Cost, Walk};
+use super::walk::{Cost, FORGOTTEN, Walk};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
@@ -69,9 +69,6 @@ pub struct RecordResult {
 
 /// Most batches of a record: the mean of each is kept.
 const BATCHES: f64 = 64.0;
-
-/// Relaxation times after which a start in the reference law of a damping that is not viscous is forgotten: e^-15.
-const FORGOTTEN: f64 = 15.0;
 
 /// Stationary statistics from records that start in the exact stationary law. With a sum of cosines,
 /// whose stationary law is not known, the first batch of each record is thrown away; with a damping that is not viscous

@@ -6,7 +6,7 @@ use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
-use super::walk::{Cost, Walk};
+use super::walk::{Cost, FORGOTTEN, Walk};
 use super::{Noise, Sampling};
 use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
@@ -32,7 +32,7 @@ pub struct Samples {
 }
 
 /// Records of the stationary motion: each starts in the exact stationary law, or is run in where the
-/// noise is band-limited. `visit` sees every record once, from any thread; what it returns comes back in
+/// noise is band-limited or damping leaves no closed form. `visit` sees every record once, from any thread; what it returns comes back in
 /// the order of the records. Record k of a seed is the same record whatever the threads.
 ///
 /// # Errors
@@ -73,9 +73,11 @@ impl Series {
         }
         let steps = (spacing / walk.step).ceil().max(1.0);
         walk.step = spacing / steps;
-        // Band-limited noise has a stationary law of its own, reached within a few memories.
+        // Band-limited noise has a stationary law of its own, reached within a few memories; so has damping that is not
+        // viscous.
         let burn_in = match walk.noise {
-            Noise::White => 0.0,
+            Noise::White if oscillator.is_viscous() => 0.0,
+            Noise::White => (FORGOTTEN * oscillator.memory() / spacing).ceil(),
             _ => (10.0 * oscillator.memory() / spacing).ceil(),
         };
         let records = asked.records.next_multiple_of(LANES as u64);

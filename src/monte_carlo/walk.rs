@@ -14,6 +14,9 @@ use crate::oscillator::Oscillator;
 use std::f64::consts::E;
 use std::ops::Range;
 
+/// Relaxation times after which a start in the reference law of a damping that is not viscous is forgotten: e^-15.
+pub(super) const FORGOTTEN: f64 = 15.0;
+
 /// How every path of a sample is advanced.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Walk {
@@ -309,6 +312,15 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
     }
     let length = if count > 0.0 { time / count } else { step };
     Ok((count as u64, length))
+}
+
+/// Time that paths are given to forget the reference law, where they begin in a stationary law that has no closed form.
+pub(super) fn run_in(oscillator: &Oscillator, initial: &Initial) -> f64 {
+    if *initial == Initial::Stationary && !oscillator.is_viscous() {
+        FORGOTTEN * oscillator.memory()
+    } else {
+        0.0
+    }
 }
 
 /// The scheme meant, if it suits the noise, and why; `frequency` is the highest of the scene.

@@ -53,7 +53,7 @@ impl SpectrumNumbers {
         }
     }
 
-    /// The same by sampling, and the number of averages. The mean taken off the records is the exact one.
+    /// The same by sampling, and the number of averages. The mean taken off the records is that of the stationary law.
     pub(crate) fn sample(
         &mut self,
         oscillator: &Oscillator,
@@ -64,7 +64,8 @@ impl SpectrumNumbers {
     ) -> Result<usize> {
         let (contact, law) = (oscillator.contact(), oscillator.displacement_law()?);
         let asked = recipe.asked;
-        let mean = law.expect(|q| asked.quantity.of(contact, q)).value;
+        let exact = || law.expect(|q| asked.quantity.of(contact, q)).value;
+        let mean = self.solved.mean.unwrap_or_else(exact);
         let visit = |record: &[f64]| {
             let record: Vec<f64> = record.iter().map(|x| x - mean).collect();
             welch.record(&record)

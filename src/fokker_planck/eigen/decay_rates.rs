@@ -228,8 +228,7 @@ impl Eigenvalues {
         // the speed.
         let reads = (vectors * (vectors + 40) * it.len()) as f64;
         let factor = if self.local {
-            // Complex, and without the order that eliminates inner functions first.
-            4.0 * friction_work(it).1
+            friction_work(it).1
         } else {
             it.operations()
         };
@@ -750,7 +749,9 @@ impl<'a> Arnoldi<'a> {
             }
             let error = algebraic(self.full, value, &vector);
             let nothing = error.max(1e-9 * value.norm());
-            if error > value.norm() || value.im < -nothing {
+            // No mode of the operator grows; of its projection, where friction depends on the displacement, some may.
+            let grows = self.full.is_local() && value.re >= 0.0;
+            if error > value.norm() || value.im < -nothing || grows {
                 continue;
             }
             // A real eigenvalue of a real matrix has no imaginary part beyond its error.

@@ -402,6 +402,45 @@ impl Absorbed {
         self.seen(region, &points, lost)
     }
 
+    /// A start with any density, `law` at one q and many v, of the scale `deviation` in v; lines that weigh nothing more.
+    pub(crate) fn weighed(
+        &self,
+        region: &Region<'_>,
+        lines: &[Line],
+        deviation: f64,
+        law: &(dyn Fn(f64, &[f64]) -> Vec<f64> + Sync),
+    ) -> Start {
+        let edge = 8.0 * deviation;
+        let scale = (2.0 * self.spread).min(0.5 * deviation);
+        let parts: Vec<(Vec<([f64; 2], f64)>, f64)> = lines
+            .par_iter()
+            .map(
+                |&Line {
+                     q,
+                     weight,
+                     cut,
+                     top,
+                 }| {
+                    let alive = between([cut, top], [-edge, edge], scale);
+                    let speeds: Vec<f64> = alive.iter().map(|it| it.0).collect();
+                    let alive = alive.into_iter().zip(law(q, &speeds));
+                    let alive = alive.map(|((v, w), p)| ([q, v], weight * w * p)).collect();
+                    // Those that are lost at once, below the cut and above the upper one.
+                    let (low, high) = (cut.clamp(-edge, edge), top.clamp(-edge, edge));
+                    let mut gone = from_cut(-edge, [-edge, low], scale);
+                    gone.extend(from_cut(high, [high, edge], scale));
+                    let speeds: Vec<f64> = gone.iter().map(|it| it.0).collect();
+                    let gone = gone.iter().zip(law(q, &speeds));
+                    let lost: f64 = gone.map(|((_, w), p)| weight * w * p).sum();
+                    (alive, lost)
+                },
+            )
+            .collect();
+        let lost = parts.iter().map(|it| it.1).sum();
+        let points: Vec<([f64; 2], f64)> = parts.into_iter().flat_map(|it| it.0).collect();
+        self.seen(region, &points, lost)
+    }
+
     /// Lines for integrals over q in contact of `density`, which has the scale `scale`, up to
     /// the edge of the mesh.
     pub(crate) fn displacements(

@@ -22,6 +22,7 @@ use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::forcing::Forcing;
+use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
 use crate::oscillator::{Oscillator, Side};
@@ -58,6 +59,9 @@ const STALLS: usize = 2;
 /// Of the differences from the coarse mesh and from twice the step, what the fine run errs: what orders 3 and 1 would
 /// leave. Seen: 5 and 2, and in the step 1.0 to 1.5 under strong friction.
 const SHARES: [f64; 2] = [0.5, 1.0];
+/// Share of the tolerance that is left to a stationary start that is solved for.
+const SHARE: f64 = 0.1;
+
 /// How a first passage will be computed: nodes, steps and times of the first run, and its foreseen cost.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FirstPassage {
@@ -89,8 +93,7 @@ impl FirstPassage {
     ///
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for a level that is not beyond the equilibrium on its side, or a time, tolerance or
-    /// step that is not positive; [`Error::NotAvailable`](crate::Error::NotAvailable) for a stationary start where its law has no
-    /// closed form; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
+    /// step that is not positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
     pub(crate) fn of_level(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -115,12 +118,6 @@ impl FirstPassage {
         oscillator
             .damping()
             .depends_on_displacement("a first passage")?;
-        if *initial == Initial::Stationary && !oscillator.is_viscous() {
-            return Err(Error::not_available(
-                "a first passage from the stationary law of a damping that is not viscous",
-                "a \"gaussian\" initial condition",
-            ));
-        }
         let asked = Asked {
             barrier,
             until,
@@ -173,6 +170,14 @@ impl FirstPassage {
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<FirstLoss> {
+        // A stationary start without a closed form is solved for.
+        let law = if *initial == Initial::Stationary && !oscillator.is_viscous() {
+            let late = || limits.in_time(|| "the stationary law was not found".into());
+            let tolerance = SHARE * self.asked.tolerance;
+            Some(Settled::within(oscillator, tolerance, &late)?)
+        } else {
+            None
+        };
         let task = Task {
             problem: Problem {
                 oscillator,
@@ -180,6 +185,7 @@ impl FirstPassage {
                 asked: self.asked,
                 forcing: self.forcing.as_deref(),
                 limits: limits.clone(),
+                law,
             },
             layout: self.layout.clone(),
             runs: Vec::new(),
@@ -233,9 +239,8 @@ pub fn first_loss(
 ///
 /// # Errors
 /// [`Error::Invalid`](crate::Error::Invalid) for a level that is not beyond the equilibrium on its side, or a time, tolerance or step
-/// that is not positive; [`Error::NotAvailable`](crate::Error::NotAvailable) for a stationary start where its law has no closed form;
-/// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine; [`Error::Limit`](crate::Error::Limit) when
-/// `max_seconds` is reached.
+/// that is not positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine;
+/// [`Error::Limit`](crate::Error::Limit) when `max_seconds` is reached.
 pub fn first_passage(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -331,6 +336,10 @@ impl Task<'_> {
                 worst = (ratio, name, t);
             }
         };
+        // What a start that is solved for may be off, given that nothing is lost at 0.
+        let law = self.problem.law.as_ref();
+        let begun = law.map_or(0.0, |law| law.error / fine.total);
+        let largest = fine.density.iter().fold(0.0f64, |a, b| a.max(*b));
         let mut parts = [0.0f64; 2];
         let mut part = |f: &dyn Fn(&Run) -> f64, scale: f64| {
             for ((part, other), share) in parts.iter_mut().zip(others).zip(SHARES) {
@@ -343,14 +352,18 @@ impl Task<'_> {
             let error = gaps(&|run| run.survival[k])
                 + fine.drift[k]
                 + outside * (1.0 - fine.survival[k])
+                + begun
                 + 4e-16;
             note(error / tolerance, "survival", Some(*t));
             part(&|run| run.survival[k], 1.0);
             survival.push(Estimate::new(fine.survival[k], error, Origin::Space));
-            let error = gaps(&|run| run.lost[k]) + fine.drift[k] + (outside + 1e-12) * fine.lost[k];
-            lost.push(Estimate::new(fine.lost[k], error, Origin::Space));
             let error =
-                gaps(&|run| run.density[k]) + fine.wobble[k] + outside * fine.density[k].abs();
+                gaps(&|run| run.lost[k]) + fine.drift[k] + (outside + 1e-12) * fine.lost[k] + begun;
+            lost.push(Estimate::new(fine.lost[k], error, Origin::Space));
+            let error = gaps(&|run| run.density[k])
+                + fine.wobble[k]
+                + outside * fine.density[k].abs()
+                + begun * largest;
             density.push(Estimate::new(fine.density[k], error, Origin::Space));
         }
         part(&|run| run.mean_time, fine.mean_time);
@@ -359,7 +372,8 @@ impl Task<'_> {
             let error = gaps(f) + (residual + outside) * f(fine);
             Estimate::new(f(fine), error, Origin::Space)
         };
-        let mean_time = number(&|run| run.mean_time, fine.residuals[0]);
+        let mut mean_time = number(&|run| run.mean_time, fine.residuals[0]);
+        mean_time.error += 2.0 * begun * mean_time.value;
         let rate = number(&|run| run.rate, fine.residuals[1]);
         let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
         // Of an initial condition beyond the level nothing is left to be known relative to itself.

@@ -3,6 +3,7 @@
 //! A passage upwards is one downwards in x = -q, and so is everything that the motion needs of the oscillator.
 
 use crate::error::{Error, Result};
+use crate::fokker_planck::hermite::Kept;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::oscillator::{DisplacementLaw, Oscillator, Side};
@@ -147,6 +148,12 @@ impl<'a> Region<'a> {
     /// p_q of the reference law at x.
     pub(crate) fn density(&self, law: &DisplacementLaw, x: f64) -> f64 {
         law.density(self.q(x))
+    }
+
+    /// A law that is solved for, at one x and many velocities.
+    pub(crate) fn along(&self, law: &Kept, x: f64, velocities: &[f64]) -> Vec<f64> {
+        let seen: Vec<f64> = velocities.iter().map(|v| self.barrier.sign * v).collect();
+        law.along(self.q(x), &seen)
     }
 
     /// The higher turning point of an energy above the lowest.

@@ -8,6 +8,7 @@ use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
+use crate::fokker_planck::hermite::Settled;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -30,6 +31,8 @@ pub(super) struct Run {
     /// Relative error of mean time and rate beyond mesh and step.
     pub(super) residuals: [f64; 2],
     pub(super) steps: u64,
+    /// Weight of the start, lost at once or not: the probability of what it is given.
+    pub(super) total: f64,
 }
 
 /// Losses up to each step.
@@ -115,6 +118,8 @@ pub(super) struct Problem<'a> {
     /// What there is beside stationary noise.
     pub(super) forcing: Option<&'a Forcing>,
     pub(super) limits: Limits,
+    /// The stationary law of a stationary start, where it has no closed form.
+    pub(super) law: Option<Settled>,
 }
 
 impl Problem<'_> {
@@ -128,7 +133,19 @@ impl Problem<'_> {
         let region = &self.region();
         match region.seen(self.initial) {
             Initial::Rest => (absorbed.point(region, [0.0, 0.0]), 1.0),
-            Initial::Stationary => (stationary.clone(), stationary.total),
+            Initial::Stationary => {
+                let it = match &self.law {
+                    None => stationary.clone(),
+                    Some(it) => {
+                        let scale = 0.5 * self.oscillator.temperature().sqrt();
+                        let lines = absorbed.displacements(region, scale, |_| 1.0);
+                        let law = |x: f64, v: &[f64]| region.along(&it.law, x, v);
+                        absorbed.weighed(region, &lines, 2.0 * scale, &law)
+                    }
+                };
+                let total = it.total;
+                (it, total)
+            }
             Initial::Gaussian { mean, deviation } => {
                 let density = |q: f64| {
                     let x = (q - mean[0]) / deviation[0];
@@ -239,6 +256,7 @@ impl Problem<'_> {
         };
         run.mean_time = mean_time;
         run.rate = rate;
+        run.total = total;
         run.over_rice = rate * stationary.total / rice;
         run.residuals = [long.residuals[0] + forgets, (direct / rate - 1.0).abs()];
         run.steps = last as u64 + long.steps;

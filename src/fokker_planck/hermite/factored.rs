@@ -6,12 +6,12 @@
 
 use super::basis::INNER;
 use super::condensed::{Condensed, Ends, Rates, Small};
+use super::nested::Nested;
 use super::operator::Hierarchy;
 use crate::error::Result;
-use crate::sparse::{DenseLu, Lu};
+use crate::sparse::DenseLu;
 use ndarray::Array2;
 use num_complex::Complex;
-use std::sync::{Mutex, PoisonError};
 
 type C = Complex<f64>;
 
@@ -29,7 +29,7 @@ pub(in crate::fokker_planck) struct Factored<'a> {
     nodes: Vec<DenseLu>,
     next: Vec<Array2<C>>,
     /// All of it, where friction depends on the displacement.
-    whole: Option<Mutex<Lu<C>>>,
+    whole: Option<Nested>,
 }
 
 impl<'a> Factored<'a> {
@@ -54,7 +54,7 @@ impl<'a> Factored<'a> {
                 inner: Vec::new(),
                 nodes: Vec::new(),
                 next: Vec::new(),
-                whole: Some(Mutex::new(local.factored(shift)?)),
+                whole: Some(local.factored(shift)?),
             });
         }
         let count = full.basis.elements.len();
@@ -143,8 +143,7 @@ impl<'a> Factored<'a> {
         full.drop_constant(&mut x);
         if let Some(whole) = &self.whole {
             basis.test(&mut x[..full.even()], k);
-            let mut lu = whole.lock().unwrap_or_else(PoisonError::into_inner);
-            lu.solve(&mut x)?;
+            whole.solve(&mut x)?;
             basis.of_hats(&mut x[..full.even()], k);
             full.drop_constant(&mut x);
             return Ok(x);

@@ -2,20 +2,15 @@
 //! (`local`), which is the law over the weights.
 
 use super::basis::{DEGREE, Element, LOCAL, POINTS};
+use super::local::times;
+use super::nested::Shape;
 use super::operator::{Hierarchy, Resolution};
 use crate::error::{Error, Result};
 use crate::fokker_planck::flux::maxwell;
 use crate::moments::RawMoments;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
 use crate::quadrature::gauss;
-use crate::sparse::{Lu, shift};
-
-/// Resolution of the stationary law that distances are taken to.
-pub(in crate::fokker_planck) const LAW: Resolution = Resolution {
-    elements: 10,
-    pairs: 20,
-    level: 22.0,
-};
+use num_complex::Complex;
 
 /// Powers of e by which the law has fallen where the weights have: half of what the functions of a fine resolution see.
 pub(in crate::fokker_planck) const REACH: f64 = 45.0;
@@ -40,11 +35,169 @@ pub(in crate::fokker_planck) struct Kept {
     dissipated: f64,
 }
 
-/// Bytes and floating-point operations of a stationary law at a resolution: measured of the sparse LU.
+/// Bytes and floating-point operations of a factorisation at a resolution.
 pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
-    let n = it.len() as f64;
-    let filled = n * 0.6 * (it.pairs * 2 * DEGREE) as f64;
-    ((16.0 * filled) as u64, 2.0 * filled * filled / n)
+    let shape = Shape {
+        elements: it.elements,
+        pairs: it.pairs,
+    };
+    (shape.memory(), shape.operations())
+}
+
+/// The stationary law over the weights, as coefficients of the functions with hats as they are: inverse iteration on the
+/// transpose of the operator, from no structure.
+///
+/// # Errors
+/// [`Error::Linear`] if the iteration does not settle; those of `late`.
+pub(super) fn null(
+    oscillator: &Oscillator,
+    full: &Hierarchy,
+    late: &dyn Fn() -> Result<()>,
+) -> Result<Vec<f64>> {
+    let forward = match &full.local {
+        Some(local) => local.transposed(),
+        None => full.whole(oscillator).transposed(),
+    };
+    late()?;
+    let lu = forward.factored(Complex::new(1e-10 * forward.norm(), 0.0))?;
+    late()?;
+    let mut x = vec![Complex::<f64>::default(); full.len()];
+    x[..full.even()]
+        .iter_mut()
+        .step_by(full.pairs)
+        .for_each(|x| x.re = 1.0);
+    let mut change = f64::INFINITY;
+    for _ in 0..30 {
+        let before = x.clone();
+        lu.solve(&mut x)?;
+        let size = x.iter().map(|x| x.re * x.re).sum::<f64>().sqrt();
+        let along: f64 = x.iter().zip(&before).map(|(a, b)| a.re * b.re).sum();
+        let over = 1.0 / size.copysign(along);
+        x.iter_mut()
+            .for_each(|x| *x = Complex::new(x.re * over, 0.0));
+        let parts = x.iter().zip(&before).map(|(a, b)| (a.re - b.re).powi(2));
+        let now = parts.sum::<f64>().sqrt();
+        // Settled when rounding no longer lets the change fall.
+        let settled = now < 1e-12 || (now < 1e-9 && now > 0.5 * change);
+        change = now;
+        if settled {
+            break;
+        }
+    }
+    if change > 1e-9 || change.is_nan() {
+        let what = format!("inverse iteration still changes by {change:.1e} after 30 solves");
+        return Err(Error::Linear {
+            stage: "stationary law",
+            what,
+        });
+    }
+    Ok(x.into_iter().map(|x| x.re).collect())
+}
+
+/// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
+#[derive(Debug, Clone)]
+pub(in crate::fokker_planck) struct Settled {
+    pub(in crate::fokker_planck) law: Kept,
+    pub(in crate::fokker_planck) coarser: Kept,
+    /// What it may be off, in L1.
+    pub(in crate::fokker_planck) error: f64,
+}
+
+/// The coarsest resolution of such a law, its growth from one to the next, and how many there are at most: the last has
+/// as many functions as ten seconds solve for.
+const FIRST: Resolution = Resolution {
+    elements: 6,
+    pairs: 14,
+    level: 18.0,
+};
+const FINER: f64 = 1.4;
+const HIGHER: f64 = 3.0;
+const MOST: usize = 6;
+
+/// An error over the last change.
+pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
+
+impl Settled {
+    /// The law to an L1 error of `tolerance`, or as near as the finest resolution gets.
+    ///
+    /// # Errors
+    /// Those of [`Kept::new`].
+    pub(in crate::fokker_planck) fn within(
+        oscillator: &Oscillator,
+        tolerance: f64,
+        late: &dyn Fn() -> Result<()>,
+    ) -> Result<Self> {
+        let mut resolution = FIRST;
+        let mut before = Kept::new(oscillator, resolution, late)?;
+        let mut count = 1;
+        loop {
+            resolution = resolution.finer(FINER, HIGHER);
+            count += 1;
+            let law = Kept::new(oscillator, resolution, late)?;
+            let error = SAFETY * law.distance(&before);
+            if error <= tolerance || count == MOST {
+                return Ok(Self {
+                    law,
+                    coarser: before,
+                    error,
+                });
+            }
+            before = law;
+        }
+    }
+}
+
+/// The other half of a bilinear form: where friction depends on the displacement v -> -v does not turn L into its
+/// transpose, and what is watched is weighed with the law that was solved for.
+pub(in crate::fokker_planck) struct Adjoint {
+    /// The forward operator.
+    pub(in crate::fokker_planck) operator: Hierarchy,
+    /// The deviation of the quantity from its mean times the law over the weights.
+    pub(in crate::fokker_planck) start: Vec<f64>,
+    /// The mean of the quantity.
+    pub(in crate::fokker_planck) mean: f64,
+}
+
+impl Adjoint {
+    /// That of an operator; None under viscous damping.
+    ///
+    /// # Errors
+    /// Those of the stationary law.
+    pub(in crate::fokker_planck) fn of(
+        oscillator: &Oscillator,
+        full: &Hierarchy,
+        quantity: Quantity,
+        late: &dyn Fn() -> Result<()>,
+    ) -> Result<Option<Self>> {
+        let Some(operator) = full.transposed() else {
+            return Ok(None);
+        };
+        let law = null(oscillator, full, late)?;
+        let (basis, k) = (&full.basis, full.pairs);
+        let product = |f: &dyn Fn(f64) -> f64| {
+            let mut state = times(basis, k, f, &law);
+            basis.project(&mut state[..full.even()], k);
+            state
+        };
+        let (all, mut start) = (
+            product(&|_| 1.0),
+            product(&|q| quantity.of(oscillator.contact(), q)),
+        );
+        let constant = |state: &[f64]| -> f64 {
+            let parts = state.iter().step_by(k).zip(&basis.one);
+            parts.map(|(x, one)| x * one).sum()
+        };
+        let mass = constant(&all);
+        let mean = constant(&start) / mass;
+        for (x, law) in start.iter_mut().zip(all) {
+            *x = (*x - mean * law) / mass;
+        }
+        Ok(Some(Self {
+            operator,
+            start,
+            mean,
+        }))
+    }
 }
 
 impl Kept {
@@ -59,55 +212,7 @@ impl Kept {
     ) -> Result<Self> {
         let oscillator = &oscillator.weighed(REACH);
         let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;
-        let mut matrix = match &full.local {
-            Some(local) => local.operator.transpose_view().to_csc(),
-            None => full.whole(oscillator).operator.transpose_view().to_csc(),
-        };
-        let norm = matrix
-            .outer_iterator()
-            .map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>())
-            .fold(0.0, f64::max);
-        shift(&mut matrix, -1e-10 * norm);
-        late()?;
-        let mut lu = Lu::factor(matrix)?;
-        late()?;
-        let mut x = vec![0.0; full.len()];
-        x[..full.even()]
-            .iter_mut()
-            .step_by(full.pairs)
-            .for_each(|x| *x = 1.0);
-        let mut change = f64::INFINITY;
-        for _ in 0..30 {
-            let before = x.clone();
-            lu.solve(&mut x)?;
-            let size = x.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let sign = if x.iter().zip(&before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
-                -size
-            } else {
-                size
-            };
-            for x in &mut x {
-                *x /= sign;
-            }
-            let now: f64 = x
-                .iter()
-                .zip(&before)
-                .map(|(a, b)| (a - b).powi(2))
-                .sum::<f64>()
-                .sqrt();
-            if now < 1e-12 || (now < 1e-9 && now > 0.5 * change) {
-                change = now;
-                break;
-            }
-            change = now;
-        }
-        if change > 1e-9 || change.is_nan() {
-            let what = format!("inverse iteration still changes by {change:.1e} after 30 solves");
-            return Err(Error::Linear {
-                stage: "stationary law",
-                what,
-            });
-        }
+        let x = null(oscillator, &full, late)?;
         Self::read(oscillator, &full, &x)
     }
 
@@ -206,6 +311,25 @@ impl Kept {
     /// Where the elements begin and end.
     pub(in crate::fokker_planck) fn domain(&self) -> [f64; 2] {
         [self.ends[0], self.ends[self.ends.len() - 1]]
+    }
+
+    /// The L1 distance to another law, by quadrature over the elements of this one and equal steps of v.
+    fn distance(&self, other: &Self) -> f64 {
+        const STEPS: i32 = 240;
+        let fastest = 8.0 * self.temperature.sqrt();
+        let step = 2.0 * fastest / f64::from(STEPS);
+        let speeds: Vec<f64> = (0..=STEPS).map(|k| f64::from(k) * step - fastest).collect();
+        let mut sum = 0.0;
+        for ends in self.ends.windows(2) {
+            let half = 0.5 * (ends[1] - ends[0]);
+            for (x, w) in gauss::<POINTS>() {
+                let q = ends[0] + half * (1.0 + x);
+                let (one, two) = (self.along(q, &speeds), other.along(q, &speeds));
+                let apart: f64 = one.iter().zip(two).map(|(a, b)| (a - b).abs()).sum();
+                sum += w * half * step * apart;
+            }
+        }
+        sum
     }
 
     /// b_n(q) for all n; empty beyond the domain. At a common end the mean of both elements.

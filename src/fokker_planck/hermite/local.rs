@@ -6,16 +6,17 @@
 //! over the weights. Hats are left as they are, not made orthonormal.
 
 use super::basis::{Basis, DEGREE, Number};
+use super::nested::{Nested, Shape};
 use crate::error::Result;
 use crate::oscillator::Oscillator;
-use crate::sparse::Lu;
 use num_complex::Complex;
 use sprs::{CsMat, TriMat};
 
 /// The operator and the products of the functions as sparse matrices, by columns; hats first, as they are.
 pub(super) struct Local {
-    pub(super) operator: CsMat<f64>,
-    pub(super) mass: CsMat<f64>,
+    operator: CsMat<f64>,
+    mass: CsMat<f64>,
+    shape: Shape,
 }
 
 impl Local {
@@ -38,7 +39,27 @@ impl Local {
         Self {
             operator: operator(basis, (k, size), oscillator),
             mass: mass.to_csc(),
+            shape: Shape {
+                elements: basis.elements.len(),
+                pairs,
+            },
         }
+    }
+
+    /// The forward operator: that on p over the weights.
+    pub(super) fn transposed(&self) -> Self {
+        Self {
+            operator: self.operator.transpose_view().to_csc(),
+            mass: self.mass.clone(),
+            shape: self.shape,
+        }
+    }
+
+    /// Largest column sum of the operator.
+    pub(super) fn norm(&self) -> f64 {
+        let columns = self.operator.outer_iterator();
+        let sum = columns.map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>());
+        sum.fold(0.0, f64::max)
     }
 
     /// What the operator makes of coefficients: products with the functions.
@@ -53,11 +74,37 @@ impl Local {
     }
 
     /// s times the products of the functions, less the operator, factored.
-    pub(super) fn factored(&self, shift: Complex<f64>) -> Result<Lu<Complex<f64>>> {
+    pub(super) fn factored(&self, shift: Complex<f64>) -> Result<Nested> {
         let operator = self.operator.map(|x| Complex::new(-x, 0.0));
         let mass = self.mass.map(|x| shift * x);
-        Lu::factor(&operator + &mass)
+        Nested::factor(&operator + &mass, self.shape)
     }
+}
+
+/// Products of the functions with a function of q times coefficients.
+pub(super) fn times(basis: &Basis, k: usize, f: &dyn Fn(f64) -> f64, x: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; x.len()];
+    let (even, odd) = x.split_at(k * basis.one.len());
+    let (even_out, odd_out) = out.split_at_mut(even.len());
+    for (e, element) in basis.elements.iter().enumerate() {
+        let places = basis.places(e);
+        let (on_even, on_odd) = element.at.products(f);
+        for (row, to) in on_even.iter().zip(places) {
+            for (value, from) in row.iter().zip(places) {
+                let from = &even[from * k..(from + 1) * k];
+                let to = &mut even_out[to * k..(to + 1) * k];
+                to.iter_mut().zip(from).for_each(|(y, x)| *y += value * x);
+            }
+        }
+        for (row, to) in on_odd.iter().zip(0..) {
+            for (value, from) in row.iter().zip(0..) {
+                let at = |a: usize| (e * DEGREE + a) * k..(e * DEGREE + a + 1) * k;
+                let (from, to) = (&odd[at(from)], &mut odd_out[at(to)]);
+                to.iter_mut().zip(from).for_each(|(y, x)| *y += value * x);
+            }
+        }
+    }
+    out
 }
 
 /// The entries of the operator.

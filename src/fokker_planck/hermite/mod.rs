@@ -5,9 +5,10 @@ mod condensed;
 mod factored;
 mod friction;
 mod local;
+mod nested;
 mod operator;
 
 pub(super) use basis::DEGREE;
 pub(super) use factored::Factored;
-pub(super) use friction::{Kept, LAW, REACH, work};
+pub(super) use friction::{Adjoint, Column, Kept, REACH, SAFETY, Settled, work};
 pub(super) use operator::{Hierarchy, Resolution};

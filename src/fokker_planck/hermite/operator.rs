@@ -110,6 +110,16 @@ impl Hierarchy {
         self.local.is_some()
     }
 
+    /// The same for the forward operator, on p over the weights; None where v -> -v makes it of this one.
+    pub(super) fn transposed(&self) -> Option<Self> {
+        let local = self.local.as_ref()?.transposed();
+        Some(Self {
+            basis: self.basis.clone(),
+            local: Some(local),
+            ..*self
+        })
+    }
+
     /// Size of the largest entries of L.
     pub(in crate::fokker_planck) fn size(&self) -> f64 {
         let mut slope = 0.0f64;

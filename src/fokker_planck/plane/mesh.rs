@@ -136,7 +136,18 @@ impl Axis {
         if let [first, last] = kinks[..] {
             // Whole cells between the two.
             let [a, b] = [first, last].map(|x| grading.inverse(x));
-            let whole = |width: f64| (b - a) / ((b - a) / width).floor().max(1.0);
+            // Of a contact that is its own mirror image the mesh is too: as many cells on either side.
+            let mirrored = ((a - s_low) - (s_high - b)).abs() < 1e-6 * (s_high - s_low);
+            let whole = |width: f64| {
+                let count = ((b - a) / width).floor().max(1.0);
+                let odd = mirrored && (n as f64 - count) % 2.0 != 0.0;
+                let count = match count {
+                    1.0 if odd => 2.0,
+                    _ if odd => count - 1.0,
+                    _ => count,
+                };
+                (b - a) / count
+            };
             // As many cells more as the two edges take from the margins.
             let wider = whole((s_high - s_low) / (inner - 2.0).max(1.0));
             if wider * inner >= s_high - s_low + wider {

@@ -20,6 +20,8 @@ pub struct Spectrum {
     pub density: Vec<Estimate>,
     /// Variance of the quantity on the operator used.
     pub variance: f64,
+    /// Mean of the quantity, where damping leaves no closed form of it.
+    pub(crate) mean: Option<f64>,
     /// Functions of q and of v.
     pub functions: [usize; 2],
     /// Frequencies solved for.

@@ -10,11 +10,16 @@
 //!
 //! v -> -v, J, turns L into its transpose, so J V c solves the adjoint equation too: the second term
 //! doubles the digits, and the third bounds what is left by |r|^2 |(i omega - L)^{-1}|.
+//!
+//! Where friction depends on the displacement the transpose is another operator, and what is watched, times the law
+//! solved for, another state l. The space then holds the states (i omega_k - L^T)^{-1} l too, so that
+//! l.V c has those digits by itself, and the bound is |r| |r'| |(i omega - L)^{-1}| with the residual r' of the
+//! transposed equation.
 
 use crate::error::Result;
-use crate::fokker_planck::hermite::{Factored, Hierarchy};
+use crate::fokker_planck::hermite::{Adjoint, Factored, Hierarchy};
 use crate::matrix::exponential;
-use crate::sparse::eigenvalues;
+use crate::sparse::{DenseLu, eigen, eigenvalues};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -38,21 +43,56 @@ pub(super) const POWERS: usize = 3;
 /// A part of a new state beyond this, relative to it, is rounding.
 const NEW: f64 = 1e-9;
 
+/// A shift in place of 0 where friction depends on the displacement: there the constant, which no spectrum sees, would make
+/// the matrix singular.
+const ASIDE: f64 = 1e-8;
+
+/// Where a resolvent was seen to stretch states by so much, it may stretch others by this many times more.
+const STRETCHED: f64 = 2.0;
+
 /// The projected generator.
 #[derive(Debug, Clone)]
 pub(super) struct Reduced {
-    /// L on the basis, upper Hessenberg; its first vector is b/|b|.
-    matrix: Array2<f64>,
-    /// |b|^2: the variance.
+    right: Side,
+    end: End,
+    /// b.b, or l.b: the variance.
     pub(super) variance: f64,
-    /// R^T R of the residuals R = L V - V H.
-    gram: Array2<f64>,
-    /// (J V)^T R.
-    dual: Array2<f64>,
-    /// Slowest rate of decay of the model.
+    /// Slowest rate of decay of the model, or the inverse of the largest resolvent seen.
     slowest: f64,
     /// Frequencies solved for.
     pub(super) solved: Vec<f64>,
+}
+
+/// L or its transpose on a basis that begins with the state it is asked for.
+#[derive(Debug, Clone)]
+struct Side {
+    /// Upper Hessenberg.
+    matrix: Array2<f64>,
+    /// Size of the state.
+    size: f64,
+    /// R^T R of the residuals R = L V - V H.
+    gram: Array2<f64>,
+}
+
+/// What a solution is multiplied with.
+#[derive(Debug, Clone)]
+enum End {
+    /// b, and what v -> -v makes of the solution, (J V)^T R.
+    Mirrored { dual: Array2<f64> },
+    /// l on the basis, the transposed equation on a basis of its own, and the modes that decay, each with its part of the
+    /// variance.
+    Own {
+        state: Array1<f64>,
+        left: Side,
+        modes: Vec<[C; 2]>,
+    },
+}
+
+/// L and the states a spectrum is made of, Re l.(i omega - L)^{-1} b; l is b but for a friction that depends on the
+/// displacement.
+pub(super) struct Form {
+    pub(super) full: Hierarchy,
+    pub(super) adjoint: Option<Adjoint>,
 }
 
 /// Re b.(i omega - L)^{-1} b with a bound on its error.
@@ -64,29 +104,33 @@ pub(super) struct Answer {
 
 /// Builds a [`Reduced`] until it is good.
 struct Builder<'a> {
-    full: &'a Hierarchy,
+    form: &'a Form,
     /// Orthonormal rows.
     basis: Array2<f64>,
     /// What of L times each row the rows do not span.
     residuals: Array2<f64>,
+    /// The same of its transpose, where that is an operator of its own.
+    shadows: Array2<f64>,
     /// Products of the rows with L times the rows.
     matrix: Array2<f64>,
     solved: Vec<f64>,
+    /// The most that a resolvent has stretched a state.
+    stretched: f64,
 }
 
 impl Reduced {
-    /// The model of `full` whose error is at most `tolerance`, relative to the larger of the value and
+    /// The model of `form` whose error is at most `tolerance`, relative to the larger of the value and
     /// `floor` of its peak, at every one of the ascending `omegas`; or as near as `most` solves get. It begins with the
     /// frequencies `first`.
     pub(super) fn new(
-        full: &Hierarchy,
+        form: &Form,
         omegas: &[f64],
         tolerance: f64,
         floor: f64,
         (first, most): (&[f64], usize),
         go_on: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<Self> {
-        let mut builder = Builder::new(full);
+        let mut builder = Builder::new(form);
         let mut wanted = first.to_vec();
         if wanted.is_empty() {
             // A few frequencies spread over what is asked; the model shows where more are needed.
@@ -103,17 +147,17 @@ impl Reduced {
             let scale = |it: &Answer| it.value.abs().max(floor * peak);
             let excess: Vec<f64> = answers.iter().map(|it| it.error / scale(it)).collect();
             if builder.solved.len() >= most {
-                return Ok(model);
+                return model.with_modes();
             }
             wanted = worst(omegas, &excess, tolerance, &builder.solved);
             if wanted.is_empty() {
-                return Ok(model);
+                return model.with_modes();
             }
         }
     }
 
     pub(super) fn dimension(&self) -> usize {
-        self.matrix.nrows()
+        self.right.matrix.nrows()
     }
 
     pub(super) fn at(&self, omega: f64) -> Answer {
@@ -128,39 +172,116 @@ impl Reduced {
 
     /// The answers at some frequencies: their bilinear forms are matrix products.
     fn part(&self, omegas: &[f64]) -> Vec<Answer> {
-        let m = self.dimension();
-        // Real parts, and below them the imaginary ones.
-        let mut c = Array2::<f64>::zeros((2 * omegas.len(), m));
+        let c = self.right.solutions(omegas);
+        let residuals = self.right.residuals(&c);
+        match &self.end {
+            End::Mirrored { dual } => {
+                let dual = c.dot(&dual.t());
+                let size = self.right.size;
+                let answer = |k: usize| {
+                    let (re, im) = (c.row(2 * k), c.row(2 * k + 1));
+                    let correction = re.dot(&dual.row(2 * k)) - im.dot(&dual.row(2 * k + 1));
+                    Answer {
+                        value: size * c[[2 * k, 0]] + correction,
+                        error: residuals[k].max(0.0) / self.slowest
+                            + 1e-13 * size * c[[2 * k, 0]].hypot(c[[2 * k + 1, 0]]),
+                    }
+                };
+                (0..omegas.len()).map(answer).collect()
+            }
+            End::Own { state, left, .. } => {
+                let others = left.residuals(&left.solutions(omegas));
+                let answer = |k: usize| {
+                    let (re, im) = (c.row(2 * k), c.row(2 * k + 1));
+                    let product = residuals[k].max(0.0) * others[k].max(0.0);
+                    let size = (re.dot(&re) + im.dot(&im)).sqrt();
+                    Answer {
+                        value: state.dot(&re),
+                        error: product.sqrt() / self.slowest + 1e-14 * left.size * size,
+                    }
+                };
+                (0..omegas.len()).map(answer).collect()
+            }
+        }
+    }
+
+    /// The correlation function l.e^{L t} b at the times 0, step, 2 step, ...
+    pub(super) fn correlation(&self, step: f64, count: usize) -> Vec<f64> {
+        if let End::Own { modes, .. } = &self.end {
+            let value = |k: usize| -> f64 {
+                let t = step * k as f64;
+                modes
+                    .iter()
+                    .map(|[rate, part]| (part * (rate * t).exp()).re)
+                    .sum()
+            };
+            return (0..count).map(value).collect();
+        }
+        let over = exponential(&self.right.matrix, step);
+        let mut x = Array1::<f64>::zeros(self.dimension());
+        x[0] = self.variance;
+        let mut values = Vec::with_capacity(count);
+        for _ in 0..count {
+            values.push(x[0]);
+            x = over.dot(&x);
+        }
+        values
+    }
+
+    /// The same with its modes. Where v -> -v does not turn L into its transpose a projection may have modes that grow; what
+    /// they hold of a spectrum is within its error, and in time they are left out.
+    fn with_modes(mut self) -> Result<Self> {
+        let Side { matrix, size, .. } = &self.right;
+        if let End::Own { state, modes, .. } = &mut self.end {
+            let (rates, vectors) = eigen(&matrix.mapv(C::from))?;
+            let mut parts = vec![C::default(); rates.len()];
+            parts[0] = C::from(*size);
+            DenseLu::factor(&vectors)?.solve(&mut parts)?;
+            let all = rates.into_iter().zip(vectors.columns()).zip(parts);
+            *modes = all
+                .filter(|((rate, _), _)| rate.re < 0.0)
+                .map(|((rate, vector), part)| {
+                    let seen: C = vector.iter().zip(&*state).map(|(x, l)| x * l).sum();
+                    [rate, seen * part]
+                })
+                .collect();
+        }
+        Ok(self)
+    }
+}
+
+impl Side {
+    /// The solutions at some frequencies: real parts, and below each the imaginary one.
+    fn solutions(&self, omegas: &[f64]) -> Array2<f64> {
+        let mut c = Array2::<f64>::zeros((2 * omegas.len(), self.matrix.nrows()));
         for (k, omega) in omegas.iter().enumerate() {
             for (i, x) in self.solve(C::new(0.0, *omega)).into_iter().enumerate() {
                 (c[[2 * k, i]], c[[2 * k + 1, i]]) = (x.re, x.im);
             }
         }
-        let [gram, dual] = [&self.gram, &self.dual].map(|matrix| c.dot(&matrix.t()));
-        let size = self.variance.sqrt();
-        let answer = |k: usize| {
+        c
+    }
+
+    /// The squares of their residuals.
+    fn residuals(&self, c: &Array2<f64>) -> Vec<f64> {
+        let gram = c.dot(&self.gram.t());
+        let residual = |k: usize| {
             let (re, im) = (c.row(2 * k), c.row(2 * k + 1));
-            let correction = re.dot(&dual.row(2 * k)) - im.dot(&dual.row(2 * k + 1));
-            let residual = re.dot(&gram.row(2 * k)) + im.dot(&gram.row(2 * k + 1));
-            Answer {
-                value: size * c[[2 * k, 0]] + correction,
-                error: residual.max(0.0) / self.slowest
-                    + 1e-13 * size * c[[2 * k, 0]].hypot(c[[2 * k + 1, 0]]),
-            }
+            re.dot(&gram.row(2 * k)) + im.dot(&gram.row(2 * k + 1))
         };
-        (0..omegas.len()).map(answer).collect()
+        (0..c.nrows() / 2).map(residual).collect()
     }
 
     /// (shift - H)^{-1} |b| e_1, H upper Hessenberg: elimination with row exchanges.
     fn solve(&self, shift: C) -> Vec<C> {
-        let m = self.dimension();
+        let m = self.matrix.nrows();
         let row = |k: usize| {
             let mut row: Vec<C> = self.matrix.row(k).iter().map(|x| C::new(-x, 0.0)).collect();
             row[k] += shift;
             row
         };
         let mut x = vec![C::default(); m];
-        x[0] = C::new(self.variance.sqrt(), 0.0);
+        x[0] = C::new(self.size, 0.0);
         // Rows of the triangle that elimination leaves, and the one that is next.
         let mut above: Vec<Vec<C>> = Vec::with_capacity(m);
         let mut here = row(0);
@@ -190,35 +311,28 @@ impl Reduced {
         }
         x
     }
-
-    /// The correlation function b.e^{L t} b at the times 0, step, 2 step, ...
-    pub(super) fn correlation(&self, step: f64, count: usize) -> Vec<f64> {
-        let over = exponential(&self.matrix, step);
-        let mut x = Array1::<f64>::zeros(self.dimension());
-        x[0] = self.variance;
-        let mut values = Vec::with_capacity(count);
-        for _ in 0..count {
-            values.push(x[0]);
-            x = over.dot(&x);
-        }
-        values
-    }
 }
 
 impl<'a> Builder<'a> {
     /// Starts with b, L b and L L b, which hold the correlation function at short times.
-    fn new(full: &'a Hierarchy) -> Self {
+    fn new(form: &'a Form) -> Self {
+        let none = || Array2::zeros((0, form.full.len()));
         let mut it = Self {
-            full,
-            basis: Array2::zeros((0, full.len())),
-            residuals: Array2::zeros((0, full.len())),
+            form,
+            basis: none(),
+            residuals: none(),
+            shadows: none(),
             matrix: Array2::zeros((0, 0)),
             solved: Vec::new(),
+            stretched: 0.0,
         };
-        let start = full.start();
-        let once = full.apply(&start);
-        let twice = full.apply(&once);
-        it.add(vec![start, once, twice]);
+        let mut first = Vec::new();
+        for (full, start) in form.sides() {
+            let once = full.apply(&start);
+            let twice = full.apply(&once);
+            first.extend([start, once, twice]);
+        }
+        it.add(first);
         it
     }
 
@@ -228,28 +342,41 @@ impl<'a> Builder<'a> {
         go_on: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
         let late = || go_on(self.solved.len());
-        let start: Vec<C> = self.full.start().into_iter().map(C::from).collect();
-        let states: Vec<Result<Vec<Vec<f64>>>> = omegas
+        let sides = self.form.sides();
+        type States = (Vec<Vec<f64>>, f64);
+        let states: Vec<Result<States>> = omegas
             .par_iter()
             .map(|w| {
-                let inverse = Factored::new(self.full, C::new(0.0, *w), &late)?;
-                let mut states = Vec::new();
-                let mut state = start.clone();
-                for _ in 0..POWERS {
-                    state = inverse.solve(&state)?;
-                    let size = state.iter().map(C::norm_sqr).sum::<f64>().sqrt();
-                    for x in &mut state {
-                        *x /= size;
+                let (mut states, mut stretched) = (Vec::new(), 0.0f64);
+                let aside = if *w == 0.0 && sides.len() > 1 {
+                    ASIDE
+                } else {
+                    0.0
+                };
+                for (full, start) in &sides {
+                    let inverse = Factored::new(full, C::new(aside, *w), &late)?;
+                    let mut state: Vec<C> = start.iter().copied().map(C::from).collect();
+                    for power in 0..POWERS {
+                        state = inverse.solve(&state)?;
+                        let size = state.iter().map(C::norm_sqr).sum::<f64>().sqrt();
+                        if power > 0 {
+                            stretched = stretched.max(size);
+                        }
+                        for x in &mut state {
+                            *x /= size;
+                        }
+                        states.push(state.iter().map(|x| x.re).collect());
+                        states.push(state.iter().map(|x| x.im).collect());
                     }
-                    states.push(state.iter().map(|x| x.re).collect());
-                    states.push(state.iter().map(|x| x.im).collect());
                 }
-                Ok(states)
+                Ok((states, stretched))
             })
             .collect();
         let mut new = Vec::new();
         for states in states {
-            new.extend(states?);
+            let (states, stretched) = states?;
+            new.extend(states);
+            self.stretched = self.stretched.max(stretched);
         }
         self.add(new);
         self.solved.extend(omegas);
@@ -258,7 +385,7 @@ impl<'a> Builder<'a> {
 
     /// Adds what is new of some vectors: Gram and Schmidt, twice, first against all rows that are there.
     fn add(&mut self, vectors: Vec<Vec<f64>>) {
-        let len = self.full.len();
+        let len = self.form.full.len();
         let sizes: Vec<f64> = vectors.iter().map(|x| norm(x)).collect();
         let mut new = rows(&vectors, len);
         drop(vectors);
@@ -279,7 +406,10 @@ impl<'a> Builder<'a> {
             }
         }
         let kept: Vec<Vec<f64>> = kept.into_iter().map(|x| x.to_vec()).collect();
-        let images: Vec<Vec<f64>> = kept.par_iter().map(|x| self.full.apply(x)).collect();
+        let images: Vec<Vec<f64>> = kept.par_iter().map(|x| self.form.full.apply(x)).collect();
+        let transposed = self.form.adjoint.as_ref().map(|it| &it.operator);
+        let shadows: Option<Vec<Vec<f64>>> =
+            transposed.map(|it| kept.par_iter().map(|x| it.apply(x)).collect());
         let (kept, images) = (rows(&kept, len), rows(&images, len));
         // What the new rows hold of the old residuals, and all rows of the new images.
         let held = self.residuals.dot(&kept.t());
@@ -290,29 +420,86 @@ impl<'a> Builder<'a> {
         self.matrix = join(Axis(1), &matrix, &held.t());
         let left = images - held.dot(&self.basis);
         self.residuals = join(Axis(0), &self.residuals, &left.view());
+        if let Some(shadows) = shadows {
+            let held = self.shadows.dot(&kept.t());
+            self.shadows -= &held.dot(&kept);
+            let shadows = rows(&shadows, len);
+            let held = shadows.dot(&self.basis.t());
+            let left = shadows - held.dot(&self.basis);
+            self.shadows = join(Axis(0), &self.shadows, &left.view());
+        }
     }
 
     fn model(&self) -> Result<Reduced> {
         let mut matrix = self.matrix.clone();
         let mut gram = self.residuals.dot(&self.residuals.t());
-        let product = |part: Slice| {
-            let cut = |of: &Array2<f64>| of.slice_axis(Axis(1), part).to_owned();
-            cut(&self.basis).dot(&cut(&self.residuals).t())
+        let start = self.form.full.start();
+        let Some(adjoint) = &self.form.adjoint else {
+            let product = |part: Slice| {
+                let cut = |of: &Array2<f64>| of.slice_axis(Axis(1), part).to_owned();
+                cut(&self.basis).dot(&cut(&self.residuals).t())
+            };
+            let even = self.form.full.even();
+            let mut dual = product(Slice::from(..even)) - product(Slice::from(even..));
+            let values = eigenvalues(&matrix)?;
+            let slowest = values.iter().map(|it| -it.re).fold(f64::INFINITY, f64::min);
+            hessenberg(&mut matrix, &mut [&mut gram, &mut dual], &mut []);
+            let variance = ArrayView1::from(&start).dot(&ArrayView1::from(&start));
+            return Ok(Reduced {
+                right: Side {
+                    matrix,
+                    size: variance.sqrt(),
+                    gram,
+                },
+                end: End::Mirrored { dual },
+                variance,
+                slowest: slowest.max(f64::MIN_POSITIVE),
+                solved: self.solved.clone(),
+            });
         };
-        let even = self.full.even();
-        let mut dual = product(Slice::from(..even)) - product(Slice::from(even..));
-        let values = eigenvalues(&matrix)?;
-        let slowest = values.iter().map(|it| -it.re).fold(f64::INFINITY, f64::min);
-        hessenberg(&mut matrix, &mut [&mut gram, &mut dual]);
-        let start = self.full.start();
+        let weighed = ArrayView1::from(&adjoint.start);
+        let mut state = self.basis.dot(&weighed);
+        // The transposed equation on the basis that begins with its own state.
+        let (mut turned, size) = (matrix.t().to_owned(), state.dot(&state).sqrt());
+        let mut shadow = self.shadows.dot(&self.shadows.t());
+        let mut u = &state / size;
+        u[0] += 1f64.copysign(u[0]);
+        let whole = Slice::from(..);
+        for a in [&mut turned, &mut shadow] {
+            reflect(a, &u, whole);
+        }
+        hessenberg(&mut turned, &mut [&mut shadow], &mut []);
+        hessenberg(&mut matrix, &mut [&mut gram], &mut [&mut state]);
         Ok(Reduced {
-            matrix,
-            variance: ArrayView1::from(&start).dot(&ArrayView1::from(&start)),
-            gram,
-            dual,
-            slowest: slowest.max(f64::MIN_POSITIVE),
+            right: Side {
+                matrix,
+                size: norm(&start),
+                gram,
+            },
+            end: End::Own {
+                state,
+                left: Side {
+                    matrix: turned,
+                    size,
+                    gram: shadow,
+                },
+                modes: Vec::new(),
+            },
+            variance: weighed.dot(&ArrayView1::from(&start)),
+            slowest: 1.0 / (STRETCHED * self.stretched).max(f64::MIN_POSITIVE),
             solved: self.solved.clone(),
         })
+    }
+}
+
+impl Form {
+    /// The operators, each with the state it is asked for.
+    fn sides(&self) -> Vec<(&Hierarchy, Vec<f64>)> {
+        let beside = self.adjoint.iter();
+        let beside = beside.map(|it| (&it.operator, it.start.clone()));
+        std::iter::once((&self.full, self.full.start()))
+            .chain(beside)
+            .collect()
     }
 }
 
@@ -346,37 +533,48 @@ fn worst(omegas: &[f64], excess: &[f64], tolerance: f64, solved: &[f64]) -> Vec<
 }
 
 /// Householder reduction to upper Hessenberg form that leaves the first vector alone; the same change of
-/// basis for the other matrices.
-fn hessenberg(matrix: &mut Array2<f64>, others: &mut [&mut Array2<f64>]) {
+/// basis for the other matrices and vectors.
+fn hessenberg(
+    matrix: &mut Array2<f64>,
+    others: &mut [&mut Array2<f64>],
+    vectors: &mut [&mut Array1<f64>],
+) {
     let m = matrix.nrows();
     for k in 0..m.saturating_sub(2) {
         let below = Slice::from(k + 1..);
         let mut u = matrix.column(k).slice_axis(Axis(0), below).to_owned();
         let size = u.dot(&u).sqrt();
         u[0] += size.copysign(u[0]);
-        let norm = u.dot(&u);
-        if norm == 0.0 {
+        if u.dot(&u) == 0.0 {
             continue;
         }
-        let reflect = |a: &mut Array2<f64>| {
-            let mut rows = a.slice_axis_mut(Axis(0), below);
-            let along = u.dot(&rows) * (2.0 / norm);
-            for (mut row, u) in rows.rows_mut().into_iter().zip(&u) {
-                row.scaled_add(-u, &along);
-            }
-            let mut columns = a.slice_axis_mut(Axis(1), below);
-            let along = columns.dot(&u) * (2.0 / norm);
-            for (mut row, a) in columns.rows_mut().into_iter().zip(&along) {
-                row.scaled_add(-a, &u);
-            }
-        };
-        reflect(matrix);
+        reflect(matrix, &u, below);
         for other in others.iter_mut() {
-            reflect(other);
+            reflect(other, &u, below);
+        }
+        for vector in vectors.iter_mut() {
+            let mut part = vector.slice_axis_mut(Axis(0), below);
+            let along = u.dot(&part) * (2.0 / u.dot(&u));
+            part.scaled_add(-along, &u);
         }
         matrix
             .slice_axis_mut(Axis(0), Slice::from(k + 2..))
             .column_mut(k)
             .fill(0.0);
+    }
+}
+
+/// Reflects rows and columns of a matrix.
+fn reflect(a: &mut Array2<f64>, u: &Array1<f64>, part: Slice) {
+    let norm = u.dot(u);
+    let mut rows = a.slice_axis_mut(Axis(0), part);
+    let along = u.dot(&rows) * (2.0 / norm);
+    for (mut row, u) in rows.rows_mut().into_iter().zip(u) {
+        row.scaled_add(-u, &along);
+    }
+    let mut columns = a.slice_axis_mut(Axis(1), part);
+    let along = columns.dot(u) * (2.0 / norm);
+    for (mut row, a) in columns.rows_mut().into_iter().zip(&along) {
+        row.scaled_add(-a, u);
     }
 }

@@ -1,12 +1,14 @@
 //! From a tolerance to a spectrum: finer and finer operators.
 
 use super::curve::{FLOOR, Spectrum};
-use super::reduced::{Answer, POWERS, Reduced};
+use super::reduced::{Answer, Form, POWERS, Reduced};
 use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::hermite::{DEGREE, Hierarchy, Resolution};
+use crate::fokker_planck::hermite::{
+    Adjoint, DEGREE, Hierarchy, REACH, Resolution, work as friction_work,
+};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
@@ -59,6 +61,8 @@ pub(crate) struct Resolvent {
     tolerance: f64,
     /// Frequencies that a model is expected to be made of.
     solves: f64,
+    /// Whether friction depends on the displacement.
+    local: bool,
     /// What it will take: cells are functions of q and of v, steps frequencies to solve for.
     pub(crate) cost: Cost,
 }
@@ -75,7 +79,7 @@ impl Resolvent {
         // the less damped, the finer. Fitted by eye to about thirty runs, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
         // frequencies solved for.
         let hot = oscillator.temperature().max(1e-3).log10() + 0.2;
-        let damped = (oscillator.zeta() / 0.005).log10();
+        let damped = (0.5 * oscillator.reference_friction() / 0.005).log10();
         let digits = -settings.tolerance.max(1e-12).log10() - 3.0;
         let octaves = (until.max(0.1) / 3.0).log2();
         let rounds = 3.0 + 2.1 * hot - 2.7 * damped + digits + octaves;
@@ -86,12 +90,14 @@ impl Resolvent {
         };
         let rounds = settings.cells.map_or(rounds, |_| 1.0);
         let finest = first.finer(FINER.powf(rounds), HIGHER * rounds);
-        let Work { seconds, memory } = work(finest, solves);
+        let local = !oscillator.is_viscous();
+        let Work { seconds, memory } = work(finest, solves, local);
         Self {
             first,
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             solves,
+            local,
             cost: Cost {
                 cells: [finest.across(), 2 * finest.pairs],
                 steps: solves as u64,
@@ -137,15 +143,22 @@ impl Resolvent {
 const OVERHEAD: f64 = 2e-4;
 
 /// What the model of one resolution takes.
-fn work(it: Resolution, solves: f64) -> Work {
+fn work(it: Resolution, solves: f64, local: bool) -> Work {
     let threads = rayon::current_num_threads() as f64;
-    let vectors = 2.0 * POWERS as f64 * solves;
+    // The transpose is an operator of its own where friction depends on the displacement.
+    let (sides, memory, operations) = if local {
+        let (memory, operations) = friction_work(it);
+        (2.0, memory, operations)
+    } else {
+        (1.0, it.memory(), it.operations())
+    };
+    let vectors = sides * 2.0 * POWERS as f64 * solves;
     // Basis, residuals, and copies of both while they grow.
     let states = 4.0 * 8.0 * vectors * it.len() as f64;
     let products = 12.0 * vectors * vectors * it.len() as f64;
     Work {
-        seconds: (solves * it.operations() + products) * timing::OPERATION / threads,
-        memory: it.memory() * threads as u64 + states as u64,
+        seconds: (sides * solves * operations + products) * timing::OPERATION / threads,
+        memory: memory * threads as u64 + states as u64,
     }
 }
 
@@ -188,9 +201,10 @@ impl Question for Task<'_> {
             let text = format!("the next resolution has more than {WIDEST} functions of q");
             return stop(text, true);
         }
-        let solves = self.recipe.solves;
-        let then = self.last.is_none().then(|| work(finer(self.next), solves));
-        let now = work(self.next, solves);
+        let Resolvent { solves, local, .. } = *self.recipe;
+        let then = self.last.is_none();
+        let then = then.then(|| work(finer(self.next), solves, local));
+        let now = work(self.next, solves, local);
         Ok(Next::Run { now, then })
     }
 
@@ -204,7 +218,13 @@ impl Question for Task<'_> {
             quantity,
             ..
         } = self;
-        let full = Hierarchy::new(self.oscillator, *quantity, *next)?;
+        let weighed = self.oscillator.weighed(REACH);
+        let full = Hierarchy::new(&weighed, *quantity, *next)?;
+        let late = || limits.in_time(|| "the stationary law of the spectrum was not found".into());
+        let form = Form {
+            adjoint: Adjoint::of(&weighed, &full, *quantity, &late)?,
+            full,
+        };
         let go_on = |solved: usize| {
             progress((solved as f64 / recipe.solves).min(1.0));
             limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
@@ -212,7 +232,7 @@ impl Question for Task<'_> {
         // A resolution that is compared with a coarser one need not be known much better than that one was.
         let known = self.best.as_ref().map_or(ROUGH, |it| ROUGH * it.worst().0);
         let model = Reduced::new(
-            &full,
+            &form,
             control,
             MODEL * recipe.tolerance.max(if recipe.given { 0.0 } else { known }),
             FLOOR,
@@ -245,6 +265,7 @@ impl Question for Task<'_> {
                 omega: omegas.to_vec(),
                 density: estimates(omegas, &answers, control, &change, left),
                 variance: model.variance,
+                mean: form.adjoint.as_ref().map(|it| it.mean),
                 functions: [next.across(), 2 * next.pairs],
                 solves: model.solved.len(),
                 dimension: model.dimension(),

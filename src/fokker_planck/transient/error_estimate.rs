@@ -280,7 +280,7 @@ impl Errors {
                 .outputs
                 .iter()
                 .map(|it| match run.settled {
-                    Some(since) if it.t >= since => it.distance,
+                    Some(since) if it.t >= since => it.distance + it.doubt[1],
                     _ => 0.0,
                 })
                 .collect(),

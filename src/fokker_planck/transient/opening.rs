@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::hermite::Kept;
+use crate::fokker_planck::hermite::{Column, Kept, SAFETY, Settled};
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::packet::{Fineness, Packet, STRONG};
@@ -21,7 +21,7 @@ use std::cell::RefCell;
 pub(super) struct Opening<'a> {
     oscillator: &'a Oscillator,
     /// The stationary law, where it is not exp(-H/T)/Z.
-    law: Option<&'a Kept>,
+    law: Option<&'a Settled>,
     rung: &'a Rung,
     packet: Packet,
     /// The cells there would be without regard to the initial condition; None for a law that leaves every domain,
@@ -50,6 +50,27 @@ impl Loss {
     }
 }
 
+/// A solved law at points that come displacement by displacement.
+struct Columns<'a> {
+    law: &'a Kept,
+    column: RefCell<Column<'a>>,
+}
+
+impl<'a> Columns<'a> {
+    fn of(law: &'a Kept) -> Self {
+        let column = RefCell::new(law.column(f64::NAN));
+        Self { law, column }
+    }
+
+    fn density(&self, q: f64, v: f64) -> f64 {
+        let mut column = self.column.borrow_mut();
+        if column.q() != q {
+            *column = self.law.column(q);
+        }
+        column.density(v)
+    }
+}
+
 /// What a packet says at an output time.
 pub(super) struct Look {
     pub(super) moments: Moments,
@@ -57,6 +78,8 @@ pub(super) struct Look {
     pub(super) negative: f64,
     pub(super) entropy: f64,
     pub(super) distance: f64,
+    /// What a stationary law that is solved for may be off in both.
+    pub(super) doubt: [f64; 2],
 }
 
 /// Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the
@@ -161,7 +184,7 @@ impl<'a> Opening<'a> {
         rung: &'a Rung,
         oscillator: &'a Oscillator,
         initial: &Initial,
-        law: Option<&'a Kept>,
+        law: Option<&'a Settled>,
     ) -> Result<Option<Self>> {
         if !rung.opens_on_moving_grid() {
             return Ok(None);
@@ -377,15 +400,10 @@ impl<'a> Opening<'a> {
         let packet = &self.packet;
         let law = self.oscillator.displacement_law().ok();
         let temperature = self.oscillator.temperature();
-        let column = self.law.map(|law| RefCell::new(law.column(f64::NAN)));
+        let solved = self.law.map(|it| [&it.law, &it.coarser].map(Columns::of));
         let stationary = |[q, v]: [f64; 2]| {
-            if let Some((column, law)) = column.as_ref().zip(self.law) {
-                // Points come displacement by displacement.
-                let mut column = column.borrow_mut();
-                if column.q() != q {
-                    *column = law.column(q);
-                }
-                return column.density(v);
+            if let Some([solved, _]) = &solved {
+                return solved.density(q, v);
             }
             law.as_ref().map_or(0.0, |law| {
                 let scale = (std::f64::consts::TAU * temperature).sqrt();
@@ -400,6 +418,7 @@ impl<'a> Opening<'a> {
                 negative: 0.0,
                 entropy: f64::INFINITY,
                 distance: 2.0,
+                doubt: [0.0; 2],
             };
         }
         Look {
@@ -416,6 +435,21 @@ impl<'a> Opening<'a> {
             }),
             // Both integrals are 1: |p - p_s| is twice its positive part, which lies in the packet.
             distance: 2.0 * packet.sum(|x, p| (p - stationary(x)).max(0.0)),
+            doubt: solved
+                .as_ref()
+                .zip(self.law)
+                .map_or([0.0; 2], |(both, law)| {
+                    let apart = packet.sum(|[q, v], p| {
+                        let [one, other] = both.each_ref().map(|it| it.density(q, v));
+                        let known = p > 0.0 && one > 0.0 && other > 0.0;
+                        if known {
+                            p * (one / other).ln().abs()
+                        } else {
+                            0.0
+                        }
+                    });
+                    [SAFETY * apart, law.error]
+                }),
         }
     }
 

@@ -29,9 +29,8 @@ pub struct Reached {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Reach {
     moment: Moment,
-    /// The level, and the stationary value that the moment tends to.
-    level: f64,
-    stationary: f64,
+    /// The level over the stationary value that the moment tends to.
+    fraction: f64,
     settings: Settings,
     times: Vec<f64>,
     first: Recipe,
@@ -57,14 +56,14 @@ const FINEST: f64 = 1e-10;
 const AGAIN: f64 = 1.0;
 
 impl Reach {
-    /// The recipe for the time at which `moment` is `fraction` of its `stationary` value.
+    /// The recipe for the time at which `moment` is `fraction` of its stationary value.
     ///
     /// # Errors
     /// Those of [`Recipe::of`].
     pub(crate) fn of(
         (oscillator, initial): (&Oscillator, &Initial),
         moment: Moment,
-        (fraction, stationary): (f64, f64),
+        fraction: f64,
         settings: &Settings,
     ) -> Result<Self> {
         let zeta = oscillator.zeta();
@@ -83,8 +82,7 @@ impl Reach {
         };
         Ok(Self {
             moment,
-            level: fraction * stationary,
-            stationary,
+            fraction,
             settings,
             times,
             first,
@@ -102,13 +100,14 @@ impl Reach {
         )
     }
 
-    /// Finds the time.
+    /// Finds the time; what the `stationary` value may be off is in its error.
     ///
     /// # Errors
     /// Those of a transient, of the first course.
     pub(crate) fn solve(
         &self,
         problem: (&Oscillator, &Initial),
+        stationary: Estimate,
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Reached> {
@@ -134,7 +133,7 @@ impl Reach {
                 }
                 (Err(error), _) => return Err(error),
             };
-            let crossing = match self.look(&it, &mut side) {
+            let crossing = match self.look(&it, stationary, &mut side) {
                 Seen::Crossing(crossing) => crossing,
                 Seen::AtOnce => {
                     let words = "the initial condition has that fraction already";
@@ -211,8 +210,9 @@ impl Reach {
     }
 
     /// What a course shows.
-    fn look(&self, it: &Transient, side: &mut Option<f64>) -> Seen {
-        let Some(curve) = Curve::of(self.moment, self.level, it, side) else {
+    fn look(&self, it: &Transient, stationary: Estimate, side: &mut Option<f64>) -> Seen {
+        let level = stationary.scaled(self.fraction);
+        let Some(curve) = Curve::of(self.moment, level, it, side) else {
             return Seen::Never("it does not exist at every time".into());
         };
         if curve.at_once() {
@@ -227,9 +227,9 @@ impl Reach {
             value(curve.values.first()),
             value(curve.values.last()),
             it.times.last().copied().unwrap_or(0.0),
-            self.level
+            level.value
         );
-        if curve.rests(self.stationary) {
+        if curve.rests(stationary) {
             Seen::Never(words)
         } else {
             Seen::NotYet(words)
@@ -298,10 +298,23 @@ impl Crossing {
 impl<'a> Curve<'a> {
     /// None where the moment does not exist at some time. `side` remembers from which side the first course began: a
     /// course about the crossing does not see it.
-    fn of(moment: Moment, level: f64, it: &'a Transient, side: &mut Option<f64>) -> Option<Self> {
-        let values = it.moments.iter().map(|at| at.get(moment));
+    fn of(
+        moment: Moment,
+        level: Estimate,
+        it: &'a Transient,
+        side: &mut Option<f64>,
+    ) -> Option<Self> {
+        // A level that is not known is as if the values were not.
+        let values = it.moments.iter().map(|at| {
+            let value = at.get(moment)?;
+            Some(Estimate::new(
+                value.value,
+                value.error + level.error,
+                value.origin,
+            ))
+        });
         let values: Option<Vec<Estimate>> = values.collect();
-        let values = values?;
+        let (values, level) = (values?, level.value);
         if values.iter().any(|it| !it.value.is_finite()) {
             return None;
         }
@@ -325,9 +338,9 @@ impl<'a> Curve<'a> {
     }
 
     /// Whether the last value is the stationary one within its error.
-    fn rests(&self, stationary: f64) -> bool {
+    fn rests(&self, stationary: Estimate) -> bool {
         let last = self.values.last();
-        last.is_some_and(|it| (it.value - stationary).abs() <= it.error)
+        last.is_some_and(|it| (it.value - stationary.value).abs() <= it.error)
     }
 
     /// Height over the level.

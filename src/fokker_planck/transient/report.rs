@@ -116,10 +116,10 @@ impl Task<'_> {
             ));
         }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);
-        let both = |f: fn(&Output) -> f64| -> Vec<Option<Estimate>> {
+        let both = |f: fn(&Output) -> f64, law: usize| -> Vec<Option<Estimate>> {
             pairs()
                 .map(|(a, b)| {
-                    let error = (f(a) - f(b)).abs() + outside;
+                    let error = (f(a) - f(b)).abs() + outside + a.doubt[law];
                     known.then(|| Estimate::new(f(a), error, Origin::Space))
                 })
                 .collect()
@@ -151,8 +151,8 @@ impl Task<'_> {
                     Estimate::new(a.negative, error, Origin::Space)
                 })
                 .collect(),
-            relative_entropy: both(|o| o.entropy),
-            distance: both(|o| o.distance),
+            relative_entropy: both(|o| o.entropy, 0),
+            distance: both(|o| o.distance, 1),
             method: Method {
                 name: self.recipe.name(),
                 reason,

@@ -8,7 +8,7 @@ use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
-use crate::fokker_planck::hermite::Kept;
+use crate::fokker_planck::hermite::{SAFETY, Settled};
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
@@ -31,6 +31,8 @@ pub(super) struct Output {
     pub(super) undershoot: [f64; 11],
     pub(super) entropy: f64,
     pub(super) distance: f64,
+    /// What a stationary law that is solved for may be off in both.
+    pub(super) doubt: [f64; 2],
     pub(super) snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a packet not counted.
     pub(super) steps: u64,
@@ -78,7 +80,7 @@ pub(super) struct Task<'a> {
     pub(super) recipe: &'a Recipe,
     pub(super) limits: &'a Limits,
     /// The stationary law, where it is not the one that g is taken against.
-    pub(super) law: Option<&'a Kept>,
+    pub(super) law: Option<&'a Settled>,
 }
 
 /// Distance to the stationary law at which a run stops, over the tolerance.
@@ -177,10 +179,11 @@ impl Task<'_> {
             .as_ref()
             .map_or(oscillator, |it| it.reference());
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
-        let law = self
-            .law
-            .map(|law| propagator.sampled(&|points| law.densities(points)));
-        let (mut density, handed) = match (&opening, &law) {
+        let laws = self.law.map(|it| {
+            [&it.law, &it.coarser].map(|law| propagator.sampled(&|points| law.densities(points)))
+        });
+        let law = laws.as_ref().map(|it| &it[0]);
+        let (mut density, handed) = match (&opening, law) {
             (None, Some(law)) if *initial == Initial::Stationary => (law.clone(), 0.0),
             (None, _) => (propagator.start(oscillator, initial)?, 0.0),
             (Some(opening), _) => opening.density(&propagator),
@@ -201,6 +204,9 @@ impl Task<'_> {
             let packet = it.packet();
             (packet.time(), it.loss().and(handed), packet.steps())
         });
+        // What is solved for begins with its own error.
+        let begun = self.law.filter(|_| *initial == Initial::Stationary);
+        let spent = spent.and(begun.map_or(0.0, |law| law.error));
         propagator.set_time(now);
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
@@ -216,7 +222,7 @@ impl Task<'_> {
                     }
                     progress((now + done) / until);
                     in_time(now + done)?;
-                    let distance = || match &law {
+                    let distance = || match law {
                         None => density.distance(&weights, &columns),
                         Some(law) => density.distance_to(law, &columns),
                     };
@@ -231,7 +237,7 @@ impl Task<'_> {
             outputs.push(Output {
                 steps: propagator.steps(),
                 opening: spent,
-                ..self.observe(t, &propagator, &observables, (&density, law.as_ref()))
+                ..self.observe(t, &propagator, &observables, (&density, laws.as_ref()))
             });
         }
         let step = propagator.step();
@@ -292,9 +298,10 @@ impl Task<'_> {
         t: f64,
         propagator: &Propagator,
         observables: &Observables,
-        (density, law): (&Density, Option<&Density>),
+        (density, laws): (&Density, Option<&[Density; 2]>),
     ) -> Output {
         let (weights, columns) = (propagator.weights(), propagator.columns());
+        let law = laws.map(|it| &it[0]);
         let wanted = self.density_times.contains(&t);
         let g = propagator.ratio(density);
         let mut moments = observables.raw(&g).moments(observables.contact());
@@ -314,6 +321,9 @@ impl Task<'_> {
                 || density.distance(weights, columns),
                 |law| density.distance_to(law, columns),
             ),
+            doubt: laws.zip(self.law).map_or([0.0; 2], |([law, coarser], it)| {
+                [SAFETY * density.entropy_between(law, coarser), it.error]
+            }),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
             opening: Loss::default(),
@@ -335,6 +345,7 @@ impl Task<'_> {
             undershoot: [0.0; 11],
             entropy: look.entropy,
             distance: look.distance,
+            doubt: look.doubt,
             snapshot: wanted.then(|| opening.snapshot()).transpose()?,
             steps: 0,
             opening: opening.loss(),

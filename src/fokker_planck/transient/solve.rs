@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work};
 use crate::fokker_planck::flux::Drift;
-use crate::fokker_planck::hermite::{Kept, LAW};
+use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::Settings;
 use crate::initial::Initial;
@@ -123,7 +123,7 @@ impl Recipe {
         let law = if oscillator.is_viscous() || !displacement {
             None
         } else {
-            Some(Kept::new(oscillator, LAW, &late)?)
+            Some(Settled::within(oscillator, SHARE * self.tolerance, &late)?)
         };
         let task = Task {
             oscillator,
@@ -140,6 +140,9 @@ impl Recipe {
         ladder::climbed(&task, progress)
     }
 }
+
+/// Share of the tolerance that is left to a stationary law that is solved for.
+const SHARE: f64 = 0.1;
 
 /// How far ahead the relaxation of upwind drift with backward Euler is: c of the energy, of diffusion
 /// along q, |v| dq/2 beside T/(2 zeta) where friction rules, and of steps dt, which damp an oscillation by

@@ -7,6 +7,7 @@ use ndarray::Array2;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
 use vibroimpact::estimate::Estimate;
+use vibroimpact::moments::Moment;
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::report::plot::{Chart, Curve, Ink, Stroke, charts};
 use vibroimpact::report::{File, data};
@@ -27,6 +28,7 @@ pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
         "figure-10" | "figure-11" | "figure-12" => charts_of(&|run| spectrum(run, known, false))?,
         "figure-13" => charts_of(&|run| both_laws(run, known))?,
         "approach" => charts_of(&|run| Ok(approach(run)))?,
+        "damping-laws" => dampings(runs),
         _ => Vec::new(),
     };
     if panels.is_empty() {
@@ -286,6 +288,57 @@ fn spectra(run: &Run, on_the_rig: bool, curves: Vec<Curve>) -> Chart {
         log: true,
         curves,
     }
+}
+
+/// Deviation of N, its skewness and the probability of a loss under each damping law, over those of the viscous one.
+fn dampings(runs: &[Run]) -> Vec<Chart> {
+    let number = |run: &Run, moment: Moment| {
+        let law = run.results.stationary.as_ref()?;
+        // What hardly ever happens has no ratio that a picture could show.
+        law.get(moment.name())
+            .filter(|it| it.value > 1e-6 && it.value > 10.0 * it.error)
+    };
+    let inks = [
+        ("viscous", Ink::Black, Stroke::Line),
+        ("contact", Ink::Vermilion, Stroke::Circles),
+        ("hunt_crossley", Ink::Blue, Stroke::Circles),
+    ];
+    let chart = |(moment, words, y): (Moment, &str, (f64, f64))| {
+        let curve = |(name, ink, stroke): (&str, Ink, Stroke)| {
+            let of = runs
+                .iter()
+                .filter(|run| run.results.scene.oscillator.damping().name() == name);
+            let point = |run: &Run| {
+                let h = run.results.scene.oscillator.h();
+                let base = runs.iter().find(|it| {
+                    let it = &it.results.scene.oscillator;
+                    it.h() == h && it.is_viscous()
+                })?;
+                Some((
+                    h.log10(),
+                    number(run, moment)?.value / number(base, moment)?.value,
+                ))
+            };
+            Curve::new(name, ink, stroke, of.filter_map(point).collect())
+        };
+        Chart {
+            title: format!("{words} over that of viscous damping"),
+            x_label: "log10 h".into(),
+            y_label: "ratio".into(),
+            x: (-5.7, -2.3),
+            y,
+            log: false,
+            curves: inks.into_iter().map(curve).collect(),
+        }
+    };
+    [
+        (Moment::StdForce, "deviation of N", (0.9, 1.2)),
+        (Moment::SkewnessForce, "skewness of N", (0.8, 1.6)),
+        (Moment::ContactLossProbability, "P(q < -3/2)", (0.5, 2.5)),
+    ]
+    .into_iter()
+    .map(chart)
+    .collect()
 }
 
 /// Relative entropy, L1 distance and loss probability against time.
