@@ -292,9 +292,10 @@ impl Question for Task<'_> {
                 .iter()
                 .copied()
                 .fold(0.0, f64::max);
+            let rounding = ROUNDING.max(SAFETY * kept.rounding());
             let error = |k: usize| {
                 let largest = last[k].max(BEFORE * earlier[k]).max(POOLED * pooled);
-                scales[k] * (SAFETY * largest + ROUNDING)
+                scales[k] * (SAFETY * largest + rounding)
             };
             let mut moments = fine.moments;
             let mut worst = (0.0, "mean_q");

@@ -33,6 +33,8 @@ pub(in crate::fokker_planck) struct Kept {
     raw: RawMoments,
     /// E[c v^2].
     dissipated: f64,
+    /// What rounding leaves open, relative to the size of the law.
+    rounding: f64,
 }
 
 /// Bytes and floating-point operations of a factorisation at a resolution.
@@ -44,8 +46,11 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
     (shape.memory(), shape.operations())
 }
 
-/// The stationary law over the weights, as coefficients of the functions with hats as they are: inverse iteration on the
-/// transpose of the operator, from no structure.
+/// A null vector that still changes by more is none.
+const LOST: f64 = 1e-6;
+
+/// The stationary law over the weights, as coefficients of the functions with hats as they are, and what rounding leaves of it
+/// open: inverse iteration on the transpose of the operator, from no structure.
 ///
 /// # Errors
 /// [`Error::Linear`] if the iteration does not settle; those of `late`.
@@ -53,7 +58,7 @@ pub(super) fn null(
     oscillator: &Oscillator,
     full: &Hierarchy,
     late: &dyn Fn() -> Result<()>,
-) -> Result<Vec<f64>> {
+) -> Result<(Vec<f64>, f64)> {
     let forward = match &full.local {
         Some(local) => local.transposed(),
         None => full.whole(oscillator).transposed(),
@@ -78,20 +83,20 @@ pub(super) fn null(
         let parts = x.iter().zip(&before).map(|(a, b)| (a.re - b.re).powi(2));
         let now = parts.sum::<f64>().sqrt();
         // Settled when rounding no longer lets the change fall.
-        let settled = now < 1e-12 || (now < 1e-9 && now > 0.5 * change);
+        let settled = now < 1e-12 || (now < LOST && now > 0.5 * change);
         change = now;
         if settled {
             break;
         }
     }
-    if change > 1e-9 || change.is_nan() {
+    if change > LOST || change.is_nan() {
         let what = format!("inverse iteration still changes by {change:.1e} after 30 solves");
         return Err(Error::Linear {
             stage: "stationary law",
             what,
         });
     }
-    Ok(x.into_iter().map(|x| x.re).collect())
+    Ok((x.into_iter().map(|x| x.re).collect(), change))
 }
 
 /// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
@@ -134,7 +139,7 @@ impl Settled {
             resolution = resolution.finer(FINER, HIGHER);
             count += 1;
             let law = Kept::new(oscillator, resolution, late)?;
-            let error = SAFETY * law.distance(&before);
+            let error = SAFETY * (law.distance(&before) + law.rounding);
             if error <= tolerance || count == MOST {
                 return Ok(Self {
                     law,
@@ -172,7 +177,7 @@ impl Adjoint {
         let Some(operator) = full.transposed() else {
             return Ok(None);
         };
-        let law = null(oscillator, full, late)?;
+        let (law, _) = null(oscillator, full, late)?;
         let (basis, k) = (&full.basis, full.pairs);
         let product = |f: &dyn Fn(f64) -> f64| {
             let mut state = times(basis, k, f, &law);
@@ -212,8 +217,9 @@ impl Kept {
     ) -> Result<Self> {
         let oscillator = &oscillator.weighed(REACH);
         let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;
-        let x = null(oscillator, &full, late)?;
-        Self::read(oscillator, &full, &x)
+        let (x, rounding) = null(oscillator, &full, late)?;
+        let law = Self::read(oscillator, &full, &x)?;
+        Ok(Self { rounding, ..law })
     }
 
     fn read(oscillator: &Oscillator, full: &Hierarchy, x: &[f64]) -> Result<Self> {
@@ -227,6 +233,7 @@ impl Kept {
             means: vec![0.0; 2 * k],
             raw: RawMoments::default(),
             dissipated: 0.0,
+            rounding: 0.0,
         };
         let t = it.temperature;
         let legendre = gauss::<POINTS>();
@@ -301,6 +308,11 @@ impl Kept {
     /// Expectations, not divided by their mass.
     pub(in crate::fokker_planck) fn raw(&self) -> RawMoments {
         self.raw
+    }
+
+    /// What rounding leaves open, relative to the size of the law.
+    pub(in crate::fokker_planck) fn rounding(&self) -> f64 {
+        self.rounding
     }
 
     /// E\[c v^2\], which is pi h.
