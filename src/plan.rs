@@ -430,27 +430,7 @@ impl Plan {
                 self.recipes.transient = Some(recipe);
                 cost
             }
-            Part::Reach => {
-                let ReachRequest { quantity, fraction } = self.reach()?;
-                let problem = (oscillator, initial);
-                let recipe = Reach::of(problem, quantity, fraction, &self.settings)?;
-                let mut cost = (recipe.cost, recipe.words());
-                if oscillator.is_viscous() {
-                    self.reached(quantity, Stationary::of(oscillator)?.moments())?;
-                } else {
-                    // The law is solved for anew, as exactly as a level must be known.
-                    let settings = Settings {
-                        tolerance: LEVEL * self.settings.tolerance,
-                        cells: None,
-                        ..self.settings.clone()
-                    };
-                    let law = StationaryState::of(oscillator, &settings)?;
-                    cost.0.seconds += law.cost.seconds;
-                    self.recipes.level = Some(law);
-                }
-                self.recipes.reach = Some(recipe);
-                cost
-            }
+            Part::Reach => self.reach_cost()?,
             Part::Periodic => {
                 let phases = self.scene.outputs.periodic.unwrap_or(0);
                 let recipe = PeriodicLaw::of(oscillator, phases, &self.settings, true)?;
@@ -481,6 +461,33 @@ impl Plan {
             }
         };
         Ok(Cost::on_mesh(it, method))
+    }
+
+    /// The cost of the first time at a level, and of the stationary value that it is a fraction of.
+    fn reach_cost(&mut self) -> Result<(fokker_planck::Cost, String)> {
+        let ReachRequest { quantity, fraction } = self.reach()?;
+        let Scene {
+            oscillator,
+            initial,
+            ..
+        } = &self.scene;
+        let recipe = Reach::of((oscillator, initial), quantity, fraction, &self.settings)?;
+        let mut cost = (recipe.cost, recipe.words());
+        if oscillator.is_viscous() {
+            reached(quantity, &Stationary::of(oscillator)?.moments())?;
+        } else {
+            // The law is solved for anew, as exactly as a level must be known.
+            let settings = Settings {
+                tolerance: LEVEL * self.settings.tolerance,
+                cells: None,
+                ..self.settings.clone()
+            };
+            let law = StationaryState::of(oscillator, &settings)?;
+            cost.0.seconds += law.cost.seconds;
+            self.recipes.level = Some(law);
+        }
+        self.recipes.reach = Some(recipe);
+        Ok(cost)
     }
 
     /// The cost of paths.
@@ -528,16 +535,6 @@ impl Plan {
     fn reach(&self) -> Result<ReachRequest> {
         let asked = self.scene.outputs.reach;
         asked.ok_or_else(|| Error::invalid("outputs.reach", "nothing", "a moment"))
-    }
-
-    /// The stationary value that a fraction of is reached.
-    fn reached(&self, quantity: Moment, law: Moments) -> Result<Estimate> {
-        let stationary = law.get(quantity).filter(|it| it.value.abs() > it.error);
-        let name = quantity.name();
-        stationary.ok_or_else(|| {
-            let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
-            Error::invalid("outputs.reach.quantity", format!("{name:?}"), accepted)
-        })
     }
 
     /// Level, side and time of the first passage asked for.
@@ -720,7 +717,7 @@ impl Plan {
                         Some(law) => law.solve(oscillator, &limits, &|_| {})?.moments,
                         None => Stationary::of(oscillator)?.moments(),
                     };
-                    let stationary = self.reached(self.reach()?.quantity, law)?;
+                    let stationary = reached(self.reach()?.quantity, &law)?;
                     let problem = (oscillator, initial);
                     let it = recipe.solve(problem, stationary, &limits, progress)?;
                     let warnings = it.warnings.iter().cloned();
@@ -1130,6 +1127,16 @@ fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
     keep(&mut it.negative_mass, &kept);
     keep(&mut it.relative_entropy, &kept);
     keep(&mut it.distance, &kept);
+}
+
+/// The stationary value that a fraction of is reached.
+fn reached(quantity: Moment, law: &Moments) -> Result<Estimate> {
+    let stationary = law.get(quantity).filter(|it| it.value.abs() > it.error);
+    let name = quantity.name();
+    stationary.ok_or_else(|| {
+        let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
+        Error::invalid("outputs.reach.quantity", format!("{name:?}"), accepted)
+    })
 }
 
 #[cfg(test)]

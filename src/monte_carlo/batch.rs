@@ -3,6 +3,7 @@
 use super::events::unseen;
 use super::law::Law;
 use super::noise::{LANES, Lanes};
+use super::statistics::skewed_variance;
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
 use crate::moments::{Moment, Moments, PerMoment};
@@ -153,36 +154,28 @@ impl BatchMeans {
 
     fn estimate(&self, units: &Units, burst: Option<f64>, controls: &[(usize, f64)]) -> Moments {
         let (n, mean) = (self.count(), self.mean());
-        let whole = statistics(&mean);
-        // What each batch does to every statistic: the pseudo-values of the jackknife.
-        let without = |row: &Vector| {
-            let rest: Vector = std::array::from_fn(|k| (n * mean[k] - row[k]) / (n - 1.0));
-            statistics(&rest)
-        };
-        let pseudo: Vec<PerMoment<f64>> = self
-            .0
-            .iter()
-            .map(|row| {
-                let rest = without(row);
-                std::array::from_fn(|m| n * whole[m] - (n - 1.0) * rest[m])
-            })
-            .collect();
         let free = Regression::of(&self.0, &mean, &[]);
         let bound = Regression::of(&self.0, &mean, controls);
+        // The terms at the exact means of the controls: a moment of them is curved, and a regression of its own would err
+        // by that.
+        let at_exact = std::array::from_fn(|k| {
+            let term: Vec<f64> = self.0.iter().map(|row| row[k]).collect();
+            mean[k] + bound.at_exact(&term).0
+        });
+        let [plain, controlled] = [mean, at_exact].map(|about| {
+            let values = statistics(&about);
+            (values, self.pseudo_values(&mean, &about, &values))
+        });
         let [q, v, force, energy] = [units.q, units.v, units.force, units.energy];
         let give = |moment: Moment, centre: f64, unit: f64| {
             let m = moment as usize;
-            let regression = match moment {
-                Moment::MeanForce | Moment::VarV | Moment::CovQv => &free,
-                _ => &bound,
+            let (regression, (values, pseudo)) = match moment {
+                Moment::MeanForce | Moment::VarV | Moment::CovQv => (&free, &plain),
+                _ => (&bound, &controlled),
             };
             let along: Vec<f64> = pseudo.iter().map(|row| row[m]).collect();
-            let (shift, error) = regression.at_exact(&along);
-            Estimate::new(
-                centre + unit * (whole[m] + shift),
-                unit * error,
-                Origin::Sampling,
-            )
+            let error = regression.at_exact(&along).1;
+            Estimate::new(centre + unit * values[m], unit * error, Origin::Sampling)
         };
         Moments {
             mean_q: give(Moment::MeanQ, q[0], q[1]),
@@ -206,6 +199,22 @@ impl BatchMeans {
             }),
             left_out: 0,
         }
+    }
+
+    /// What each batch does to every statistic, the means being `about`: the pseudo-values of the jackknife.
+    fn pseudo_values(
+        &self,
+        mean: &Vector,
+        about: &Vector,
+        values: &PerMoment<f64>,
+    ) -> Vec<PerMoment<f64>> {
+        let n = self.count();
+        let of = |row: &Vector| {
+            let without = std::array::from_fn(|k| about[k] - (row[k] - mean[k]) / (n - 1.0));
+            let without = statistics(&without);
+            std::array::from_fn(|m| n * values[m] - (n - 1.0) * without[m])
+        };
+        self.0.iter().map(of).collect()
     }
 
     /// How many independent samples would give the mean of q, of N and of H the same errors.
@@ -303,20 +312,6 @@ impl Regression {
             weight * (y - mean - dot(row, &slope)) / (1.0 - leverage).max(0.1)
         });
         (shift, skewed_variance(parts).sqrt())
-    }
-}
-
-/// The variance of a sum of independent parts whose means are taken off, with what their skewness hides: the sum over its
-/// estimated deviation has the mean square 1 + 2 g^2, g being the skewness of the sum (Gayen, Biometrika 36, 1949), for
-/// where rare large parts are lacking the scatter is too small as well.
-pub(super) fn skewed_variance(parts: impl Iterator<Item = f64>) -> f64 {
-    let (square, cube) = parts.fold((0.0, 0.0), |(square, cube), x| {
-        (square + x * x, cube + x * x * x)
-    });
-    if square > 0.0 {
-        square + 2.0 * (cube / square).powi(2)
-    } else {
-        square
     }
 }
 

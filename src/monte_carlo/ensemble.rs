@@ -231,7 +231,7 @@ impl Ensemble {
         let run = Run {
             count: self.paths,
             paths: &Paths::new(oscillator, initial, walk)?,
-            run_in: run_in.as_ref(),
+            before: run_in.as_ref(),
             intervals: &intervals,
             progress,
         };
@@ -322,7 +322,7 @@ struct Run<'a> {
     count: u64,
     paths: &'a Paths,
     /// What comes before the first of them, and is shown to nobody.
-    run_in: Option<&'a Interval>,
+    before: Option<&'a Interval>,
     intervals: &'a [Interval],
     progress: &'a Progress<'a>,
 }
@@ -381,7 +381,7 @@ impl Run<'_> {
             });
             self.progress.late()
         };
-        if let Some(run_in) = self.run_in {
+        if let Some(run_in) = self.before {
             if advance(run_in, &mut groups) {
                 return;
             }
@@ -478,7 +478,7 @@ mod tests {
             let run = Run {
                 count,
                 paths: &Paths::new(&it, &initial, &walk).unwrap(),
-                run_in: None,
+                before: None,
                 intervals: &[interval],
                 progress: &Progress::new(1, Sampling::default().limits(), &|_| ()),
             };

@@ -1,8 +1,8 @@
 //! Losses and returns of contact: how often, for how long, how fast.
 
-use super::batch::skewed_variance;
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::noise::LANES;
+use super::statistics::skewed_variance;
 use crate::estimate::{Estimate, Origin};
 use crate::oscillator::Oscillator;
 use std::f64::consts::PI;

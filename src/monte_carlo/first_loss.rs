@@ -454,9 +454,12 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
             Some([below, above]) => q < below || q > above,
             None => q < law.loss(),
         };
-        let gone = std::array::from_fn(|lane| match beyond(group.q[lane]) {
-            true => at_once,
-            false => f64::INFINITY,
+        let gone = std::array::from_fn(|lane| {
+            if beyond(group.q[lane]) {
+                at_once
+            } else {
+                f64::INFINITY
+            }
         });
         match run.range {
             Some(range) => self.watched(group, Out { first: gone, range }, |it| &it.first),
@@ -478,7 +481,7 @@ impl<L: Law> Group<'_, L> {
         let progress = run.progress;
         let mut timed = Timed { watch, progress };
         let mut done = 0;
-        while done < run.steps && times(&timed.watch).iter().any(|it| *it == f64::INFINITY) {
+        while done < run.steps && times(&timed.watch).contains(&f64::INFINITY) {
             if timed.late() {
                 break;
             }

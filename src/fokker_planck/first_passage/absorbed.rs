@@ -209,6 +209,9 @@ pub(crate) struct Line {
     top: f64,
 }
 
+/// Points (q, v) of a line with their weights, and what of it is lost at once.
+type Part = (Vec<([f64; 2], f64)>, f64);
+
 /// Weights on the nodes: what a start sees of the survival after a whole number of steps.
 #[derive(Debug, Clone)]
 pub(crate) struct Start {
@@ -412,7 +415,7 @@ impl Absorbed {
     ) -> Start {
         let edge = 8.0 * deviation;
         let scale = (2.0 * self.spread).min(0.5 * deviation);
-        let parts: Vec<(Vec<([f64; 2], f64)>, f64)> = lines
+        let parts: Vec<Part> = lines
             .par_iter()
             .map(
                 |&Line {

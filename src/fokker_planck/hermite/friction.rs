@@ -78,8 +78,9 @@ pub(super) fn null(
         let size = x.iter().map(|x| x.re * x.re).sum::<f64>().sqrt();
         let along: f64 = x.iter().zip(&before).map(|(a, b)| a.re * b.re).sum();
         let over = 1.0 / size.copysign(along);
-        x.iter_mut()
-            .for_each(|x| *x = Complex::new(x.re * over, 0.0));
+        for x in &mut x {
+            *x = Complex::new(x.re * over, 0.0);
+        }
         let parts = x.iter().zip(&before).map(|(a, b)| (a.re - b.re).powi(2));
         let now = parts.sum::<f64>().sqrt();
         // Settled when rounding no longer lets the change fall.

@@ -412,7 +412,9 @@ impl Band {
                     add(here, other, -factor);
                 }
             }
-            here.iter_mut().for_each(|x| *x *= over);
+            for x in here {
+                *x *= over;
+            }
         }
     }
 }

@@ -24,6 +24,9 @@ use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
 use num_complex::Complex;
 use rayon::prelude::*;
 
+/// States at a frequency, and by how much the largest was stretched.
+type States = (Vec<Vec<f64>>, f64);
+
 type C = Complex<f64>;
 
 /// Solves a round, and the part of those before it that they may be: enough to keep a few processors busy, few enough
@@ -343,7 +346,6 @@ impl<'a> Builder<'a> {
     ) -> Result<()> {
         let late = || go_on(self.solved.len());
         let sides = self.form.sides();
-        type States = (Vec<Vec<f64>>, f64);
         let states: Vec<Result<States>> = omegas
             .par_iter()
             .map(|w| {

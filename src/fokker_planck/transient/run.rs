@@ -193,10 +193,9 @@ impl Task<'_> {
         let close = SETTLED * rung.tolerance;
         let mut settled = None;
         // Short steps are not all looked at.
-        let every = if rung.scheme == Scheme::Volumes(TimeScheme::Imex) {
-            16
-        } else {
-            1
+        let every = match rung.scheme {
+            Scheme::Volumes(TimeScheme::Imex) => 16,
+            _ => 1,
         };
         let weights = propagator.weights().clone();
         let columns = propagator.columns().to_vec();
@@ -240,13 +239,18 @@ impl Task<'_> {
                 ..self.observe(t, &propagator, &observables, (&density, laws.as_ref()))
             });
         }
-        let step = propagator.step();
         let domain = opening.as_ref().map_or(rung.layout.domain, Opening::domain);
-        believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
+        believable(
+            &outputs,
+            propagator.step(),
+            &domain,
+            oscillator.temperature(),
+            &mesh,
+        )?;
         Ok(Run {
             outputs,
             steps: opened + propagator.steps(),
-            step,
+            step: propagator.step(),
             mesh,
             domain,
             unknowns: propagator.unknowns(),
