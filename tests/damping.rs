@@ -276,7 +276,7 @@ fn run(damping: &str, more: &str) -> Results {
 
 /// The cells of a spectrum: under damping in contact alone its tails take minutes to a tolerance.
 fn cells(damping: &str) -> Option<[usize; 2]> {
-    (damping == "contact").then_some([130, 130])
+    (damping == "contact").then_some([90, 90])
 }
 
 #[test]
@@ -296,18 +296,15 @@ fn a_constant_rate_given_as_a_function_gives_the_spectrum_of_viscous_damping() {
 }
 
 #[test]
-fn the_spectrum_under_any_damping_has_the_variance_of_the_law_as_its_integral() {
-    for damping in [Damping::Contact, Damping::HuntCrossley] {
+fn the_spectrum_under_hunt_and_crossley_s_damping_has_the_variance_of_the_law_as_its_integral() {
+    {
+        let damping = Damping::HuntCrossley;
         let it = oscillator(damping.clone());
         let law = solved(&it, 1e-3);
         let omegas: Vec<f64> = (0..=600).map(|k| 0.02 * f64::from(k)).collect();
         for quantity in [Quantity::Force, Quantity::Displacement] {
-            let asked = Settings {
-                cells: cells(damping.name()),
-                ..settings(1e-3)
-            };
-            let found = spectrum(&it, quantity, &omegas, &asked, &|_| ()).unwrap();
-            assert!(asked.cells.is_some() || found.shortfall.is_none());
+            let found = spectrum(&it, quantity, &omegas, &settings(1e-3), &|_| ()).unwrap();
+            assert!(found.shortfall.is_none(), "{:?}", found.shortfall);
             // q'' + c(q) q' + G = f: what is a derivative has no share at omega = 0.
             let exact = 2.0 * it.h();
             let first = found.density[0];
