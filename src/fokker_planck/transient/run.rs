@@ -165,11 +165,7 @@ impl Task<'_> {
         if let Some(opening) = opening.as_ref().filter(|_| outputs.len() == times.len()) {
             return opened(outputs, opening);
         }
-        let mesh = match &opening {
-            None => rung.mesh(oscillator)?,
-            Some(opening) => opening.mesh()?,
-        };
-        self.check_memory(rung, mesh.cells())?;
+        let mesh = self.mesh(rung, opening.as_ref())?;
         let clock = limits.clone();
         let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
@@ -203,9 +199,7 @@ impl Task<'_> {
             let packet = it.packet();
             (packet.time(), it.loss().and(handed), packet.steps())
         });
-        // What is solved for begins with its own error.
-        let begun = self.law.filter(|_| *initial == Initial::Stationary);
-        let spent = spent.and(begun.map_or(0.0, |law| law.error));
+        let spent = spent.and(self.begun());
         propagator.set_time(now);
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
@@ -257,6 +251,22 @@ impl Task<'_> {
             settled,
             floquet: None,
         })
+    }
+
+    /// The mesh of a run, if it fits.
+    fn mesh(&self, rung: &Rung, opening: Option<&Opening<'_>>) -> Result<Mesh> {
+        let mesh = match opening {
+            None => rung.mesh(self.oscillator)?,
+            Some(opening) => opening.mesh()?,
+        };
+        self.check_memory(rung, mesh.cells())?;
+        Ok(mesh)
+    }
+
+    /// The error of a stationary start that is solved for.
+    fn begun(&self) -> f64 {
+        let law = self.law.filter(|_| *self.initial == Initial::Stationary);
+        law.map_or(0.0, |law| law.error)
     }
 
     /// Whether a run on so many cells fits.
