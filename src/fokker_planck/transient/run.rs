@@ -193,8 +193,7 @@ impl Task<'_> {
             Scheme::Volumes(TimeScheme::Imex) => 16,
             _ => 1,
         };
-        let weights = propagator.weights().clone();
-        let columns = propagator.columns().to_vec();
+        let (weights, columns) = (propagator.weights().clone(), propagator.columns().to_vec());
         let (mut now, spent, opened) = opening.as_ref().map_or_else(Default::default, |it| {
             let packet = it.packet();
             (packet.time(), it.loss().and(handed), packet.steps())
