@@ -228,10 +228,12 @@ impl Errors {
         let pairs = fine.outputs.iter().zip(&coarse.outputs);
         errors.shared = pairs
             .map(|(a, b)| {
-                // The stationary law suffers no splitting error: what there is fades with the distance to it.
+                // exp(-H/T)/Z suffers no splitting error: what there is fades with the distance to it.
                 let fading = match rung.forcing {
-                    None => a.distance * (1.0 + 4.0 * task.oscillator.zeta() * a.t),
-                    Some(_) => 1.0,
+                    None if task.oscillator.is_viscous() => {
+                        a.distance * (1.0 + 4.0 * task.oscillator.zeta() * a.t)
+                    }
+                    _ => 1.0,
                 };
                 // The intervals of an envelope are short: steps that fill them differ by chance.
                 let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
