@@ -358,7 +358,7 @@ fn first_losses_from_the_stationary_law_agree_with_paths_that_were_run_in() {
             "first_passage = { level = 2.0, side = \"above\", until = 15 }",
         ] {
             let more = format!(
-                "[initial]\nkind = \"stationary\"\n[outputs]\n{more}\n[monte_carlo]\npaths = 20_000\nseed = 7\n[accuracy]\ntolerance = 3e-3\n"
+                "[initial]\nkind = \"stationary\"\n[outputs]\n{more}\n[monte_carlo]\npaths = 20_000\nseed = 7\n"
             );
             let agreement = run(damping, &more).agreement.unwrap();
             println!("{damping}: {agreement:?}");

@@ -221,7 +221,13 @@ impl Errors {
                 let forced = rung.forcing.as_ref();
                 let forced =
                     forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);
-                UNSEEN * (own + forced)
+                // The error is that of constant friction: it stands whole for any other.
+                let unseen = if task.oscillator.is_viscous() {
+                    UNSEEN
+                } else {
+                    1.0
+                };
+                unseen * (own + forced)
             }
             Scheme::Volumes(_) => 0.0,
         };
