@@ -209,15 +209,8 @@ impl Density {
     pub(crate) fn entropy_between(&self, one: &Self, other: &Self) -> f64 {
         let laws = one.cells.iter().zip(&other.cells);
         let all = self.cells.iter().zip(laws);
-        let part = |(p, (one, other)): (&f64, (&f64, &f64))| {
-            let known = *p > 0.0 && *one > 0.0 && *other > 0.0;
-            if known {
-                p * (one / other).ln().abs()
-            } else {
-                0.0
-            }
-        };
-        all.map(part).sum()
+        all.map(|(p, (one, other))| entropy_apart(*p, [*one, *other]))
+            .sum()
     }
 
     /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
@@ -242,6 +235,15 @@ impl Density {
             range.clone().map(|j| f(i, j, self.cells[i * nv + j])).sum()
         };
         columns.iter().enumerate().map(column).sum()
+    }
+}
+
+/// The integrand of [`Density::entropy_between`].
+pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
+    if p > 0.0 && one > 0.0 && other > 0.0 {
+        p * (one / other).ln().abs()
+    } else {
+        0.0
     }
 }
 

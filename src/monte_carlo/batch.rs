@@ -142,39 +142,39 @@ impl BatchMeans {
 
     /// The moments with the exact identities E\[N\] = 0, E\[q N\] = T, E\[v^2\] = T, E\[q v\] = 0 as control
     /// variates: what the sample is known to have too much of is regressed out. E\[N\], Var v and
-    /// Cov(q, v), which the identities fix, are left as they are.
-    pub(super) fn controlled_moments(&self, units: &Units, burst: Option<f64>) -> Moments {
+    /// Cov(q, v), which the identities fix, are left as they are in the `plain` moments.
+    pub(super) fn controlled_moments(
+        &self,
+        units: &Units,
+        burst: Option<f64>,
+        plain: &Moments,
+    ) -> Moments {
         // q N is about the mean of q, and E[N] = 0, so E[(q - Eq) N] = T.
-        self.estimate(
-            units,
-            burst,
-            &[(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)],
-        )
+        let controls = [(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)];
+        Moments {
+            var_v: plain.var_v,
+            cov_qv: plain.cov_qv,
+            mean_force: plain.mean_force,
+            ..self.estimate(units, burst, &controls)
+        }
     }
 
     fn estimate(&self, units: &Units, burst: Option<f64>, controls: &[(usize, f64)]) -> Moments {
         let (n, mean) = (self.count(), self.mean());
-        let free = Regression::of(&self.0, &mean, &[]);
-        let bound = Regression::of(&self.0, &mean, controls);
+        let regression = Regression::of(&self.0, &mean, controls);
         // The terms at the exact means of the controls: a moment of them is curved, and a regression of its own would err
         // by that.
-        let at_exact = std::array::from_fn(|k| {
+        let about = std::array::from_fn(|k| {
             let term: Vec<f64> = self.0.iter().map(|row| row[k]).collect();
-            mean[k] + bound.at_exact(&term).0
+            mean[k] + regression.shift(&term)
         });
-        let [plain, controlled] = [mean, at_exact].map(|about| {
-            let values = statistics(&about);
-            (values, self.pseudo_values(&mean, &about, &values))
-        });
+        let values = statistics(&about);
+        let pseudo = self.pseudo_values(&mean, &about, &values);
         let [q, v, force, energy] = [units.q, units.v, units.force, units.energy];
         let give = |moment: Moment, centre: f64, unit: f64| {
             let m = moment as usize;
-            let (regression, (values, pseudo)) = match moment {
-                Moment::MeanForce | Moment::VarV | Moment::CovQv => (&free, &plain),
-                _ => (&bound, &controlled),
-            };
             let along: Vec<f64> = pseudo.iter().map(|row| row[m]).collect();
-            let error = regression.at_exact(&along).1;
+            let error = regression.error(&along);
             Estimate::new(centre + unit * values[m], unit * error, Origin::Sampling)
         };
         Moments {
@@ -288,10 +288,16 @@ impl Regression {
         }
     }
 
-    /// How far the value at the exact means lies from the mean of `along`, and its standard error: that of MacKinnon and
-    /// White (J. Econometrics 29, 1985, HC3), which holds for residuals whose spread follows the controls, as that of a
-    /// batch at a high energy does.
-    fn at_exact(&self, along: &[f64]) -> (f64, f64) {
+    /// How far the value at the exact means lies from the mean of `along`.
+    fn shift(&self, along: &[f64]) -> f64 {
+        let mean = along.iter().sum::<f64>() / along.len() as f64;
+        let rows = along.iter().zip(&self.weights);
+        rows.map(|(y, [weight, _])| weight * (y - mean)).sum()
+    }
+
+    /// The standard error of the value at the exact means: that of MacKinnon and White (J. Econometrics 29, 1985, HC3),
+    /// which holds for residuals whose spread follows the controls, as that of a batch at a high energy does.
+    fn error(&self, along: &[f64]) -> f64 {
         let mean = along.iter().sum::<f64>() / along.len() as f64;
         let right = (0..self.matrix.len())
             .map(|k| {
@@ -303,15 +309,12 @@ impl Regression {
             })
             .collect();
         let slope = solve(self.matrix.clone(), right);
-        let rows = || self.rows.iter().zip(along).zip(&self.weights);
-        let shift = rows()
-            .map(|((_, y), [weight, _])| weight * (y - mean))
-            .sum();
-        let parts = rows().map(|((row, y), [weight, leverage])| {
+        let rows = self.rows.iter().zip(along).zip(&self.weights);
+        let parts = rows.map(|((row, y), [weight, leverage])| {
             // A row that carries the fit alone shows nothing of its own scatter.
             weight * (y - mean - dot(row, &slope)) / (1.0 - leverage).max(0.1)
         });
-        (shift, skewed_variance(parts).sqrt())
+        skewed_variance(parts).sqrt()
     }
 }
 

@@ -435,17 +435,9 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
         // What is run in is of the sample only where nothing is lost at 0.
         let at_once = match &run.run_in {
             Some((steps, length, coefficients)) => {
-                let mut deaf = Timed {
-                    watch: Deaf,
-                    progress: run.progress,
-                };
-                let mut done = 0;
-                while done < *steps && !deaf.late() {
-                    let piece = PIECE.min(steps - done);
-                    let now = (done as f64 - *steps as f64) * length;
-                    coefficients.advance(law, &mut group, piece, now, &mut deaf);
-                    done += piece;
-                }
+                let start = -(*steps as f64);
+                let pieces = (start, *steps, *length, coefficients);
+                self.in_pieces(&mut group, pieces, Deaf, |_| false);
                 f64::NEG_INFINITY
             }
             None => 0.0,
@@ -461,36 +453,42 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
                 f64::INFINITY
             }
         });
+        let pieces = (0.0, run.steps, run.step, &run.coefficients);
+        let all = |times: &[f64; LANES]| !times.contains(&f64::INFINITY);
         match run.range {
-            Some(range) => self.watched(group, Out { first: gone, range }, |it| &it.first),
-            None => self.watched(group, First(gone), |it| &it.0),
+            Some(range) => {
+                let watch = Out { first: gone, range };
+                self.in_pieces(&mut group, pieces, watch, |it| all(&it.first))
+                    .first
+            }
+            None => {
+                self.in_pieces(&mut group, pieces, First(gone), |it| all(&it.0))
+                    .0
+            }
         }
     }
 }
 
 impl<L: Law> Group<'_, L> {
-    /// The times that a watch has noted of a group, in pieces, so that one whose paths are all gone can stop.
+    /// Steps of a length from the step `start` on under a watch, in pieces, so that a group whose paths are `all` gone can
+    /// stop.
     #[inline(always)]
-    fn watched<W: Watch>(
+    fn in_pieces<W: Watch>(
         &self,
-        mut group: scheme::Group,
+        group: &mut scheme::Group,
+        (start, steps, length, coefficients): (f64, u64, f64, &Coefficients),
         watch: W,
-        times: impl Fn(&W) -> &[f64; LANES],
-    ) -> [f64; LANES] {
-        let run = self.run;
-        let progress = run.progress;
+        all: impl Fn(&W) -> bool,
+    ) -> W {
+        let progress = self.run.progress;
         let mut timed = Timed { watch, progress };
         let mut done = 0;
-        while done < run.steps && times(&timed.watch).contains(&f64::INFINITY) {
-            if timed.late() {
-                break;
-            }
-            let steps = PIECE.min(run.steps - done);
-            let now = done as f64 * run.step;
-            let coefficients = &run.coefficients;
-            coefficients.advance(self.law, &mut group, steps, now, &mut timed);
-            done += steps;
+        while done < steps && !all(&timed.watch) && !timed.late() {
+            let piece = PIECE.min(steps - done);
+            let now = (start + done as f64) * length;
+            coefficients.advance(self.law, group, piece, now, &mut timed);
+            done += piece;
         }
-        *times(&timed.watch)
+        timed.watch
     }
 }

@@ -11,7 +11,7 @@ use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
 use super::statistics::unknown;
-use super::walk::{Cost, FORGOTTEN, Walk};
+use super::walk::{Cost, Walk, run_in};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
@@ -139,11 +139,8 @@ impl Records {
             return Err(Error::invalid(key, format!("{value:?}"), accepted));
         }
         let threads = rayon::current_num_threads() as u64;
-        let burn_in = if oscillator.is_viscous() {
-            u64::from(walk.noise != Noise::White)
-        } else {
-            (FORGOTTEN * memory / (samples * spacing)).ceil() as u64
-        };
+        let run_in = run_in(oscillator, &Initial::Stationary) / (samples * spacing);
+        let burn_in = (run_in.ceil() as u64).max(u64::from(walk.noise != Noise::White));
         let mut it = Self {
             groups: groups as u64,
             batches: batches as u64,
@@ -203,8 +200,8 @@ impl Records {
         let batches = sums.means.count() as u64;
         let lossy = oscillator.contact().loss_point().is_some();
         Ok(RecordResult {
+            controlled: sums.means.controlled_moments(&run.units, share, &moments),
             moments,
-            controlled: sums.means.controlled_moments(&run.units, share),
             effective_samples,
             batches,
             batch_length: self.batch_length,

@@ -6,7 +6,7 @@ use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
-use super::walk::{Cost, FORGOTTEN, Walk};
+use super::walk::{Cost, Walk, run_in};
 use super::{Noise, Sampling};
 use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
@@ -76,8 +76,7 @@ impl Series {
         // Band-limited noise has a stationary law of its own, reached within a few memories; so has damping that is not
         // viscous.
         let burn_in = match walk.noise {
-            Noise::White if oscillator.is_viscous() => 0.0,
-            Noise::White => (FORGOTTEN * oscillator.memory() / spacing).ceil(),
+            Noise::White => (run_in(oscillator, &Initial::Stationary) / spacing).ceil(),
             _ => (10.0 * oscillator.memory() / spacing).ceil(),
         };
         let records = asked.records.next_multiple_of(LANES as u64);

@@ -15,7 +15,7 @@ use std::f64::consts::E;
 use std::ops::Range;
 
 /// Relaxation times after which a start in the reference law of a damping that is not viscous is forgotten: e^-15.
-pub(super) const FORGOTTEN: f64 = 15.0;
+const FORGOTTEN: f64 = 15.0;
 
 /// How every path of a sample is advanced.
 #[derive(Debug, Clone, PartialEq)]

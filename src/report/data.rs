@@ -313,20 +313,29 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
     Ok(vec![table.file("spectrum.csv"), arrays])
 }
 
-/// p\[q, v\] with q, v and t, as numpy.load reads it; on a rig the axes in micrometres and millimetres per second too.
+/// p\[q, v\] with q, v and t, as numpy.load reads it.
 pub(super) fn density(name: String, snapshot: &Snapshot, rig: Option<&Rig>) -> Result<File> {
     packed(name, |npz| {
         // C order whatever the layout in memory.
         npz.add_array("p", &snapshot.p.as_standard_layout())?;
-        npz.add_array("q", &snapshot.q)?;
-        npz.add_array("v", &snapshot.v)?;
         npz.add_array("t", &arr0(snapshot.t))?;
-        if let Some(rig) = rig {
-            npz.add_array("q_um", &(&snapshot.q * micrometre(rig)))?;
-            npz.add_array("v_mm_per_s", &(&snapshot.v * (1e3 * rig.velocity(1.0))))?;
-        }
-        Ok(())
+        axes(npz, snapshot, rig)
     })
+}
+
+/// The axes of a density; on a rig in micrometres and millimetres per second too.
+fn axes(
+    npz: &mut Archive,
+    snapshot: &Snapshot,
+    rig: Option<&Rig>,
+) -> std::result::Result<(), WriteNpzError> {
+    npz.add_array("q", &snapshot.q)?;
+    npz.add_array("v", &snapshot.v)?;
+    if let Some(rig) = rig {
+        npz.add_array("q_um", &(&snapshot.q * micrometre(rig)))?;
+        npz.add_array("v_mm_per_s", &(&snapshot.v * (1e3 * rig.velocity(1.0))))?;
+    }
+    Ok(())
 }
 
 /// Densities of several times on one mesh, as p[t, q, v].
@@ -340,16 +349,7 @@ pub(super) fn stacked(name: String, all: &[Snapshot], rig: Option<&Rig>) -> Resu
     packed(name, |npz| {
         npz.add_array("p", &p)?;
         npz.add_array("t", &times)?;
-        let Some(Snapshot { q, v, .. }) = all.first() else {
-            return Ok(());
-        };
-        npz.add_array("q", q)?;
-        npz.add_array("v", v)?;
-        if let Some(rig) = rig {
-            npz.add_array("q_um", &(q * micrometre(rig)))?;
-            npz.add_array("v_mm_per_s", &(v * (1e3 * rig.velocity(1.0))))?;
-        }
-        Ok(())
+        all.first().map_or(Ok(()), |it| axes(npz, it, rig))
     })
 }
 

@@ -197,7 +197,7 @@ impl Question for Task<'_> {
         let (exact, solved) = if oscillator.is_viscous() {
             (Density::start(&generator, &Initial::Stationary)?, 0.0)
         } else {
-            let it = Settled::within(oscillator, SHARE * recipe.tolerance, &late)?;
+            let it = Settled::within(oscillator, recipe.tolerance, &late)?;
             let sampled = |points: &[[f64; 2]]| it.law.densities(points);
             let density = Density::sampled(&mesh, generator.columns(), &sampled);
             (density, it.error)
@@ -342,9 +342,6 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     }
     Ok((density, residual))
 }
-
-/// Share of the tolerance that is left to a law that is solved for.
-const SHARE: f64 = 0.1;
 
 /// Distance to the stationary law at which the march ends.
 const ARRIVED: f64 = 1e-11;

@@ -192,22 +192,36 @@ impl<'a> Driven<'a> {
         (lost, above(whole) - above(whole_top))
     }
 
-    /// A row by its quadrature rule.
-    fn by_rule(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
-        let row = &self.rows[i];
-        let spread = kick.spread;
-        let mut carried = vec![0.0; row.points.len()];
+    /// Passes on the mean of each node's kick, its weight and the share that is not lost; gives what is lost.
+    fn each_node(
+        &self,
+        i: usize,
+        weights: &[f64],
+        kick: Kick,
+        mut pass: impl FnMut(f64, f64, f64),
+    ) -> [f64; 2] {
         let mut lost = [0.0; 2];
-        let mut kernel = Vec::new();
         for (j, weight) in weights.iter().enumerate() {
             if *weight == 0.0 {
                 continue;
             }
             let centre = kick.rest * self.mesh.v(j) + kick.shift;
-            let (gone, held) = self.parts(i, centre, spread);
+            let (gone, held) = self.parts(i, centre, kick.spread);
             for (sum, part) in lost.iter_mut().zip(gone) {
                 *sum += weight * part;
             }
+            pass(centre, *weight, held);
+        }
+        lost
+    }
+
+    /// A row by its quadrature rule.
+    fn by_rule(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
+        let row = &self.rows[i];
+        let spread = kick.spread;
+        let mut carried = vec![0.0; row.points.len()];
+        let mut kernel = Vec::new();
+        let lost = self.each_node(i, weights, kick, |centre, weight, held| {
             let first = row
                 .points
                 .partition_point(|(v, _)| *v < centre - REACH * spread);
@@ -224,7 +238,7 @@ impl<'a> Driven<'a> {
             for (x, k) in carried[first..].iter_mut().zip(&kernel) {
                 *x += weight * part * k;
             }
-        }
+        });
         Given {
             moved: row.ends.iter().copied().zip(carried).collect(),
             lost,
@@ -246,16 +260,7 @@ impl<'a> Driven<'a> {
         };
         let [low, high] = self.whole[i];
         let (mut starts, mut shares) = (Vec::new(), Vec::new());
-        let mut lost = [0.0; 2];
-        for (j, weight) in weights.iter().enumerate() {
-            if *weight == 0.0 {
-                continue;
-            }
-            let centre = kick.rest * self.mesh.v(j) + kick.shift;
-            let (gone, held) = self.parts(i, centre, spread);
-            for (sum, part) in lost.iter_mut().zip(gone) {
-                *sum += weight * part;
-            }
+        let lost = self.each_node(i, weights, kick, |centre, weight, held| {
             let alive = rule
                 .iter()
                 .map(|(x, w)| (centre + spread * x, w))
@@ -266,7 +271,7 @@ impl<'a> Driven<'a> {
                 starts.push([self.mesh.q(i), v]);
                 shares.push(weight * held * w / sum);
             }
-        }
+        });
         let mut ends = vec![[0.0; 2]; starts.len()];
         self.region.after(&starts, &[self.step], &mut ends);
         let ends = ends.iter().map(|end| self.mesh.stencil(*end));

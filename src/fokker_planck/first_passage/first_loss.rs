@@ -59,8 +59,15 @@ const STALLS: usize = 2;
 /// Of the differences from the coarse mesh and from twice the step, what the fine run errs: what orders 3 and 1 would
 /// leave. Seen: 5 and 2, and in the step 1.0 to 1.5 under strong friction.
 const SHARES: [f64; 2] = [0.5, 1.0];
-/// Share of the tolerance that is left to a stationary start that is solved for.
-const SHARE: f64 = 0.1;
+
+/// What is solved.
+fn equation(driven: bool) -> &'static str {
+    if driven {
+        "adjoint of the backward equation"
+    } else {
+        "backward equation"
+    }
+}
 
 /// How a first passage will be computed: nodes, steps and times of the first run, and its foreseen cost.
 #[derive(Debug, Clone, PartialEq)]
@@ -148,13 +155,9 @@ impl FirstPassage {
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
         let step = format!("{:.3}", self.layout.step);
-        let adjoint = if self.forcing.is_some() {
-            "adjoint of the backward equation, forward in time"
-        } else {
-            "backward equation"
-        };
         format!(
-            "{adjoint} along the exact motion, absorbed at the loss point; step {}",
+            "{} along the exact motion, absorbed at the loss point; step {}",
+            equation(self.forcing.is_some()),
             step.trim_end_matches('0')
         )
     }
@@ -173,8 +176,7 @@ impl FirstPassage {
         // A stationary start without a closed form is solved for.
         let law = if *initial == Initial::Stationary && !oscillator.is_viscous() {
             let late = || limits.in_time(|| "the stationary law was not found".into());
-            let tolerance = SHARE * self.asked.tolerance;
-            Some(Settled::within(oscillator, tolerance, &late)?)
+            Some(Settled::within(oscillator, self.asked.tolerance, &late)?)
         } else {
             None
         };
@@ -404,11 +406,10 @@ impl Task<'_> {
             rate,
             rate_over_rice,
             method: Method {
-                name: if layout.driven {
-                    "adjoint of the backward equation along the exact motion, order 6".into()
-                } else {
-                    "backward equation along the exact motion, order 6".into()
-                },
+                name: format!(
+                    "{} along the exact motion, order 6",
+                    equation(layout.driven)
+                ),
                 reason: "absorbed where each motion loses contact".into(),
                 cells: layout.nodes,
                 unknowns: nq * nv,

@@ -120,11 +120,14 @@ const FINER: f64 = 1.4;
 const HIGHER: f64 = 3.0;
 const MOST: usize = 6;
 
+/// Share of a tolerance that is left to the law.
+const SHARE: f64 = 0.1;
+
 /// An error over the last change.
 pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
 
 impl Settled {
-    /// The law to an L1 error of `tolerance`, or as near as the finest resolution gets.
+    /// The law to an L1 error of its share of a tolerance, or as near as the finest resolution gets.
     ///
     /// # Errors
     /// Those of [`Kept::new`].
@@ -141,7 +144,7 @@ impl Settled {
             count += 1;
             let law = Kept::new(oscillator, resolution, late)?;
             let error = SAFETY * (law.distance(&before) + law.rounding);
-            if error <= tolerance || count == MOST {
+            if error <= SHARE * tolerance || count == MOST {
                 return Ok(Self {
                     law,
                     coarser: before,

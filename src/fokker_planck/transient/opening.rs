@@ -5,7 +5,7 @@ use super::propagator::Propagator;
 use super::recipe::{FirstGrid, REFINED, Rung, START};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
-use crate::fokker_planck::density::{Density, Snapshot};
+use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::hermite::{Column, Kept, SAFETY, Settled};
 use crate::fokker_planck::layout::{self, Cells};
@@ -440,13 +440,7 @@ impl<'a> Opening<'a> {
                 .zip(self.law)
                 .map_or([0.0; 2], |(both, law)| {
                     let apart = packet.sum(|[q, v], p| {
-                        let [one, other] = both.each_ref().map(|it| it.density(q, v));
-                        let known = p > 0.0 && one > 0.0 && other > 0.0;
-                        if known {
-                            p * (one / other).ln().abs()
-                        } else {
-                            0.0
-                        }
+                        entropy_apart(p, both.each_ref().map(|it| it.density(q, v)))
                     });
                     [SAFETY * apart, law.error]
                 }),

@@ -123,7 +123,7 @@ impl Recipe {
         let law = if oscillator.is_viscous() || !displacement {
             None
         } else {
-            Some(Settled::within(oscillator, SHARE * self.tolerance, &late)?)
+            Some(Settled::within(oscillator, self.tolerance, &late)?)
         };
         let task = Task {
             oscillator,
@@ -140,9 +140,6 @@ impl Recipe {
         ladder::climbed(&task, progress)
     }
 }
-
-/// Share of the tolerance that is left to a stationary law that is solved for.
-const SHARE: f64 = 0.1;
 
 /// How far ahead the relaxation of upwind drift with backward Euler is: c of the energy, of diffusion
 /// along q, |v| dq/2 beside T/(2 zeta) where friction rules, and of steps dt, which damp an oscillation by

@@ -172,7 +172,7 @@ fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart
     let oscillator = &run.results.scene.oscillator;
     let magnitude = |part: Part| magnitude(oscillator, known, on_the_rig, part);
     let curve = magnitude(Part::Value)?;
-    let mut curves = Vec::new();
+    let mut curves = vec![Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve)];
     if !on_the_rig {
         // Where the resolution did not fit the time: as far as the error goes.
         let mut edges = magnitude(Part::Highest)?;
@@ -185,10 +185,6 @@ fn spectrum(run: &Run, known: &Spectra, on_the_rig: bool) -> Result<Option<Chart
         let words = "Monte Carlo, Welch";
         curves.push(Curve::new(words, Ink::Vermilion, Stroke::Circles, dots));
     }
-    curves.insert(
-        0,
-        Curve::new("Fokker-Planck", Ink::Blue, Stroke::Line, curve),
-    );
     Ok(Some(spectra(run, on_the_rig, curves)))
 }
 
