@@ -130,9 +130,9 @@ fn a_crate_that_would_spread_has_one_door() {
         ("monte_carlo/signal.rs or spectrum.rs", &["rustfft"]),
         ("report/plot/canvas.rs", &["plotters"]),
         ("report/data.rs", &["ndarray_npy"]),
-        ("scene/text.rs", &["strsim"]),
+        ("scene/text/section.rs", &["strsim"]),
         (
-            "scene/text.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs",
+            "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs",
             &["toml"],
         ),
         ("cli.rs or bin/lab/main.rs", &["clap", "indicatif"]),

@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::format::{num, rounded};
+use crate::scene::resolved::toml_value;
 use crate::scene::text::items;
-use crate::scene::toml_value;
 use serde_json::{Value, json};
 
 /// How the values of an axis follow one another.

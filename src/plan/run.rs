@@ -1,0 +1,428 @@
+//! A plan is run: stage after stage, each within the time that is left.
+
+use super::stage::{Part, Stage};
+use super::watch::{Nobody, Watch};
+use super::{Plan, reached};
+use crate::budget::Limits;
+use crate::budget::StopFlag;
+use crate::error::{Error, Result};
+use crate::estimate::Warning;
+use crate::fokker_planck::{self};
+use crate::format::num;
+use crate::results::in_unit::InUnit;
+use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
+use crate::scene::Scene;
+use crate::stationary::Stationary;
+use std::time::Instant;
+
+/// Seconds kept for the stages still to come, over those foreseen of them, which are within three of what it takes;
+/// at least a tenth of what is left, by which a stage may overrun its own limit, and at most half.
+const RESERVED: f64 = 3.0;
+
+/// A stage may begin after the limit of time if it is foreseen to end, RESERVED times, within so many times the limit.
+const OVERRUN: f64 = 1.3;
+
+impl Plan {
+    /// Seconds of those left that are kept for the stages after this one.
+    fn reserved(&self, part: Part, left: f64) -> f64 {
+        let later = self.stages.iter().skip_while(|it| it.part != part).skip(1);
+        let seconds: Vec<f64> = later.map(|it| it.cost.seconds).collect();
+        if seconds.is_empty() || left <= 0.0 {
+            return 0.0;
+        }
+        (RESERVED * seconds.iter().sum::<f64>()).clamp(0.1 * left, 0.5 * left)
+    }
+
+    #[allow(clippy::too_many_lines)] // One arm a part.
+    fn compute(
+        &self,
+        part: Part,
+        results: &mut Results,
+        (progress, stop): (&(dyn Fn(f64) + Sync), &StopFlag),
+    ) -> Result<()> {
+        let Scene {
+            oscillator,
+            initial,
+            outputs,
+            ..
+        } = &self.scene;
+        let mut settings = self.settings.clone();
+        let own = self.stages.iter().find(|it| it.part == part);
+        let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
+        let mut left = settings.max_seconds - results.run.wall_seconds;
+        if results.run.wall_seconds + least <= OVERRUN * settings.max_seconds {
+            left = left.max(least);
+        }
+        settings.max_seconds = left - self.reserved(part, left);
+        let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+        let limits = limits.until(stop.clone());
+        match part {
+            Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
+                if results.solved.is_none()
+                    && let Some(recipe) = &self.recipes.stationary
+                {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.solved = Some(it);
+                }
+                if let Some(law) = &results.solved {
+                    match (part, self.scene.crossings_window()) {
+                        (Part::Crossings, Some(time)) => {
+                            results.crossings = Some(Numbers::flux(law, time));
+                        }
+                        (Part::Crossings, None) => {}
+                        _ => results.stationary = Some(Numbers::solved(law)),
+                    }
+                }
+            }
+            Part::Stationary => {
+                let law = Stationary::of(oscillator)?;
+                results.stationary = Some(Numbers::stationary(&law));
+            }
+            Part::Crossings => {
+                if let Some(time) = self.scene.crossings_window() {
+                    let law = Stationary::of(oscillator)?;
+                    results.crossings = Some(Numbers::crossings(&law, time));
+                    // Between two walls it is sampled alone.
+                    if oscillator.contact().back_wall().is_none() {
+                        let flights = fokker_planck::flight_law(oscillator)?;
+                        let shortfall = flights.shortfall(settings.tolerance);
+                        results.fall_short(part.name(), shortfall.as_ref(), true);
+                        results.flights = Some(flights);
+                        results.impacts = Some(fokker_planck::impact_law(oscillator)?);
+                    }
+                }
+            }
+            Part::FirstLoss => {
+                if let Some(recipe) = &self.recipes.first_passage {
+                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.first_loss = Some(it);
+                }
+            }
+            Part::FirstLossPaths => {
+                if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss)
+                {
+                    let problem = (oscillator, initial);
+                    let times = it.times.iter().map(|t| self.clock.dimensionless(*t));
+                    let times: Vec<f64> = times.collect();
+                    let it = recipe.run(problem, &times, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.first_loss_paths = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::FirstPassage => {
+                if let Some(recipe) = &self.recipes.passage {
+                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.first_passage = Some(it);
+                }
+            }
+            Part::FirstPassagePaths => {
+                if let (Some(recipe), Some(it)) = (&self.recipes.passages, &results.first_passage) {
+                    let problem = (oscillator, initial);
+                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.first_passage_paths = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::Transient => {
+                let density_at = outputs.density_at.list();
+                // Who asks for densities alone gets the numbers of these times.
+                let moments_at = if outputs.moments_at.is_empty() {
+                    density_at.clone()
+                } else {
+                    outputs.moments_at.list()
+                };
+                let Some(recipe) = &self.recipes.transient else {
+                    return Ok(());
+                };
+                let (problem, times) = ((oscillator, initial), self.times());
+                let mut it = recipe.solve(problem, (&times, &density_at), &limits, progress)?;
+                keep_times(&mut it, &moments_at);
+                let warnings = it.warnings.iter().cloned();
+                results.run.warnings.extend(warnings.map(Warning::from));
+                results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                results.transient = Some(it);
+            }
+            Part::Reach => {
+                if let Some(recipe) = &self.recipes.reach {
+                    let law = match &self.recipes.level {
+                        Some(law) => law.solve(oscillator, &limits, &|_| {})?.moments,
+                        None => Stationary::of(oscillator)?.moments(),
+                    };
+                    let stationary = reached(self.reach()?.quantity, &law)?;
+                    let problem = (oscillator, initial);
+                    let it = recipe.solve(problem, stationary, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                    results.reach = Some(it);
+                }
+            }
+            Part::Periodic => {
+                if let Some(recipe) = &self.recipes.periodic {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                    results.periodic = Some(it);
+                }
+            }
+            Part::Response => {
+                if let Some(recipe) = &self.recipes.response {
+                    let it = recipe.solve(oscillator, &limits, progress)?;
+                    let warnings = it.warnings.iter().cloned();
+                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                    results.response = Some(it);
+                }
+            }
+            Part::Steady => {
+                let Some(recipe) = &self.recipes.steady else {
+                    return Ok(());
+                };
+                let it = recipe.solve(oscillator, &limits, progress)?;
+                let warnings = it.warnings.iter().cloned();
+                results.run.warnings.extend(warnings.map(Warning::from));
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                results.steady = Some(it);
+            }
+            Part::DecayRates => {
+                let Some(recipe) = &self.recipes.eigenvalues else {
+                    return Ok(());
+                };
+                let it = recipe.solve(oscillator, &limits, progress)?;
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                results.decay_rates = Some(it);
+            }
+            Part::Spectrum => self.compute_spectrum(&limits, results, progress)?,
+            Part::Series => {
+                if let (Some(recipe), Some(mut it)) =
+                    (&self.recipes.series, results.spectrum.take())
+                {
+                    let (welch, _) = self.welch()?;
+                    let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
+                    results.spectrum = Some(it);
+                    let warning = recipe.warning(oscillator, averages);
+                    results.run.warnings.extend(warning);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::MonteCarlo => {
+                if let Some(recipe) = &self.recipes.ensemble {
+                    let mut it = recipe.run((oscillator, initial), limits, progress)?;
+                    for moments in &mut it.moments {
+                        moments.keep(outputs.moments.as_deref());
+                    }
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    results.monte_carlo = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+            Part::Records => {
+                if let Some(recipe) = &self.recipes.records {
+                    let it = recipe.run(oscillator, limits, progress)?;
+                    results.run.warnings.extend(it.warnings.iter().cloned());
+                    let losses = it.crossings.as_ref().map(|it| it.losses);
+                    if outputs.crossings.is_some() && losses == Some(0) {
+                        let warning = format!(
+                            "the records saw no loss of contact in a time of {:.1e}: its rate is known \
+                             from the closed form alone",
+                            it.duration
+                        );
+                        results.run.warnings.push(warning.into());
+                    }
+                    results.records = Some(it);
+                    results.agreement = results.agree();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What a stage has answered, in the scene's unit of time; `told` warnings and shortfalls were there before it.
+    fn put_in_unit(&self, part: Part, results: &mut Results, told: (usize, usize)) {
+        let clock = &self.clock;
+        if clock.is_dimensionless() {
+            return;
+        }
+        match part {
+            Part::Stationary => results.stationary.put_in(clock),
+            Part::Crossings => {
+                results.crossings.put_in(clock);
+                results.flights.put_in(clock);
+                results.impacts.put_in(clock);
+            }
+            Part::FirstLoss => results.first_loss.put_in(clock),
+            Part::FirstPassage => results.first_passage.put_in(clock),
+            Part::FirstPassagePaths => results.first_passage_paths.put_in(clock),
+            Part::Transient => results.transient.put_in(clock),
+            Part::Reach => results.reach.put_in(clock),
+            Part::Periodic => results.periodic.put_in(clock),
+            Part::Steady => results.steady.put_in(clock),
+            Part::DecayRates => results.decay_rates.put_in(clock),
+            // The solved spectrum holds no time, and a response curve circular frequencies.
+            Part::Spectrum | Part::Response => {}
+            Part::Series => results.spectrum.put_in(clock),
+            Part::MonteCarlo => results.monte_carlo.put_in(clock),
+            Part::FirstLossPaths => results.first_loss_paths.put_in(clock),
+            Part::Records => results.records.put_in(clock),
+        }
+        let (warnings, shortfalls) = told;
+        let warnings = results.run.warnings.iter_mut().skip(warnings);
+        warnings.for_each(|it| it.put_in(clock));
+        let shortfalls = results.shortfalls.iter_mut().skip(shortfalls);
+        shortfalls.for_each(|(_, it)| it.put_in(clock));
+        if results.agreement.is_some() {
+            results.agreement = results.agree();
+        }
+    }
+
+    fn compute_spectrum(
+        &self,
+        limits: &Limits,
+        results: &mut Results,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<()> {
+        let oscillator = &self.scene.oscillator;
+        let (welch, asked) = self.welch()?;
+        let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
+        let mut omegas = welch.omega();
+        omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
+        let Some(recipe) = &self.recipes.spectrum else {
+            return Ok(());
+        };
+        let it = recipe.solve(oscillator, asked.quantity, &omegas, limits, progress)?;
+        results.fall_short(Part::Spectrum.name(), it.shortfall.as_ref(), true);
+        results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
+        Ok(())
+    }
+
+    /// Run every stage; `watch` is told as it goes.
+    ///
+    /// # Errors
+    /// The first error of a stage or of `watch`, or [`Error::Stopped`]. Results of the stages before it have been shown
+    /// to `watch`.
+    pub fn run(&self, watch: &dyn Watch) -> Result<Results> {
+        let mut results = Results::empty(&self.given);
+        self.run_on(&mut results, watch)?;
+        Ok(results)
+    }
+
+    /// The same into `results`, which after an error hold the stages that have ended.
+    ///
+    /// # Errors
+    /// Those of [`Plan::run`].
+    pub(crate) fn run_on(&self, results: &mut Results, watch: &dyn Watch) -> Result<()> {
+        let start = Instant::now();
+        let spent = || self.planning + start.elapsed().as_secs_f64();
+        let doubts = self.given.doubts();
+        results
+            .run
+            .warnings
+            .extend(doubts.into_iter().map(Warning::from));
+        let stop = watch.stop();
+        for (k, stage) in self.stages.iter().enumerate() {
+            let limit = self.scene.accuracy.max_seconds;
+            results.run.wall_seconds = spent();
+            // What little is left to do is done: a stage before it may have overrun its part of the time.
+            let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
+            if results.run.wall_seconds > limit && end > OVERRUN * limit {
+                return Err(Error::Limit {
+                    key: "accuracy.max_seconds",
+                    limit: num(limit),
+                    what: format!("the {} stage had not begun", stage.part.name()),
+                });
+            }
+            let part = stage.part;
+            watch.begins(part);
+            let begin = Instant::now();
+            let told = (results.run.warnings.len(), results.shortfalls.len());
+            let progress = |fraction| watch.progress(part, fraction);
+            let computed = self.compute(part, results, (&progress, &stop));
+            if stop.raised() {
+                let what = format!("the {} stage had not ended", part.name());
+                return Err(Error::Stopped { what });
+            }
+            // A stage knows only what the stages before it left of the time.
+            let computed = computed.map_err(|error| self.as_typed(error));
+            computed.map_err(|error| match error {
+                Error::Limit {
+                    key: key @ "accuracy.max_seconds",
+                    what,
+                    ..
+                } => Error::Limit {
+                    key,
+                    limit: num(limit),
+                    what,
+                },
+                other => other,
+            })?;
+            self.put_in_unit(part, results, told);
+            results
+                .run
+                .stages
+                .push((part.name(), begin.elapsed().as_secs_f64()));
+            results.run.wall_seconds = spent();
+            results.run.peak_memory_bytes = peak_memory();
+            let open: Vec<&str> = self.stages[k + 1..]
+                .iter()
+                .map(|it| it.part.name())
+                .collect();
+            if open.is_empty() {
+                watch.ends(part, results)?;
+            } else {
+                results.run.warnings.push(unfinished(&open));
+                watch.ends(part, results)?;
+                results.run.warnings.pop();
+            }
+        }
+        Ok(())
+    }
+
+    /// What is left to do after these results, as the warning that they then carry.
+    pub(crate) fn left_after(&self, results: &Results) -> Option<Warning> {
+        let ended = |it: &Stage| {
+            results
+                .run
+                .stages
+                .iter()
+                .any(|(name, _)| *name == it.part.name())
+        };
+        let open = self.stages.iter().filter(|it| !ended(it));
+        let open: Vec<&str> = open.map(|it| it.part.name()).collect();
+        (!open.is_empty()).then(|| unfinished(&open))
+    }
+
+    /// Run every stage, telling nobody.
+    ///
+    /// # Errors
+    /// The first error of a stage.
+    pub fn run_quietly(&self) -> Result<Results> {
+        self.run(&Nobody)
+    }
+}
+
+/// What results say while stages are still to come.
+fn unfinished(open: &[&str]) -> Warning {
+    Warning::from(format!("unfinished: {} had not ended yet", open.join(", ")))
+}
+
+/// Leave the numbers of these times only.
+fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
+    fn keep<T>(items: &mut Vec<T>, kept: &[bool]) {
+        let mut kept = kept.iter();
+        items.retain(|_| kept.next().copied().unwrap_or(true));
+    }
+    let kept: Vec<bool> = it.times.iter().map(|t| times.contains(t)).collect();
+    keep(&mut it.times, &kept);
+    keep(&mut it.moments, &kept);
+    keep(&mut it.mass, &kept);
+    keep(&mut it.lowest_density, &kept);
+    keep(&mut it.negative_mass, &kept);
+    keep(&mut it.relative_entropy, &kept);
+    keep(&mut it.distance, &kept);
+}

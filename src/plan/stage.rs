@@ -1,0 +1,113 @@
+//! One stage of a plan: which question it answers, for which outputs, and what it will cost.
+
+use crate::fokker_planck::{self};
+use crate::monte_carlo::{self};
+
+/// One part of a plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stage {
+    /// Which part.
+    pub part: Part,
+    /// The outputs that need it, as keys of the scene.
+    pub needed_by: Vec<&'static str>,
+    /// What it will cost.
+    pub cost: Cost,
+}
+
+/// The parts a plan can have, in the order they run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// The closed form (21)-(30), or the null vector where damping leaves none.
+    Stationary,
+    /// Losses of contact in a window, by Rice's formula.
+    Crossings,
+    /// The first loss of contact, by the backward equation.
+    FirstLoss,
+    /// The first passage of a level, by the backward equation.
+    FirstPassage,
+    /// The transient of the Fokker-Planck equation.
+    Transient,
+    /// When a moment of it reaches a level.
+    Reach,
+    /// The law that lasts under a drive.
+    Periodic,
+    /// The same over the frequency of the drive.
+    Response,
+    /// Its steady state on the mesh.
+    Steady,
+    /// The slowest eigenvalues of L.
+    DecayRates,
+    /// The spectrum from the resolvent of L.
+    Spectrum,
+    /// The ensemble of paths.
+    MonteCarlo,
+    /// Sampled records for the spectrum by Welch's method.
+    Series,
+    /// The first losses of an ensemble of paths.
+    FirstLossPaths,
+    /// The first passages of a level by an ensemble of paths.
+    FirstPassagePaths,
+    /// Long records of the stationary motion.
+    Records,
+}
+
+impl Part {
+    /// The name in tables and in results.json.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stationary => "stationary",
+            Self::Crossings => "crossings",
+            Self::FirstLoss => "first_loss",
+            Self::FirstPassage => "first_passage",
+            Self::FirstPassagePaths => "first_passage_paths",
+            Self::Transient => "transient",
+            Self::Reach => "reach",
+            Self::Periodic => "periodic",
+            Self::Response => "response",
+            Self::Steady => "steady",
+            Self::DecayRates => "decay_rates",
+            Self::Spectrum => "spectrum",
+            Self::MonteCarlo => "monte_carlo",
+            Self::Series => "welch",
+            Self::FirstLossPaths => "first_loss_paths",
+            Self::Records => "records",
+        }
+    }
+}
+
+/// The expected cost of a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cost {
+    /// How it will be computed, and why so.
+    pub method: String,
+    /// Cells in q and v; None without a mesh.
+    pub cells: Option<[usize; 2]>,
+    /// Time steps, of each path or record for Monte Carlo.
+    pub steps: u64,
+    /// Bytes.
+    pub memory_bytes: u64,
+    /// Seconds on this machine, roughly.
+    pub seconds: f64,
+}
+
+impl Cost {
+    pub(super) fn on_mesh(it: fokker_planck::Cost, method: String) -> Self {
+        Self {
+            method,
+            cells: Some(it.cells),
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        }
+    }
+
+    pub(super) fn of_sample(it: monte_carlo::Cost, method: String) -> Self {
+        Self {
+            method,
+            cells: None,
+            steps: it.steps,
+            memory_bytes: it.memory,
+            seconds: it.seconds,
+        }
+    }
+}

@@ -1,0 +1,455 @@
+//! What can be said against a scene without computing.
+
+use super::outputs::{Outputs, PassageRequest, ReachRequest, ResponseRequest, names};
+use super::times::Times;
+use super::{Accuracy, Noise, Scene};
+use crate::clock::TimeUnit;
+use crate::error::{Error, Result, finite, positive};
+use crate::excitation::Drive;
+use crate::format::{brief, num, rounded};
+use crate::initial::Initial;
+use crate::moments::Moment;
+use crate::monte_carlo::{MOST_COSINES, Scheme};
+use std::f64::consts::TAU;
+
+impl Scene {
+    /// Everything that can be said against the scene without computing.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] or [`Error::NoStationaryLaw`], naming the key.
+    pub fn check(&self) -> Result<()> {
+        self.check_title()?;
+        self.check_initial()?;
+        self.check_outputs()?;
+        self.check_excitation()?;
+        self.check_damping()?;
+        self.check_monte_carlo()?;
+        self.check_accuracy()
+    }
+
+    fn check_title(&self) -> Result<()> {
+        let printable = !self.title.chars().any(char::is_control);
+        if printable && self.title.chars().count() <= 200 {
+            Ok(())
+        } else {
+            let shown: String = self.title.chars().take(60).collect();
+            let accepted = "one line of at most 200 characters";
+            Err(Error::invalid("title", format!("{shown:?}"), accepted))
+        }
+    }
+
+    fn check_initial(&self) -> Result<()> {
+        match self.initial {
+            Initial::Gaussian { mean, deviation } => {
+                for k in 0..2 {
+                    finite(&format!("initial.mean[{k}]"), mean[k])?;
+                    positive(&format!("initial.deviation[{k}]"), deviation[k])?;
+                }
+            }
+            Initial::Stationary if !self.oscillator.contact().is_confining() => {
+                return Err(self.no_law("initial.kind", "\"stationary\""));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn no_law(&self, key: &str, value: &str) -> Error {
+        let contact = self.oscillator.contact().name();
+        let accepted = format!(
+            "nothing that needs a stationary law: the contact law \"{contact}\" never confines the \
+             motion and has none"
+        );
+        Error::invalid(key, value, accepted)
+    }
+
+    fn check_outputs(&self) -> Result<()> {
+        let outputs = &self.outputs;
+        let asked = Outputs {
+            time_unit: None,
+            ..outputs.clone()
+        };
+        if asked == Outputs::nothing() && self.monte_carlo.is_none() {
+            let accepted = "at least one output: stationary, moments_at, density_at, steady, \
+                            decay_rates, spectrum, first_loss, first_passage, crossings, reach, \
+                            periodic or response";
+            return Err(Error::invalid("outputs", "nothing", accepted));
+        }
+        if outputs.time_unit == Some(TimeUnit::Second) && self.rig.is_none() {
+            let accepted = "\"dimensionless\" or \"period\"; \"s\" needs a [rig]";
+            return Err(Error::invalid("outputs.time_unit", "\"s\"", accepted));
+        }
+        if !self.oscillator.contact().is_confining() {
+            for (key, asked) in [
+                ("outputs.stationary", outputs.stationary),
+                ("outputs.steady", outputs.steady),
+            ] {
+                if asked {
+                    return Err(self.no_law(key, "true"));
+                }
+            }
+            if outputs.decay_rates > 0 {
+                let count = outputs.decay_rates.to_string();
+                return Err(self.no_law("outputs.decay_rates", &count));
+            }
+        }
+        outputs.moments_at.check("outputs.moments_at")?;
+        if outputs.moments.as_ref().is_some_and(Vec::is_empty) {
+            let accepted = format!("at least one of {}", names(&Moment::ALL).join(", "));
+            return Err(Error::invalid("outputs.moments", "[]", accepted));
+        }
+        outputs.density_at.check("outputs.density_at")?;
+        if outputs.decay_rates > 100 {
+            return Err(Error::invalid(
+                "outputs.decay_rates",
+                outputs.decay_rates,
+                "a whole number from 0 to 100",
+            ));
+        }
+        if let Some(spectrum) = outputs.spectrum {
+            let key = "outputs.spectrum.until";
+            positive(key, spectrum.until)?;
+            if !self.oscillator.contact().is_confining() {
+                let value = format!("{{ until = {} }}", num(spectrum.until));
+                return Err(self.no_law("outputs.spectrum", &value));
+            }
+            // Beyond, every sample of Monte Carlo would be a step far below any time of the motion.
+            if !(1e-3..=100.0).contains(&spectrum.until) {
+                let accepted = "a circular frequency from 1e-3 to 100; the contact resonates at 1";
+                return Err(Error::invalid(key, num(spectrum.until), accepted));
+            }
+        }
+        if let Some(until) = outputs.first_loss {
+            self.check_first_loss(until)?;
+        }
+        if let Some(passage) = outputs.first_passage {
+            self.check_first_passage(passage)?;
+        }
+        if let Some(window) = outputs.crossings {
+            self.check_lost("crossings", "window", window)?;
+        }
+        if let Some(reach) = outputs.reach {
+            self.check_reach(reach)?;
+        }
+        Ok(())
+    }
+
+    fn check_reach(&self, reach: ReachRequest) -> Result<()> {
+        let ReachRequest { quantity, fraction } = reach;
+        let (key, name) = ("outputs.reach.quantity", quantity.name());
+        if !self.oscillator.contact().is_confining() {
+            return Err(self.no_law("outputs.reach", &format!("{{ quantity = \"{name}\" }}")));
+        }
+        positive("outputs.reach.fraction", fraction)?;
+        if fraction == 1.0 {
+            let accepted = "a number > 0 other than 1, which is reached in the limit alone";
+            return Err(Error::invalid("outputs.reach.fraction", 1, accepted));
+        }
+        if matches!(quantity, Moment::MeanV | Moment::CovQv | Moment::MeanForce) {
+            let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
+            return Err(Error::invalid(key, format!("{name:?}"), accepted));
+        }
+        if quantity == Moment::ContactLossProbability
+            && self.oscillator.contact().loss_point().is_none()
+        {
+            let law = self.oscillator.contact().name();
+            let accepted = format!("a moment that the contact law \"{law}\" has");
+            return Err(Error::invalid(key, format!("{name:?}"), accepted));
+        }
+        if self.initial == Initial::Stationary {
+            let accepted = "\"gaussian\" or \"rest\" with outputs.reach: the stationary law is there from the start";
+            return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
+        }
+        Ok(())
+    }
+
+    /// Refuses what no solver has but for viscous damping.
+    fn check_damping(&self) -> Result<()> {
+        if self.oscillator.is_viscous() || self.excitation.is_plain() {
+            return Ok(());
+        }
+        let damping = self.oscillator.damping().name();
+        let key = format!("excitation with oscillator.damping = \"{damping}\"");
+        let instead = "\"viscous\" damping under a drive or an envelope";
+        Err(Error::not_available(key, instead))
+    }
+
+    fn check_first_loss(&self, until: f64) -> Result<()> {
+        self.check_lost("first_loss", "until", until)?;
+        self.check_white("outputs.first_loss")
+    }
+
+    /// Refuses paths of a first passage under noise whose past counts.
+    fn check_white(&self, output: &str) -> Result<()> {
+        let sampled = self.monte_carlo.as_ref();
+        if sampled.is_some_and(|it| it.noise != Noise::White) {
+            let accepted = format!("\"white\", with {output}");
+            let key = "monte_carlo.noise";
+            return Err(Error::invalid(key, "a sum of cosines", accepted));
+        }
+        Ok(())
+    }
+
+    fn check_first_passage(&self, it: PassageRequest) -> Result<()> {
+        finite("outputs.first_passage.level", it.level)?;
+        let key = "outputs.first_passage.until";
+        positive(key, it.until)?;
+        if it.until > Times::LATEST {
+            let accepted = format!("a time up to {:e}", Times::LATEST);
+            return Err(Error::invalid(key, num(it.until), accepted));
+        }
+        if !self.oscillator.contact().is_confining() {
+            let value = format!("{{ level = {} }}", num(it.level));
+            return Err(self.no_law("outputs.first_passage", &value));
+        }
+        self.check_white("outputs.first_passage")
+    }
+
+    /// An output about losses of contact, with a time under `key`.
+    fn check_lost(&self, output: &str, key: &str, time: f64) -> Result<()> {
+        let output = format!("outputs.{output}");
+        let full = format!("{output}.{key}");
+        positive(&full, time)?;
+        if time > Times::LATEST {
+            let noun = if key == "until" { "time" } else { key };
+            let accepted = format!("a {noun} up to {:e}", Times::LATEST);
+            return Err(Error::invalid(full, num(time), accepted));
+        }
+        let contact = self.oscillator.contact();
+        let value = format!("{{ {key} = {} }}", num(time));
+        if !contact.is_confining() {
+            return Err(self.no_law(&output, &value));
+        }
+        if contact.loss_point().is_none() {
+            let law = contact.name();
+            let accepted = if key == "until" {
+                format!("a contact law that can lose contact; \"{law}\" never does")
+            } else {
+                format!(
+                    "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{law}\" holds \
+                     on for ever"
+                )
+            };
+            return Err(Error::invalid(output, value, accepted));
+        }
+        Ok(())
+    }
+
+    /// What a drive or an envelope rules out, and what needs a drive.
+    fn check_excitation(&self) -> Result<()> {
+        let (outputs, excitation) = (&self.outputs, &self.excitation);
+        if !excitation.is_plain()
+            && let Some((key, value)) = outputs
+                .stationary_questions()
+                .find(|(key, _)| !["outputs.first_loss", "outputs.first_passage"].contains(key))
+        {
+            let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, first_loss, \
+                            first_passage, periodic and response know it; stationary is the law without it";
+            return Err(Error::invalid(key, value, accepted));
+        }
+        let phases = outputs
+            .periodic
+            .map(|phases| ("outputs.periodic", format!("{{ phases = {phases} }}")));
+        let response = outputs.response.map(|it| {
+            let points = format!("{{ from = {}, to = {}, .. }}", num(it.from), num(it.to));
+            ("outputs.response", points)
+        });
+        for (key, value) in phases.into_iter().chain(response) {
+            if excitation.drive.is_none() {
+                let accepted = "with [excitation] drive = { amplitude, frequency, phase } only: without a drive \
+                                the law that lasts is the stationary one";
+                return Err(Error::invalid(key, value, accepted));
+            }
+            if excitation.envelope.is_some() {
+                let accepted =
+                    "without excitation.envelope: under noise that changes no law is periodic";
+                return Err(Error::invalid(key, value, accepted));
+            }
+            if !self.oscillator.contact().is_confining() {
+                return Err(self.no_law(key, &value));
+            }
+        }
+        if let Some(phases) = outputs.periodic
+            && !(4..=1000).contains(&phases)
+        {
+            let accepted = "a whole number from 4 to 1000";
+            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
+        }
+        if let Some(it) = outputs.response {
+            let [low, high] = Drive::FREQUENCIES;
+            for (key, value, least) in [
+                ("outputs.response.from", it.from, low),
+                ("outputs.response.to", it.to, it.from),
+            ] {
+                if !(value >= least && value <= high && (key.ends_with("from") || value > least)) {
+                    let accepted =
+                        format!("a circular frequency above {} and up to {high}", num(least));
+                    return Err(Error::invalid(key, num(value), accepted));
+                }
+            }
+            if !(2..=ResponseRequest::MOST).contains(&it.points) {
+                let accepted = format!("a whole number from 2 to {}", ResponseRequest::MOST);
+                return Err(Error::invalid(
+                    "outputs.response.points",
+                    it.points,
+                    accepted,
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_monte_carlo(&self) -> Result<()> {
+        let Some(it) = &self.monte_carlo else {
+            return Ok(());
+        };
+        if !(2..=1_000_000_000_000).contains(&it.paths) {
+            let accepted = "a whole number from 2 to 1e12";
+            return Err(Error::invalid("monte_carlo.paths", it.paths, accepted));
+        }
+        if let Noise::Cosines { cosines, band } = it.noise {
+            if !(1..=u64::from(MOST_COSINES)).contains(&cosines) {
+                let accepted = format!("a whole number from 1 to {MOST_COSINES}");
+                return Err(Error::invalid(
+                    "monte_carlo.noise.cosines",
+                    cosines,
+                    accepted,
+                ));
+            }
+            positive("monte_carlo.noise.band", band)?;
+        }
+        if let Some(step) = it.step {
+            positive("monte_carlo.step", step)?;
+        }
+        if let Some(duration) = it.duration {
+            positive("monte_carlo.duration", duration)?;
+        }
+        if !self.excitation.is_plain() {
+            if it.noise != Noise::White {
+                let accepted = "\"white\", with [excitation]";
+                let key = "monte_carlo.noise";
+                return Err(Error::invalid(key, "a sum of cosines", accepted));
+            }
+            let splitting = [Scheme::Auto, Scheme::Splitting42, Scheme::Splitting62];
+            if !splitting.contains(&it.scheme) {
+                let accepted =
+                    "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+                let given = format!("\"{}\"", it.scheme);
+                return Err(Error::invalid("monte_carlo.scheme", given, accepted));
+            }
+            if let Some(duration) = it.duration {
+                let accepted = "without [excitation]: under it no long record is stationary";
+                return Err(Error::invalid(
+                    "monte_carlo.duration",
+                    num(duration),
+                    accepted,
+                ));
+            }
+            let first = self.outputs.first_loss.is_some() || self.outputs.first_passage.is_some();
+            if self.outputs.moments_at.is_empty() && !first {
+                let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
+                                under [excitation] there are none";
+                return Err(Error::invalid("outputs.moments_at", "[]", accepted));
+            }
+        }
+        if self.wants_records() && !self.oscillator.contact().is_confining() {
+            if let Some(duration) = it.duration {
+                return Err(self.no_law("monte_carlo.duration", &num(duration)));
+            }
+            let accepted = format!(
+                "at least one time: [monte_carlo] without moments_at is for stationary records, and the \
+                 contact law \"{}\" never confines the motion",
+                self.oscillator.contact().name()
+            );
+            return Err(Error::invalid("outputs.moments_at", "[]", accepted));
+        }
+        Ok(())
+    }
+
+    fn check_accuracy(&self) -> Result<()> {
+        let Accuracy {
+            tolerance,
+            max_seconds,
+            max_memory,
+        } = self.accuracy;
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            let accepted = "a number between 0 and 1";
+            return Err(Error::invalid(
+                "accuracy.tolerance",
+                num(tolerance),
+                accepted,
+            ));
+        }
+        positive("accuracy.max_seconds", max_seconds)?;
+        if max_memory == 0 {
+            let accepted = "a size above 0, as \"8 GB\"";
+            return Err(Error::invalid("accuracy.max_memory", max_memory, accepted));
+        }
+        if let Some(cells) = self.method.cells {
+            for (k, cells) in cells.into_iter().enumerate() {
+                if cells < 4 {
+                    let key = format!("method.cells[{k}]");
+                    return Err(Error::invalid(key, cells, "a whole number of at least 4"));
+                }
+            }
+        }
+        if let Some(step) = self.method.step {
+            positive("method.step", step)?;
+        }
+        Ok(())
+    }
+
+    /// Whether anything asked for depends on the initial condition.
+    fn begins_somewhere(&self) -> bool {
+        let it = &self.outputs;
+        !it.moments_at.is_empty()
+            || !it.density_at.is_empty()
+            || it.first_loss.is_some()
+            || it.first_passage.is_some()
+            || it.reach.is_some()
+    }
+
+    /// What is accepted and yet hardly meant: units of a rig, a damping in per cent, an initial condition of nothing.
+    pub(crate) fn doubts(&self) -> Vec<String> {
+        let mut doubts = Vec::new();
+        let outputs = &self.outputs;
+        if let Some(rig) = &self.rig {
+            let (z, mass) = (rig.static_compression(), rig.mass());
+            if z > 1e-3 {
+                doubts.push(format!(
+                    "rig.static_compression = {} is in metres, {} mm; 3.5 um would be 3.5e-6",
+                    brief(z),
+                    brief(rounded(z * 1e3, 4))
+                ));
+            }
+            if !(1e-6..=1e5).contains(&mass) {
+                doubts.push(format!(
+                    "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {} kg",
+                    brief(rounded(mass, 3))
+                ));
+            }
+            let zeta = self.oscillator.zeta();
+            if zeta > 0.2 {
+                doubts.push(format!(
+                    "oscillator.zeta = {} is {} %; 0.8 % would be 0.008",
+                    brief(zeta),
+                    brief(rounded(100.0 * zeta, 4))
+                ));
+            }
+            let last = outputs.moments_at.last().max(outputs.density_at.last());
+            if outputs.time_unit.is_none() && last > 0.0 && last < TAU {
+                doubts.push(format!(
+                    "times are in units of 1/Omega: the last, {}, is {} ms; outputs.time_unit = \"s\" makes them seconds",
+                    brief(last),
+                    brief(rounded(rig.seconds(last) * 1e3, 3))
+                ));
+            }
+        }
+        if self.initial != Initial::Rest && !self.begins_somewhere() {
+            doubts.push(
+                "initial: nothing that is asked for depends on the initial condition".to_owned(),
+            );
+        }
+        doubts
+    }
+}
