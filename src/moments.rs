@@ -113,6 +113,7 @@ impl Moment {
     ];
 
     /// Their names in results.json, in the same order.
+    #[cfg(feature = "cli")]
     pub(crate) const NAMES: [&str; Self::ALL.len()] = {
         let mut names = [""; Self::ALL.len()];
         let mut i = 0;

@@ -5,8 +5,10 @@ mod error;
 mod read;
 mod section;
 
+#[cfg(feature = "cli")]
 pub(crate) use document::items;
 pub use error::SceneError;
+#[cfg(feature = "cli")]
 pub(crate) use section::nearest;
 
 use super::Scene;
@@ -34,6 +36,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
 ];
 
 /// The text of a built-in scene.
+#[cfg(feature = "cli")]
 pub(crate) fn built_in(name: &str) -> Option<&'static str> {
     BUILT_IN
         .iter()

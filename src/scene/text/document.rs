@@ -47,6 +47,7 @@ impl Value {
     }
 
     /// As JSON; dates as text.
+    #[cfg(feature = "cli")]
     pub(super) fn plain(&self) -> serde_json::Value {
         use serde_json::json;
         match self {
@@ -335,6 +336,7 @@ fn merge(old: &mut BTreeMap<String, Node>, new: BTreeMap<String, Node>, depth: u
 }
 
 /// The items of a list written in TOML; None for anything else.
+#[cfg(feature = "cli")]
 pub(crate) fn items(text: &str) -> Option<Vec<serde_json::Value>> {
     let text = format!("it = {text}");
     let table = entries(DeTable::parse(&text).ok()?.get_ref(), 0);
