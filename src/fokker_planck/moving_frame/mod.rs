@@ -1,4 +1,6 @@
 //! A local grid that moves with a narrow density.
 
 pub(crate) mod frame;
+mod interpolant;
+mod linear;
 pub(crate) mod packet;

@@ -23,12 +23,12 @@
 //! take it away.
 
 use super::frame::Frame;
+use super::interpolant::Interpolant;
+use super::linear::Linear;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::fokker_planck::forcing::Forcing;
-use crate::fokker_planck::interpolation::{
-    Filter, MARGIN, PANEL, POINTS, Spline, filter, reflected,
-};
+use crate::fokker_planck::interpolation::{MARGIN, reflected};
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::average;
 use crate::fokker_planck::trajectory::Motion;
@@ -80,10 +80,7 @@ pub(crate) struct Packet {
     /// The smaller variance of the start.
     start: f64,
     defect: f64,
-    filter: Filter,
-    spline: Spline,
-    /// Spline coefficients of `values`, (n + 2 margin)^2.
-    coefficients: Vec<f64>,
+    spline: Interpolant,
     /// Working space: n x n values, the points of the mesh and where they come from.
     other: Vec<f64>,
     points: Vec<[f64; 2]>,
@@ -155,7 +152,6 @@ impl Packet {
             .iter()
             .flat_map(|x| centres.iter().map(move |y| normal(*x) * normal(*y)))
             .collect();
-        let padded = n + 2 * MARGIN;
         let mut it = Self {
             contact: oscillator.contact().clone(),
             zeta: oscillator.zeta(),
@@ -163,6 +159,7 @@ impl Packet {
             forcing: None,
             local: (!oscillator.is_viscous()).then(|| oscillator.clone()),
             fineness,
+            spline: Interpolant::new(&axis),
             axis,
             frame,
             other: values.clone(),
@@ -173,9 +170,6 @@ impl Packet {
             longest: 0.0,
             start: frame.lower[0].min(frame.lower[2]).powi(2),
             defect: 0.0,
-            filter: Filter::new(n),
-            spline: Spline::new(),
-            coefficients: vec![0.0; padded * padded],
             points: vec![[0.0; 2]; n * n],
             origins: vec![[0.0; 2]; n * n],
         };
@@ -363,13 +357,11 @@ impl Packet {
         {
             into[more..more + n].copy_from_slice(row);
         }
-        let padded = wide + 2 * MARGIN;
+        self.spline = Interpolant::new(&axis);
         self.axis = axis;
         self.fineness.reach = reach;
         self.other = values.clone();
         self.values = values;
-        self.filter = Filter::new(wide);
-        self.coefficients = vec![0.0; padded * padded];
         self.points = vec![[0.0; 2]; wide * wide];
         self.origins = vec![[0.0; 2]; wide * wide];
         self.interpolate();
@@ -396,17 +388,8 @@ impl Packet {
         }
         motion.before(&self.points, &[duration], &mut self.origins);
         let ratio = target.area() / self.frame.area();
-        pulp::Arch::new().dispatch(Sample {
-            it: Interpolant {
-                frame: &self.frame,
-                axis: &self.axis,
-                spline: &self.spline,
-                coefficients: &self.coefficients,
-            },
-            scale: ratio,
-            points: &self.origins,
-            values: &mut self.values,
-        });
+        self.spline
+            .sample(&self.frame, ratio, &self.origins, &mut self.values);
         self.frame = target;
         // What interpolation did to the mass.
         let cell = self.fineness.cell;
@@ -463,17 +446,8 @@ impl Packet {
                 let [q, v] = self.frame.at([*xi, *eta]);
                 *point = [q, v * x.exp()];
             }
-            pulp::Arch::new().dispatch(Sample {
-                it: Interpolant {
-                    frame: &self.frame,
-                    axis: &self.axis,
-                    spline: &self.spline,
-                    coefficients: &self.coefficients,
-                },
-                scale: x.exp(),
-                points: &self.origins[row.clone()],
-                values: &mut self.values[row],
-            });
+            let (points, values) = (&self.origins[row.clone()], &mut self.values[row]);
+            self.spline.sample(&self.frame, x.exp(), points, values);
         }
         self.interpolate();
     }
@@ -498,7 +472,7 @@ impl Packet {
         let matrix = average(&self.axis, rate, 1.0, false);
         let width = n + 2 * MARGIN;
         // Coefficients along xi_2 of values along xi_1.
-        filter(&self.filter, &self.values, n, true, &mut self.other);
+        self.spline.along(true, &self.values, &mut self.other);
         let mut padded = vec![0.0; width];
         for (row, out) in self
             .other
@@ -543,35 +517,16 @@ impl Packet {
         }
     }
 
-    /// Coefficients of the spline through the values.
+    /// The spline through the values.
     fn interpolate(&mut self) {
-        let n = self.axis.len();
-        let width = n + 2 * MARGIN;
-        filter(&self.filter, &self.values, n, true, &mut self.other);
-        let half = self.other.clone();
-        filter(&self.filter, &half, n, false, &mut self.other);
-        for (i, row) in self.coefficients.chunks_exact_mut(width).enumerate() {
-            let from = reflected(i, n) * n;
-            for (k, x) in row.iter_mut().enumerate() {
-                *x = self.other[from + reflected(k, n)];
-            }
-        }
+        self.spline.pass(&self.values, &mut self.other);
     }
 
     /// p at points (q, v); 0 outside the square.
     pub(crate) fn density(&self, points: &[[f64; 2]]) -> Vec<f64> {
         let mut values = vec![0.0; points.len()];
-        pulp::Arch::new().dispatch(Sample {
-            it: Interpolant {
-                frame: &self.frame,
-                axis: &self.axis,
-                spline: &self.spline,
-                coefficients: &self.coefficients,
-            },
-            scale: 1.0 / self.frame.area(),
-            points,
-            values: &mut values,
-        });
+        let scale = 1.0 / self.frame.area();
+        self.spline.sample(&self.frame, scale, points, &mut values);
         values
     }
 
@@ -634,21 +589,9 @@ impl Packet {
 
     /// Calls `f` with (q, weight, whether contact is lost) over a rule for the spline of a marginal.
     fn along(&self, marginal: &[f64], mut f: impl FnMut(f64, f64, bool)) {
-        let n = self.axis.len();
         let centres = self.axis.centres();
-        let mut panel = vec![0.0; n * PANEL];
-        for (row, p) in panel.chunks_exact_mut(PANEL).zip(marginal) {
-            row[0] = *p;
-        }
-        self.filter.apply(&mut panel);
-        let coefficient = |k: usize| panel[reflected(k, n) * PANEL];
-        let density = |x: f64| {
-            let (first, place) = Spline::place(self.axis.locate(x) - 0.5, n);
-            let weights = self.spline.weights(place);
-            (0..POINTS)
-                .map(|r| weights[r] * coefficient(first + r))
-                .sum::<f64>()
-        };
+        let curve = self.spline.curve(marginal);
+        let density = |x: f64| curve(self.axis.locate(x) - 0.5);
         let place = |q: f64| (q - self.frame.mean[0]) / self.frame.lower[0];
         let kinks: Vec<f64> = self.contact.kinks().into_iter().map(place).collect();
         let flight = self.contact.flight().map(|ends| ends.map(place));
@@ -690,228 +633,6 @@ impl Packet {
     }
 }
 
-/// q'' + 2 zeta q' + k q = -G(0) + sqrt(2 pi h) noise, k = G'(0): the oscillator at q = 0.
-#[derive(Debug, Clone)]
-struct Linear {
-    zeta: f64,
-    stiffness: f64,
-    drive: f64,
-    noise: f64,
-    /// The oscillator with what there is beside stationary noise.
-    forced: Option<(Oscillator, Arc<Forcing>)>,
-}
-
-impl Linear {
-    fn of(oscillator: &Oscillator) -> Self {
-        Self {
-            zeta: 0.5 * oscillator.friction(0.0),
-            stiffness: oscillator.contact().stiffness(0.0),
-            drive: -oscillator.contact().force(0.0),
-            noise: oscillator.noise(),
-            forced: None,
-        }
-    }
-
-    /// The Gaussian a short time t after the point (q, v) at time `begin`: its mean is the motion without noise.
-    fn forced_after(&self, point: [f64; 2], begin: f64, t: f64) -> Frame {
-        let Some((oscillator, forcing)) = &self.forced else {
-            return self.after(t);
-        };
-        let excitation = forcing.excitation();
-        let mean = noise_free::motion(oscillator, excitation, point, [begin, begin + t]);
-        let mut covariance = [[0.0; 2]; 2];
-        for (z, w) in KronrodNodes::default() {
-            let s = 0.5 * t * (1.0 + z);
-            let x = self.kick(s);
-            let noise = self.noise * excitation.factor(begin + t - s);
-            for i in 0..2 {
-                for j in 0..2 {
-                    covariance[i][j] += t * w * noise * x[i] * x[j];
-                }
-            }
-        }
-        Frame::of(mean, covariance)
-    }
-
-    /// (q, v) a time s after a kick of v from 0 to 1.
-    fn kick(&self, s: f64) -> [f64; 2] {
-        let squared = self.zeta * self.zeta - self.stiffness;
-        let w = squared.abs().sqrt();
-        let (sine, cosine) = if w * s < 1e-6 {
-            (s, 1.0)
-        } else if squared > 0.0 {
-            ((w * s).sinh() / w, (w * s).cosh())
-        } else {
-            ((w * s).sin() / w, (w * s).cos())
-        };
-        let decay = (-self.zeta * s).exp();
-        [decay * sine, decay * (cosine - self.zeta * sine)]
-    }
-
-    /// The Gaussian a short time t after q = v = 0: integrals of the kick and its products, by quadrature.
-    fn after(&self, t: f64) -> Frame {
-        let (mut mean, mut covariance) = ([0.0; 2], [[0.0; 2]; 2]);
-        for (z, w) in KronrodNodes::default() {
-            let x = self.kick(0.5 * t * (1.0 + z));
-            let w = 0.5 * t * w;
-            for i in 0..2 {
-                mean[i] += w * self.drive * x[i];
-                for j in 0..2 {
-                    covariance[i][j] += 2.0 * self.noise * w * x[i] * x[j];
-                }
-            }
-        }
-        Frame::of(mean, covariance)
-    }
-}
-
-/// The spline of a packet in its frame.
-#[derive(Clone, Copy)]
-struct Interpolant<'a> {
-    frame: &'a Frame,
-    axis: &'a Axis,
-    spline: &'a Spline,
-    coefficients: &'a [f64],
-}
-
-/// Its values times `scale` at points (q, v). A type, so that it is compiled for the CPU.
-struct Sample<'a> {
-    it: Interpolant<'a>,
-    scale: f64,
-    points: &'a [[f64; 2]],
-    values: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Sample<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Interpolant {
-            frame,
-            axis,
-            spline,
-            coefficients,
-        } = self.it;
-        let n = axis.len();
-        let width = n + 2 * MARGIN;
-        let (start, inverse) = (axis.centres()[0], 1.0 / axis.slopes()[0]);
-        // Beyond the last centre by half a cell the square ends.
-        let inside = |x: f64| x > -0.5 && x < n as f64 - 0.5;
-        for (value, point) in self.values.iter_mut().zip(self.points) {
-            let [x, y] = frame.locate(*point).map(|xi| (xi - start) * inverse);
-            if !(inside(x) && inside(y)) {
-                *value = 0.0;
-                continue;
-            }
-            let (i, fx) = Spline::place(x, n);
-            let (j, fy) = Spline::place(y, n);
-            let (wx, wy) = (spline.weights(fx), spline.weights(fy));
-            let mut sums = [0.0f64; 8];
-            for (r, w) in wx.iter().enumerate() {
-                let row = &coefficients[(i + r) * width + j..][..8];
-                for l in 0..8 {
-                    sums[l] = w.mul_add(row[l], sums[l]);
-                }
-            }
-            let sum: f64 = sums.iter().zip(&wy).map(|(s, w)| s * w).sum();
-            *value = sum * self.scale;
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::gaussian::Gaussian;
-
-    fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> Packet {
-        let fineness = Fineness {
-            cell: 0.25,
-            reach: 7.5,
-            border: 1e-12,
-            step,
-            beside: 1.0,
-        };
-        let mut packet = Packet::new(oscillator, initial, 0.02, fineness).unwrap();
-        packet.open(t);
-        let left = t - packet.time();
-        let steps = packet.divide(left);
-        for _ in 0..steps {
-            packet.advance(left / steps as f64);
-        }
-        packet
-    }
-
-    #[test]
-    fn the_steps_of_a_packet_are_of_order_six_and_under_strong_damping_of_order_four() {
-        for (zeta, t, steps, order) in [
-            (0.005, 10.0, [0.8, 0.4], 5.0),
-            (0.2, 5.0, [0.4, 0.2], 3.5),
-            (1.0, 2.0, [0.2, 0.1], 3.8),
-            (5.0, 1.0, [0.1, 0.05], 3.8),
-        ] {
-            let it = Oscillator::new(ContactLaw::Linear, zeta, 2e-3).unwrap();
-            let exact = Gaussian::of(&it, &Initial::Rest).unwrap();
-            let [[qq, _], [_, vv]] = exact.after(&it, t).unwrap().covariance;
-            let errors = steps.map(|step| {
-                let packet = run(&it, &Initial::Rest, t, step);
-                let got = packet.moments();
-                let wrong = |x: f64, y: f64| (x / y - 1.0).abs();
-                let error = wrong(got.var_q.value, qq).max(wrong(got.var_v.value, vv));
-                assert!(error < packet.step_error() + 1e-9, "{zeta}: {error:e}");
-                error
-            });
-            let seen = (errors[0] / errors[1]).log2();
-            println!(
-                "zeta = {zeta}: {:.1e}, {:.1e}, order {seen:.1}",
-                errors[0], errors[1]
-            );
-            assert!(seen > order);
-        }
-    }
-
-    #[test]
-    fn the_errors_of_the_steps_are_below_what_is_said_of_them_at_any_time() {
-        let it = Oscillator::new(ContactLaw::Linear, 0.005, 2e-3).unwrap();
-        let exact = Gaussian::of(&it, &Initial::Rest).unwrap();
-        for step in [0.4, 0.6, 0.8, 1.0] {
-            let mut worst: f64 = 0.0;
-            for steps in [1, 2, 3, 5, 8, 12, 20, 40] {
-                let t = step * f64::from(steps);
-                let [[qq, qv], [_, vv]] = exact.after(&it, t).unwrap().covariance;
-                let packet = run(&it, &Initial::Rest, t, step);
-                let got = packet.moments();
-                let errors = [
-                    got.var_q.value / qq - 1.0,
-                    got.var_v.value / vv - 1.0,
-                    (got.cov_qv.value - qv) / (qq * vv).sqrt(),
-                ];
-                let error = errors.into_iter().fold(0.0, |a: f64, e| a.max(e.abs()));
-                worst = worst.max(error / (packet.step_error() + 1e-9));
-            }
-            println!("tau = {step}: {worst:.2} of it");
-            assert!(worst < 1.0 && worst > 0.1, "{step}: {worst}");
-        }
-    }
-
-    #[test]
-    fn a_packet_through_the_loss_of_contact_keeps_the_energy_law() {
-        // d/dt E[H] = pi h - 2 zeta E[v^2], by Simpson's rule over steps that fall on it.
-        let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
-        let start = Initial::gaussian([-3.0, 0.0], [1e-3; 2]).unwrap();
-        let at = |k: u32| run(&it, &start, 0.25 * f64::from(k) + 1e-9, 0.25).moments();
-        let all: Vec<Moments> = (0..=16).map(at).collect();
-        let power =
-            |m: &Moments| it.noise() - 2.0 * it.zeta() * (m.var_v.value + m.mean_v.value.powi(2));
-        let integral: f64 = all
-            .windows(3)
-            .step_by(2)
-            .map(|w| (power(&w[0]) + 4.0 * power(&w[1]) + power(&w[2])) * 0.25 / 3.0)
-            .sum();
-        let change = all[16].mean_energy.value - all[0].mean_energy.value;
-        println!("energy changes by {change:.7}, power adds up to {integral:.7}");
-        // Simpson's rule is good to 1e-6 of the power here.
-        assert!((change - integral).abs() < 1e-4 * change.abs());
-    }
-}
+#[path = "packet_tests.rs"]
+mod tests;

@@ -1,0 +1,187 @@
+//! The way to the stationary law: moments over time, steady state, eigenvalues, spectrum.
+
+use super::layout::{Table, cells, row, spread};
+use crate::estimate::Estimate;
+use crate::fokker_planck::DecayRate;
+use crate::format::{brief, cell, many, rounded};
+use crate::moments::{Moment, Moments};
+use crate::results::Results;
+
+/// The spectrum in a few numbers; its curves are in the files.
+pub(super) fn spectrum(table: &mut Table, results: &Results) {
+    let Some(it) = &results.spectrum else {
+        return;
+    };
+    let solved = &it.solved;
+    let title = format!("SPECTRUM OF THE {}", solved.quantity.name().to_uppercase());
+    let heads = ["omega", "G(omega)", "half-power width"];
+    let head = heads.map(|it| format!("{it:>18}")).concat();
+    table.heading(format!("{title:<26}{head}"));
+    for (k, peak) in it.peaks.iter().take(4).enumerate() {
+        let name = if k == 0 { "highest peak" } else { "next peak" };
+        let numbers = [Some(peak.omega), Some(peak.density), peak.width];
+        table.line(row(name, &numbers, false));
+    }
+    if let (Some(first), Some(w)) = (solved.density.first(), solved.omega.first()) {
+        let (name, w) = ("lowest frequency", brief(*w));
+        table.line(format!("{name:<26} {w:>17} {:>17}", cell(Some(*first))));
+    }
+    if it.harmonic_ratio.is_some() {
+        let name = "second harmonic over main";
+        table.line(format!("{name:<26} {:>35}", cell(it.harmonic_ratio)));
+    }
+    let (error, omega) = solved.worst();
+    let text = format!(
+        "one-sided, integral over omega = variance; {} frequencies, largest error {error:.0e} of the \
+         value at omega = {}",
+        solved.omega.len(),
+        brief(omega)
+    );
+    table.paragraph("", &text);
+    if let Some(sampled) = &it.sampled {
+        let all = sampled.expectation.iter().zip(&solved.density);
+        let bias = |(expected, exact): (&f64, &Estimate)| expected / exact.value;
+        let lowest = all.clone().map(bias).fold(f64::INFINITY, f64::min);
+        let highest = all.map(bias).fold(0.0, f64::max);
+        let text = format!(
+            "Monte Carlo: Welch, Hann window, {} averages; its expectation is {lowest:.2} to \
+             {highest:.2} of the exact spectrum (peaks flattened, valleys filled), and agreement is \
+             with the expectation",
+            sampled.averages
+        );
+        table.paragraph("", &text);
+    }
+}
+
+pub(super) fn deterministic(table: &mut Table, results: &Results) {
+    let transient = results.transient.as_ref();
+    let end = transient.and_then(|it| it.times.last().copied().zip(it.distance.last().copied()?));
+    if let Some((t, distance)) = end
+        && distance.value > 0.02
+    {
+        let text = format!(
+            "at t = {} the motion is not stationary yet: total-variation distance to the stationary law {:.2}",
+            brief(t),
+            0.5 * distance.value
+        );
+        table.line("");
+        table.paragraph("note: ", &text);
+    }
+    if let Some(it) = &results.steady {
+        let [nq, nv] = it.method.cells;
+        let text = format!(
+            "{nq} x {nv} cells, {}: L1 distance to the closed form {:.1e}, residual {:.1e}",
+            it.method.name, it.l1_error.value, it.residual
+        );
+        table.line("");
+        table.paragraph("steady state: ", &text);
+    }
+    if let Some(it) = &results.decay_rates {
+        let rate = |rate: &DecayRate| {
+            let re = cell(Some(Estimate {
+                value: rate.re,
+                error: rate.error,
+                ..Estimate::default()
+            }));
+            match rate.im {
+                0.0 => re,
+                im => format!("{re} (a pair, ±{im:.4}i)"),
+            }
+        };
+        let mut words: Vec<String> = it.rates.iter().map(rate).collect();
+        if let Some(edge) = it.continuous_from {
+            let edge = if edge.abs() < 100.0 {
+                format!("{edge:.4}")
+            } else {
+                brief(rounded(edge, 5))
+            };
+            words.push(format!("continuous from {edge} on"));
+        }
+        table.line("");
+        table.paragraph("decay rates:  ", &words.join(";  "));
+    }
+}
+
+pub(super) fn reach(table: &mut Table, results: &Results) {
+    let (Some(it), Some(asked)) = (&results.reach, results.scene.outputs.reach) else {
+        return;
+    };
+    let entry = asked.quantity.entry();
+    let words = format!("reaches {} of its", brief(asked.fraction));
+    table.line("");
+    table.line(row(&format!("{:<8} {words}", entry.symbol), &[], false));
+    let number =
+        it.t.map_or("never".into(), |t| format!("t = {}", cell(Some(t))));
+    table.line(format!("{:<8} stationary value at {number}", ""));
+}
+
+/// The moments whose course in time is printed.
+const COURSE: [Moment; 4] = [
+    Moment::MeanQ,
+    Moment::StdForce,
+    Moment::MeanEnergy,
+    Moment::ContactLossProbability,
+];
+
+pub(super) fn course(table: &mut Table, results: &Results) {
+    let (deterministic, sampled) = (results.transient.as_ref(), results.monte_carlo.as_ref());
+    let empty: (&[f64], &[Moments]) = (&[], &[]);
+    let (times, moments) = deterministic.map_or(empty, |it| (&it.times, &it.moments));
+    let paths = sampled.map_or(empty, |it| (&it.times, &it.moments));
+    if times.is_empty() {
+        return;
+    }
+    let heads = if sampled.is_some() {
+        ["Monte Carlo", "z"]
+    } else {
+        ["", ""]
+    };
+    table.heading(format!(
+        "{:<36}{:>17} {:>17}{:>7}",
+        "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
+    ));
+    let few = moments.last().is_some_and(|it| it.left_out != 0);
+    let course = if few { &Moment::ALL[..] } else { &COURSE };
+    for &moment in course {
+        if moments.last().and_then(|it| it.get(moment)).is_none() {
+            continue;
+        }
+        for (n, k) in spread(times.len()).into_iter().enumerate() {
+            let t = times[k];
+            let here = moments.get(k).and_then(|it| it.get(moment));
+            let there = paths.0.iter().position(|it| *it == t);
+            let there = there.and_then(|k| paths.1.get(k)?.get(moment));
+            let entry = moment.entry();
+            let (symbol, words) = if n == 0 {
+                (entry.symbol, entry.words)
+            } else {
+                ("", "")
+            };
+            let time = format!("t = {}", brief(t));
+            let both = [here, there];
+            let numbers = cells(&both[..=usize::from(sampled.is_some())], true);
+            table.line(format!("{symbol:<8} {words:<15}{time:>12}{numbers}"));
+        }
+    }
+    if let Some(it) = deterministic {
+        let [nq, nv] = it.method.cells;
+        let text = format!(
+            "{}, {nq} x {nv} cells, {} of at most {}",
+            it.method.name,
+            many(it.method.steps, "step"),
+            brief(it.method.step)
+        );
+        table.line("");
+        table.paragraph("Fokker-Planck: ", &text);
+    }
+    if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
+        let text = format!(
+            "{}, {} paths, {} of {}; errors are one standard error",
+            it.scheme,
+            scene.paths,
+            many(it.steps, "step"),
+            brief(it.step)
+        );
+        table.paragraph("Monte Carlo:   ", &text);
+    }
+}

@@ -1,0 +1,89 @@
+//! Under a drive: the periodic law and the response.
+
+use super::layout::{Table, row};
+use crate::fokker_planck::Multiplier;
+use crate::format::brief;
+use crate::results::Results;
+
+/// The law that lasts under a drive: its harmonics, multipliers and loss of contact.
+pub(super) fn periodic(table: &mut Table, results: &Results) {
+    let (Some(it), Some(drive)) = (&results.periodic, results.scene.excitation.drive) else {
+        return;
+    };
+    let heads = ["amplitude", "phase [rad]"];
+    let head = heads.map(|it| format!("{it:>18}")).concat();
+    table.heading(format!("{:<26}{head}", "THE LAW THAT LASTS"));
+    for (symbol, all) in [
+        ("E[q]", &it.mean_q),
+        ("E[v]", &it.mean_v),
+        ("E[N]", &it.mean_force),
+    ] {
+        for (k, harmonic) in (1..).zip(all).take(2) {
+            let name = format!("{symbol:<8} harmonic {k}");
+            let phase = Some(harmonic.phase).filter(|it| it.value.is_finite());
+            table.line(row(&name, &[Some(harmonic.amplitude), phase], false));
+        }
+    }
+    if let Some(lost) = it.contact_loss_probability {
+        table.line(row("P(loss)  over a period", &[Some(lost)], false));
+    }
+    for (k, multiplier) in it.multipliers.iter().enumerate() {
+        let name = if k == 0 { "Floquet multipliers" } else { "" };
+        let sign = format!("{:.6}", multiplier.re);
+        let imaginary = match multiplier.im {
+            0.0 => String::new(),
+            im => format!(" \u{b1} {im:.6}i"),
+        };
+        table.line(format!(
+            "{name:<26} {sign}{imaginary}, error {:.0e}",
+            multiplier.error
+        ));
+    }
+    let left = it.multipliers.first().map(Multiplier::modulus);
+    let memory = left
+        .filter(|it| *it > 0.0 && *it < 1.0)
+        .map_or(String::new(), |it| {
+            format!(
+                "; a deviation falls to a tenth in {:.3e} of time",
+                drive.period() * 0.1f64.ln() / it.ln()
+            )
+        });
+    let text = format!(
+        "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{memory}",
+        it.phase.len(),
+        brief(drive.amplitude()),
+        brief(drive.frequency()),
+        brief(drive.phase()),
+        it.residual
+    );
+    table.paragraph("", &text);
+}
+
+/// The response curve where it is highest, and at its ends.
+pub(super) fn response(table: &mut Table, results: &Results) {
+    let Some(it) = &results.response else {
+        return;
+    };
+    let heads = ["|E[q]| 1", "|E[N]| 1", "P(loss)"];
+    let head = heads.map(|it| format!("{it:>18}")).concat();
+    table.heading(format!("{:<26}{head}", "RESPONSE, frequency"));
+    let count = it.frequency.len();
+    let highest = (0..count).max_by(|a, b| {
+        let value = |k: usize| it.mean_q_1[k].value;
+        value(*a).total_cmp(&value(*b))
+    });
+    let mut shown = vec![0, count.saturating_sub(1)];
+    shown.extend(highest);
+    shown.sort_unstable();
+    shown.dedup();
+    for k in shown {
+        let top = if Some(k) == highest { "  highest" } else { "" };
+        let lost = it.contact_loss_probability.as_ref().map(|it| it[k]);
+        let numbers = [Some(it.mean_q_1[k]), Some(it.mean_force_1[k]), lost];
+        let name = format!("{}{top}", brief(it.frequency[k]));
+        table.line(row(&name, &numbers, false));
+    }
+    table.line(format!(
+        "{count} frequencies; the whole curve is in response.csv"
+    ));
+}

@@ -1,0 +1,130 @@
+//! Lines of 80 columns: rows of numbers, headings, paragraphs.
+
+use crate::estimate::Estimate;
+use crate::format::cell;
+use crate::moments::Entry;
+use crate::oscillator::Oscillator;
+use crate::results::distance;
+use std::fmt::Write;
+
+pub(super) const WIDTH: usize = 80;
+
+/// Times printed of each; all are in the files.
+const TIMES: usize = 6;
+
+/// A blank at which no line is broken.
+pub(super) const TOGETHER: char = '\u{a0}';
+
+/// Text broken at blanks into lines of at most `width` columns.
+pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split([' ', '\n']).filter(|word| !word.is_empty()) {
+        let last = lines.len() - 1;
+        let room = lines[last].chars().count() + 1 + word.chars().count() <= width;
+        if lines[last].is_empty() {
+            lines[last].push_str(word);
+        } else if room {
+            lines[last].push(' ');
+            lines[last].push_str(word);
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines
+        .into_iter()
+        .map(|line| line.replace(TOGETHER, " "))
+        .collect()
+}
+
+/// At most `TIMES` of `count` indices, spread evenly, the last among them.
+pub(super) fn spread(count: usize) -> Vec<usize> {
+    let most = TIMES.min(count);
+    (1..=most).map(|k| (k * count).div_ceil(most) - 1).collect()
+}
+
+pub(super) struct Table {
+    pub(super) text: String,
+    pub(super) colour: bool,
+}
+
+impl Table {
+    pub(super) fn line(&mut self, line: impl AsRef<str>) {
+        self.text.push_str(line.as_ref().trim_end());
+        self.text.push('\n');
+    }
+
+    pub(super) fn heading(&mut self, line: impl AsRef<str>) {
+        self.line("");
+        let line = line.as_ref();
+        if self.colour {
+            self.line(format!("\u{1b}[1m{line}\u{1b}[0m"));
+        } else {
+            self.line(line);
+        }
+    }
+
+    pub(super) fn paragraph(&mut self, first: &str, text: &str) {
+        let indent = first.chars().count();
+        for (k, line) in wrap(text, WIDTH - indent).into_iter().enumerate() {
+            let lead = if k == 0 {
+                first.to_owned()
+            } else {
+                " ".repeat(indent)
+            };
+            self.line(lead + &line);
+        }
+    }
+}
+
+/// A row: 26 columns of words, then its numbers.
+pub(super) fn row(words: &str, numbers: &[Option<Estimate>], compared: bool) -> String {
+    format!("{words:<26} {}", cells(numbers, compared))
+}
+
+/// Numbers in 17 columns each, and in 7 how far the first two are apart where both are known.
+pub(super) fn cells(numbers: &[Option<Estimate>], compared: bool) -> String {
+    let padded: Vec<String> = numbers
+        .iter()
+        .map(|it| format!("{:>17}", cell(*it)))
+        .collect();
+    let mut line = padded.join(" ");
+    if let [Some(a), Some(b)] = numbers
+        && let Some(z) = distance(*a, *b).filter(|_| compared)
+    {
+        let _ = write!(line, "{z:>7.1}");
+    }
+    line
+}
+
+/// Symbol and words of a number.
+pub(super) fn words(it: &Entry) -> String {
+    format!("{:<8} {}", it.symbol, it.words)
+}
+
+/// The damping law, if it is not viscous.
+pub(super) fn damping(oscillator: &Oscillator) -> String {
+    let name = oscillator.damping().name();
+    if oscillator.is_viscous() {
+        String::new()
+    } else {
+        format!("{name} damping, ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_times_shown_are_spread_and_end_with_the_last() {
+        assert_eq!(spread(0), Vec::<usize>::new());
+        assert_eq!(spread(3), [0, 1, 2]);
+        assert_eq!(spread(600), [99, 199, 299, 399, 499, 599]);
+    }
+
+    #[test]
+    fn long_text_is_broken_at_blanks() {
+        let lines = wrap(&"word ".repeat(40), 30);
+        assert!(lines.iter().all(|line| line.chars().count() <= 30) && lines.len() == 7);
+    }
+}

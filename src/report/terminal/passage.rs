@@ -1,0 +1,95 @@
+//! First losses of contact and first passages.
+
+use super::layout::{Table, row};
+use crate::estimate::Estimate;
+use crate::fokker_planck::FirstLoss;
+use crate::format::{brief, rounded};
+use crate::initial::Initial;
+use crate::monte_carlo::FirstLossResult;
+use crate::oscillator::Side;
+use crate::results::Results;
+use std::fmt::Write;
+
+pub(super) fn first_loss(table: &mut Table, results: &Results) {
+    let sampled = results.first_loss_paths.as_ref();
+    if let Some(it) = &results.first_loss {
+        let words = ["FIRST LOSS OF CONTACT", "time to the loss", "given contact"];
+        survival(table, results, words, (it, sampled));
+    }
+}
+
+pub(super) fn first_passage(table: &mut Table, results: &Results) {
+    let (Some(it), Some(asked)) = (&results.first_passage, results.scene.outputs.first_passage)
+    else {
+        return;
+    };
+    let words = match asked.side {
+        Side::Below => "q BELOW",
+        Side::Above => "q ABOVE",
+        Side::Either => "|q| ABOVE",
+    };
+    let title = format!("FIRST {words} {}", brief(asked.level));
+    let words = [&title, "time to the passage", "short of the level"];
+    survival(
+        table,
+        results,
+        words,
+        (it, results.first_passage_paths.as_ref()),
+    );
+}
+
+/// `[title, mean, given]`: the heading, what is meant by the mean time, and of what a stationary start is taken.
+fn survival(
+    table: &mut Table,
+    results: &Results,
+    [title, mean, given]: [&str; 3],
+    (it, sampled): (&FirstLoss, Option<&FirstLossResult>),
+) {
+    let mut head = format!("{title:<26}{:>18}", "backward eq.");
+    if sampled.is_some() {
+        let _ = write!(head, "{:>18}{:>7}", "paths", "z");
+    }
+    table.heading(head);
+    let mut put = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
+        let words = format!("{symbol:<8} {words}");
+        let both = [Some(a), b];
+        table.line(row(&words, &both[..=usize::from(sampled.is_some())], true));
+    };
+    let last = it.times.len() - 1;
+    for k in [last / 8, last / 4, last / 2, last] {
+        let seen = sampled.and_then(|it| it.survival.get(k).copied());
+        let words = format!("survives {}", brief(it.times[k]));
+        put("S", &words, it.survival[k], seen);
+    }
+    for k in [last / 2, last] {
+        let seen = sampled.and_then(|it| it.survival.get(k).copied());
+        let words = format!("lost by {}", brief(it.times[k]));
+        put("1 - S", &words, it.lost[k], seen.map(Estimate::complement));
+    }
+    let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
+    let lasts = it.rate.value.is_finite();
+    if lasts {
+        put("mean", mean, it.mean_time, lost.map(|it| it.mean_time));
+        put("rate", "S ~ exp(-rate t)", it.rate, None);
+    }
+    if it.rate_over_rice.value.is_finite() {
+        put("", "over Rice's rate", it.rate_over_rice, None);
+    }
+    let text = format!(
+        "{} x {} nodes, step {}; {}; from {}",
+        it.method.cells[0],
+        it.method.cells[1],
+        brief(rounded(it.method.step, 3)),
+        if lasts {
+            "in the end the survival falls as exp(-rate t)"
+        } else {
+            "under [excitation] there is no rate in the end"
+        },
+        match results.scene.initial {
+            Initial::Rest => "rest".to_owned(),
+            Initial::Stationary => format!("the stationary law {given}"),
+            Initial::Gaussian { .. } => "a Gaussian initial condition".to_owned(),
+        }
+    );
+    table.paragraph("", &text);
+}

@@ -1,0 +1,217 @@
+//! What holds in the stationary law: moments, records, losses of contact, the rig.
+
+use super::layout::{Table, row, words};
+use crate::clock::TimeUnit;
+use crate::estimate::Estimate;
+use crate::format::{brief, cell, rounded};
+use crate::moments::{Moment, Moments};
+use crate::results::{Results, entries, physical_words};
+use std::fmt::Write;
+
+/// Closed form and long records side by side: name in results.json and both numbers.
+type Sides = (&'static str, Option<Estimate>, Option<Estimate>);
+
+/// The last moments with their time.
+fn last<'a>(times: &'a [f64], moments: &'a [Moments]) -> Option<(f64, &'a Moments)> {
+    Some((*times.last()?, moments.last()?))
+}
+
+/// Closed form, steady state on the mesh, Fokker-Planck or Monte Carlo at the last time: whatever there
+/// is, up to three columns.
+pub(super) fn stationary(table: &mut Table, results: &Results) {
+    let transient = results
+        .transient
+        .as_ref()
+        .and_then(|it| last(&it.times, &it.moments));
+    let sampled = results
+        .monte_carlo
+        .as_ref()
+        .and_then(|it| last(&it.times, &it.moments));
+    let steady = results.steady.as_ref().map(|it| it.moments);
+    let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
+    let closed = results.stationary.as_ref();
+    if closed.is_some() {
+        let (name, from) = if results.solved.is_some() {
+            ("solved", "no closed form")
+        } else {
+            ("closed form", "(21)-(30)")
+        };
+        columns.push((name.into(), from, None));
+    }
+    if let Some(moments) = &steady {
+        columns.push(("steady state".into(), "on the mesh", Some(moments)));
+    }
+    if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
+        columns.push(("Fokker-Planck".into(), "", Some(moments)));
+        let last = columns.len() - 1;
+        columns[last].0 = format!("mesh, t = {}", brief(t));
+    }
+    if let Some((t, moments)) = sampled {
+        columns.push((
+            format!("paths, t = {}", brief(t)),
+            "Monte Carlo",
+            Some(moments),
+        ));
+    }
+    // Beside long records the closed form has a table of its own.
+    let alone = closed.is_some() && columns.len() == 1 && results.records.is_some();
+    if columns.is_empty() || alone {
+        return;
+    }
+    let title = match (closed.is_some() || steady.is_some(), columns.len()) {
+        (true, 1) => "STATIONARY MOTION",
+        (true, _) => "STATIONARY MOTION, side by side",
+        _ => "AT THE LAST TIME",
+    };
+    let mut heads = [format!("{title:<26}"), " ".repeat(26)];
+    for (first, second, _) in &columns {
+        let _ = write!(heads[0], "{first:>18}");
+        let _ = write!(heads[1], "{second:>18}");
+    }
+    // A title longer than its column would push the others aside.
+    if title.chars().count() > 25 {
+        table.heading(title);
+        table.line(format!("{:<26}{}", "", &heads[0][title.len()..]));
+    } else {
+        table.heading(&heads[0]);
+    }
+    table.line(&heads[1]);
+    for (k, entry) in entries().enumerate() {
+        let moment = Moment::ALL.get(k);
+        let numbers: Vec<Option<Estimate>> = columns
+            .iter()
+            .map(|(_, _, moments)| match moments {
+                None => closed.and_then(|it| it.get(entry.name)),
+                Some(moments) => moments.get(*moment?),
+            })
+            .collect();
+        if numbers.iter().any(Option::is_some) {
+            table.line(row(&words(entry), &numbers, false));
+        }
+    }
+}
+
+/// Where stationary numbers come from.
+fn origin(results: &Results) -> &'static str {
+    if results.solved.is_some() {
+        "solved"
+    } else {
+        "closed form"
+    }
+}
+
+/// A table of what is known exactly and what was sampled; either may be missing altogether.
+fn sides(table: &mut Table, results: &Results, title: &str, rows: &[Sides]) {
+    let exact = rows.iter().any(|(_, it, _)| it.is_some());
+    let sampled = rows.iter().any(|(.., it)| it.is_some());
+    let mut head = format!("{title:<26}");
+    let heads = [(origin(results), exact), ("long records", sampled)];
+    for (words, _) in heads.iter().filter(|(_, there)| *there) {
+        let _ = write!(head, "{words:>18}");
+    }
+    if exact && sampled {
+        let _ = write!(head, "{:>7}", "z");
+    }
+    table.heading(head);
+    for (name, a, b) in rows {
+        let entry = entries().find(|it| it.name == *name);
+        let known = entry.filter(|_| a.is_some() || b.is_some());
+        let numbers: Vec<_> = [(*a, exact), (*b, sampled)]
+            .into_iter()
+            .filter_map(|(it, there)| there.then_some(it))
+            .collect();
+        if let Some(entry) = known {
+            table.line(row(&words(entry), &numbers, true));
+        }
+    }
+}
+
+pub(super) fn records(table: &mut Table, results: &Results) {
+    let (Some(it), Some(sampled)) = (&results.records, results.sampled_stationary()) else {
+        return;
+    };
+    let closed = results.stationary.as_ref();
+    let row = |(name, number)| (name, closed.and_then(|it| it.get(name)), number);
+    let rows: Vec<Sides> = sampled.iter().map(row).collect();
+    sides(table, results, "STATIONARY MOTION", &rows);
+    let [q, force, energy] = it.effective_samples.map(|it| format!("{it:.0}"));
+    let text = format!(
+        "{}, {} records, {:.3e} of time in all, steps of {}, {} batches of {}; worth {q} independent \
+         samples of q, {force} of N, {energy} of H; errors are one standard error{}",
+        it.scheme,
+        it.records,
+        it.duration,
+        brief(it.step),
+        it.batches,
+        brief(it.batch_length),
+        if results.controlled() {
+            ", lowered by the exact E[N] = 0, E[qN] = T, E[v^2] = T, E[qv] = 0"
+        } else {
+            ""
+        }
+    );
+    table.line("");
+    table.paragraph("long records:  ", &text);
+}
+
+pub(super) fn crossings(table: &mut Table, results: &Results) {
+    let (Some(numbers), Some(window)) = (&results.crossings, results.scene.outputs.crossings)
+    else {
+        return;
+    };
+    let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
+    let row = |(name, number)| (name, number, sampled.as_ref().and_then(|it| it.get(name)));
+    let rows: Vec<Sides> = numbers.iter().map(row).collect();
+    sides(table, results, "LOSSES OF CONTACT", &rows);
+    let scene = &results.scene;
+    let unit = match (scene.outputs.time_unit, scene.rig) {
+        (None, Some(_)) | (Some(TimeUnit::Second), _) => " s",
+        (Some(TimeUnit::Period), _) => " periods",
+        _ => "",
+    };
+    table.line(format!("the window is {}{unit}", brief(window)));
+}
+
+pub(super) fn physical(table: &mut Table, results: &Results) {
+    let Some(rig) = &results.scene.rig else {
+        return;
+    };
+    table.heading(format!(
+        "ON THE RIG of {} N, {} Hz, {:.3} um",
+        rig.static_load(),
+        rig.frequency(),
+        rig.static_compression() * 1e6
+    ));
+    let sampled = results.physical_sampled(rig);
+    if !sampled.is_empty() {
+        table.line(format!(
+            "{:<26}{:>18}{:>18}",
+            "",
+            origin(results),
+            "long records"
+        ));
+    }
+    let mut numbers: Vec<_> = results
+        .physical(rig)
+        .into_iter()
+        .map(|(name, it)| (name, Some(it)))
+        .collect();
+    for (name, _) in &sampled {
+        if !numbers.iter().any(|(it, _)| it == name) {
+            numbers.push((*name, None));
+        }
+    }
+    for (name, number) in numbers {
+        let seen = sampled.iter().find(|(it, _)| *it == name).map(|it| it.1);
+        let (name, unit, typed) = physical_words(name);
+        let mut line = match number {
+            Some(it) if typed => format!("{name:<26} {:>17}", brief(rounded(it.value, 6))),
+            _ => row(name, &[number], false),
+        };
+        if !sampled.is_empty() {
+            let seen = seen.map_or(String::new(), |it| cell(Some(it)));
+            let _ = write!(line, " {seen:>17}");
+        }
+        table.line(format!("{line} {unit}"));
+    }
+}
