@@ -4,7 +4,9 @@
 //! is absorbed stay. One step of the survival is u <- P_n u. From the last time backwards each time asked for would want a
 //! run of its own; the weights of the initial condition, w <- P_n^T w, pass all times in one run, with the same numbers.
 
-use super::absorbed::{Contact, Fineness, REACH, Start, Stencil, between, critical, lower, normal};
+use super::absorbed::{REACH, Start, lower, normal};
+use super::cut::{between, critical};
+use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::forcing::Forcing;

@@ -13,8 +13,8 @@
 //! 1.1e-2 as steps of 0.125 are halved: order 1.5. Error estimates come from the differences from twice the step and
 //! from a coarser mesh; whichever is larger is refined.
 
-use super::absorbed::Fineness;
 use super::layout::{Asked, Layout};
+use super::mesh::Fineness;
 use super::region::{Barrier, Region};
 use super::run::{NAME, Problem, Run};
 use crate::error::{Error, Result, positive};

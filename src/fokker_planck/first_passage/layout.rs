@@ -1,6 +1,6 @@
 //! Steps, meshes and times of the backward equation.
 
-use super::absorbed::{Fineness, POINTS};
+use super::mesh::{Fineness, POINTS};
 use super::region::{Barrier, Region};
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;

@@ -1,11 +1,13 @@
 //! First passage to contact loss by the backward equation, and the law of the flights.
 
 pub(crate) mod absorbed;
+mod cut;
 mod driven;
 pub(crate) mod first_loss;
 pub(crate) mod flight;
 pub(crate) mod impact;
 mod layout;
+pub(crate) mod mesh;
 pub(crate) mod pontryagin;
 mod region;
 mod run;

@@ -1,8 +1,9 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
-use super::absorbed::{Absorbed, Fineness, Start};
+use super::absorbed::{Absorbed, Start};
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
+use super::mesh::Fineness;
 use super::pontryagin::{dot, long_run};
 use super::region::Region;
 use crate::error::Result;

@@ -1,0 +1,158 @@
+//! The velocities at which a motion is just lost within a time, and integrals that begin there.
+
+use super::mesh::Contact;
+use super::region::Region;
+use crate::quadrature::gauss;
+use std::sync::LazyLock;
+
+/// Eight points for the velocities reached in a step.
+pub(super) static GAUSS8: LazyLock<[(f64, f64); 8]> = LazyLock::new(gauss);
+
+/// Points and weights for an integral from a cut to an edge of a function smooth on the scale `scale`, but
+/// for a square root at the cut.
+pub(super) fn from_cut(cut: f64, [start, edge]: [f64; 2], scale: f64) -> Vec<(f64, f64)> {
+    // Eight points over 2.5 deviations integrate a Gaussian to 1e-9.
+    let (width, rule) = (2.5 * scale, *GAUSS8);
+    let mut points = Vec::new();
+    let mut low = cut.clamp(start, edge);
+    if cut > start {
+        let root = width.min(edge - low).sqrt();
+        for (x, w) in rule {
+            let r = 0.5 * root * (x + 1.0);
+            points.push((low + r * r, w * 0.5 * root * 2.0 * r));
+        }
+        low += root * root;
+    }
+    let panels = ((edge - low) / width - 1e-9).ceil().max(0.0) as usize;
+    let width = (edge - low) / panels.max(1) as f64;
+    for k in 0..panels {
+        let centre = low + (k as f64 + 0.5) * width;
+        points.extend(rule.map(|(x, w)| (centre + 0.5 * width * x, 0.5 * width * w)));
+    }
+    points
+}
+
+/// Points and weights for an integral between two cuts, the upper one of which may be infinite.
+pub(super) fn between(
+    [low, high]: [f64; 2],
+    [start, edge]: [f64; 2],
+    scale: f64,
+) -> Vec<(f64, f64)> {
+    if high >= edge {
+        return from_cut(low, [start, edge], scale);
+    }
+    if low >= high {
+        return Vec::new();
+    }
+    // Both ends may be roots.
+    let middle = 0.5 * (low.max(start) + high);
+    let mut points = from_cut(low, [start.min(middle), middle], scale);
+    let mut upper = from_cut(-high, [-edge, -middle], scale);
+    upper.reverse();
+    points.extend(upper.into_iter().map(|(v, w)| (-v, w)));
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    points
+}
+
+/// The velocities at each displacement of the mesh below and above which a motion is lost within a time.
+pub(super) fn critical(region: &Region<'_>, mesh: &Contact, time: f64) -> Vec<[f64; 2]> {
+    let nodes: Vec<f64> = (0..mesh.nodes[0]).map(|i| mesh.q(i)).collect();
+    cuts(region, time, 2.0 * mesh.speed, &nodes)
+}
+
+/// The velocities below and above which an undamped motion from each displacement is lost within a time.
+pub(super) fn cuts(region: &Region<'_>, time: f64, fastest: f64, q: &[f64]) -> Vec<[f64; 2]> {
+    let low = Cut::new(region, time, fastest).of(q);
+    let Some(high) = region.barrier.high else {
+        return low.into_iter().map(|low| [low, f64::INFINITY]).collect();
+    };
+    let mirrored = region.mirrored(high);
+    let back: Vec<f64> = q.iter().map(|q| -q).collect();
+    let top = Cut::new(&mirrored, time, fastest).of(&back);
+    low.into_iter()
+        .zip(top)
+        .map(|(low, top)| [low, -top])
+        .collect()
+}
+
+/// The velocity below which an undamped motion is lost within a time.
+struct Cut<'a> {
+    region: &'a Region<'a>,
+    loss: f64,
+    time: f64,
+    /// Speed beyond which nothing is asked.
+    fastest: f64,
+}
+
+impl<'a> Cut<'a> {
+    fn new(region: &'a Region<'a>, time: f64, fastest: f64) -> Self {
+        Self {
+            region,
+            loss: region.barrier.low,
+            time,
+            fastest,
+        }
+    }
+
+    /// At each of these displacements. A motion that meets the loss point at the end of the time with
+    /// velocity -w began at the mirror image of where one from the loss point with velocity w ends; nearer
+    /// to it the critical motion grazes on the way.
+    fn of(&self, q: &[f64]) -> Vec<f64> {
+        let region = self.region;
+        let after = |speeds: &[f64]| {
+            let starts: Vec<[f64; 2]> = speeds.iter().map(|w| [self.loss, *w]).collect();
+            let mut ends = vec![[0.0; 2]; starts.len()];
+            region.after(&starts, &[self.time], &mut ends);
+            ends
+        };
+        let grazed = after(&[0.0])[0][0];
+        let far = q.iter().fold(grazed, |a, b| a.max(*b));
+        // Straight motion at the least: the contact resists, but for the preload that hastens by a time.
+        let top = (2.0 * (far - self.loss) / self.time + 2.0 * self.time).min(self.fastest);
+        let gaps = |speeds: &[f64]| -> Vec<f64> {
+            let ends = after(speeds);
+            ends.iter().zip(q).map(|(end, q)| end[0] - q).collect()
+        };
+        let (mut low, mut high) = (vec![0.0; q.len()], vec![top; q.len()]);
+        let (mut below, mut above) = (gaps(&low), gaps(&high));
+        // The Illinois variant of the false position (Dowell and Jarratt, BIT 11, 1971, 168), to rounding;
+        // halving where it does not shrink the bracket.
+        for round in 0..60 {
+            let open =
+                |k: usize| high[k] - low[k] > 1e-15 * top && q[k] > grazed && above[k] != 0.0;
+            if !(0..q.len()).any(open) {
+                break;
+            }
+            let middle: Vec<f64> = (0..q.len())
+                .map(|k| {
+                    let part = below[k] / (below[k] - above[k]);
+                    let halve = round % 4 == 3 || !(part > 0.0 && part < 1.0);
+                    low[k] + (high[k] - low[k]) * if halve { 0.5 } else { part }
+                })
+                .collect();
+            for (k, gap) in gaps(&middle).into_iter().enumerate() {
+                if gap < 0.0 {
+                    (low[k], below[k]) = (middle[k], gap);
+                    above[k] *= 0.5;
+                } else {
+                    (high[k], above[k]) = (middle[k], gap);
+                    below[k] *= 0.5;
+                }
+            }
+        }
+        let ends = after(&high);
+        let top_potential = region.potential(self.loss);
+        q.iter()
+            .zip(ends)
+            .map(|(q, end)| {
+                if *q <= grazed {
+                    -(2.0 * (top_potential - region.potential(*q)).max(0.0)).sqrt()
+                } else if end[0] < q - 1e-6 {
+                    f64::NEG_INFINITY
+                } else {
+                    -end[1]
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,157 @@
+//! The mesh in contact, or between two levels, and interpolation on it.
+
+use super::region::Region;
+use crate::error::{Error, Result};
+use crate::fokker_planck::difference::lagrange;
+
+/// Points of the Lagrange interpolation in each direction: order 6.
+pub(super) const POINTS: usize = 6;
+
+/// How fine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Fineness {
+    /// Nodes in q and in v.
+    pub(crate) nodes: [usize; 2],
+    /// Step.
+    pub(crate) step: f64,
+    /// Energy above the loss of contact, in T, at the edge of the mesh.
+    pub(crate) level: f64,
+}
+
+/// Nodes in contact: q = q_loss + b (sqrt(1 + y^2) - 1), v = c sinh(eta), y and eta uniform; between two levels
+/// q = middle - b cos(y).
+#[derive(Debug, Clone)]
+pub(crate) struct Contact {
+    loss: f64,
+    pub(super) bend: f64,
+    /// The middle between two levels.
+    pub(super) middle: Option<f64>,
+    grade: f64,
+    /// Spacing of y and of eta.
+    pub(super) spacing: [f64; 2],
+    pub(super) nodes: [usize; 2],
+    /// Highest speed.
+    pub(crate) speed: f64,
+}
+
+impl Contact {
+    pub(super) fn new(region: &Region<'_>, fineness: &Fineness) -> Result<Self> {
+        let (oscillator, loss) = (region.oscillator, region.barrier.low);
+        let rise = region.rise();
+        let top = rise + fineness.level * oscillator.temperature();
+        let Some(right) = region.turning_point(top) else {
+            return Err(Error::NoStationaryLaw {
+                what: "the first loss of contact".into(),
+                contact: oscillator.contact().name().into(),
+                why: "nothing brings the motion back".into(),
+            });
+        };
+        let speed = (2.0 * top).sqrt();
+        let (bend, middle, reach) = match region.barrier.high {
+            None => {
+                // A fall from rest covers x = a s^2/2: near the wall y is the speed at which it is hit.
+                let bend = -region.force(loss);
+                let reach = (right - loss) / bend + 1.0;
+                (bend, None, (reach * reach - 1.0).sqrt())
+            }
+            Some(high) => (
+                0.5 * (high - loss),
+                Some(0.5 * (high + loss)),
+                std::f64::consts::PI,
+            ),
+        };
+        // Twice as fine at the turning points as at the speed at which contact is lost.
+        let grade = (2.0 * rise / 3.0).max(oscillator.temperature()).sqrt();
+        let end = (speed / grade).asinh();
+        let [nq, nv] = fineness.nodes;
+        Ok(Self {
+            loss,
+            bend,
+            middle,
+            grade,
+            spacing: [reach / (nq - 1) as f64, 2.0 * end / (nv - 1) as f64],
+            nodes: fineness.nodes,
+            speed,
+        })
+    }
+
+    pub(crate) fn q(&self, i: usize) -> f64 {
+        self.place(i as f64 * self.spacing[0]).0
+    }
+
+    /// q at y, and its slope.
+    pub(super) fn place(&self, y: f64) -> (f64, f64) {
+        if let Some(middle) = self.middle {
+            return (middle - self.bend * y.cos(), self.bend * y.sin());
+        }
+        let root = (1.0 + y * y).sqrt();
+        (
+            self.loss + self.bend * y * y / (root + 1.0),
+            self.bend * y / root,
+        )
+    }
+
+    pub(crate) fn v(&self, j: usize) -> f64 {
+        let middle = 0.5 * (self.nodes[1] - 1) as f64;
+        self.grade * ((j as f64 - middle) * self.spacing[1]).sinh()
+    }
+
+    /// The narrowest cell along v.
+    pub(super) fn finest(&self) -> f64 {
+        self.grade * self.spacing[1]
+    }
+
+    /// The stencil of a point: its first node in each direction, and weights; clamped to the mesh.
+    pub(super) fn stencil(&self, [q, v]: [f64; 2]) -> Stencil {
+        let y = if let Some(middle) = self.middle {
+            ((middle - q) / self.bend).clamp(-1.0, 1.0).acos()
+        } else {
+            let x = ((q - self.loss) / self.bend).max(0.0);
+            (x * (x + 2.0)).sqrt()
+        } / self.spacing[0];
+        let middle = 0.5 * (self.nodes[1] - 1) as f64;
+        let eta = (v / self.grade).asinh() / self.spacing[1] + middle;
+        let mut it = Stencil::default();
+        for (d, place) in [y, eta].into_iter().enumerate() {
+            let n = self.nodes[d];
+            let place = place.clamp(0.0, (n - 1) as f64);
+            let first = (place.floor() as usize)
+                .saturating_sub(POINTS / 2 - 1)
+                .min(n - POINTS);
+            it.first[d] = first as u32;
+            lagrange(first as f64, place, &mut it.weights[d]);
+        }
+        it
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Stencil {
+    first: [u32; 2],
+    weights: [[f64; POINTS]; 2],
+}
+
+impl Stencil {
+    pub(super) fn value(&self, field: &[f64], nv: usize) -> f64 {
+        let start = self.first[0] as usize * nv + self.first[1] as usize;
+        let mut sum = 0.0;
+        for (a, wa) in self.weights[0].iter().enumerate() {
+            let row = &field[start + a * nv..start + a * nv + POINTS];
+            let mut part = 0.0;
+            for (x, wb) in row.iter().zip(&self.weights[1]) {
+                part += x * wb;
+            }
+            sum += wa * part;
+        }
+        sum
+    }
+
+    pub(super) fn add(&self, weight: f64, field: &mut [f64], nv: usize) {
+        let start = self.first[0] as usize * nv + self.first[1] as usize;
+        for (a, wa) in self.weights[0].iter().enumerate() {
+            for (b, wb) in self.weights[1].iter().enumerate() {
+                field[start + a * nv + b] += weight * wa * wb;
+            }
+        }
+    }
+}

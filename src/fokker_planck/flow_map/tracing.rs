@@ -1,0 +1,143 @@
+//! Where the cells come from: departure points of the undamped motion, and the stencils about them.
+
+use super::FlowMap;
+use super::pass::{Map, STENCIL};
+use crate::error::Result;
+use crate::fokker_planck::interpolation::{POINTS, Spline};
+use crate::fokker_planck::mesh::Axis;
+use crate::fokker_planck::trajectory::Motion;
+use rayon::prelude::*;
+
+/// Places and weights of some rows of a map.
+type Part<'a> = (&'a mut [u32], &'a mut [f64]);
+
+impl FlowMap {
+    /// The flow maps of several times.
+    pub(super) fn maps(
+        &self,
+        times: &[f64],
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Vec<Map>> {
+        /// Rows of cells traced together.
+        const ROWS: usize = 8;
+        let [nq, _] = self.mesh.cells();
+        let total = self.offsets[nq];
+        let stencil = STENCIL;
+        let mut sorted: Vec<usize> = (0..times.len()).collect();
+        sorted.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
+        let ascending: Vec<f64> = sorted.iter().map(|k| times[*k]).collect();
+        let mut maps: Vec<Map> = times
+            .iter()
+            .map(|_| Map {
+                places: vec![0; total],
+                weights: vec![0.0; total * stencil],
+            })
+            .collect();
+        // The part of every map that belongs to a group of rows.
+        let mut groups: Vec<(usize, Vec<Part>)> =
+            (0..nq).step_by(ROWS).map(|row| (row, Vec::new())).collect();
+        for map in &mut maps {
+            let (mut places, mut weights) = (&mut map.places[..], &mut map.weights[..]);
+            for (row, parts) in &mut groups {
+                let end = (*row + ROWS).min(nq);
+                let count = self.offsets[end] - self.offsets[*row];
+                let (p, rest) = places.split_at_mut(count);
+                places = rest;
+                let (w, rest) = weights.split_at_mut(count * stencil);
+                weights = rest;
+                parts.push((p, w));
+            }
+        }
+        let motion = Motion::new(&self.contact);
+        let trace = |(row, parts): &mut (usize, Vec<Part>)| {
+            late()?;
+            let end = (*row + ROWS).min(nq);
+            let centres = (self.mesh.q.centres(), self.mesh.v.centres());
+            let starts: Vec<[f64; 2]> = (*row..end)
+                .flat_map(|i| {
+                    self.active[i]
+                        .clone()
+                        .map(move |j| [centres.0[i], centres.1[j]])
+                })
+                .collect();
+            let mut ends = vec![[0.0; 2]; starts.len() * ascending.len()];
+            motion.before(&starts, &ascending, &mut ends);
+            for (ends, k) in ends.chunks_exact(starts.len()).zip(&sorted) {
+                let (places, weights) = &mut parts[*k];
+                pulp::Arch::new().dispatch(Locate {
+                    it: self,
+                    ends,
+                    places,
+                    weights,
+                });
+            }
+            Ok(())
+        };
+        if self.shared() {
+            groups.par_iter_mut().try_for_each(trace)?;
+        } else {
+            groups.iter_mut().try_for_each(trace)?;
+        }
+        Ok(maps)
+    }
+}
+
+/// Stencils of departure points.
+struct Locate<'a> {
+    it: &'a FlowMap,
+    ends: &'a [[f64; 2]],
+    places: &'a mut [u32],
+    weights: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Locate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let it = self.it;
+        let [nq, nv] = it.mesh.cells();
+        let stride = it.buffers.stride;
+        let (q_axis, v_axis) = (Coordinate::of(&it.mesh.q), Coordinate::of(&it.mesh.v));
+        let cells = self.ends.iter().zip(self.places);
+        for ((end, place), weights) in cells.zip(self.weights.chunks_exact_mut(STENCIL)) {
+            let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
+            let (iq, fq) = Spline::place(xi, nq);
+            let (iv, fv) = Spline::place(eta, nv);
+            *place = (iq * stride + iv) as u32;
+            let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
+            if it.stationary || (inside(xi, nq) && inside(eta, nv)) {
+                weights[..POINTS].copy_from_slice(&it.spline.weights(fq));
+                weights[POINTS..].copy_from_slice(&it.spline.weights(fv));
+            }
+        }
+    }
+}
+
+/// Mesh coordinate of a place, counted from the first centre.
+#[derive(Clone, Copy)]
+enum Coordinate<'a> {
+    Uniform { first: f64, inverse: f64 },
+    Mapped(&'a Axis),
+}
+
+impl<'a> Coordinate<'a> {
+    fn of(axis: &'a Axis) -> Self {
+        if axis.is_uniform() {
+            Self::Uniform {
+                first: axis.centres()[0],
+                inverse: 1.0 / axis.slopes()[0],
+            }
+        } else {
+            Self::Mapped(axis)
+        }
+    }
+
+    #[inline(always)]
+    fn locate(self, x: f64) -> f64 {
+        match self {
+            Self::Uniform { first, inverse } => (x - first) * inverse,
+            Self::Mapped(axis) => axis.locate(x) - 0.5,
+        }
+    }
+}
