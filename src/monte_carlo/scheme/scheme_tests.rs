@@ -1,10 +1,12 @@
-use super::super::events::Deaf;
-use super::super::law::{Hertz, Linear};
-use super::super::noise::LANES;
+use super::kernel::Kernel;
 use super::*;
 use crate::contact::ContactLaw;
 use crate::gaussian::Gaussian;
 use crate::initial::Initial;
+use crate::monte_carlo::events::Deaf;
+use crate::monte_carlo::hamiltonian::Flow;
+use crate::monte_carlo::law::{Hertz, Law, Linear};
+use crate::monte_carlo::noise::{LANES, Lanes, Streams};
 use rayon::prelude::*;
 
 /// Noise of the finest level, in `units` equal pieces a finest step, so that every coarser Ornstein-

@@ -1,0 +1,192 @@
+//! A group of paths, and the steps of a scheme that is one kernel.
+
+use crate::excitation::Excitation;
+use crate::monte_carlo::events::{PATIENCE, Watch};
+use crate::monte_carlo::law::Law;
+use crate::monte_carlo::noise::{LANES, Lanes, Streams};
+use crate::monte_carlo::signal::Signal;
+use std::sync::Arc;
+
+/// The paths that advance together.
+#[derive(Debug, Clone)]
+pub(in crate::monte_carlo) struct Group {
+    pub(in crate::monte_carlo) q: Lanes,
+    pub(in crate::monte_carlo) v: Lanes,
+    /// The excitation at this moment, where the scheme takes it at whole steps.
+    pub(in crate::monte_carlo) excitation: Lanes,
+    pub(in crate::monte_carlo) streams: Streams,
+    /// The sum of cosines in place of white noise.
+    pub(in crate::monte_carlo) signal: Option<Signal>,
+    /// What there is beside stationary noise; the splittings know it.
+    pub(in crate::monte_carlo) push: Option<Arc<Excitation>>,
+}
+
+/// A scheme of one excitation a step. `kick` is what a step ends with and the next begins with, so that
+/// the force is evaluated once a step.
+pub(super) trait Kernel: Copy {
+    /// The step.
+    fn duration(self) -> f64;
+    /// Half a step's kick at displacement q under the excitation of that moment.
+    fn kick<L: Law>(self, law: L, q: f64, excitation: f64) -> f64;
+    /// (q, v, kick) after one step.
+    fn step<L: Law>(self, law: L, state: (f64, f64, f64), excitation: f64) -> (f64, f64, f64);
+    /// Factor of a sum of cosines against a standard normal; None where it has no place.
+    fn cosines(self) -> Option<f64> {
+        None
+    }
+}
+
+#[inline(always)]
+pub(super) fn kernel_steps<L: Law, K: Kernel, W: Watch>(
+    law: L,
+    kernel: K,
+    group: &mut Group,
+    steps: u64,
+    now: f64,
+    watch: &mut W,
+) {
+    let duration = kernel.duration();
+    let mut signal = group.signal.take();
+    if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
+        signal.begin(now, duration);
+        signal.value(factor, &mut group.excitation);
+    }
+    let mut state = Running {
+        q: group.q,
+        v: group.v,
+        kick: [0.0; LANES],
+        excitation: group.excitation,
+    };
+    for lane in 0..LANES {
+        state.kick[lane] = kernel.kick(law, state.q[lane], state.excitation[lane]);
+    }
+    if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
+        for k in 0..steps {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
+            let mut excitation = [0.0; LANES];
+            signal.next(factor, &mut excitation);
+            one(
+                law,
+                kernel,
+                &mut state,
+                &excitation,
+                now + k as f64 * duration,
+                watch,
+            );
+        }
+    } else {
+        let mut streams = group.streams.clone();
+        let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
+        for k in 0..steps / 2 {
+            if k % PATIENCE == PATIENCE - 1 && watch.late() {
+                break;
+            }
+            streams.normals(&mut first, &mut second);
+            let now = now + (2 * k) as f64 * duration;
+            one(law, kernel, &mut state, &first, now, watch);
+            one(law, kernel, &mut state, &second, now + duration, watch);
+        }
+        if steps > 0 {
+            state.excitation = second;
+        }
+        if steps % 2 == 1 {
+            streams.normals(&mut first, &mut second);
+            state.excitation = first;
+            one(
+                law,
+                kernel,
+                &mut state,
+                &first,
+                now + (steps - 1) as f64 * duration,
+                watch,
+            );
+        }
+        group.streams = streams;
+    }
+    group.signal = signal;
+    (group.q, group.v, group.excitation) = (state.q, state.v, state.excitation);
+}
+
+/// q, v, the kick and the last excitation of the paths that advance together.
+struct Running {
+    q: Lanes,
+    v: Lanes,
+    kick: Lanes,
+    excitation: Lanes,
+}
+
+/// One step of every lane, with crossings of the loss point from the cubic through both ends.
+#[inline(always)]
+fn one<L: Law, K: Kernel, W: Watch>(
+    law: L,
+    kernel: K,
+    state: &mut Running,
+    excitation: &Lanes,
+    now: f64,
+    watch: &mut W,
+) {
+    let (mut q0, mut v0) = ([0.0; LANES], [0.0; LANES]);
+    if W::LISTENS || W::FOLLOWS {
+        (q0, v0) = (state.q, state.v);
+    }
+    for lane in 0..LANES {
+        let old = (state.q[lane], state.v[lane], state.kick[lane]);
+        (state.q[lane], state.v[lane], state.kick[lane]) = kernel.step(law, old, excitation[lane]);
+    }
+    if W::LISTENS {
+        let count = if L::WALLED { 2 } else { 1 };
+        for lane in 0..LANES {
+            let mut walls = [law.loss(), law.back()];
+            // In the order of their passage.
+            if L::WALLED && state.q[lane] > q0[lane] {
+                walls.reverse();
+            }
+            for wall in walls.into_iter().take(count) {
+                let below = state.q[lane] < wall;
+                if below != (q0[lane] < wall) {
+                    let ends = [
+                        q0[lane] - wall,
+                        v0[lane],
+                        state.q[lane] - wall,
+                        state.v[lane],
+                    ];
+                    let (after, speed) = cubic_crossing(ends, kernel.duration());
+                    // Below the first wall it flies, below the second it does not.
+                    let lost = below == (wall == law.loss());
+                    watch.cross(lane, lost, now + after, speed);
+                }
+            }
+        }
+    }
+    if W::FOLLOWS {
+        for lane in 0..LANES {
+            let ends = [[q0[lane], v0[lane]], [state.q[lane], state.v[lane]]];
+            watch.moved(lane, now, kernel.duration(), ends);
+        }
+    }
+}
+
+/// When the cubic with values and slopes (x0, v0) and (x1, v1) at the ends of a step passes 0, and its
+/// speed there.
+pub(super) fn cubic_crossing([x0, v0, x1, v1]: [f64; 4], step: f64) -> (f64, f64) {
+    let at = |s: f64| {
+        let (c, d) = (v0 * step, v1 * step);
+        let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
+        (
+            x0 + s * (c + s * (a2 + s * a3)),
+            (c + s * (2.0 * a2 + 3.0 * s * a3)) / step,
+        )
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if (at(middle).0 < 0.0) == (x0 < 0.0) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    (high * step, at(high).1.abs())
+}
