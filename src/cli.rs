@@ -1,22 +1,23 @@
 //! The program `vibroimpact`: reads the command line and the scene, plans, runs, reports. The only file of the library
 //! that prints. The laboratory (src/bin/lab) is a program of its own made of the same parts.
 
+mod progress;
+
+pub use progress::progress;
+
 use crate::error::{Error, Result};
-use crate::format::seconds;
 use crate::map::{self, Axis, Map, MapError};
-use crate::plan::{Part, Plan, StopFlag, Watch};
+use crate::plan::Plan;
 use crate::report::folder::{Existing, Folder};
 use crate::report::{self, terminal};
-use crate::results::Results;
 use crate::scene::text::{BUILT_IN, SceneError, SceneText, built_in, nearest};
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use progress::{MapWatch, Observer, bar};
 use signal_hook::consts::SIGINT;
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::Instant;
 
 /// Random vibration of a preloaded Hertzian contact that now and then loses contact: stationary law in closed form,
 /// transients, spectra and first passage from the Fokker-Planck equation, Monte Carlo; every number with its error.
@@ -495,41 +496,6 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
     Ok(if tally.failed + tally.short > 0 { 3 } else { 0 })
 }
 
-/// Shows how a map goes on: a bar on a terminal, else a line now and then.
-struct MapWatch {
-    bar: ProgressBar,
-    quiet: bool,
-    told: Mutex<std::time::Instant>,
-}
-
-impl MapWatch {
-    /// Seconds between lines in the log of a batch job.
-    const PAUSE: u64 = 60;
-}
-
-impl map::Watch for MapWatch {
-    fn progress(&self, it: &map::Progress) {
-        let left = it.left().map_or("-".into(), seconds);
-        let words = format!("{left} left  {:.3} points/s", it.rate());
-        self.bar.set_length(it.points as u64);
-        self.bar.set_position(it.computed as u64);
-        self.bar.set_message(words.clone());
-        if let Ok(mut told) = self.told.lock()
-            && !self.quiet
-            && self.bar.is_hidden()
-            && told.elapsed().as_secs() >= Self::PAUSE
-        {
-            *told = std::time::Instant::now();
-            let _ = writeln!(
-                io::stderr(),
-                "{}/{} points  {words}",
-                it.computed,
-                it.points
-            );
-        }
-    }
-}
-
 fn collect(dir: &Path, draw: &[String], quiet: bool) -> Outcome {
     let draw = draw.iter().map(|it| map::Drawn::parse(it));
     let it = map::collect(dir, &draw.collect::<Result<Vec<_>>>()?)?;
@@ -543,118 +509,6 @@ fn collect(dir: &Path, draw: &[String], quiet: bool) -> Outcome {
     } else {
         0
     })
-}
-
-/// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is
-/// not a terminal.
-pub fn progress(jobs: usize, quiet: bool) -> ProgressBar {
-    bar(
-        jobs as u64,
-        quiet,
-        "{bar:30} {pos}/{len}  {eta} left  {msg}",
-    )
-}
-
-fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
-    let target = if quiet {
-        ProgressDrawTarget::hidden()
-    } else {
-        ProgressDrawTarget::stderr()
-    };
-    let style = ProgressStyle::with_template(template);
-    ProgressBar::with_draw_target(Some(length), target)
-        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
-/// Watches a run: a progress bar on a terminal, else a line now and then. The first Ctrl-C ends the run where it next looks
-/// at the clock, the second at once.
-struct Observer {
-    bar: Mutex<ProgressBar>,
-    quiet: bool,
-    stop: StopFlag,
-    /// When the stage began, and when it was last told of.
-    told: Mutex<(Instant, Instant)>,
-}
-
-impl Observer {
-    /// Seconds between lines in the log of a batch job: a run that is shorter prints none.
-    const PAUSE: u64 = 60;
-
-    fn new(quiet: bool) -> Self {
-        let (stop, now) = (StopFlag::default(), Instant::now());
-        // Where signals cannot be caught the program ends as any other.
-        let again = signal_hook::flag::register_conditional_default(SIGINT, stop.shared());
-        let first = signal_hook::flag::register(SIGINT, stop.shared());
-        let _ = again.and(first);
-        Self {
-            bar: Mutex::new(ProgressBar::hidden()),
-            quiet,
-            stop,
-            told: Mutex::new((now, now)),
-        }
-    }
-
-    fn clear(&self) {
-        if let Ok(bar) = self.bar.lock() {
-            bar.finish_and_clear();
-        }
-    }
-
-    /// A line on standard error where there is no bar.
-    fn tell(&self, part: Part, fraction: f64) {
-        let Ok(mut told) = self.told.lock() else {
-            return;
-        };
-        let (began, last) = *told;
-        if last.elapsed().as_secs() < Self::PAUSE || fraction >= 1.0 {
-            return;
-        }
-        told.1 = Instant::now();
-        let spent = began.elapsed().as_secs_f64();
-        let left = if fraction > 0.01 {
-            format!(", about {} left", seconds(spent * (1.0 / fraction - 1.0)))
-        } else {
-            String::new()
-        };
-        let done = 100.0 * fraction;
-        let _ = writeln!(io::stderr(), "{}: {done:.0} %{left}", part.name());
-    }
-}
-
-impl Watch for Observer {
-    fn begins(&self, part: Part) {
-        let template = "{msg:<12} {bar:40} {percent:>3} %  {eta} left";
-        let bar = bar(1000, self.quiet, template).with_message(part.name());
-        bar.tick();
-        if let Ok(mut old) = self.bar.lock() {
-            old.finish_and_clear();
-            *old = bar;
-        }
-        if let Ok(mut told) = self.told.lock() {
-            told.0 = Instant::now();
-        }
-    }
-
-    fn progress(&self, part: Part, fraction: f64) {
-        let Ok(bar) = self.bar.lock() else {
-            return;
-        };
-        let fraction = fraction.clamp(0.0, 1.0);
-        let done = (fraction * 1000.0) as u64;
-        bar.set_position(done.max(bar.position()));
-        if !self.quiet && bar.is_hidden() {
-            self.tell(part, fraction);
-        }
-    }
-
-    fn ends(&self, _: Part, _: &Results) -> Result<()> {
-        self.clear();
-        Ok(())
-    }
-
-    fn stop(&self) -> StopFlag {
-        self.stop.clone()
-    }
 }
 
 /// Whether to use colour on a stream: a terminal, and nobody objects (no-color.org).

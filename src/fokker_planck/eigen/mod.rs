@@ -1,5 +1,6 @@
 //! Eigenvectors of the Fokker-Planck operator: the stationary density and the slowest rates of decay.
 
+mod arnoldi;
 mod decay_rates;
 mod stationary;
 mod steady;
