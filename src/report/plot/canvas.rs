@@ -36,23 +36,6 @@ pub(super) const LEVELS: [(f64, RGBColor); 9] = [
 
 /// Drawing units in a pixel.
 pub(super) const FINE: f64 = 4.0;
-
-/// Okabe and Ito's colours and some between them, for many curves.
-pub(super) const MANY: [RGBColor; 12] = [
-    BLUE,
-    VERMILION,
-    GREEN,
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    INK,
-    RGBColor(140, 86, 75),
-    RGBColor(148, 103, 189),
-    RGBColor(150, 150, 30),
-    RGBColor(0, 90, 70),
-    GREY,
-];
-
 pub(super) type Colour = RGBColor;
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub(super) type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
@@ -436,6 +419,20 @@ impl Panel {
         Ok(())
     }
 
+    pub(super) fn mark(
+        &self,
+        area: &Area<'_>,
+        (x, y): (f64, f64),
+        colour: RGBColor,
+        it: Shape,
+    ) -> Drawn {
+        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
+        if within {
+            shape(area, self.at(x, y), colour, it)?;
+        }
+        Ok(())
+    }
+
     /// A histogram as dots in the middle of its bins, with a band of 95 %.
     pub(super) fn histogram(&self, area: &Area<'_>, it: &Histogram) -> Drawn {
         let height = |p: f64| match (self.log, p > 0.0) {
@@ -561,6 +558,50 @@ pub(super) fn typeset(text: &str) -> String {
     text.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
+/// A mark at a place in pixels.
+fn shape(area: &Area<'_>, (x, y): (f64, f64), colour: RGBColor, it: Shape) -> Drawn {
+    const R: f64 = 3.5;
+    let corners = |points: &[(f64, f64)]| -> Vec<(i32, i32)> {
+        points
+            .iter()
+            .map(|(a, b)| fine((x + R * a, y + R * b)))
+            .collect()
+    };
+    let (centre, radius) = (fine((x, y)), (R * FINE) as i32);
+    let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    match it {
+        Shape::Disc => area.draw(&Circle::new(centre, radius, colour.filled()))?,
+        Shape::Ring => {
+            area.draw(&Circle::new(centre, radius, WHITE.filled()))?;
+            area.draw(&Circle::new(
+                centre,
+                radius,
+                colour.stroke_width(FINE as u32),
+            ))?;
+        }
+        Shape::Square => area.draw(&Polygon::new(corners(&square), colour.filled()))?,
+        Shape::Frame => {
+            area.draw(&Polygon::new(corners(&square), WHITE.filled()))?;
+            let around = [&square[..], &square[..1]].concat();
+            area.draw(&PathElement::new(
+                corners(&around),
+                colour.stroke_width(FINE as u32),
+            ))?;
+        }
+        Shape::Triangle => {
+            let points = [(0.0, -1.3), (1.2, 0.9), (-1.2, 0.9)];
+            area.draw(&Polygon::new(corners(&points), colour.filled()))?;
+        }
+        Shape::Cross => {
+            for arm in [[(-1.0, -1.0), (1.0, 1.0)], [(-1.0, 1.0), (1.0, -1.0)]] {
+                let style = colour.stroke_width((1.5 * FINE) as u32);
+                area.draw(&PathElement::new(corners(&arm), style))?;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// A line with its words, for a legend; `x`, `y` in pixels.
 pub(super) fn legend(
     area: &Area<'_>,
@@ -582,6 +623,10 @@ pub(super) fn legend(
             let (centre, style) = (fine((x + 11.0, y)), colour.stroke_width(FINE as u32));
             area.draw(&Circle::new(centre, (2.5 * FINE) as i32, style))?;
         }
+        Mark::Shape(it) => {
+            line(area, &[(x, y), (x + 22.0, y)], colour, 1.25)?;
+            shape(area, (x + 11.0, y), colour, it)?;
+        }
         Mark::Band => {
             let corners = [(x, y - 6.0), (x + 22.0, y + 6.0)].map(fine);
             area.draw(&Rectangle::new(corners, colour.mix(0.22).filled()))?;
@@ -590,8 +635,20 @@ pub(super) fn legend(
     write(area, words, (x + 29.0, y), WORDS)
 }
 
+/// The mark of a point.
+#[derive(Clone, Copy)]
+pub(super) enum Shape {
+    Disc,
+    Ring,
+    Square,
+    Frame,
+    Triangle,
+    Cross,
+}
+
 #[derive(Clone, Copy)]
 pub(super) enum Mark {
+    Shape(Shape),
     Line,
     Halo,
     Dashes,

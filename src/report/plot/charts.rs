@@ -1,8 +1,8 @@
 //! Charts of curves, side by side, with linear or logarithmic axes: for surveys and the paper.
 
 use super::canvas::{
-    Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, GREY, Hang, INK, MANY, Mark, Panel, Points,
-    VERMILION, dashed, legend, line, picture, range, superscript, typeset, write,
+    BLUE, Colour, GREEN, GREY, Hang, INK, Mark, Panel, VERMILION, dashed, legend, picture, typeset,
+    write,
 };
 use crate::error::Result;
 use crate::report::File;
@@ -176,113 +176,4 @@ impl Ink {
             Self::Grey => GREY,
         }
     }
-}
-
-/// A chart with logarithmic axes.
-#[derive(Debug, Clone)]
-pub struct LogChart {
-    /// Label of the abscissa.
-    pub x: String,
-    /// Label of the ordinate.
-    pub y: String,
-    /// What it shows.
-    pub curves: Vec<LogCurve>,
-}
-
-/// A curve of a [`LogChart`], with its marks.
-#[derive(Debug, Clone)]
-pub struct LogCurve {
-    /// Its name in the legend; curves of one name have one colour in all charts of a picture.
-    pub name: String,
-    /// Points, both coordinates positive; others are left out.
-    pub points: Vec<(f64, f64)>,
-    /// Whether its marks are joined by thin lines.
-    pub dashed: bool,
-}
-
-/// Charts with logarithmic axes under one title, two in a row, one legend for all.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub fn log_log(name: impl Into<String>, title: &str, charts: &[LogChart]) -> Result<File> {
-    let mut names: Vec<&str> = Vec::new();
-    for curve in charts.iter().flat_map(|chart| &chart.curves) {
-        if !names.contains(&curve.name.as_str()) {
-            names.push(&curve.name);
-        }
-    }
-    let (width, height) = (640.0, 400.0);
-    let columns = charts.len().clamp(1, 2);
-    let below = 20.0 + height * charts.len().div_ceil(columns) as f64;
-    let rows = names.len().div_ceil(5);
-    let size = (
-        (width * columns as f64 + 30.0) as u32,
-        (below + 22.0 * rows as f64) as u32,
-    );
-    let logs = |curve: &LogCurve| -> Points {
-        let positive = curve.points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0);
-        positive.map(|(x, y)| (x.log10(), y.log10())).collect()
-    };
-    picture(name, size, |area| {
-        write(area, title, (30.0, 20.0), (16.0, Hang::Left, INK))?;
-        for (k, chart) in charts.iter().enumerate() {
-            let all: Points = chart.curves.iter().flat_map(logs).collect();
-            let (Some(x), Some(y)) = (
-                range(all.iter().map(|p| p.0), 0.05),
-                range(all.iter().map(|p| p.1), 0.05),
-            ) else {
-                continue;
-            };
-            let panel = Panel::new(
-                [
-                    92.0 + width * (k % columns) as f64,
-                    40.0 + height * (k / columns) as f64,
-                    width - 110.0,
-                    height - 80.0,
-                ],
-                x,
-                y,
-            )
-            .logarithmic(true);
-            log_axes(area, &panel, &chart.x, &chart.y)?;
-            for curve in &chart.curves {
-                let place = names.iter().position(|it| *it == curve.name).unwrap_or(0);
-                let colour = MANY[place % MANY.len()];
-                let points = logs(curve);
-                let thick = if curve.dashed { 0.75 } else { 1.75 };
-                panel.curve(area, &points, colour, thick)?;
-                for point in points {
-                    panel.dot(area, point, colour, 2.75)?;
-                }
-            }
-            panel.frame(area)?;
-        }
-        for (k, words) in names.iter().enumerate() {
-            let step = f64::from(size.0) / 5.2;
-            let at = (
-                30.0 + step * (k % 5) as f64,
-                below - 5.0 + 22.0 * (k / 5) as f64,
-            );
-            legend(area, at, MANY[k % MANY.len()], Mark::Line, words)?;
-        }
-        Ok(())
-    })
-}
-
-/// Axes whose both numbers are decimal logarithms.
-fn log_axes(area: &Area<'_>, panel: &Panel, x_label: &str, y_label: &str) -> Drawn {
-    let bare = Panel {
-        x: (0.0, 0.0),
-        ..panel.clone()
-    };
-    // Without a range of x the panel draws no grid along it.
-    bare.axes(area, x_label, y_label)?;
-    let (low, high) = (panel.x.0.ceil() as i64, panel.x.1.floor() as i64);
-    for k in low..=high {
-        let (px, _) = panel.at(k as f64, panel.y.0);
-        line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
-        let text = format!("10{}", superscript(k));
-        write(area, &text, (px, panel.bottom() + 13.0), CENTRED)?;
-    }
-    Ok(())
 }

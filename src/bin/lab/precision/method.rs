@@ -84,6 +84,23 @@ impl Method {
         }
     }
 
+    /// Its kind.
+    pub fn family(self) -> &'static str {
+        match self {
+            Self::Volumes {
+                drift: Drift::Upwind,
+                ..
+            } => "upwind",
+            Self::Volumes { time, .. } => match time {
+                TimeScheme::Explicit => "finite volumes, explicit",
+                TimeScheme::Imex => "finite volumes, IMEX",
+                _ => "finite volumes, implicit",
+            },
+            Self::FlowMap { .. } => "flow map",
+            Self::Paths(_) => "Monte Carlo paths",
+        }
+    }
+
     pub fn samples(self) -> bool {
         matches!(self, Self::Paths(_))
     }

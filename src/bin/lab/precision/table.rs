@@ -8,7 +8,7 @@ use std::fmt::Write;
 use vibroimpact::error::Result;
 use vibroimpact::plan::bytes;
 use vibroimpact::report::File;
-use vibroimpact::report::plot::{LogChart, LogCurve, log_log};
+use vibroimpact::report::plot::{Family, Traced, families};
 
 /// Error levels of the tables.
 const LEVELS: [f64; 6] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
@@ -295,50 +295,32 @@ fn cost_csv(costs: &[Cost]) -> String {
     all
 }
 
+/// Error against time, one row a family of methods.
 fn picture(survey: &Survey) -> Result<File> {
-    let curves = |x: &dyn Fn(&Entry) -> f64, y: &dyn Fn(&Entry) -> Option<f64>| -> Vec<LogCurve> {
-        methods(survey)
-            .into_iter()
-            .map(|method| LogCurve {
-                name: method.to_string(),
-                points: of(survey, method)
-                    .into_iter()
-                    .filter_map(|it| Some((x(it), y(it)?)))
-                    .collect(),
-                dashed: method.samples(),
-            })
-            .collect()
-    };
-    let time = |it: &Entry| it.median();
-    let work = |it: &Entry| {
-        if it.method.samples() {
-            (it.level.paths as f64).sqrt()
-        } else {
-            (it.cells[0] as f64 * it.cells[1] as f64).sqrt()
+    let mut all: Vec<Family> = Vec::new();
+    for method in methods(survey) {
+        let entries = || of(survey, method).into_iter();
+        let density = entries().filter_map(|it| Some((it.median(), it.errors.l1?)));
+        let energy = entries().map(|it| (it.median(), it.errors.energy));
+        let one = Traced {
+            name: method.to_string(),
+            points: [density.collect(), energy.collect()],
+        };
+        let name = method.family();
+        match all.iter_mut().find(|it| it.name == name) {
+            Some(family) => family.methods.push(one),
+            None => all.push(Family {
+                name: name.into(),
+                methods: vec![one],
+            }),
         }
-    };
-    let charts = [
-        LogChart {
-            x: "seconds, set-up included".into(),
-            y: "L1 error of the density".into(),
-            curves: curves(&time, &|it| it.errors.l1),
-        },
-        LogChart {
-            x: "seconds, set-up included".into(),
-            y: "error of E[H], in T".into(),
-            curves: curves(&time, &|it| Some(it.errors.energy)),
-        },
-        LogChart {
-            x: "cells per direction, or square root of paths".into(),
-            y: "L1 error; E[H] of paths".into(),
-            curves: curves(&work, &|it| Some(it.main_error())),
-        },
-        LogChart {
-            x: "memory of all arrays, bytes".into(),
-            y: "L1 error of the density".into(),
-            curves: curves(&|it| it.memory as f64, &|it| it.errors.l1),
-        },
-    ];
+    }
     let name = format!("precision_{}.svg", survey.case.name);
-    log_log(name, survey.case.title, &charts)
+    let labels = ["L1 error of the density", "error of E[H], in T"];
+    families(
+        name,
+        survey.case.title,
+        ("seconds, set-up included", labels),
+        &all,
+    )
 }
