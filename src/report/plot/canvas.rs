@@ -143,26 +143,52 @@ pub(super) fn rectangle(
     Ok(())
 }
 
+/// A dashed line through points in pixels.
 pub(super) fn dashed(
     area: &Area<'_>,
-    from: (f64, f64),
-    to: (f64, f64),
+    points: &[(f64, f64)],
     colour: RGBColor,
     width: f64,
 ) -> Drawn {
-    let length = (to.0 - from.0).hypot(to.1 - from.1);
-    let (dash, gap) = (5.0, 4.0);
-    let at = |s: f64| {
-        let part = (s / length).min(1.0);
-        (
-            from.0 + (to.0 - from.0) * part,
-            from.1 + (to.1 - from.1) * part,
-        )
-    };
-    let mut s = 0.0;
-    while s < length && length.is_finite() {
-        line(area, &[at(s), at(s + dash)], colour, width)?;
-        s += dash + gap;
+    const DASH: f64 = 5.0;
+    const GAP: f64 = 4.0;
+    // How far into dash and gap the pen is, and the dash so far.
+    let (mut s, mut dash) = (0.0, Vec::new());
+    for ends in points.windows(2) {
+        let (from, to) = (ends[0], ends[1]);
+        let length = (to.0 - from.0).hypot(to.1 - from.1);
+        if !length.is_finite() {
+            continue;
+        }
+        let at = |part: f64| {
+            (
+                from.0 + (to.0 - from.0) * part,
+                from.1 + (to.1 - from.1) * part,
+            )
+        };
+        let mut gone = 0.0;
+        while gone < length {
+            let drawn = s < DASH;
+            let step = (if drawn { DASH } else { DASH + GAP } - s).min(length - gone);
+            if drawn && dash.is_empty() {
+                dash.push(at(gone / length));
+            }
+            gone += step;
+            s += step;
+            if drawn {
+                dash.push(at((gone / length).min(1.0)));
+            }
+            if s >= DASH && !dash.is_empty() {
+                line(area, &dash, colour, width)?;
+                dash.clear();
+            }
+            if s >= DASH + GAP {
+                s = 0.0;
+            }
+        }
+    }
+    if dash.len() > 1 {
+        line(area, &dash, colour, width)?;
     }
     Ok(())
 }
@@ -465,13 +491,26 @@ impl Panel {
         self.dot(area, (x, y.value), colour, 1.75)
     }
 
+    /// A dashed curve.
+    pub(super) fn dashes(
+        &self,
+        area: &Area<'_>,
+        points: &[(f64, f64)],
+        colour: RGBColor,
+        width: f64,
+    ) -> Drawn {
+        for piece in self.clipped(points) {
+            dashed(area, &piece, colour, width)?;
+        }
+        Ok(())
+    }
+
     /// A dashed line at one height.
     pub(super) fn level(&self, area: &Area<'_>, y: f64, colour: RGBColor) -> Drawn {
         if y > self.y.0 && y < self.y.1 {
             dashed(
                 area,
-                self.at(self.x.0, y),
-                self.at(self.x.1, y),
+                &[self.at(self.x.0, y), self.at(self.x.1, y)],
                 colour,
                 1.25,
             )?;
@@ -544,11 +583,14 @@ pub(super) fn typeset(text: &str) -> String {
         let (number, comma) = rest.split_at(rest.trim_end_matches(',').len());
         let parts = number.split_once('e');
         let parts = parts.and_then(|(m, e)| Some((m, m.parse::<f64>().ok()?, e.parse().ok()?)));
+        let name = match name {
+            "=" => name.to_owned(),
+            _ => name.replace('=', " = "),
+        };
         let Some((digits, mantissa, power)) = parts else {
-            return word.to_owned();
+            return name + rest;
         };
         let power = superscript(power);
-        let name = name.replace('=', " = ");
         if mantissa == 1.0 {
             format!("{name}10{power}{comma}")
         } else {
@@ -614,7 +656,7 @@ pub(super) fn legend(
     match mark {
         Mark::Line => line(area, &[(x, y), (x + 22.0, y)], colour, 2.0)?,
         Mark::Halo => line(area, &[(x, y), (x + 22.0, y)], colour, 5.0)?,
-        Mark::Dashes => dashed(area, (x, y), (x + 23.0, y), colour, 1.25)?,
+        Mark::Dashes => dashed(area, &[(x, y), (x + 23.0, y)], colour, 1.25)?,
         Mark::Dot => {
             let centre = fine((x + 11.0, y));
             area.draw(&Circle::new(centre, (3.0 * FINE) as i32, colour.filled()))?;
@@ -664,6 +706,7 @@ mod tests {
     #[test]
     fn powers_of_ten_are_printed_as_such() {
         assert_eq!(typeset("h=1e-6"), "h = 10\u{207b}\u{2076}");
+        assert_eq!(typeset("h=0.3"), "h = 0.3");
         let two = "h = 4.5\u{b7}10\u{207b}\u{2075}, P = 0.0005";
         assert_eq!(typeset("h=4.5e-5, P = 0.0005"), two);
         for plain in ["the time", "h = 0.3", "e", "1e", "none"] {

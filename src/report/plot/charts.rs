@@ -1,8 +1,7 @@
 //! Charts of curves, side by side, with linear or logarithmic axes: for surveys and the paper.
 
 use super::canvas::{
-    BLUE, Colour, GREEN, GREY, Hang, INK, Mark, Panel, VERMILION, dashed, legend, picture, typeset,
-    write,
+    BLUE, Colour, GREEN, GREY, Hang, INK, Mark, Panel, VERMILION, legend, picture, typeset, write,
 };
 use crate::error::Result;
 use crate::report::File;
@@ -125,13 +124,7 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
                 match curve.stroke {
                     Stroke::Line => panel.curve(area, &curve.points, colour, 1.25)?,
                     Stroke::Thick => panel.curve(area, &curve.points, colour, 3.5)?,
-                    Stroke::Dashes => {
-                        for piece in panel.clipped(&curve.points) {
-                            for ends in piece.windows(2) {
-                                dashed(area, ends[0], ends[1], colour, 1.25)?;
-                            }
-                        }
-                    }
+                    Stroke::Dashes => panel.dashes(area, &curve.points, colour, 1.25)?,
                     Stroke::Band => {
                         let (upper, lower) = curve.points.split_at(curve.points.len() / 2);
                         let pairs = upper.iter().zip(lower.iter().rev());

@@ -192,8 +192,7 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
         }
         dashed(
             area,
-            panel.at(loss, panel.y.0),
-            panel.at(loss, panel.y.1),
+            &[panel.at(loss, panel.y.0), panel.at(loss, panel.y.1)],
             GREY,
             1.0,
         )?;

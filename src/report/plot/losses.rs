@@ -1,7 +1,7 @@
 //! Survival until the first loss of contact, and times of flight.
 
 use super::canvas::{
-    BLUE, INK, Mark, Panel, Points, TITLE, VERMILION, legend, line, picture, range, write,
+    BLUE, INK, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
 };
 use crate::error::Result;
 use crate::estimate::Estimate;
@@ -168,9 +168,7 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
             panel.histogram(area, it)?;
         }
         panel.curve(area, &noisy, BLUE, 1.5)?;
-        for pair in panel.clipped(&ballistic).concat().windows(2).step_by(2) {
-            line(area, pair, INK, 1.25)?;
-        }
+        panel.dashes(area, &ballistic, INK, 1.25)?;
         panel.frame(area)?;
         let x = panel.right() - 232.0;
         if !walled {

@@ -40,7 +40,7 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
     let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
         return Ok(Vec::new());
     };
-    picture("moments.svg", (958, 640), |area| {
+    picture("moments.svg", (972, 640), |area| {
         for (k, (moment, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
@@ -195,10 +195,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
             }
             if let Some((decay, from)) = decay.zip(distance.get(distance.len() * 2 / 3)) {
                 let line = decay.line(*from, panel.x);
-                // Every other piece: a dashed curve.
-                for piece in line.windows(2).step_by(2) {
-                    panel.curve(area, piece, GREEN, 1.5)?;
-                }
+                panel.dashes(area, &line, GREEN, 1.5)?;
                 legends.push((GREEN, Mark::Dashes, decay.words()));
             }
             panel.frame(area)?;
