@@ -193,8 +193,8 @@ fn a_raised_flag_ends_a_run_of_minutes_at_once() {
         };
         println!("{name}: {seconds:.3} s; {error}");
         assert!(matches!(error, Error::Stopped { .. }), "{name}: {error}");
-        // A second on a machine of its own; every run would take many times that.
-        assert!(seconds < 5.0, "{name}: {seconds} s");
+        // A second on a machine of its own; every run would take many times this.
+        assert!(seconds < 20.0, "{name}: {seconds} s");
     }
     // What is raised beforehand computes nothing.
     let scene = SceneText::parse("a", &format!("{HERTZ}zeta = 0.005\nh = 2e-3\n"), &[]).unwrap();

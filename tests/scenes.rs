@@ -639,7 +639,8 @@ fn a_folder_that_cannot_be_written_ends_with_status_1_before_anything_is_compute
         &["run", "small.toml", "--out", "file/sub", "--set", huge],
     );
     assert!(table.is_empty() && err.contains("file/sub"), "{err}");
-    assert!(start.elapsed() < Duration::from_secs(5));
+    // The paths would take hours.
+    assert!(start.elapsed() < Duration::from_secs(60));
 }
 
 #[test]
@@ -751,7 +752,7 @@ fn a_killed_run_leaves_whole_files_and_two_runs_do_not_share_a_folder() {
     let start = Instant::now();
     while !folder.join("decay_rates.csv").exists() {
         assert!(
-            start.elapsed() < Duration::from_secs(60),
+            start.elapsed() < Duration::from_secs(300),
             "the stages before do not end"
         );
         std::thread::sleep(Duration::from_millis(5));
@@ -1023,7 +1024,7 @@ fn killed_records_leave_the_whole_files_of_the_stages_before() {
     let folder = room.join("results/long");
     let start = Instant::now();
     while !results_if(&folder).is_some_and(|all| all["crossings"].is_object()) {
-        assert!(start.elapsed() < Duration::from_secs(60), "no crossings");
+        assert!(start.elapsed() < Duration::from_secs(300), "no crossings");
         std::thread::sleep(Duration::from_millis(5));
     }
     child.kill().unwrap();

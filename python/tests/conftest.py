@@ -12,6 +12,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
+# Seconds within which what is stopped has ended: one on a machine of its own, and every run would take many times this.
+AT_ONCE = 20.0
+
 QUICK = {"oscillator": {"zeta": 0.005, "h": 2e-3}}
 
 DENSITY = {

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import vibroimpact as vi
-from conftest import DENSITY, QUICK
+from conftest import AT_ONCE, DENSITY, QUICK
 
 LONG = {
     "oscillator": {"zeta": 0.005, "h": 2e-3},
@@ -46,7 +46,7 @@ def test_python_goes_on_while_a_run_computes() -> None:
             assert vi.run(QUICK, threads=1)["stationary"]["mean_q"].value < 0
         assert not long.done()
         stop.set()
-        assert isinstance(long.exception(timeout=30), Stop)
+        assert isinstance(long.exception(timeout=300), Stop)
 
 
 def test_two_threads_run_two_scenes_in_parallel() -> None:
@@ -122,7 +122,7 @@ def test_what_the_progress_function_raises_ends_the_run() -> None:
     clock = time.perf_counter()
     with pytest.raises(Stop):
         vi.run(LONG, progress=told)
-    assert time.perf_counter() - clock < 5
+    assert time.perf_counter() - clock < AT_ONCE
 
 
 def work(h: float) -> tuple[vi.Results, int]:
@@ -134,7 +134,7 @@ def test_processes_of_every_kind_run_scenes(method: str) -> None:
     # The parent has threads of its own already.
     here, own = work(2e-2)
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context(method)) as pool:
-        there = list(pool.map(work, [1e-2, 2e-2], timeout=60))
+        there = list(pool.map(work, [1e-2, 2e-2], timeout=300))
     assert there[1][0] == here and there[0][0] != here
     assert own not in (pid for _, pid in there)
     assert there[1][0].density(5).p.sum() == here.density(5).p.sum()
@@ -169,7 +169,7 @@ ENDLESS = {
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a signal to one process alone")
 @pytest.mark.parametrize("stage", ENDLESS)
-def test_an_interrupt_ends_a_run_within_a_second_and_leaves_whole_files(stage: str, tmp_path: Path) -> None:
+def test_an_interrupt_ends_a_run_at_once_and_leaves_whole_files(stage: str, tmp_path: Path) -> None:
     scene, out = tmp_path / "scene.toml", tmp_path / "out"
     scene.write_text(ENDLESS[stage])
     process = subprocess.Popen(
@@ -185,7 +185,7 @@ def test_an_interrupt_ends_a_run_within_a_second_and_leaves_whole_files(stage: s
         line = process.stdout.readline()
     seconds = time.perf_counter() - clock
     print(f"{stage}: {seconds:.3f} s")
-    assert line == "interrupted\n" and seconds < 1
+    assert line == "interrupted\n" and seconds < AT_ONCE
     left = {it.name for it in out.iterdir()}
     assert not any(name.endswith(".part") for name in left), left
     assert {"results.json", "scene.toml", "stationary.csv"} <= left

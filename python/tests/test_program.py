@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import call
+from conftest import AT_ONCE, call
 
 PYTHON = [sys.executable, "-m", "vibroimpact"]
 
@@ -58,6 +58,6 @@ def test_an_interrupt_ends_the_program(tmp_path: Path) -> None:
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     clock = time.perf_counter()
-    assert process.wait(30) == -signal.SIGINT
-    assert time.perf_counter() - clock < 1
+    assert process.wait(300) == -signal.SIGINT
+    assert time.perf_counter() - clock < AT_ONCE
     json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
