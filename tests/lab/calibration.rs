@@ -37,8 +37,9 @@ fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the
 }
 
 #[test]
-fn every_estimate_holds_over_thirty_scenes() {
-    let all = Rates::calibrate().unwrap();
+fn every_estimate_holds_over_ten_of_the_thirty_oscillators() {
+    // All of them: lab precision --calibrate.
+    let all = Rates::calibrate(3).unwrap();
     for it in &all.judged {
         println!(
             "{} {:e}: {:?}, error {:.1e}",
@@ -47,7 +48,7 @@ fn every_estimate_holds_over_thirty_scenes() {
     }
     println!("{all}");
     assert!(
-        all.judged.len() > 200 && all.missed().is_empty(),
+        all.judged.len() > 70 && all.missed().is_empty(),
         "{:?}",
         all.missed()
     );

@@ -124,7 +124,7 @@ fn calibrate(survey: &Survey) -> Outcome {
     });
     bar.finish_and_clear();
     print(&by_hand::table(&hands))?;
-    let rates = Rates::calibrate()?;
+    let rates = Rates::calibrate(1)?;
     print(&rates.to_string())?;
     let missed = [calibration.missed(), rates.missed()].concat();
     if missed.is_empty() {
