@@ -458,7 +458,7 @@ fn what_is_drawn_may_be_chosen() {
     // Two axes and two times: small multiples over time.
     let (_, svg) = picture("--draw transient.var_q=0.1", 0);
     for word in [
-        "transient.var_q [(2 z_s/3)^2]",
+        "Var q [(2 z_s/3)^2]",
         "\u{3c4} = 2",
         "\u{3c4} = 4",
         "hertz",
@@ -471,8 +471,7 @@ fn what_is_drawn_may_be_chosen() {
         0,
     );
     assert!(
-        svg.contains("transient.var_q[1] [(2 z_s/3)^2]")
-            && svg.contains("transient.mean_energy[0]")
+        svg.contains("Var q at \u{3c4} = 4 [(2 z_s/3)^2]") && svg.contains("E[H] at \u{3c4} = 2")
     );
     // A law that cannot lose contact has no probability: its points stay empty.
     let (_, svg) = picture("--draw transient.contact_loss_probability", 0);

@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::format::num;
 use crate::report::folder;
 use crate::report::plot::{self, Field, Ruler};
+use crate::results::entries;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -350,7 +351,7 @@ fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate
             _ => None,
         };
         Some(Field {
-            label: shown(&it.name, place)
+            label: called(&it.name, place, table.times(&it.name))
                 + bracketed(&it.name, table.time).replace(" [1]", "").as_str(),
             values: all(|it| &it.values),
             errors: all(|it| &it.errors),
@@ -359,6 +360,33 @@ fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate
     };
     let fields: Vec<Field> = drawn.into_iter().filter_map(field).collect();
     plot::map(&rulers, &fields)
+}
+
+/// A number as a picture calls it: by its symbol where it has one, with its time, the stationary ones by that word.
+fn called(name: &str, place: Option<usize>, times: Option<Vec<f64>>) -> String {
+    let (section, last) = name.rsplit_once('.').unwrap_or(("", name));
+    match entries().find(|it| it.name == last) {
+        Some(it) => {
+            let at = place.zip(times).and_then(|(k, all)| all.get(k).copied());
+            let at = at.map_or_else(String::new, |t| format!(" at \u{3c4} = {}", num(t)));
+            let section = section.replace("transient", "");
+            format!("{section} {}{at}", it.symbol).trim().to_owned()
+        }
+        None if name == "decay_rates.re" => match place {
+            Some(k) if k > 0 => format!("Re \u{3bb}{}", k + 1),
+            _ => "Re \u{3bb} of the slowest eigenvalue".into(),
+        },
+        None => shown(name, place),
+    }
+}
+
+/// The symbol of a key of a scene.
+fn symbol(key: &str) -> &str {
+    match key {
+        "oscillator.h" => "h",
+        "oscillator.zeta" => "\u{3b6}",
+        other => other,
+    }
 }
 
 fn ruler(axis: &Axis) -> Ruler {
@@ -375,7 +403,7 @@ fn ruler(axis: &Axis) -> Ruler {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let spread = positive && most >= 30.0 * least;
     Ruler {
-        label: axis.key().to_owned(),
+        label: symbol(axis.key()).to_owned(),
         values,
         log: axis.spacing() == Spacing::Logarithmic || (axis.spacing() == Spacing::List && spread),
         words,
