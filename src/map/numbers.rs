@@ -45,7 +45,7 @@ const CURVES: [(&str, &str, &[&str]); 12] = [
     ("crossings.impact", "peak_force", &["peak_force_density"]),
     ("monte_carlo.crossings.impact", "speed", &["speed_density"]),
 ];
-const PASSAGE: &[&str] = &["survival", "density"];
+const PASSAGE: &[&str] = &["survival", "lost", "density"];
 
 impl Keep {
     /// Curves by their names: a section for all of its curves, or one of them.
