@@ -327,6 +327,17 @@ impl ContactLaw {
         Some(self.turn(last, level, 1.0, rise.max(f64::MIN_POSITIVE)))
     }
 
+    /// Whether the depth of an impact grows more slowly than its speed, however fast that is: a contact that stiffens as
+    /// (q - q_loss)^n with n > 1, not one that ends as a straight line.
+    pub(crate) fn stiffens(&self) -> bool {
+        const FAST: [f64; 2] = [1e6, 1e9];
+        let loss = self.loss_point();
+        let depth = |speed: f64| Some((self.rebound(speed)? - loss?) / speed);
+        let [slow, fast] = FAST.map(depth);
+        slow.zip(fast)
+            .is_some_and(|(slow, fast)| fast < (1.0 - 1e-4) * slow)
+    }
+
     /// For each minimum of U its turning points at `rise` above it, no further than the maxima beside it.
     pub(crate) fn wells(&self, rise: f64) -> Vec<[f64; 2]> {
         let all = self.equilibria();

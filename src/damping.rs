@@ -29,7 +29,8 @@ pub enum Damping {
     Viscous,
     /// c = 2 zeta in contact, none in flight.
     Contact,
-    /// c = 2 zeta |1 + G|: in proportion to the contact force (Hunt and Crossley, J. Appl. Mech. 42, 440, 1975).
+    /// c = 2 zeta (1 + G): in proportion to the contact force, which must not pull: G >= -1 (Hunt and Crossley, J. Appl.
+    /// Mech. 42, 440, 1975).
     HuntCrossley,
     /// c = 2 zeta f(q), from [`Damping::of_displacement`].
     Displacement(Function),
@@ -99,6 +100,26 @@ impl Damping {
         matches!(self, Self::Viscous)
     }
 
+    /// Refuses a rate that would be negative under this contact.
+    pub(crate) fn suits(&self, contact: &ContactLaw) -> Result<()> {
+        const ROUNDING: f64 = 1e-9;
+        let samples = (0..=400).map(|k| (f64::from(k) * 0.02).sinh());
+        let samples = samples.flat_map(|q| [-q, q]);
+        let pulls = |q: &f64| contact.force(*q) < -1.0 - ROUNDING;
+        match samples.chain(contact.kinks()).find(pulls) {
+            Some(q) if matches!(self, Self::HuntCrossley) => {
+                let name = contact.name();
+                let value = format!("\"hunt_crossley\" with oscillator.contact = \"{name}\"");
+                let accepted = format!(
+                    "a contact that never pulls, G >= -1: 2 zeta (1 + G) is {:.3} zeta at q = {q:.3}; or \"viscous\"",
+                    2.0 * (1.0 + contact.force(q))
+                );
+                Err(Error::invalid("oscillator.damping", value, accepted))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Refuses, for `who`, a rate that depends on more than the displacement.
     pub(crate) fn depends_on_displacement(&self, who: &str) -> Result<()> {
         if matches!(self, Self::Energy(_)) {
@@ -114,7 +135,7 @@ impl Damping {
         match self {
             Self::Viscous => 1.0,
             Self::Contact => f64::from(u8::from(!contact.is_lost(q))),
-            Self::HuntCrossley => (1.0 + contact.force(q)).abs(),
+            Self::HuntCrossley => (1.0 + contact.force(q)).max(0.0),
             Self::Displacement(factor) => factor(q),
             Self::Energy(factor) => factor(0.5 * v * v + contact.potential(q)),
         }

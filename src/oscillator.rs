@@ -69,8 +69,8 @@ impl Oscillator {
     /// The same with another damping law.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a damping that acts in contact where there is none; [`Error::NoStationaryLaw`] for one
-    /// that does not hold the motion.
+    /// [`Error::Invalid`] for a damping that acts in contact where there is none, or would be negative;
+    /// [`Error::NoStationaryLaw`] for one that does not hold the motion.
     pub fn with_damping(self, damping: Damping) -> Result<Self> {
         let mut it = Self {
             averaged: None,
@@ -89,6 +89,7 @@ impl Oscillator {
                     "\"viscous\" for a contact that does not hold the motion, or has a second wall";
                 return Err(Error::invalid("oscillator.damping", value, accepted));
             }
+            damping.suits(&it.contact)?;
             let averaged = Averaged::of(&it.contact, &damping, it.temperature)?;
             it.temperature = averaged.reference_temperature();
             it.averaged = Some(Arc::new(averaged));
@@ -184,14 +185,20 @@ impl Oscillator {
     /// Where the continuous spectrum of the Fokker-Planck operator begins: -f^2/(8 zeta T), f the constant
     /// force out of contact (1 for the built-in laws). None for a contact that is never lost, or whose flight ends on a
     /// second wall. Where no eigenvalue lies above it, distances to the stationary law fall as
-    /// t^{-3/2} e^{-f^2 t/(8 zeta T)}. None under other than viscous damping too: there it is not known.
+    /// t^{-3/2} e^{-f^2 t/(8 zeta T)}.
+    ///
+    /// 0 where friction acts in contact alone, and a contact stiffens: an impact at speed v takes v times its depth of the
+    /// energy and the flight after it lasts as v, so that the speed falls as depth over v, ever more slowly for higher
+    /// flights, and no rate is common to all of them. None under any other damping: there it is not known.
     pub fn continuous_from(&self) -> Option<f64> {
-        if !self.is_viscous() {
-            return None;
-        }
         let [low, loss] = self.contact.flight()?;
         if low.is_finite() {
             return None;
+        }
+        match self.damping {
+            Damping::Viscous => {}
+            Damping::Contact => return self.contact.stiffens().then_some(0.0),
+            _ => return None,
         }
         let force = self.contact.force(loss - 1.0);
         Some(-force * force / (8.0 * self.zeta * self.temperature()))

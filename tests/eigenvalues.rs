@@ -6,6 +6,7 @@ mod mesh_modes;
 use mesh_modes::slowest;
 use num_complex::Complex;
 use vibroimpact::contact::ContactLaw;
+use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{
     Axis, DecayRate, DecayRates, Domain, Drift, Generator, Mesh, Settings, decay_rates,
 };
@@ -157,6 +158,32 @@ fn no_rate_is_printed_beyond_the_edge_of_the_continuous_spectrum() {
     show("zeta = 5", &it);
     let edge = it.continuous_from.unwrap();
     assert!(it.rates.len() >= 3 && it.rates.iter().all(|rate| rate.re > edge));
+}
+
+#[test]
+fn flights_without_friction_leave_no_rate_but_where_none_is_seen() {
+    let solve = |contact: ContactLaw, damping: Damping, zeta: f64, h: f64| {
+        let it = Oscillator::new(contact, zeta, h).unwrap();
+        let it = it.with_damping(damping).unwrap();
+        let rates = decay_rates(&it, 3, &Settings::default()).unwrap();
+        show(&format!("{:?}", it.damping()), &rates);
+        (it.continuous_from(), rates)
+    };
+    let (edge, it) = solve(ContactLaw::Hertz, Damping::Contact, 0.05, 2e-2);
+    assert_eq!((edge, it.continuous_from), (Some(0.0), Some(0.0)));
+    assert!(it.rates.is_empty() && it.shortfall.is_none());
+    // Contact is lost at 300 T: friction is viscous wherever the motion comes.
+    let (_, it) = solve(ContactLaw::Hertz, Damping::Contact, 0.005, 1e-5);
+    assert!(it.continuous_from.is_none() && it.shortfall.is_none());
+    let slowest = &it.rates[0];
+    assert!(distance(slowest, -0.005, 1.0) < 2e-3, "{slowest:?}");
+    // A linear spring takes a share of the speed, whatever that is; Hunt and Crossley's damping more of a higher one.
+    let (edge, it) = solve(ContactLaw::Hertz, Damping::HuntCrossley, 0.05, 2e-2);
+    assert_eq!((edge, it.continuous_from), (None, None));
+    assert!(it.rates.len() >= 3);
+    let linear = Oscillator::new(ContactLaw::Bilinear, 0.05, 2e-2).unwrap();
+    let linear = linear.with_damping(Damping::Contact).unwrap();
+    assert_eq!(linear.continuous_from(), None);
 }
 
 #[test]

@@ -20,15 +20,19 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use vibroimpact::contact::ContactLaw;
+use vibroimpact::damping::Damping;
+use vibroimpact::excitation::Excitation;
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moments, RawMoments};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::scales::Scales;
+use vibroimpact::scene::text::SceneText;
 use vibroimpact::stationary::Stationary;
 
 struct Case {
     oscillator: Oscillator,
+    excitation: Excitation,
     initial: Initial,
     times: Vec<f64>,
 }
@@ -97,9 +101,35 @@ fn place(contact: &ContactLaw, t: f64, s: f64) -> f64 {
     }
 }
 
+/// Those drawn here, then those of contacts.toml: laws with parameters, other damping, drives, envelopes.
+fn cases() -> Vec<Case> {
+    let given = contacts().into_iter().map(|toml| {
+        let text = SceneText::parse("contacts.toml", &toml, &[]).unwrap();
+        let scene = text.scene();
+        Case {
+            oscillator: scene.oscillator.clone(),
+            excitation: scene.excitation.clone(),
+            initial: scene.initial,
+            times: scene.outputs.moments_at.list(),
+        }
+    });
+    drawn().into_iter().chain(given).collect()
+}
+
+/// The scenes of contacts.toml, as TOML.
+fn contacts() -> Vec<String> {
+    let text = fs::read_to_string(folder().join("contacts.toml")).unwrap();
+    let mut file: toml::Table = text.parse().unwrap();
+    let Some(toml::Value::Array(scenes)) = file.remove("scene") else {
+        panic!("contacts.toml has no [[scene]]");
+    };
+    let tables = scenes.iter().map(|it| it.as_table().unwrap());
+    tables.map(toml::Table::to_string).collect()
+}
+
 /// zeta from 1e-4 to 20 and T from 1e-4 to 100 evenly in their logarithms; laws and kinds of start in
 /// turn; the rest at random. Then the starts in a point of the paper's case.
-fn cases() -> Vec<Case> {
+fn drawn() -> Vec<Case> {
     use ContactLaw::{Bilinear, Free, Hertz, Linear};
     const LAWS: [ContactLaw; 8] = [Hertz, Bilinear, Hertz, Linear, Hertz, Bilinear, Hertz, Free];
     const KINDS: [&str; 11] = [
@@ -163,6 +193,7 @@ fn cases() -> Vec<Case> {
             times.dedup();
             Case {
                 oscillator,
+                excitation: Excitation::default(),
                 initial,
                 times,
             }
@@ -182,6 +213,7 @@ fn cases() -> Vec<Case> {
     ] {
         cases.push(Case {
             oscillator: paper.clone(),
+            excitation: Excitation::default(),
             initial,
             times,
         });
@@ -212,6 +244,8 @@ impl Case {
     /// How fine, and how much coarser its check.
     fn resolutions(&self) -> [Resolution; 2] {
         let modes = match self.oscillator.zeta() {
+            // No friction in flight.
+            _ if *self.oscillator.damping() == Damping::Contact => 200,
             zeta if zeta < 0.05 => 200,
             zeta if zeta < 0.5 => 120,
             zeta if zeta < 2.0 => 80,
@@ -224,12 +258,14 @@ impl Case {
                 degree: 8,
                 modes,
                 level: 28.0,
+                step: 0.04,
             },
             Resolution {
                 elements: elements * 3 / 4,
                 degree: 8,
                 modes: modes * 7 / 10,
                 level: 25.0,
+                step: 0.08,
             },
         ]
     }
@@ -267,8 +303,12 @@ impl Case {
     }
 
     fn truths(&self) -> Vec<Truth> {
+        let plain = self.oscillator.is_viscous() && self.excitation.is_plain();
         let closed = |t: f64| -> Option<(Moments, &str)> {
             let it = &self.oscillator;
+            if !plain {
+                return None;
+            }
             let gaussian = matches!(it.contact(), ContactLaw::Linear | ContactLaw::Free);
             if gaussian && (self.initial != Initial::Stationary) {
                 let law = Gaussian::of(it, &self.initial).unwrap();
@@ -292,7 +332,13 @@ impl Case {
             let Some(until) = open.last() else {
                 return Vec::new();
             };
-            let mut it = Hermite::new(&self.oscillator, &self.initial, *until, resolution);
+            let mut it = Hermite::new(
+                &self.oscillator,
+                &self.excitation,
+                &self.initial,
+                *until,
+                resolution,
+            );
             let mut now = 0.0;
             open.iter()
                 .map(|t| {
@@ -306,8 +352,9 @@ impl Case {
         let (numbers, checks) = (run(fine), run(coarse));
         // A narrow start is held in its own frame as long as it stays near a Gaussian there.
         let framed = |n: usize| -> Vec<Moments> {
-            let mut it = Moving::new(&self.oscillator, &self.initial, n);
-            let times = open.iter().filter(|_| self.is_narrow());
+            let mut it = Moving::new(&self.oscillator, &self.excitation, &self.initial, n);
+            let held = self.is_narrow() && self.oscillator.is_viscous();
+            let times = open.iter().filter(|_| held);
             times
                 .map(|t| {
                     it.advance(*t);
@@ -417,9 +464,10 @@ const KNOWN: f64 = 1e-3;
 const ABOUT: &str = "\
 # Truths of the calibration: cargo run --release --bin lab -- precision --calibrate judges error bars by them.
 # Made by: cargo test --release --test truths write_truths -- --ignored --nocapture
-# scene: a line of scenes.csv. method: \"gaussian\" and \"stationary\" are closed forms; \"hermite ExP N\" is
-# E spectral elements of degree P in q times N Hermite functions in v (tests/hermite), \"moving N\" N by N
-# Hermite functions in the frame of a narrow start (tests/moving): whichever of the two is less uncertain.
+# scene: a line of scenes.csv, or from 49 on an entry of contacts.toml.
+# method: \"gaussian\" and \"stationary\" are closed forms; \"hermite ExP N\" is E spectral elements of degree P in q
+# times N Hermite functions in v (tests/hermite), \"moving N\" N by N Hermite functions in the frame of a narrow start
+# (tests/moving): whichever of the two is less uncertain.
 # uncertainty: the difference to a second run with 3/4 of the elements, 7/10 of the functions and a
 # smaller box, or 2/3 of the functions, never below 1e-10 of the natural scale, nor, of a narrow start in the
 # fixed basis, below the median of its time; above 1e-3 of it a number is left out. Dimensionless.
@@ -453,7 +501,7 @@ fn stored() -> BTreeMap<usize, String> {
 #[ignore = "minutes: makes the stored truths again"]
 fn write_truths() {
     let cases = cases();
-    let scenes: String = (1..).zip(&cases).map(|(k, it)| it.csv(k)).collect();
+    let scenes: String = (1..).zip(&drawn()).map(|(k, it)| it.csv(k)).collect();
     fs::write(
         folder().join("scenes.csv"),
         ABOUT_SCENES.to_owned() + &scenes,

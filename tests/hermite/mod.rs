@@ -7,17 +7,21 @@
 //!
 //! ```text
 //! c_n' = -sqrt(theta n) d/dq c_{n-1} - sqrt(theta (n+1)) (d/dq - G/theta) c_{n+1}
-//!        - 2 zeta n c_n + 2 zeta (T/theta - 1) sqrt(n (n-1)) c_{n-2}
+//!        - c n c_n + (D/theta - c) sqrt(n (n-1)) c_{n-2} + F sqrt(n/theta) c_{n-1}
 //! ```
 //!
-//! In q: Galerkin in L2(exp(-U/theta)) on elements with an edge on the loss of contact, so that a kink of
-//! the force costs no order. A start narrower than the nodes can hold enters by its expectations of the
+//! with any friction c(q), noise D = pi h times its envelope, and a drive F. Where the last two change with time, by
+//! commutator-free Magnus steps of order 4 (Blanes and Moan, Appl. Numer. Math. 56, 2006, 1519), none across a bend of the
+//! envelope.
+//!
+//! In q: Galerkin in L2(exp(-U/theta)) on elements with an edge on every kink of the force, so that it costs no order. A start narrower than the nodes can hold enters by its expectations of the
 //! basis, and payoffs by their values at the nodes: that is the backward equation with smooth payoffs, for
 //! which a start in one point is as good as any other. A wide start enters by its values at the nodes, and
 //! payoffs by their integrals.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 use vibroimpact::contact::ContactLaw;
+use vibroimpact::excitation::Excitation;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::RawMoments;
 use vibroimpact::oscillator::Oscillator;
@@ -34,6 +38,8 @@ pub(crate) struct Resolution {
     pub(crate) modes: usize,
     /// Energy at the edge in units of theta: 28 leaves out a probability of 1e-12.
     pub(crate) level: f64,
+    /// Longest step under an excitation that changes with time.
+    pub(crate) step: f64,
 }
 
 /// The equation on its basis, and the state y = sqrt(M) c, row-major over nodes and modes.
@@ -47,11 +53,16 @@ pub(crate) struct Hermite {
     mass: Vec<f64>,
     /// Length of q that a node stands for.
     lengths: Vec<f64>,
-    /// Integrals of the basis functions times q, q^2, N to N^4, U and 1 below the loss of contact.
+    /// Integrals of the basis functions times q, q^2, N to N^4, U and 1 out of contact.
     payoffs: [Vec<f64>; 8],
-    /// 2 zeta n and 2 zeta (T/theta - 1) sqrt(n (n - 1)).
+    /// c at the nodes, pi h, and what drives.
     friction: Vec<f64>,
-    heat: Vec<f64>,
+    noise: f64,
+    excitation: Excitation,
+    /// Noise and force of now.
+    now: [f64; 2],
+    time: f64,
+    step: f64,
     edges: Vec<f64>,
     nodes: Vec<f64>,
     state: Vec<f64>,
@@ -64,6 +75,7 @@ impl Hermite {
     /// The start of a run that goes to `until`.
     pub(crate) fn new(
         oscillator: &Oscillator,
+        excitation: &Excitation,
         initial: &Initial,
         until: f64,
         resolution: Resolution,
@@ -73,10 +85,10 @@ impl Hermite {
             degree,
             modes,
             level,
+            step,
         } = resolution;
         let contact = oscillator.contact().clone();
-        let t = oscillator.temperature();
-        let theta = temperature(oscillator, initial, until, modes);
+        let theta = temperature(oscillator, excitation, initial, until, modes);
         let edges = edges(&contact, theta, elements, level);
         let elements = edges.len() - 1;
         let (nodes, weights) = lobatto(degree);
@@ -84,21 +96,28 @@ impl Hermite {
         let count = elements * degree + 1;
         let (mut q, mut mass) = (vec![0.0; count], vec![0.0; count]);
         let (mut lengths, mut lost) = (vec![0.0; count], vec![0.0; count]);
-        let loss = contact.loss_point().unwrap_or(f64::NEG_INFINITY);
+        let mut friction = vec![0.0; count];
         let mut local = Vec::new();
         for (e, ends) in edges.windows(2).enumerate() {
             let half = 0.5 * (ends[1] - ends[0]);
+            let middle = 0.5 * (ends[0] + ends[1]);
             for k in 0..=degree {
                 let at = 0.5 * (ends[0] + ends[1]) + half * nodes[k];
                 let m = weights[k] * (-contact.potential(at) / theta).exp();
                 q[e * degree + k] = at;
                 mass[e * degree + k] += half * m;
                 lengths[e * degree + k] += half * weights[k];
-                if ends[1] <= loss {
+                if contact.is_lost(middle) {
                     lost[e * degree + k] += half * m;
                 }
+                // Just within the element: friction may jump at its end.
+                let within = at + 1e-12 * (middle - at);
+                friction[e * degree + k] += half * m * oscillator.friction(within);
                 local.push(m);
             }
+        }
+        for (c, mass) in friction.iter_mut().zip(&mass) {
+            *c /= mass;
         }
         let total: f64 = mass.iter().sum();
         let mut stiffness = Vec::new();
@@ -113,7 +132,8 @@ impl Hermite {
         }
         mass.iter_mut().chain(&mut lost).for_each(|x| *x /= total);
         // A Gaussian needs wave numbers up to 6/s; elements hold about two thirds of pi over the spacing.
-        let spacing = 2.0 * (2.0 * level * theta).sqrt() / (elements * degree) as f64;
+        let spacing = (edges[elements] - edges[0]).min(2.0 * (2.0 * level * theta).sqrt())
+            / (elements * degree) as f64;
         let wide = match *initial {
             Initial::Gaussian { deviation, .. } => deviation[0] > 2.0 * spacing,
             Initial::Rest => false,
@@ -124,8 +144,7 @@ impl Hermite {
         } else {
             nodal_payoffs(&contact, &q, &mass, &lost)
         };
-        let zeta = oscillator.zeta();
-        let n = |n: usize| n as f64;
+        let noise = oscillator.noise();
         let mut it = Self {
             theta,
             modes,
@@ -135,20 +154,31 @@ impl Hermite {
             mass,
             lengths,
             payoffs,
-            friction: (0..modes).map(|k| 2.0 * zeta * n(k)).collect(),
-            heat: (0..modes)
-                .map(|k| 2.0 * zeta * (t / theta - 1.0) * (n(k) * (n(k) - 1.0).max(0.0)).sqrt())
-                .collect(),
+            friction,
+            noise,
+            excitation: excitation.clone(),
+            now: [noise, 0.0],
+            time: 0.0,
+            step,
             edges,
             nodes,
             state: vec![0.0; count * modes],
             axes: [0.0; 2],
             work: [vec![0.0; count * modes], vec![0.0; count * modes]],
         };
+        let n = modes as f64;
         // The largest root of the Hermite polynomial of degree N is below 2 sqrt(N).
-        let imaginary = 2.0 * (theta * n(modes)).sqrt() * it.norm();
-        let hot = 1.0 + (1.0 - t / theta).abs();
-        it.axes = [zeta * n(modes) * hot, imaginary];
+        let imaginary = 2.0 * (theta * n).sqrt() * it.norm();
+        let highest = highest_factor(excitation, until) * noise / theta;
+        let lowest = if excitation.envelope.is_some() {
+            0.0
+        } else {
+            highest
+        };
+        let hot = |c: f64| c + (highest - c).abs().max((lowest - c).abs());
+        let real = it.friction.iter().map(|c| hot(*c)).fold(0.0, f64::max);
+        let driven = amplitude(excitation) * (n / theta).sqrt();
+        it.axes = [0.5 * n * real + driven, imaginary + driven];
         it.start(initial, wide);
         it
     }
@@ -250,17 +280,23 @@ impl Hermite {
     fn apply(&mut self, y: &[f64], shift: f64, out: &mut [f64]) {
         let (m, p, d) = (self.modes, self.degree, self.degree + 1);
         let root = self.theta.sqrt();
+        let [noise, force] = [self.now[0] / self.theta, self.now[1] / root];
         let [down, up] = &mut self.work;
         for (i, y) in y.chunks(m).enumerate() {
             let (down, up) = (&mut down[i * m..][..m], &mut up[i * m..][..m]);
             let out = &mut out[i * m..][..m];
+            let friction = self.friction[i];
+            let heat = noise - friction;
             for n in 0..m {
+                let order = n as f64;
                 let below = if n > 0 { y[n - 1] } else { 0.0 };
                 let above = if n + 1 < m { y[n + 1] } else { 0.0 };
                 let two = if n > 1 { y[n - 2] } else { 0.0 };
-                down[n] = -root * (n as f64).sqrt() * below;
-                up[n] = root * (n as f64 + 1.0).sqrt() * above;
-                out[n] = (shift - self.friction[n]) * y[n] + self.heat[n] * two;
+                down[n] = -root * order.sqrt() * below;
+                up[n] = root * (order + 1.0).sqrt() * above;
+                out[n] = (shift - friction * order) * y[n]
+                    + heat * (order * (order - 1.0).max(0.0)).sqrt() * two
+                    + force * order.sqrt() * below;
             }
         }
         for (e, element) in self.stiffness.chunks(d * d).enumerate() {
@@ -278,9 +314,51 @@ impl Hermite {
         }
     }
 
-    /// Carries the state forward by `duration`: exp(tau A) as a Chebyshev series on the ellipse of the
-    /// spectrum, whose foci are imaginary where transport is faster than friction and real elsewhere.
+    /// Carries the state forward by `duration`.
     pub(crate) fn advance(&mut self, duration: f64) {
+        let end = self.time + duration;
+        if self.excitation.is_plain() {
+            self.carry(duration);
+            self.time = end;
+            return;
+        }
+        let bends = match &self.excitation.envelope {
+            Some(it) => it.times().to_vec(),
+            None => Vec::new(),
+        };
+        let now = self.time;
+        let mut ends: Vec<f64> = bends.into_iter().filter(|t| *t > now && *t < end).collect();
+        ends.push(end);
+        for end in ends {
+            let steps = ((end - self.time) / self.step).ceil();
+            let step = (end - self.time) / steps;
+            for _ in 0..steps as u64 {
+                self.magnus(step);
+            }
+            self.time = end;
+        }
+    }
+
+    /// exp(step (a A_1 + b A_2)) exp(step (b A_1 + a A_2)), A_i at the Gauss points, a and b = 1/4 -+ sqrt(3)/6.
+    fn magnus(&mut self, step: f64) {
+        let root = 3f64.sqrt() / 6.0;
+        let at = |t: f64| {
+            let drive = self.excitation.drive.map_or(0.0, |it| it.force(t));
+            let envelope = self.excitation.envelope.as_ref();
+            [self.noise * envelope.map_or(1.0, |it| it.factor(t)), drive]
+        };
+        let [one, two] = [0.5 - root, 0.5 + root].map(|part| at(self.time + part * step));
+        let [less, more] = [0.5 - 2.0 * root, 0.5 + 2.0 * root];
+        for [a, b] in [[more, less], [less, more]] {
+            self.now = std::array::from_fn(|k| a * one[k] + b * two[k]);
+            self.carry(0.5 * step);
+        }
+        self.time += step;
+    }
+
+    /// Carries the state forward by `duration` under noise and force of now: exp(tau A) as a Chebyshev series on the
+    /// ellipse of the spectrum, whose foci are imaginary where transport is faster than friction and real elsewhere.
+    fn carry(&mut self, duration: f64) {
         let [a, b] = self.axes;
         let focal = (b * b - a * a).abs().sqrt().max(0.2 * (a + b));
         let real = a > b;
@@ -350,19 +428,29 @@ impl Hermite {
 /// The temperature of the basis: T, less where noise has not come that far until `until`, more where
 /// the start is wider or higher. The density must stay in L2(1/w), and below T rounding must not: heating
 /// lets what is in L2(1/w) out of it by a factor of up to exp(zeta (T/theta - 1) N t), held to e^9.
-fn temperature(oscillator: &Oscillator, initial: &Initial, until: f64, modes: usize) -> f64 {
-    let t = oscillator.temperature();
-    let noise = t * -(-2.0 * oscillator.zeta() * until).exp_m1();
+fn temperature(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    initial: &Initial,
+    until: f64,
+    modes: usize,
+) -> f64 {
+    let t = oscillator.temperature() * highest_factor(excitation, until).max(1.0);
+    let zeta = oscillator.zeta();
+    let noise = t * -(-2.0 * zeta * until).exp_m1();
     let contact = oscillator.contact();
-    let slow = t / (1.0 + 9.0 / (oscillator.zeta() * modes as f64 * until));
+    let slow = t / (1.0 + 9.0 / (zeta * modes as f64 * until));
+    let lowest = contact.equilibrium().map_or(0.0, |q| contact.potential(q));
+    // At resonance a drive brings a/(2 zeta) in the end, half of a more each unit of time before.
+    let pushed = amplitude(excitation) * (0.5 * until).min(0.5 / zeta);
     match *initial {
         Initial::Gaussian {
             mean,
             deviation: [sq, sv],
         } => {
             let energy = |reach: f64| {
-                let v = mean[1].abs() + reach * sv;
-                let q = |q: f64| contact.potential(q);
+                let v = mean[1].abs() + pushed + reach * sv;
+                let q = |q: f64| contact.potential(q) - lowest;
                 0.5 * v * v + q(mean[0] + reach * sq).max(q(mean[0] - reach * sq))
             };
             let tail = (2.0 * energy(6.5)).sqrt() + 6.5 * noise.sqrt();
@@ -374,13 +462,33 @@ fn temperature(oscillator: &Oscillator, initial: &Initial, until: f64, modes: us
                 .max(energy(0.0) / 8.0)
                 .max(energy(6.5) / 26.0)
         }
-        Initial::Rest => (1.3 * noise).max(slow).min(t),
-        Initial::Stationary => t,
+        Initial::Rest => (1.3 * noise)
+            .max(slow)
+            .min(t)
+            .max((0.5 * pushed * pushed - lowest) / 8.0),
+        Initial::Stationary => t.max(pushed * pushed / 16.0),
     }
 }
 
-/// Integrals over the elements of the basis functions times each payoff and the weight, with q = a + x^2
-/// beside the loss of contact, which takes its half-integer powers away.
+/// The largest factor of the envelope up to a time.
+fn highest_factor(excitation: &Excitation, until: f64) -> f64 {
+    let Some(it) = &excitation.envelope else {
+        return 1.0;
+    };
+    let within = it.times().iter().filter(|t| **t < until);
+    let factors = within.map(|t| it.factor(*t));
+    factors
+        .chain([it.factor(0.0), it.factor(until)])
+        .fold(0.0, f64::max)
+}
+
+/// The largest force of the drive.
+fn amplitude(excitation: &Excitation) -> f64 {
+    excitation.drive.map_or(0.0, |it| it.amplitude())
+}
+
+/// Integrals over the elements of the basis functions times each payoff and the weight, with q = a + (b - a) x^2 (3 - 2 x),
+/// which takes half-integer powers at the ends away.
 fn payoffs(
     contact: &ContactLaw,
     theta: f64,
@@ -389,22 +497,19 @@ fn payoffs(
     total: f64,
 ) -> [Vec<f64>; 8] {
     let degree = nodes.len() - 1;
-    let loss = contact.loss_point().unwrap_or(f64::NEG_INFINITY);
     let mut it: [Vec<f64>; 8] = std::array::from_fn(|_| vec![0.0; (edges.len() - 1) * degree + 1]);
     for (e, ends) in edges.windows(2).enumerate() {
         let (a, b) = (ends[0], ends[1]);
-        let lost = f64::from(u8::from(b <= loss));
-        let width = (b - a).sqrt();
+        let lost = f64::from(u8::from(contact.is_lost(0.5 * (a + b))));
         for k in 0..=degree {
             let of = |payoff: &dyn Fn(f64) -> f64| {
                 let f = |x: f64| {
-                    let q = a + x * x;
+                    let q = a + (b - a) * x * x * (3.0 - 2.0 * x);
                     let weight = (-contact.potential(q) / theta).exp() / total;
                     let basis = lagrange(nodes, k, (2.0 * q - a - b) / (b - a));
-                    2.0 * x * basis * weight * payoff(q)
+                    6.0 * x * (1.0 - x) * (b - a) * basis * weight * payoff(q)
                 };
-                let breaks = [0.0, 0.25, 0.5, 0.75, 1.0].map(|part| part * width);
-                quadrature::integrate(f, &breaks, 1e-13).value
+                quadrature::integrate(f, &[0.0, 0.25, 0.5, 0.75, 1.0], 1e-13).value
             };
             let force = |q: f64| contact.force(q);
             let values = [
@@ -444,33 +549,44 @@ fn nodal_payoffs(contact: &ContactLaw, q: &[f64], mass: &[f64], lost: &[f64]) ->
     ]
 }
 
-/// Edges of elements, equal in s = sign(q) sqrt(2 U/theta), the coordinate in which exp(-U/theta) is a
-/// Gaussian; one edge stands on the loss of contact.
+/// Edges of elements: on every kink, and between them equal in s = sqrt(2 (U - U_min)/theta), the coordinate in which
+/// exp(-U/theta) is a Gaussian, but no longer than three times the mean where the force is weak.
 fn edges(contact: &ContactLaw, theta: f64, elements: usize, level: f64) -> Vec<f64> {
+    const POINTS: usize = 2000;
     let reach = (2.0 * level).sqrt();
-    let at = |s: f64| {
-        let (left, right) = contact.turning_points(0.5 * theta * s * s).unwrap();
-        if s < 0.0 { left } else { right }
+    let (left, right) = contact.turning_points(level * theta).unwrap();
+    let lowest = contact.potential(contact.equilibrium().unwrap());
+    let slope = |q: f64| {
+        let rise = (contact.potential(q) - lowest).max(1e-12 * theta);
+        let slope = contact.force(q).abs() / (2.0 * theta * rise).sqrt();
+        slope.max(2.0 * reach / (3.0 * (right - left)))
     };
-    let equal = |from: f64, to: f64| {
-        let count = (elements as f64 * (to - from) / (2.0 * reach)).ceil() as usize;
-        (0..count).map(move |k| from + (to - from) * k as f64 / count as f64)
-    };
-    let kink = contact
-        .loss_point()
-        .map(|loss| -(2.0 * contact.potential(loss) / theta).sqrt())
-        .filter(|kink| *kink > -reach);
-    let mut s: Vec<f64> = match kink {
-        Some(kink) => equal(-reach, kink).chain(equal(kink, reach)).collect(),
-        None => equal(-reach, reach).collect(),
-    };
-    s.push(reach);
-    s.iter()
-        .map(|s| match kink {
-            Some(kink) if *s == kink => contact.loss_point().unwrap(),
-            _ => at(*s),
-        })
-        .collect()
+    let mut ends = vec![left];
+    ends.extend(
+        contact
+            .kinks()
+            .into_iter()
+            .filter(|q| *q > left && *q < right),
+    );
+    ends.push(right);
+    let mut it = vec![left];
+    for ends in ends.windows(2) {
+        let step = (ends[1] - ends[0]) / POINTS as f64;
+        let mut sums = vec![0.0];
+        for k in 0..POINTS {
+            sums.push(sums[k] + step * slope(ends[0] + (k as f64 + 0.5) * step));
+        }
+        let all = sums[POINTS];
+        let count = (elements as f64 * all / (2.0 * reach)).ceil() as usize;
+        for part in 1..count {
+            let target = all * part as f64 / count as f64;
+            let k = sums.partition_point(|sum| *sum < target).max(1);
+            let within = (target - sums[k - 1]) / (sums[k] - sums[k - 1]);
+            it.push(ends[0] + step * (k as f64 - 1.0 + within));
+        }
+        it.push(ends[1]);
+    }
+    it
 }
 
 /// Legendre-Gauss-Lobatto nodes and weights of a degree, by Newton from Chebyshev's.

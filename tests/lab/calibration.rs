@@ -36,6 +36,38 @@ fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the
     assert!(missed.is_empty(), "{missed:?}");
 }
 
+/// SCENES="49 50" names the scenes, TOLERANCES="1e-2 1e-3" the tolerances; all of either without.
+#[test]
+#[ignore = "a look at single scenes: minutes"]
+fn chosen_scenes() {
+    fn list<T: std::str::FromStr>(name: &str) -> Option<Vec<T>> {
+        let text = std::env::var(name).ok()?;
+        Some(
+            text.split_whitespace()
+                .filter_map(|it| it.parse().ok())
+                .collect(),
+        )
+    }
+    let mut cases = cases().unwrap();
+    if let Some(numbers) = list("SCENES") {
+        cases.retain(|case| numbers.contains(&case.number));
+    }
+    let tolerances = list("TOLERANCES").unwrap_or(TOLERANCES.to_vec());
+    let calibration = Calibration::of(&cases, &tolerances, &|run| {
+        println!(
+            "scene {}, {:.0e}: {}, {:.2} processor seconds, {:.2} planned, {:?}, {} numbers",
+            run.scene,
+            run.tolerance,
+            run.end.name(),
+            run.seconds,
+            run.planned,
+            run.chosen,
+            run.numbers.len()
+        );
+    });
+    println!("{calibration}");
+}
+
 #[test]
 fn every_estimate_holds_over_ten_of_the_thirty_oscillators() {
     // All of them: lab precision --calibrate.

@@ -5,16 +5,18 @@
 //! normalised Hermite polynomials. With G = g_0 + g_1 a xi + R(xi), D = pi h,
 //!
 //! ```text
-//! m_q' = m_v,  m_v' = -2 zeta m_v - g_0,  a' = b,  b' = -2 zeta b - g_1 a + c^2/a,
+//! m_q' = m_v,  m_v' = -2 zeta m_v - g_0 + F,  a' = b,  b' = -2 zeta b - g_1 a + c^2/a,
 //! c'/c = -2 zeta - b/a + k - s,  k = D/c^2
 //! P_t = -(c/a) (eta d_xi - xi d_eta) P + d_eta((k - s) eta + R/c) P + k d_eta^2 P
 //! ```
 //!
 //! g_0, g_1 and s are such that mean and covariance of the density are those of the frame (statistical
-//! linearisation). The force enters by quadrature, nothing is expanded in it.
+//! linearisation). The force enters by quadrature, nothing is expanded in it. Noise and drive F may change with time; damping
+//! is viscous.
 
 use std::f64::consts::TAU;
 use vibroimpact::contact::ContactLaw;
+use vibroimpact::excitation::Excitation;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moments, RawMoments};
 use vibroimpact::oscillator::Oscillator;
@@ -23,6 +25,7 @@ pub(crate) struct Moving {
     contact: ContactLaw,
     zeta: f64,
     diffusion: f64,
+    excitation: Excitation,
     /// Hermite functions in either direction.
     n: usize,
     /// Nodes of the trapezoidal rule with the Gaussian in their weights, and h_j there, nodes by n.
@@ -39,7 +42,13 @@ pub(crate) struct Moving {
 const EARLY: f64 = 1e-6;
 
 impl Moving {
-    pub(crate) fn new(oscillator: &Oscillator, initial: &Initial, n: usize) -> Self {
+    pub(crate) fn new(
+        oscillator: &Oscillator,
+        excitation: &Excitation,
+        initial: &Initial,
+        n: usize,
+    ) -> Self {
+        let force = excitation.drive.map_or(0.0, |it| it.force(0.0));
         let diffusion = oscillator.noise();
         let mut state = vec![0.0; 5 + n * n];
         state[5] = 1.0;
@@ -50,7 +59,10 @@ impl Moving {
             }
             _ => {
                 let t = EARLY;
+                let diffusion = diffusion * factor(excitation, 0.0);
                 let a = (2.0 / 3.0 * diffusion * t.powi(3)).sqrt();
+                state[0] = 0.5 * force * t * t;
+                state[1] = force * t;
                 state[2] = a;
                 state[3] = diffusion * t * t / a;
                 state[4] = (0.5 * diffusion * t).sqrt();
@@ -76,6 +88,7 @@ impl Moving {
             contact: oscillator.contact().clone(),
             zeta: oscillator.zeta(),
             diffusion,
+            excitation: excitation.clone(),
             n,
             nodes,
             weights,
@@ -87,11 +100,16 @@ impl Moving {
 
     /// Comes to time t.
     pub(crate) fn advance(&mut self, t: f64) {
+        let envelope = self.excitation.envelope.as_ref();
+        let bends = envelope.map_or(Vec::new(), |it| it.times().to_vec());
         while self.time < t {
             let [a, c] = [self.state[2], self.state[4]];
-            let fastest = self.n as f64 * (self.diffusion / (c * c) + c / a) + 10.0;
-            let step = (0.5 / fastest).min(t - self.time);
-            if !(step > 1e-12 * t && self.state[5].is_finite()) {
+            let diffusion = self.diffusion * factor(&self.excitation, self.time);
+            let fastest = self.n as f64 * (diffusion / (c * c) + c / a) + 10.0;
+            let later = |bend: &f64| *bend > self.time * (1.0 + 1e-12);
+            let end = bends.iter().copied().filter(later).fold(t, f64::min);
+            let step = (0.5 / fastest).min(end - self.time);
+            if !(step > 1e-15 * t && self.state[5].is_finite()) {
                 self.state.fill(f64::NAN);
                 return;
             }
@@ -99,18 +117,23 @@ impl Moving {
                 let pairs = self.state.iter().zip(rate);
                 pairs.map(|(x, r)| x + by * r).collect()
             };
-            let k1 = self.rate(&self.state);
-            let k2 = self.rate(&shifted(0.5 * step, &k1));
-            let k3 = self.rate(&shifted(0.5 * step, &k2));
-            let k4 = self.rate(&shifted(step, &k3));
+            let half = self.time + 0.5 * step;
+            let k1 = self.rate(self.time, &self.state);
+            let k2 = self.rate(half, &shifted(0.5 * step, &k1));
+            let k3 = self.rate(half, &shifted(0.5 * step, &k2));
+            let k4 = self.rate(self.time + step, &shifted(step, &k3));
             for (i, x) in self.state.iter_mut().enumerate() {
                 *x += step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
             }
-            self.time += step;
+            self.time = if step == end - self.time {
+                end
+            } else {
+                self.time + step
+            };
         }
     }
 
-    fn rate(&self, state: &[f64]) -> Vec<f64> {
+    fn rate(&self, time: f64, state: &[f64]) -> Vec<f64> {
         let n = self.n;
         let [mq, mv, a, b, c] = [state[0], state[1], state[2], state[3], state[4]];
         let p = &state[5..];
@@ -141,11 +164,12 @@ impl Moving {
         }
         let r = |i: usize, j: usize| matrix[i.max(j) * n + i.min(j)];
         let s = (0..n).map(|j| r(0, j) * at(j, 1)).sum::<f64>() / c;
-        let k = self.diffusion / (c * c);
+        let k = self.diffusion * factor(&self.excitation, time) / (c * c);
+        let force = self.excitation.drive.map_or(0.0, |it| it.force(time));
         let friction = 2.0 * self.zeta;
         let mut out = vec![0.0; state.len()];
         out[0] = mv;
-        out[1] = -friction * mv - g0;
+        out[1] = -friction * mv - g0 + force;
         out[2] = b;
         out[3] = -friction * b - g1 + c * c / a;
         out[4] = c * (-friction - b / a + k - s);
@@ -189,7 +213,6 @@ impl Moving {
             qv: a * b * xx + a * c * xy,
             ..RawMoments::default()
         };
-        let loss = self.contact.loss_point().unwrap_or(f64::NEG_INFINITY);
         let (n0, u0) = (self.contact.force(mq), self.contact.potential(mq));
         for ((x, w), h) in self
             .nodes
@@ -206,7 +229,7 @@ impl Moving {
                 *sum += power;
             }
             raw.potential += p * (self.contact.potential(q) - u0);
-            raw.lost += if q < loss { p } else { 0.0 };
+            raw.lost += if self.contact.is_lost(q) { p } else { 0.0 };
         }
         let mut moments = raw.moments(&self.contact);
         moments.mean_energy.value += u0 + mv * moments.mean_v.value + 0.5 * mv * mv;
@@ -215,4 +238,10 @@ impl Moving {
         moments.mean_force.value += n0;
         moments
     }
+}
+
+/// The factor of the envelope on the noise.
+fn factor(excitation: &Excitation, t: f64) -> f64 {
+    let envelope = excitation.envelope.as_ref();
+    envelope.map_or(1.0, |it| it.factor(t))
 }

@@ -16,6 +16,12 @@
 //!
 //! a half-line without gaps. No eigenvalue beyond its edge is slowest: where none lies above it, distances to
 //! the stationary law fall as t^{-3/2} e^{-f^2 t/(8 zeta T)} (f = 1 for the built-in laws).
+//!
+//! **No rate at all.** Where friction acts in contact alone, speed v falls by about zeta times the depth of an impact over v a
+//! unit of time, v^{-1/5} for Hertz. From energies beyond E, of probability e^{-c E^{2/5}}, the part e^{-c' E^{-1/5} t} is still
+//! there after t, and were there a gap lambda it would be e^{-lambda t} at most: lambda <= c' E^{-1/5} for every E. The
+//! spectrum then reaches 0, and eigenvalues of truncated domains fall as these grow. They are the answer only where the
+//! domain ends short of flight.
 
 use super::arnoldi::{Arnoldi, Mode};
 use crate::error::Result;
@@ -58,7 +64,8 @@ pub struct DecayRates {
     /// The slowest first; the slowest real one is added where it is not among those asked for. Fewer than
     /// asked for where the rest lies in the continuous spectrum.
     pub rates: Vec<DecayRate>,
-    /// Where the continuous spectrum begins; None for a contact that is never lost.
+    /// Where the continuous spectrum begins ([`Oscillator::continuous_from`]); None for a contact that is never lost. At 0
+    /// there is no eigenvalue: flights without friction forget ever more slowly, the higher they are.
     pub continuous_from: Option<f64>,
     /// Functions of q and of v at the finest resolution.
     pub functions: [usize; 2],
@@ -173,6 +180,13 @@ impl Eigenvalues {
                 seconds: 0.0,
             },
         };
+        if it.edge == 0.0 {
+            if it.sees_flight(oscillator) {
+                it.cost.steps = 0;
+                return Ok(it);
+            }
+            it.edge = f64::NEG_INFINITY;
+        }
         let levels = [0, 1, 2].map(|level| it.work(level));
         let finest = it.resolution(2);
         it.cost.cells = [finest.across(), 2 * finest.pairs];
@@ -181,8 +195,19 @@ impl Eigenvalues {
         Ok(it)
     }
 
+    /// Whether the domain of the third resolution reaches flight.
+    fn sees_flight(&self, oscillator: &Oscillator) -> bool {
+        let (contact, reach) = (oscillator.contact(), self.resolution(2).level);
+        let rise = contact.loss_point().zip(contact.lowest_potential());
+        let rise = rise.map(|(loss, lowest)| contact.potential(loss) - lowest);
+        rise.is_some_and(|rise| rise < reach * oscillator.weighed(REACH).temperature())
+    }
+
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
+        if self.edge == 0.0 {
+            return "nothing to solve for: without friction in flight the spectrum is continuous from 0 on".into();
+        }
         let condition = match self.edge / FAR_BELOW {
             f64::NEG_INFINITY => String::new(),
             slow => format!(" where the slowest of all is above {slow:.3}"),
@@ -236,6 +261,14 @@ impl Eigenvalues {
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<DecayRates> {
+        if self.edge == 0.0 {
+            return Ok(DecayRates {
+                rates: Vec::new(),
+                continuous_from: Some(0.0),
+                functions: [0; 2],
+                shortfall: None,
+            });
+        }
         let search = Search {
             oscillator,
             recipe: self,

@@ -46,6 +46,18 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
     (shape.memory(), shape.operations())
 }
 
+/// A law that Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
+/// height x falls as exp(-c sqrt(x)), and over weights that fall as exp(-H/T) that grows without bound.
+fn heavy(oscillator: &Oscillator, found: &str) -> Error {
+    let damping = oscillator.damping().name();
+    Error::Unresolved {
+        what: format!(
+            "the stationary law under \"{damping}\" damping falls too slowly with the height of a flight for Hermite \
+             functions, {found}"
+        ),
+    }
+}
+
 /// A null vector that still changes by more is none.
 const LOST: f64 = 1e-6;
 
@@ -53,7 +65,7 @@ const LOST: f64 = 1e-6;
 /// open: inverse iteration on the transpose of the operator, from no structure.
 ///
 /// # Errors
-/// [`Error::Linear`] if the iteration does not settle; those of `late`.
+/// [`Error::Unresolved`] if the iteration does not settle; those of `late`.
 pub(super) fn null(
     oscillator: &Oscillator,
     full: &Hierarchy,
@@ -92,10 +104,7 @@ pub(super) fn null(
     }
     if change > LOST || change.is_nan() {
         let what = format!("inverse iteration still changes by {change:.1e} after 30 solves");
-        return Err(Error::Linear {
-            stage: "stationary law",
-            what,
-        });
+        return Err(heavy(oscillator, &what));
     }
     Ok((x.into_iter().map(|x| x.re).collect(), change))
 }
@@ -213,7 +222,7 @@ impl Kept {
     /// The law at a resolution, by inverse iteration from no structure.
     ///
     /// # Errors
-    /// [`Error::Linear`] if the iteration does not settle; those of the basis and of `late`.
+    /// [`Error::Unresolved`] if the iteration does not settle; those of the basis and of `late`.
     pub(in crate::fokker_planck) fn new(
         oscillator: &Oscillator,
         resolution: Resolution,
@@ -296,10 +305,7 @@ impl Kept {
         }
         let mass = it.raw.mass;
         if !(mass.is_finite() && mass.abs() > 1e-12) {
-            return Err(Error::Linear {
-                stage: "stationary law",
-                what: "the null vector holds no probability".into(),
-            });
+            return Err(heavy(oscillator, "the null vector holds no probability"));
         }
         it.dissipated /= mass;
         it.means.iter_mut().for_each(|x| *x /= mass);

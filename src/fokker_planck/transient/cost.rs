@@ -53,7 +53,7 @@ fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
         } => (oscillator.energy(*q, *v) + sq * sq + sv * sv) / temperature,
     };
     let mut slowest = (1.0 / zeta).max(2.0 * zeta);
-    if let Some(edge) = oscillator.continuous_from() {
+    if let Some(edge) = oscillator.continuous_from().filter(|edge| *edge < 0.0) {
         slowest = slowest.max(-1.0 / edge);
     }
     ((2.0 + away.max(0.0).sqrt()) / (SETTLED * tolerance)).ln() * slowest

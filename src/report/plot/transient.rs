@@ -229,7 +229,8 @@ struct Decay {
 impl Decay {
     /// The slowest eigenvalue's, or where none lies above the continuous spectrum, that of its edge.
     fn of(it: &DecayRates) -> Option<Self> {
-        let edge = it.continuous_from.map(|rate| Self { rate, power: -1.5 });
+        let edge = it.continuous_from.filter(|rate| *rate < 0.0);
+        let edge = edge.map(|rate| Self { rate, power: -1.5 });
         let slowest = it.rates.first().map(|it| Self {
             rate: it.re,
             power: 0.0,

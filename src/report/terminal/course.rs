@@ -89,7 +89,11 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
             }
         };
         let mut words: Vec<String> = it.rates.iter().map(rate).collect();
-        if let Some(edge) = it.continuous_from {
+        if it.continuous_from == Some(0.0) {
+            words.push(
+                "none: without friction in flight the spectrum is continuous from 0 on".into(),
+            );
+        } else if let Some(edge) = it.continuous_from {
             let edge = if edge.abs() < 100.0 {
                 format!("{edge:.4}")
             } else {

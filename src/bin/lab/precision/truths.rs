@@ -2,18 +2,20 @@
 //! validation/precision and built into the program. tests/truths.rs makes them.
 
 use crate::rows::{Row, rows};
-use vibroimpact::error::Result;
+use toml::{Table, Value};
+use vibroimpact::error::{Error, Result};
 use vibroimpact::moments::Moment;
 use vibroimpact::scene::Scene;
 use vibroimpact::scene::text::SceneText;
 
 const SCENES: &str = include_str!("../../../../validation/precision/scenes.csv");
+const CONTACTS: &str = include_str!("../../../../validation/precision/contacts.toml");
 const TRUTHS: &str = include_str!("../../../../validation/precision/truths.csv");
 
 /// A scene that asks for transient moments alone, and what they are.
 #[derive(Debug, Clone)]
 pub struct Case {
-    /// Its number in scenes.csv.
+    /// Its number in scenes.csv, and on through contacts.toml.
     pub number: usize,
     /// The scene, with the program's default accuracy.
     pub scene: Scene,
@@ -33,13 +35,29 @@ pub struct Truth {
 
 /// Every stored scene with its truths, by number.
 pub fn cases() -> Result<Vec<Case>> {
-    read(SCENES, TRUTHS)
+    read(SCENES, CONTACTS, TRUTHS)
 }
 
-/// The scenes and truths of two tables in the form of those stored.
-fn read(scenes: &str, truths: &str) -> Result<Vec<Case>> {
+/// The scenes and truths of tables in the form of those stored.
+fn read(scenes: &str, contacts: &str, truths: &str) -> Result<Vec<Case>> {
     let scenes = rows("validation/precision/scenes.csv", scenes, ',');
     let mut cases: Vec<Case> = scenes.map(|row| case(&row)).collect::<Result<_>>()?;
+    let wrong =
+        |what: String| Error::invalid("validation/precision/contacts.toml", what, "[[scene]]");
+    let mut file: Table = contacts.parse().map_err(|it| wrong(format!("{it}")))?;
+    if let Some(Value::Array(scenes)) = file.remove("scene") {
+        for scene in &scenes {
+            let number = cases.len() + 1;
+            let scene = scene.as_table().map(Table::to_string).unwrap_or_default();
+            let text = SceneText::parse("contacts.toml", &scene, &[]);
+            let text = text.map_err(|it| wrong(format!("scene {number}: {it}")))?;
+            cases.push(Case {
+                number,
+                scene: text.scene().clone(),
+                truths: Vec::new(),
+            });
+        }
+    }
     for row in rows("validation/precision/truths.csv", truths, ',') {
         let number: usize = row.get(0)?;
         let truth = truth(&row)?;
@@ -95,7 +113,7 @@ mod tests {
     #[test]
     fn every_stored_scene_reads_and_every_one_of_its_times_has_truths() {
         let cases = cases().unwrap();
-        assert!(cases.len() >= 40);
+        assert!(cases.len() > 48);
         for case in &cases {
             case.scene.check().unwrap();
             for t in case.scene.outputs.moments_at.list() {
@@ -110,13 +128,16 @@ mod tests {
         let scenes = "scene,...\n1,hertz,0.1,0.01,rest,,,,,1 2\n";
         let message = |truths: &str| {
             let truths = format!("scene,...\n{truths}");
-            read(scenes, &truths).unwrap_err().to_string()
+            read(scenes, "", &truths).unwrap_err().to_string()
         };
         assert!(message("1,1,mean_x,0,0,m").contains("truths.csv line 2"));
         assert!(message("#\n2,1,mean_q,0,0,m").contains("a scene of scenes.csv"));
         assert!(message("1,1,mean_q,zero,0,m").contains("field 4"));
-        assert!(read(&scenes.replace("hertz", "steel"), "").is_err());
-        let good = read(scenes, "scene,...\n1,2,var_q,0.5,1e-9,m\n").unwrap();
+        assert!(read(&scenes.replace("hertz", "steel"), "", "").is_err());
+        let steel = "[[scene]]\noscillator = { contact = \"steel\", zeta = 1, h = 1 }";
+        let wrong = read(scenes, steel, "").unwrap_err().to_string();
+        assert!(wrong.contains("scene 2"), "{wrong}");
+        let good = read(scenes, "", "scene,...\n1,2,var_q,0.5,1e-9,m\n").unwrap();
         assert_eq!(good[0].truths[0].index, 1);
     }
 }
