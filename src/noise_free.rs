@@ -81,6 +81,40 @@ pub(crate) fn late_swing(
     (late.0, late.1.unwrap_or_default())
 }
 
+/// The amplitudes between two late times of the motions from near rest and of those from far outside, where the latter keep
+/// to a larger orbit: a law that softens may have one that no motion from near rest comes to.
+pub(crate) fn two_orbits(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    times: [f64; 2],
+) -> Option<[f64; 2]> {
+    /// What a motion from outside must be larger by to be on another orbit and not on its way to the same.
+    const LARGER: f64 = 1.2;
+    let late = |start| {
+        let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
+        highest(oscillator, excitation, state, times).0
+    };
+    let near = starts(oscillator, excitation).map(late).fold(0.0, f64::max);
+    let far = outside(oscillator, excitation).map(late);
+    let far = far.fold(0.0, f64::max);
+    (far > LARGER * near).then_some([near, far])
+}
+
+/// Where motions begin from outside: no orbit under a cos(W t) has more than a/(2 zeta) as the amplitude of v.
+fn outside(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Item = [f64; 2]> {
+    let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
+    let drive = drive.zip(oscillator.contact().equilibrium());
+    drive.into_iter().flat_map(move |(drive, rest)| {
+        let fastest = drive.amplitude() / (2.0 * oscillator.zeta());
+        [1.0, 0.75, 0.5].into_iter().flat_map(move |part: f64| {
+            let v = part * fastest;
+            let turning = oscillator.contact().turning_points(0.5 * v * v);
+            let (left, right) = turning.unwrap_or((rest, rest));
+            [[rest, v], [rest, -v], [left, 0.0], [right, 0.0]]
+        })
+    })
+}
+
 /// Where motions begin that show what a drive does; none without one.
 fn starts(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Item = [f64; 2]> {
     let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);

@@ -342,6 +342,19 @@ fn over_a_period_the_drive_and_the_noise_bring_what_friction_takes() {
 }
 
 #[test]
+fn a_second_orbit_beside_that_from_rest_is_told() {
+    // Below the resonance of a softening law the motion from rest stays small, and one from outside large.
+    let it = hertz(0.02, 5e-4);
+    for (frequency, two) in [(0.9, true), (1.2, false)] {
+        let settings = settings(&driven(0.08, frequency, 0.0), 3e-2);
+        let got = periodic(&it, 8, &settings, &|_| ()).unwrap();
+        println!("W = {frequency}: {:?}", got.warnings);
+        let told = got.warnings.iter().any(|it| it.contains("beside that of"));
+        assert_eq!(told, two, "W = {frequency}");
+    }
+}
+
+#[test]
 fn with_less_and_less_noise_the_law_comes_to_the_orbit_found_by_shooting() {
     let drive = Drive::new(0.05, 1.2, 0.0).unwrap();
     let excitation = driven(0.05, 1.2, 0.0);

@@ -56,6 +56,14 @@ const BEATS: f64 = 3.0;
 /// Longest time that such a motion is followed, if that is more than a period.
 const FOLLOWED: f64 = 4000.0;
 
+/// Times between which a motion without noise keeps to its orbit.
+fn lasting_times(oscillator: &Oscillator, excitation: &Excitation) -> [f64; 2] {
+    let period = excitation.drive.map_or(0.0, |it| it.period());
+    let end = (LATE / oscillator.zeta()).min(FOLLOWED);
+    let end = (end / period).ceil() * period;
+    [end, end + BEATS * period]
+}
+
 impl Forcing {
     /// That of an excitation until time `until`; None where there is nothing beside stationary noise.
     ///
@@ -87,10 +95,7 @@ impl Forcing {
         if excitation.is_plain() {
             return Ok(None);
         }
-        let period = excitation.drive.map_or(0.0, |it| it.period());
-        let end = (LATE / oscillator.zeta()).min(FOLLOWED);
-        let end = (end / period).ceil() * period;
-        let times = [end, end + BEATS * period];
+        let times = lasting_times(oscillator, excitation);
         let (swing, late) = noise_free::late_swing(oscillator, excitation, times);
         let it = Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing))?;
         Ok(Some(Self { late, ..it }))
@@ -138,6 +143,16 @@ impl Forcing {
                 Some(_) => factor * (1 + excitation.bends(0.0, until).count()) as f64,
             },
         })
+    }
+
+    /// The amplitudes sqrt(2 (H - lowest U)) of two orbits that last without noise, where a second one lasts beside that
+    /// from near rest.
+    pub(crate) fn two_orbits(oscillator: &Oscillator, excitation: &Excitation) -> Option<[f64; 2]> {
+        noise_free::two_orbits(
+            oscillator,
+            excitation,
+            lasting_times(oscillator, excitation),
+        )
     }
 
     /// Drive and envelope.

@@ -3,8 +3,10 @@
 use super::harmonics::{Harmonic, mean};
 use crate::error::Result;
 use crate::estimate::{Estimate, Shortfall};
+use crate::excitation::Excitation;
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::density::Snapshot;
+use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::fokker_planck::transient::{Multiplier, Recipe, Transient};
 use crate::initial::Initial;
@@ -48,6 +50,7 @@ pub struct Periodic {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PeriodicLaw {
     recipe: Recipe,
+    excitation: Excitation,
     times: Vec<f64>,
 }
 
@@ -68,6 +71,7 @@ impl PeriodicLaw {
             .collect();
         Ok(Self {
             recipe: Recipe::lasting(oscillator, &times, settings, multipliers)?,
+            excitation: settings.excitation.clone(),
             times,
         })
     }
@@ -106,7 +110,16 @@ impl PeriodicLaw {
         let it = self
             .recipe
             .solve(question, (&self.times, &shown), limits, progress)?;
-        Ok(Periodic::of(it))
+        let mut law = Periodic::of(it);
+        if self.recipe.multipliers
+            && let Some([near, far]) = Forcing::two_orbits(oscillator, &self.excitation)
+        {
+            law.warnings.push(format!(
+                "without noise an orbit of amplitude sqrt(2 H) = {far:.2} lasts beside that of {near:.2} from near rest: the \
+                 errors do not cover what noise carries from one to the other"
+            ));
+        }
+        Ok(law)
     }
 }
 
