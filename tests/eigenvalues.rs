@@ -178,12 +178,14 @@ fn flights_without_friction_leave_no_rate_but_where_none_is_seen() {
     let slowest = &it.rates[0];
     assert!(distance(slowest, -0.005, 1.0) < 2e-3, "{slowest:?}");
     // A linear spring takes a share of the speed, whatever that is; Hunt and Crossley's damping more of a higher one.
-    let (edge, it) = solve(ContactLaw::Hertz, Damping::HuntCrossley, 0.05, 2e-2);
-    assert_eq!((edge, it.continuous_from), (None, None));
-    assert!(it.rates.len() >= 3);
-    let linear = Oscillator::new(ContactLaw::Bilinear, 0.05, 2e-2).unwrap();
-    let linear = linear.with_damping(Damping::Contact).unwrap();
-    assert_eq!(linear.continuous_from(), None);
+    for (contact, damping) in [
+        (ContactLaw::Bilinear, Damping::Contact),
+        (ContactLaw::Hertz, Damping::HuntCrossley),
+    ] {
+        let it = Oscillator::new(contact, 0.05, 2e-2).unwrap();
+        let it = it.with_damping(damping).unwrap();
+        assert_eq!(it.continuous_from(), None);
+    }
 }
 
 #[test]

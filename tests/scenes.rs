@@ -1479,6 +1479,11 @@ const BAD: &[(&str, &str)] = &[
         "[oscillator]\ncontact = \"free\"\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nmoments_at = [1]",
     ),
     (
+        "damping in proportion to a force that pulls",
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [1.0, 0.0, 1.0] }\ndamping = \"hunt_crossley\"\n\
+         zeta = 0.005\nh = 2e-3",
+    ),
+    (
         "drive under damping in contact",
         "[oscillator]\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[excitation]\n\
          drive = { amplitude = 0.02, frequency = 0.9, phase = 0.0 }\n[outputs]\nmoments_at = [1]",

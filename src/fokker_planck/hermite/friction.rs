@@ -58,8 +58,8 @@ fn heavy(oscillator: &Oscillator, found: &str) -> Error {
     }
 }
 
-/// A null vector that still changes by more is none.
-const LOST: f64 = 1e-6;
+/// A null vector that still changes by more is none; what it changes by is in the error of the law.
+const LOST: f64 = 1e-3;
 
 /// The stationary law over the weights, as coefficients of the functions with hats as they are, and what rounding leaves of it
 /// open: inverse iteration on the transpose of the operator, from no structure.
@@ -147,21 +147,28 @@ impl Settled {
     ) -> Result<Self> {
         let mut resolution = FIRST;
         let mut before = Kept::new(oscillator, resolution, late)?;
-        let mut count = 1;
-        loop {
+        let mut best: Option<Self> = None;
+        for _ in 1..MOST {
             resolution = resolution.finer(FINER, HIGHER);
-            count += 1;
-            let law = Kept::new(oscillator, resolution, late)?;
+            // A law that is known is not lost to a finer one that rounding spoils.
+            let law = match (Kept::new(oscillator, resolution, late), best.take()) {
+                (Err(Error::Linear { .. } | Error::Unresolved { .. }), Some(best)) => {
+                    return Ok(best);
+                }
+                (law, _) => law?,
+            };
             let error = SAFETY * (law.distance(&before) + law.rounding);
-            if error <= SHARE * tolerance || count == MOST {
-                return Ok(Self {
-                    law,
-                    coarser: before,
-                    error,
-                });
+            let it = Self {
+                coarser: std::mem::replace(&mut before, law.clone()),
+                law,
+                error,
+            };
+            if error <= SHARE * tolerance {
+                return Ok(it);
             }
-            before = law;
+            best = Some(it);
         }
+        best.ok_or_else(|| heavy(oscillator, "at no resolution"))
     }
 }
 

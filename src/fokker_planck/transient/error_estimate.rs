@@ -99,6 +99,9 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
                 row[i] = row[i].max(NEIGHBOURS * largest * scale[i]);
             }
         }
+        // N is a function of q, a straight line for small motions.
+        let [q, force] = [Moment::MeanQ, Moment::MeanForce].map(|it| it as usize);
+        row[force] = row[force].max(row[q] / scale[q] * scale[force]);
         // Kurtosis and skewness of a narrow force may err far more than anything else: the median speaks for the density.
         let mut sorted: Vec<f64> = plain[k].iter().zip(scale).map(|(x, s)| x / s).collect();
         sorted.sort_by(f64::total_cmp);

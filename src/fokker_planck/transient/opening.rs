@@ -107,7 +107,13 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let tolerance = rung.tolerance;
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
-    let weak = 0.57 * relative.powf(1.0 / 6.0);
+    // What the splitting of friction that is not constant leaves is known from the difference of two rungs alone: each has
+    // steps of its own.
+    let (weak, beside) = if oscillator.is_viscous() {
+        (0.57 * relative.powf(1.0 / 6.0), 1.5)
+    } else {
+        (0.25 * relative.cbrt(), 1.0)
+    };
     let strong = (2e-4 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
     // A drive asks no more of these steps than of those on a mesh, which are of lower order.
     let driven = match &rung.forcing {
@@ -120,7 +126,7 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
         reach: 2.5 + (-2.0 * rung.neglected.ln()).sqrt(),
         border: BORDER * tolerance,
         step: weak.min(strong).min(driven).min(1.0),
-        beside: 1.5,
+        beside,
     }
 }
 

@@ -97,7 +97,13 @@ impl Task<'_> {
         mut warnings: Vec<String>,
     ) -> Transient {
         // Under a forcing no law is stationary, and densities are taken against another.
-        let known = self.oscillator.contact().is_confining() && self.recipe.forcing.is_none();
+        let known = self.knows_law() && self.recipe.forcing.is_none();
+        if self.oscillator.contact().is_confining() && !self.knows_law() {
+            let damping = self.oscillator.damping().name();
+            warnings.push(format!(
+                "the stationary law under \"{damping}\" damping was not found: there are no distances to it"
+            ));
+        }
         let outside = outside(self, &fine, coarse);
         let mut moments: Vec<Moments> = fine.outputs.iter().map(|it| it.moments).collect();
         for (k, moments) in moments.iter_mut().enumerate() {

@@ -3,6 +3,7 @@
 use super::opening::{Loss, Opening};
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
+use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
@@ -81,6 +82,17 @@ pub(super) struct Task<'a> {
     pub(super) limits: &'a Limits,
     /// The stationary law, where it is not the one that g is taken against.
     pub(super) law: Option<&'a Settled>,
+}
+
+impl Task<'_> {
+    /// Whether there is a stationary law, and it is known.
+    pub(super) fn knows_law(&self) -> bool {
+        let closed = matches!(
+            self.oscillator.damping(),
+            Damping::Viscous | Damping::Energy(_)
+        );
+        self.oscillator.contact().is_confining() && (closed || self.law.is_some())
+    }
 }
 
 /// Distance to the stationary law at which a run stops, over the tolerance.
@@ -185,7 +197,7 @@ impl Task<'_> {
             (Some(opening), _) => opening.density(&propagator),
         };
         // What is forced comes to no stationary law.
-        let settles = oscillator.contact().is_confining() && rung.forcing.is_none();
+        let settles = self.knows_law() && rung.forcing.is_none();
         let close = SETTLED * rung.tolerance;
         let mut settled = None;
         // Short steps are not all looked at.

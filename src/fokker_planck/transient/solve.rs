@@ -8,7 +8,7 @@ use super::recipe::{Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
 use crate::damping::Damping;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work};
 use crate::fokker_planck::flux::Drift;
@@ -123,7 +123,15 @@ impl Recipe {
         let law = if oscillator.is_viscous() || !displacement {
             None
         } else {
-            Some(Settled::within(oscillator, self.tolerance, &late)?)
+            match Settled::within(oscillator, self.tolerance, &late) {
+                // Only what begins in that law cannot do without.
+                Err(Error::Unresolved { .. } | Error::Linear { .. })
+                    if *initial != Initial::Stationary =>
+                {
+                    None
+                }
+                law => Some(law?),
+            }
         };
         let task = Task {
             oscillator,
