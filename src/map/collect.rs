@@ -10,7 +10,7 @@ use super::run::MAP;
 use super::table::{Column, Table, bracketed, is_time, plain, shown, walk};
 use crate::clock::TimeUnit;
 use crate::error::{Error, Result};
-use crate::format::num;
+use crate::format::{brief, num};
 use crate::report::folder;
 use crate::report::plot::{self, Field, Ruler};
 use crate::results::entries;
@@ -368,7 +368,7 @@ fn called(name: &str, place: Option<usize>, times: Option<Vec<f64>>) -> String {
     match entries().find(|it| it.name == last) {
         Some(it) => {
             let at = place.zip(times).and_then(|(k, all)| all.get(k).copied());
-            let at = at.map_or_else(String::new, |t| format!(" at \u{3c4} = {}", num(t)));
+            let at = at.map_or_else(String::new, |t| format!(" at \u{3c4} = {}", brief(t)));
             let section = section.replace("transient", "");
             format!("{section} {}{at}", it.symbol).trim().to_owned()
         }

@@ -44,9 +44,6 @@ const SHARED: f64 = 3e-5;
 /// The part of the splitting error of a flow map that runs with as many steps do not show.
 const UNSEEN: f64 = 0.5;
 
-/// The same of friction that is not constant, over the splitting error of constant friction: 6 seen (tests/damping.rs).
-const OTHER_FRICTION: f64 = 8.0;
-
 /// A difference that passes through zero, on its way from one output to the next or beside those of the other numbers, is
 /// not taken for less than this part of theirs.
 const NEIGHBOURS: f64 = 0.5;
@@ -227,12 +224,7 @@ impl Errors {
                 let forced = rung.forcing.as_ref();
                 let forced =
                     forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);
-                let unseen = if task.oscillator.is_viscous() {
-                    UNSEEN
-                } else {
-                    OTHER_FRICTION
-                };
-                unseen * (own + forced)
+                UNSEEN * (own + forced)
             }
             Scheme::Volumes(_) => 0.0,
         };

@@ -243,7 +243,14 @@ impl Recipe {
                 let aim = SPLITTING * tolerance;
                 let driven = self.forcing.as_ref();
                 let driven = driven.map_or(f64::INFINITY, |it| it.longest_step(aim));
-                Some(flow_map::Settings::to(aim, oscillator)?.step.min(driven))
+                // Friction that is not constant is frozen in each step: an error of order 2, which rungs show one another.
+                let frozen = if oscillator.is_viscous() {
+                    f64::INFINITY
+                } else {
+                    flow_map::Settings::LONGEST * RATIO.powf(-r)
+                };
+                let step = flow_map::Settings::to(aim, oscillator)?.step;
+                Some(step.min(driven).min(frozen))
             }
             (Scheme::Volumes(_), None) => None,
         };

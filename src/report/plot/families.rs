@@ -96,7 +96,7 @@ pub fn families(
                 legend(area, at, colour, Mark::Shape(shape), &method.name)?;
             }
         }
-        let at = (size.0 as f64 - 330.0, 22.0);
+        let at = (f64::from(size.0) - 330.0, 22.0);
         legend(
             area,
             at,
