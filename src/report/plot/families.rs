@@ -2,7 +2,7 @@
 
 use super::canvas::{
     Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, HALO, Hang, INK, Mark, Panel, Points, Shape,
-    VERMILION, legend, line, picture, range, superscript, write,
+    VERMILION, WORDS, legend, line, picture, range, superscript, write,
 };
 use crate::error::Result;
 use crate::report::File;
@@ -48,7 +48,7 @@ pub fn families(
     let (width, height, words) = (430.0, 176.0, 240.0);
     let size = (
         (90.0 + 2.0 * (width + 80.0) + words) as u32,
-        (70.0 + height * all.len() as f64 + 60.0) as u32,
+        (84.0 + height * all.len() as f64 + 30.0) as u32,
     );
     let ranges = [0, 1].map(|k| {
         let points = || {
@@ -64,7 +64,7 @@ pub fn families(
     picture(name, size, |area| {
         write(area, title, (30.0, 22.0), (16.0, Hang::Left, INK))?;
         for (row, family) in all.iter().enumerate() {
-            let top = 50.0 + height * row as f64;
+            let top = 64.0 + height * row as f64;
             for (k, ranges) in ranges.iter().enumerate() {
                 let Some(((x, y), front)) = ranges else {
                     continue;
@@ -73,7 +73,11 @@ pub fn families(
                 let place = [left, top, width, height - 26.0];
                 let panel = Panel::new(place, *x, *y).logarithmic(true);
                 let last = row + 1 == all.len();
-                log_axes(area, &panel, (x_label, y_labels[k]), last)?;
+                // The label stands above the column: panels are lower than it is long.
+                log_axes(area, &panel, (x_label, " "), last)?;
+                if row == 0 {
+                    write(area, y_labels[k], (left, top - 14.0), WORDS)?;
+                }
                 panel.curve(area, front, HALO, 5.0)?;
                 for (method, (colour, shape)) in family.methods.iter().zip(MARKS) {
                     let points = logs(&method.points[k]);
