@@ -425,13 +425,6 @@ fn a_line_holds_the_numbers_of_a_run_and_curves_that_are_asked_for() {
         assert!(a.pointer(path).is_none(), "{path}");
     }
     // No list that the program chose the length of: eigenvalues and peaks are few.
-    fn longest(it: &Value) -> usize {
-        match it {
-            Value::Array(all) => all.iter().map(longest).fold(all.len(), usize::max),
-            Value::Object(all) => all.values().map(longest).max().unwrap_or(0),
-            _ => 0,
-        }
-    }
     assert!(longest(a) < 20, "{a}");
     for path in [
         "/spectrum/omega",
@@ -450,6 +443,15 @@ fn a_line_holds_the_numbers_of_a_run_and_curves_that_are_asked_for() {
         "{header}"
     );
     assert!(!header.contains("survival"));
+}
+
+/// The longest list in a tree.
+fn longest(it: &Value) -> usize {
+    match it {
+        Value::Array(all) => all.iter().map(longest).fold(all.len(), usize::max),
+        Value::Object(all) => all.values().map(longest).max().unwrap_or(0),
+        _ => 0,
+    }
 }
 
 #[test]

@@ -302,31 +302,32 @@ impl Case {
         }
     }
 
+    /// What is known in closed form at a time, and by which.
+    fn closed(&self, t: f64) -> Option<(Moments, &'static str)> {
+        let it = &self.oscillator;
+        if !(it.is_viscous() && self.excitation.is_plain()) {
+            return None;
+        }
+        let gaussian = matches!(it.contact(), ContactLaw::Linear | ContactLaw::Free);
+        if gaussian && (self.initial != Initial::Stationary) {
+            let law = Gaussian::of(it, &self.initial).unwrap();
+            let law = law.after(it, t).unwrap();
+            return Some((moments_of(&law, it.contact()), "gaussian"));
+        }
+        // Where friction and noise act on a flight, its way down has a continuous spectrum from
+        // 1/(8 zeta T) on, that of overdamped motion under a constant force.
+        let down = 8.0 * it.zeta() * it.temperature();
+        let settled = it.zeta() < 1.0 && t >= 19.9 * down.max(1.0 / it.zeta());
+        (settled || self.initial == Initial::Stationary)
+            .then(|| (Stationary::of(it).unwrap().moments(), "stationary"))
+    }
+
     fn truths(&self) -> Vec<Truth> {
-        let plain = self.oscillator.is_viscous() && self.excitation.is_plain();
-        let closed = |t: f64| -> Option<(Moments, &str)> {
-            let it = &self.oscillator;
-            if !plain {
-                return None;
-            }
-            let gaussian = matches!(it.contact(), ContactLaw::Linear | ContactLaw::Free);
-            if gaussian && (self.initial != Initial::Stationary) {
-                let law = Gaussian::of(it, &self.initial).unwrap();
-                let law = law.after(it, t).unwrap();
-                return Some((moments_of(&law, it.contact()), "gaussian"));
-            }
-            // Where friction and noise act on a flight, its way down has a continuous spectrum from
-            // 1/(8 zeta T) on, that of overdamped motion under a constant force.
-            let down = 8.0 * it.zeta() * it.temperature();
-            let settled = it.zeta() < 1.0 && t >= 19.9 * down.max(1.0 / it.zeta());
-            (settled || self.initial == Initial::Stationary)
-                .then(|| (Stationary::of(it).unwrap().moments(), "stationary"))
-        };
         let open: Vec<f64> = self
             .times
             .iter()
             .copied()
-            .filter(|t| closed(*t).is_none())
+            .filter(|t| self.closed(*t).is_none())
             .collect();
         let run = |resolution: Resolution| -> Vec<Moments> {
             let Some(until) = open.last() else {
@@ -394,7 +395,7 @@ impl Case {
             }
         };
         for t in &self.times {
-            if let Some((moments, method)) = closed(*t) {
+            if let Some((moments, method)) = self.closed(*t) {
                 add(*t, &moments, None, method);
             } else {
                 let k = open.iter().position(|it| it == t).unwrap();
