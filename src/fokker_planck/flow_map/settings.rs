@@ -35,7 +35,7 @@ impl Settings {
     /// 0.06 zeta^2 tau^3.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a tolerance that is not positive.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a tolerance that is not positive.
     pub fn to(tolerance: f64, oscillator: &Oscillator) -> Result<Self> {
         positive("accuracy.tolerance", tolerance)?;
         let (ends, second) = error_constants(oscillator);
