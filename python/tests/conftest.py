@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,11 @@ DENSITY = {
     "initial": {"mean": [1.0, 0.0], "deviation": [0.4, 0.4]},
     "outputs": {"stationary": True, "moments_at": [1, 2, 5], "density_at": [2, 5], "steady": True, "decay_rates": 2},
 }
+
+
+def interruptible() -> None:
+    """Before a process begins: a shell's background jobs, and what they begin, ignore interrupts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")

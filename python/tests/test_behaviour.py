@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import vibroimpact as vi
-from conftest import AT_ONCE, DENSITY, QUICK
+from conftest import AT_ONCE, DENSITY, QUICK, interruptible
 
 LONG = {
     "oscillator": {"zeta": 0.005, "h": 2e-3},
@@ -173,7 +173,10 @@ def test_an_interrupt_ends_a_run_at_once_and_leaves_whole_files(stage: str, tmp_
     scene, out = tmp_path / "scene.toml", tmp_path / "out"
     scene.write_text(ENDLESS[stage])
     process = subprocess.Popen(
-        [sys.executable, "-c", INTERRUPTED, str(scene), str(out), stage], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", INTERRUPTED, str(scene), str(out), stage],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=interruptible,
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"

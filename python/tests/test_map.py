@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import vibroimpact as vi
-from conftest import AT_ONCE, DENSITY, QUICK, call
+from conftest import AT_ONCE, DENSITY, QUICK, call, interruptible
 
 MOMENTS = {**DENSITY, "outputs": {"stationary": True, "moments_at": [1, 2]}}
 
@@ -127,7 +127,9 @@ def test_progress_and_an_interrupt(tmp_path: Path) -> None:
         "try:\n    vi.map(scene, {'oscillator.h': np.linspace(1e-3, 2e-3, 20)}, progress=told)\n"
         "except KeyboardInterrupt:\n    print('interrupted', flush=True)\n    import os; os._exit(0)\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, preexec_fn=interruptible
+    )
     assert process.stdout is not None and process.stdout.readline() == "begun\n"
     process.send_signal(signal.SIGINT)
     clock = time.perf_counter()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import AT_ONCE, call
+from conftest import AT_ONCE, call, interruptible
 
 PYTHON = [sys.executable, "-m", "vibroimpact"]
 
@@ -52,7 +52,7 @@ def test_the_console_script_runs_a_scene(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="a signal to one process alone")
 def test_an_interrupt_ends_the_program(tmp_path: Path) -> None:
     line = ["run", "default", "--set", "monte_carlo.paths=1e9", "--quiet", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen([*PYTHON, *line])
+    process = subprocess.Popen([*PYTHON, *line], preexec_fn=interruptible)
     while not (tmp_path / "out" / "results.json").exists():
         time.sleep(0.02)
         assert process.poll() is None
