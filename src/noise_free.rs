@@ -74,30 +74,38 @@ pub(crate) fn late_swing(
 ) -> (f64, [f64; 2]) {
     let mut late = (0.0, None);
     for start in starts(oscillator, excitation) {
-        let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
-        late.0 = f64::max(late.0, highest(oscillator, excitation, state, times).0);
+        let (amplitude, state) = settled(oscillator, excitation, start, times);
+        late.0 = f64::max(late.0, amplitude);
         late.1.get_or_insert(state);
     }
     (late.0, late.1.unwrap_or_default())
 }
 
-/// The amplitudes between two late times of the motions from near rest and of those from far outside, where the latter keep
-/// to a larger orbit: a law that softens may have one that no motion from near rest comes to.
-pub(crate) fn two_orbits(
+/// The largest amplitude of a motion between two times, and its state at the earlier.
+fn settled(
+    oscillator: &Oscillator,
+    excitation: &Excitation,
+    start: [f64; 2],
+    times: [f64; 2],
+) -> (f64, [f64; 2]) {
+    let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
+    (highest(oscillator, excitation, state, times).0, state)
+}
+
+/// The amplitude between two late times of motions from far outside, where they keep to a larger orbit than the `near` one,
+/// [`late_swing`]: a law that softens may have one that no motion from near rest comes to.
+pub(crate) fn outer_orbit(
     oscillator: &Oscillator,
     excitation: &Excitation,
     times: [f64; 2],
-) -> Option<[f64; 2]> {
+    near: f64,
+) -> Option<f64> {
     /// What a motion from outside must be larger by to be on another orbit and not on its way to the same.
     const LARGER: f64 = 1.2;
-    let late = |start| {
-        let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
-        highest(oscillator, excitation, state, times).0
-    };
-    let near = starts(oscillator, excitation).map(late).fold(0.0, f64::max);
-    let far = outside(oscillator, excitation).map(late);
-    let far = far.fold(0.0, f64::max);
-    (far > LARGER * near).then_some([near, far])
+    let far = outside(oscillator, excitation)
+        .map(|start| settled(oscillator, excitation, start, times).0)
+        .fold(0.0, f64::max);
+    (far > LARGER * near).then_some(far)
 }
 
 /// Where motions begin from outside: no orbit under a cos(W t) has more than a/(2 zeta) as the amplitude of v.

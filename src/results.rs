@@ -342,6 +342,12 @@ impl Results {
         }
     }
 
+    /// Notes what the reader should know.
+    pub(crate) fn warn(&mut self, warnings: &[String]) {
+        let warnings = warnings.iter().cloned();
+        self.run.warnings.extend(warnings.map(Warning::from));
+    }
+
     /// Notes what a stage did not reach of the tolerance, and with `warn` among the warnings too.
     pub(crate) fn fall_short(&mut self, stage: &'static str, it: Option<&Shortfall>, warn: bool) {
         if warn {

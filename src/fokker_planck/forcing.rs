@@ -145,14 +145,11 @@ impl Forcing {
         })
     }
 
-    /// The amplitudes sqrt(2 (H - lowest U)) of two orbits that last without noise, where a second one lasts beside that
-    /// from near rest.
-    pub(crate) fn two_orbits(oscillator: &Oscillator, excitation: &Excitation) -> Option<[f64; 2]> {
-        noise_free::two_orbits(
-            oscillator,
-            excitation,
-            lasting_times(oscillator, excitation),
-        )
+    /// The amplitude sqrt(2 (H - lowest U)) of a larger orbit that lasts without noise beside that of [`Forcing::swing`],
+    /// of [`Forcing::lasting`].
+    pub(crate) fn outer_orbit(&self, oscillator: &Oscillator) -> Option<f64> {
+        let times = lasting_times(oscillator, &self.excitation);
+        noise_free::outer_orbit(oscillator, &self.excitation, times, self.swing)
     }
 
     /// Drive and envelope.

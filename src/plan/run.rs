@@ -142,8 +142,7 @@ impl Plan {
                 let (problem, times) = ((oscillator, initial), self.times());
                 let mut it = recipe.solve(problem, (&times, &density_at), &limits, progress)?;
                 keep_times(&mut it, &moments_at);
-                let warnings = it.warnings.iter().cloned();
-                results.run.warnings.extend(warnings.map(Warning::from));
+                results.warn(&it.warnings);
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.transient = Some(it);
             }
@@ -156,8 +155,7 @@ impl Plan {
                     let stationary = reached(self.reach()?.quantity, &law)?;
                     let problem = (oscillator, initial);
                     let it = recipe.solve(problem, stationary, &limits, progress)?;
-                    let warnings = it.warnings.iter().cloned();
-                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.warn(&it.warnings);
                     results.fall_short(part.name(), it.shortfall.as_ref(), true);
                     results.reach = Some(it);
                 }
@@ -165,8 +163,7 @@ impl Plan {
             Part::Periodic => {
                 if let Some(recipe) = &self.recipes.periodic {
                     let it = recipe.solve(oscillator, &limits, progress)?;
-                    let warnings = it.warnings.iter().cloned();
-                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.warn(&it.warnings);
                     results.fall_short(part.name(), it.shortfall.as_ref(), false);
                     results.periodic = Some(it);
                 }
@@ -174,8 +171,7 @@ impl Plan {
             Part::Response => {
                 if let Some(recipe) = &self.recipes.response {
                     let it = recipe.solve(oscillator, &limits, progress)?;
-                    let warnings = it.warnings.iter().cloned();
-                    results.run.warnings.extend(warnings.map(Warning::from));
+                    results.warn(&it.warnings);
                     results.fall_short(part.name(), it.shortfall.as_ref(), false);
                     results.response = Some(it);
                 }
@@ -185,8 +181,7 @@ impl Plan {
                     return Ok(());
                 };
                 let it = recipe.solve(oscillator, &limits, progress)?;
-                let warnings = it.warnings.iter().cloned();
-                results.run.warnings.extend(warnings.map(Warning::from));
+                results.warn(&it.warnings);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.steady = Some(it);
             }

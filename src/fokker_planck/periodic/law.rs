@@ -3,10 +3,8 @@
 use super::harmonics::{Harmonic, mean};
 use crate::error::Result;
 use crate::estimate::{Estimate, Shortfall};
-use crate::excitation::Excitation;
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::density::Snapshot;
-use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::fokker_planck::transient::{Multiplier, Recipe, Transient};
 use crate::initial::Initial;
@@ -50,7 +48,6 @@ pub struct Periodic {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PeriodicLaw {
     recipe: Recipe,
-    excitation: Excitation,
     times: Vec<f64>,
 }
 
@@ -71,7 +68,6 @@ impl PeriodicLaw {
             .collect();
         Ok(Self {
             recipe: Recipe::lasting(oscillator, &times, settings, multipliers)?,
-            excitation: settings.excitation.clone(),
             times,
         })
     }
@@ -112,8 +108,10 @@ impl PeriodicLaw {
             .solve(question, (&self.times, &shown), limits, progress)?;
         let mut law = Periodic::of(it);
         if self.recipe.multipliers
-            && let Some([near, far]) = Forcing::two_orbits(oscillator, &self.excitation)
+            && let Some(forcing) = &self.recipe.forcing
+            && let Some(far) = forcing.outer_orbit(oscillator)
         {
+            let near = forcing.swing();
             law.warnings.push(format!(
                 "without noise an orbit of amplitude sqrt(2 H) = {far:.2} lasts beside that of {near:.2} from near rest: the \
                  errors do not cover what noise carries from one to the other"
