@@ -1,6 +1,6 @@
 //! The contact laws as the hot loop wants them: known at compile time and without branches.
 
-use crate::contact::{ContactLaw, Restoring};
+use crate::contact::ContactLaw;
 use crate::damping::Damping;
 use crate::oscillator::Oscillator;
 
@@ -14,7 +14,7 @@ pub(super) trait Law: Copy + Send + Sync {
     fn potential(self, q: f64) -> f64;
     /// Below it contact is lost; minus infinity for a law that cannot lose contact.
     fn loss(self) -> f64;
-    /// Whether flight may end on a second wall.
+    /// Whether flight may end on a second wall: it asks.
     const WALLED: bool = false;
     /// Below it there is contact again, with the second wall.
     #[inline(always)]
@@ -87,25 +87,6 @@ impl<L: Law> Law for Damped<'_, L> {
     }
 }
 
-/// Adds the damping law to the contact law.
-struct WithDamping<'a, W> {
-    what: W,
-    oscillator: &'a Oscillator,
-}
-
-impl<W: WithLaw> WithLaw for WithDamping<'_, W> {
-    type Output = W::Output;
-
-    fn with<L: Law>(self, law: L) -> W::Output {
-        let (contact, damping) = (self.oscillator.contact(), self.oscillator.damping());
-        self.what.with(Damped {
-            law,
-            contact,
-            damping,
-        })
-    }
-}
-
 /// (9).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hertz;
@@ -168,19 +149,33 @@ impl Law for Bilinear {
     }
 }
 
-/// G = q.
+/// A straight force: G = q, and free fall, G = -1.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Linear;
+pub(super) struct Straight {
+    slope: f64,
+    at_zero: f64,
+}
 
-impl Law for Linear {
+impl Straight {
+    pub(super) const LINEAR: Self = Self {
+        slope: 1.0,
+        at_zero: 0.0,
+    };
+    const FREE: Self = Self {
+        slope: 0.0,
+        at_zero: -1.0,
+    };
+}
+
+impl Law for Straight {
     #[inline(always)]
     fn force(self, q: f64) -> f64 {
-        q
+        self.slope * q + self.at_zero
     }
 
     #[inline(always)]
     fn force_and_stiffness(self, q: f64) -> (f64, f64) {
-        (q, 1.0)
+        (self.force(q), self.slope)
     }
 
     #[inline(always)]
@@ -190,46 +185,21 @@ impl Law for Linear {
 
     #[inline(always)]
     fn potential(self, q: f64) -> f64 {
-        0.5 * q * q
+        q * (0.5 * self.slope * q + self.at_zero)
     }
 }
 
-/// G = -1.
+/// Any law, its code chosen at every call.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Free;
-
-impl Law for Free {
-    #[inline(always)]
-    fn force(self, _: f64) -> f64 {
-        -1.0
-    }
-
-    #[inline(always)]
-    fn force_and_stiffness(self, _: f64) -> (f64, f64) {
-        (-1.0, 0.0)
-    }
-
-    #[inline(always)]
-    fn loss(self) -> f64 {
-        f64::NEG_INFINITY
-    }
-
-    #[inline(always)]
-    fn potential(self, q: f64) -> f64 {
-        -q
-    }
-}
-
-/// A law with parameters, or from code.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Given<'a, const WALLED: bool> {
-    law: &'a dyn Restoring,
+pub(super) struct Given<'a> {
+    law: &'a ContactLaw,
     loss: f64,
+    /// Minus infinity without a second wall.
     back: f64,
 }
 
-impl<'a, const WALLED: bool> Given<'a, WALLED> {
-    fn of(law: &'a dyn Restoring) -> Self {
+impl<'a> Given<'a> {
+    fn of(law: &'a ContactLaw) -> Self {
         Self {
             law,
             loss: law.loss_point().unwrap_or(f64::NEG_INFINITY),
@@ -238,8 +208,8 @@ impl<'a, const WALLED: bool> Given<'a, WALLED> {
     }
 }
 
-impl<const WALLED: bool> Law for Given<'_, WALLED> {
-    const WALLED: bool = WALLED;
+impl Law for Given<'_> {
+    const WALLED: bool = true;
 
     #[inline(always)]
     fn force(self, q: f64) -> f64 {
@@ -275,27 +245,26 @@ pub(super) trait WithLaw {
     fn with<L: Law>(self, law: L) -> Self::Output;
 }
 
-/// Chooses the code of contact and damping, once and outside every loop.
+/// Chooses the code of contact and damping, once and outside every loop. Each has a copy of all schemes under all that
+/// watches them, so only what is drawn most often has one of its own.
 pub(super) fn dispatch<W: WithLaw>(oscillator: &Oscillator, what: W) -> W::Output {
-    let contact = oscillator.contact();
-    if oscillator.is_viscous() {
-        by_contact(contact, what)
-    } else {
-        by_contact(contact, WithDamping { what, oscillator })
-    }
-}
-
-/// Chooses the code of `contact`.
-fn by_contact<W: WithLaw>(contact: &ContactLaw, what: W) -> W::Output {
-    match contact {
-        ContactLaw::Hertz => what.with(Hertz),
-        ContactLaw::Bilinear => what.with(Bilinear),
-        ContactLaw::Linear => what.with(Linear),
-        ContactLaw::Free => what.with(Free),
-        ContactLaw::Custom(law) if law.back_wall().is_some() => {
-            what.with(Given::<true>::of(&**law))
-        }
-        ContactLaw::Custom(law) => what.with(Given::<false>::of(&**law)),
+    let (contact, damping) = (oscillator.contact(), oscillator.damping());
+    match (contact, oscillator.is_viscous()) {
+        (ContactLaw::Hertz, true) => what.with(Hertz),
+        (ContactLaw::Bilinear, true) => what.with(Bilinear),
+        (ContactLaw::Linear, true) => what.with(Straight::LINEAR),
+        (ContactLaw::Free, true) => what.with(Straight::FREE),
+        (ContactLaw::Custom(_), true) => what.with(Given::of(contact)),
+        (ContactLaw::Hertz, false) => what.with(Damped {
+            law: Hertz,
+            contact,
+            damping,
+        }),
+        (_, false) => what.with(Damped {
+            law: Given::of(contact),
+            contact,
+            damping,
+        }),
     }
 }
 
@@ -326,7 +295,8 @@ mod tests {
             ContactLaw::Linear,
             ContactLaw::Free,
         ] {
-            let worst = by_contact(&contact, Compare(&contact));
+            let oscillator = Oscillator::new(contact.clone(), 0.05, 0.1).expect("oscillator");
+            let worst = dispatch(&oscillator, Compare(&contact));
             println!(
                 "{}: potentials differ by {worst:.1e} of their value",
                 contact.name()

@@ -95,8 +95,7 @@ impl fmt::Display for Scheme {
 pub(super) enum Coefficients {
     CentralDifference(CentralDifference),
     Baoab(Baoab),
-    Splitting42(Splitting<2>),
-    Splitting62(Splitting<3>),
+    Splitting(Splitting),
     EulerMaruyama(EulerMaruyama),
     ExponentialHeun(ExponentialHeun),
 }
@@ -112,16 +111,16 @@ impl Coefficients {
             Scheme::Auto | Scheme::Splitting42 => {
                 let c = 3f64.sqrt() / 6.0;
                 let (motions, weights) = ([0.5 - c, 2.0 * c, 2.0 * (0.5 - c)], [0.5, 0.5]);
-                Self::Splitting42(Splitting::new(
-                    oscillator, step, frequency, motions, weights,
+                Self::Splitting(Splitting::new(
+                    oscillator, step, frequency, motions, &weights,
                 ))
             }
             Scheme::Splitting62 => {
                 let c = 15f64.sqrt() / 10.0;
                 let motions = [0.5 - c, c, 2.0 * (0.5 - c)];
                 let weights = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
-                Self::Splitting62(Splitting::new(
-                    oscillator, step, frequency, motions, weights,
+                Self::Splitting(Splitting::new(
+                    oscillator, step, frequency, motions, &weights,
                 ))
             }
             Scheme::EulerMaruyama => Self::EulerMaruyama(EulerMaruyama::new(oscillator, step)),
@@ -146,8 +145,7 @@ impl Coefficients {
                 kernel_steps(law, *kernel, group, steps, now, watch);
             }
             Self::Baoab(kernel) => kernel_steps(law, *kernel, group, steps, now, watch),
-            Self::Splitting42(splitting) => splitting.advance(law, group, steps, now, watch),
-            Self::Splitting62(splitting) => splitting.advance(law, group, steps, now, watch),
+            Self::Splitting(splitting) => splitting.advance(law, group, steps, now, watch),
             Self::EulerMaruyama(kernel) => kernel_steps(law, *kernel, group, steps, now, watch),
             Self::ExponentialHeun(heun) => heun.advance(law, group, steps, watch),
         }

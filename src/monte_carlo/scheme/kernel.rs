@@ -46,8 +46,10 @@ pub(super) fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     watch: &mut W,
 ) {
     let duration = kernel.duration();
+    // Where a sum of cosines has its place in the scheme.
+    let factor = kernel.cosines().filter(|_| group.signal.is_some());
     let mut signal = group.signal.take();
-    if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
+    if let (Some(factor), Some(signal)) = (factor, &mut signal) {
         signal.begin(now, duration);
         signal.value(factor, &mut group.excitation);
     }
@@ -60,56 +62,26 @@ pub(super) fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     for lane in 0..LANES {
         state.kick[lane] = kernel.kick(law, state.q[lane], state.excitation[lane]);
     }
-    if let (Some(factor), Some(signal)) = (kernel.cosines(), &mut signal) {
-        for k in 0..steps {
-            if k % PATIENCE == PATIENCE - 1 && watch.late() {
-                break;
-            }
-            let mut excitation = [0.0; LANES];
-            signal.next(factor, &mut excitation);
-            one(
-                law,
-                kernel,
-                &mut state,
-                &excitation,
-                now + k as f64 * duration,
-                watch,
-            );
+    let mut streams = group.streams.clone();
+    let mut spare = [0.0; LANES];
+    for k in 0..steps {
+        if k % PATIENCE == PATIENCE - 1 && watch.late() {
+            break;
         }
-    } else {
-        let mut streams = group.streams.clone();
-        let (mut first, mut second) = ([0.0; LANES], [0.0; LANES]);
-        for k in 0..steps / 2 {
-            if k % PATIENCE == PATIENCE - 1 && watch.late() {
-                break;
-            }
-            streams.normals(&mut first, &mut second);
-            let now = now + (2 * k) as f64 * duration;
-            one(law, kernel, &mut state, &first, now, watch);
-            one(law, kernel, &mut state, &second, now + duration, watch);
+        match (factor, &mut signal) {
+            (Some(factor), Some(signal)) => signal.next(factor, &mut state.excitation),
+            // Normals come in pairs.
+            _ if k % 2 == 0 => streams.normals(&mut state.excitation, &mut spare),
+            _ => state.excitation = spare,
         }
-        if steps > 0 {
-            state.excitation = second;
-        }
-        if steps % 2 == 1 {
-            streams.normals(&mut first, &mut second);
-            state.excitation = first;
-            one(
-                law,
-                kernel,
-                &mut state,
-                &first,
-                now + (steps - 1) as f64 * duration,
-                watch,
-            );
-        }
-        group.streams = streams;
+        one(law, kernel, &mut state, now + k as f64 * duration, watch);
     }
     group.signal = signal;
+    group.streams = streams;
     (group.q, group.v, group.excitation) = (state.q, state.v, state.excitation);
 }
 
-/// q, v, the kick and the last excitation of the paths that advance together.
+/// q, v, the kick and the excitation of the paths that advance together.
 struct Running {
     q: Lanes,
     v: Lanes,
@@ -123,7 +95,6 @@ fn one<L: Law, K: Kernel, W: Watch>(
     law: L,
     kernel: K,
     state: &mut Running,
-    excitation: &Lanes,
     now: f64,
     watch: &mut W,
 ) {
@@ -133,7 +104,8 @@ fn one<L: Law, K: Kernel, W: Watch>(
     }
     for lane in 0..LANES {
         let old = (state.q[lane], state.v[lane], state.kick[lane]);
-        (state.q[lane], state.v[lane], state.kick[lane]) = kernel.step(law, old, excitation[lane]);
+        (state.q[lane], state.v[lane], state.kick[lane]) =
+            kernel.step(law, old, state.excitation[lane]);
     }
     if W::LISTENS {
         let count = if L::WALLED { 2 } else { 1 };

@@ -2,69 +2,47 @@
 
 use super::friction::{Local, ornstein_uhlenbeck};
 use super::kernel::Group;
-use crate::excitation::Excitation;
 use crate::monte_carlo::events::{PATIENCE, Watch};
 use crate::monte_carlo::hamiltonian::Flow;
 use crate::monte_carlo::law::Law;
 use crate::monte_carlo::noise::LANES;
 use crate::oscillator::Oscillator;
 
-/// [`Scheme::Splitting42`] and [`Scheme::Splitting62`] with `STAGES` Ornstein-Uhlenbeck steps. The
+/// Ornstein-Uhlenbeck steps at most.
+const MOST: usize = 3;
+
+/// [`Scheme::Splitting42`] and [`Scheme::Splitting62`] with `stages` Ornstein-Uhlenbeck steps. The
 /// motions that end one step and begin the next are made at once.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::monte_carlo) struct Splitting<const STAGES: usize> {
+pub(in crate::monte_carlo) struct Splitting {
+    pub(super) stages: usize,
     pub(super) first: Flow,
     pub(super) inner: Flow,
     pub(super) joint: Flow,
     /// Decay and spread of each Ornstein-Uhlenbeck step.
-    pub(super) friction: [(f64, f64); STAGES],
+    pub(super) friction: [(f64, f64); MOST],
     /// What a force of 1 does to v in each of them.
-    pub(super) impulse: [f64; STAGES],
+    pub(super) impulse: [f64; MOST],
     /// The same where the rate depends on the displacement.
-    pub(super) local: [Local; STAGES],
+    pub(super) local: [Local; MOST],
 }
 
-/// What each Ornstein-Uhlenbeck step of a splitting adds beside stationary noise, time frozen within it.
-trait Push {
-    /// Whether there is anything.
-    const PUSHES: bool;
-    /// The force and the factor on the spread of the noise.
-    fn at(&self, t: f64) -> (f64, f64);
-}
-
-/// Nothing.
-struct Still;
-
-impl Push for Still {
-    const PUSHES: bool = false;
-    #[inline(always)]
-    fn at(&self, _: f64) -> (f64, f64) {
-        (0.0, 1.0)
-    }
-}
-
-impl Push for Excitation {
-    const PUSHES: bool = true;
-    #[inline(always)]
-    fn at(&self, t: f64) -> (f64, f64) {
-        (self.force(t), self.factor(t).sqrt())
-    }
-}
-
-impl<const STAGES: usize> Splitting<STAGES> {
+impl Splitting {
     pub(super) fn new(
         oscillator: &Oscillator,
         step: f64,
         frequency: f64,
         motions: [f64; 3],
-        weights: [f64; STAGES],
+        stages: &[f64],
     ) -> Self {
         let [first, inner, joint] = motions.map(|c| Flow::new(c * step, frequency));
+        let weights = std::array::from_fn(|k| stages.get(k).copied().unwrap_or(0.0));
         Self {
+            stages: stages.len(),
             first,
             inner,
             joint,
-            friction: weights.map(|w| ornstein_uhlenbeck(oscillator, w * step)),
+            friction: weights.map(|w: f64| ornstein_uhlenbeck(oscillator, w * step)),
             impulse: weights.map(|w| {
                 let friction = 2.0 * oscillator.zeta();
                 -(-friction * w * step).exp_m1() / friction
@@ -82,21 +60,6 @@ impl<const STAGES: usize> Splitting<STAGES> {
         now: f64,
         watch: &mut W,
     ) {
-        match group.push.clone() {
-            None => self.pushed(law, group, (steps, now), &Still, watch),
-            Some(it) => self.pushed(law, group, (steps, now), &*it, watch),
-        }
-    }
-
-    #[inline(always)]
-    fn pushed<L: Law, P: Push, W: Watch>(
-        self,
-        law: L,
-        group: &mut Group,
-        (steps, now): (u64, f64),
-        push: &P,
-        watch: &mut W,
-    ) {
         if steps == 0 {
             return;
         }
@@ -104,6 +67,7 @@ impl<const STAGES: usize> Splitting<STAGES> {
         for lane in 0..LANES {
             force[lane] = law.force(q[lane]);
         }
+        let push = group.push.clone();
         let mut streams = group.streams.clone();
         let (mut normal, mut spare) = ([0.0; LANES], [0.0; LANES]);
         let (mut now, mut have_spare) = (now, false);
@@ -112,7 +76,8 @@ impl<const STAGES: usize> Splitting<STAGES> {
             if step % PATIENCE == PATIENCE - 1 && watch.late() {
                 break;
             }
-            for (stage, (decay, spread)) in self.friction.into_iter().enumerate() {
+            for stage in 0..self.stages {
+                let (decay, spread) = self.friction[stage];
                 flow.advance(law, (&mut q, &mut v, &mut force), now, watch); // H
                 now += flow.time();
                 if have_spare {
@@ -126,9 +91,10 @@ impl<const STAGES: usize> Splitting<STAGES> {
                         let (decay, spread) = self.local[stage].at(law.friction(q[lane]));
                         v[lane] = decay * v[lane] + spread * normal[lane];
                     }
-                } else if P::PUSHES {
-                    let (force, factor) = push.at(now);
-                    let (shift, spread) = (force * self.impulse[stage], factor * spread);
+                } else if let Some(push) = &push {
+                    // Time stands still within it.
+                    let shift = push.force(now) * self.impulse[stage];
+                    let spread = push.factor(now).sqrt() * spread;
                     for lane in 0..LANES {
                         v[lane] = decay * v[lane] + spread * normal[lane] + shift; // O with the drive
                     }
@@ -137,7 +103,7 @@ impl<const STAGES: usize> Splitting<STAGES> {
                         v[lane] = decay * v[lane] + spread * normal[lane]; // O
                     }
                 }
-                flow = if stage + 1 < STAGES {
+                flow = if stage + 1 < self.stages {
                     self.inner
                 } else if step + 1 < steps {
                     self.joint
