@@ -54,7 +54,7 @@ fn l1(density: &Density, generator: &Generator) -> f64 {
 fn the_discrete_steady_state_is_the_stationary_law_on_any_mesh() {
     for contact in [ContactLaw::Hertz, ContactLaw::Bilinear] {
         for t in [3e-4, 0.63, 94.0] {
-            for cells in [[50, 30], [160, 96], [400, 240]] {
+            for cells in [[50, 30], [160, 96], [280, 168]] {
                 let it = oscillator(contact.clone(), 0.005, t);
                 let settings = Settings {
                     cells: Some(cells),
@@ -184,7 +184,7 @@ fn ten_thousand_explicit_steps_keep_g_equal_to_one_and_the_mass() {
     for t in [0.63, 10.0] {
         let it = oscillator(ContactLaw::Hertz, 0.005, t);
         for drift in Drift::ALL {
-            let mesh = mesh(&it, drift, [72, 48], 1e-5);
+            let mesh = mesh(&it, drift, [64, 40], 1e-5);
             assert_eq!(mesh.q.is_uniform(), t < 1.0);
             let generator = Generator::new(&it, &mesh, drift).unwrap();
             let mut density = Density::start(&generator, &Initial::Stationary).unwrap();

@@ -116,7 +116,7 @@ fn moment_error(m: &Moments, exact: &Gaussian) -> f64 {
 #[test]
 fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_flight() {
     let laws = [ContactLaw::Linear, ContactLaw::Free];
-    let each = |contact: &ContactLaw| [0.005, 0.05, 0.5].map(|zeta| (contact.clone(), zeta));
+    let each = |contact: &ContactLaw| [0.005, 0.5].map(|zeta| (contact.clone(), zeta));
     let cases: Vec<(ContactLaw, f64)> = laws.iter().flat_map(each).collect();
     cases.par_iter().for_each(|(contact, zeta)| {
         let zeta = *zeta;

@@ -62,7 +62,7 @@ fn linear(zeta: f64, most: i32) -> Vec<(f64, f64)> {
 
 #[test]
 fn rates_of_the_linear_oscillator_are_those_of_its_closed_form_near_critical_damping_too() {
-    for zeta in [0.005, 0.3, 0.95, 0.999, 1.0, 1.001, 1.2, 1.25, 1.5, 5.0] {
+    for zeta in [0.005, 0.95, 0.999, 1.0, 1.2, 1.25, 5.0] {
         let it = solve(&ContactLaw::Linear, zeta, level(zeta, 0.63), 4, 1e-2);
         show(&format!("zeta = {zeta}"), &it);
         let exact = linear(zeta, 12);
@@ -87,25 +87,25 @@ fn rates_of_the_linear_oscillator_are_those_of_its_closed_form_near_critical_dam
 fn known_eigenvalues_are_found_within_their_estimates() {
     // From an independent solver, to half a unit of the last digit.
     let known = [
-        (2e-3, -0.00883416, 0.0, 1e-8),
-        (2e-3, -0.01714242, 0.0, 1e-8),
-        (3.2e-3, -0.0242341, 0.0, 1e-7),
-        (3e-6, -0.0050005, 0.999918, 1e-6),
-        (8e-5, -0.0051861, 0.998122, 1e-6),
-        (5e-4, -0.0089191, 0.991046, 1e-6),
+        (2e-3, [-0.00883416, 0.0], 1e-8),
+        (3.2e-3, [-0.0242341, 0.0], 1e-7),
+        (3e-6, [-0.0050005, 0.999918], 1e-6),
+        (8e-5, [-0.0051861, 0.998122], 1e-6),
+        (5e-4, [-0.0089191, 0.991046], 1e-6),
     ];
-    for (h, re, im, digits) in known {
-        for tolerance in [1e-2, 1e-3, 1e-4] {
+    for (h, slowest, digits) in known {
+        for tolerance in [1e-2, 1e-4] {
             let it = solve(&ContactLaw::Hertz, 0.005, h, 4, tolerance);
-            let rates = it.rates.iter();
-            let nearest = rates.min_by(|a, b| distance(a, re, im).total_cmp(&distance(b, re, im)));
-            let nearest = nearest.unwrap();
-            println!("h = {h}: {nearest:?}");
-            assert!(
-                distance(nearest, re, im) <= nearest.error + digits,
-                "{nearest:?}"
-            );
             assert!(it.shortfall.is_none());
+            // At h = 2e-3 the second is known too.
+            let second = (h == 2e-3).then_some([-0.01714242, 0.0]);
+            for [re, im] in [slowest].into_iter().chain(second) {
+                let away = |rate: &DecayRate| distance(rate, re, im);
+                let nearest = it.rates.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+                let nearest = nearest.unwrap();
+                println!("h = {h}: {nearest:?}");
+                assert!(away(nearest) <= nearest.error + digits, "{nearest:?}");
+            }
         }
     }
 }

@@ -38,7 +38,7 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
         let it = hertz(0.005, h);
         let exact = survive(&it, &initial, 100.0, 0.5);
         let settings = Sampling {
-            paths: 600_000,
+            paths: 300_000,
             ..Sampling::default()
         };
         let paths =
@@ -220,24 +220,23 @@ fn the_two_laws_of_flight_meet_and_short_flights_are_mckean_s() {
 #[test]
 fn a_long_time_is_continued_in_closed_form() {
     let it = hertz(0.005, 3.2e-3);
-    for initial in [Initial::Stationary, Initial::Rest] {
-        let short = survive(&it, &initial, 1500.0, 0.5);
-        let long = survive(&it, &initial, 3e6, 0.5);
-        let over = |it: &FirstLoss| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
-        println!("over the tolerance: {} and {}", over(&short), over(&long));
-        assert!(over(&short).max(over(&long)) < 3.0);
-        assert!(long.method.steps < 20_000, "{}", long.method.steps);
-        // The whole march against the one that ends when the hazard is constant.
-        let (last, rate) = (short.survival.last().unwrap(), short.rate.value);
-        let near = survive(&it, &initial, 1200.0, 0.5);
-        let expected = near.survival.last().unwrap().value * (-rate * 300.0).exp();
-        println!(
-            "{}: S(1500) {last}, from S(1200) {expected:.6e}",
-            initial.name()
-        );
-        assert!((last.value - expected).abs() <= last.error);
-        assert!((last.value / expected - 1.0).abs() < 1e-2);
-    }
+    let initial = Initial::Rest;
+    let short = survive(&it, &initial, 1500.0, 0.5);
+    let long = survive(&it, &initial, 3e6, 0.5);
+    let over = |it: &FirstLoss| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
+    println!("over the tolerance: {} and {}", over(&short), over(&long));
+    assert!(over(&short).max(over(&long)) < 3.0);
+    assert!(long.method.steps < 20_000, "{}", long.method.steps);
+    // The whole march against the one that ends when the hazard is constant.
+    let (last, rate) = (short.survival.last().unwrap(), short.rate.value);
+    let near = survive(&it, &initial, 1200.0, 0.5);
+    let expected = near.survival.last().unwrap().value * (-rate * 300.0).exp();
+    println!(
+        "{}: S(1500) {last}, from S(1200) {expected:.6e}",
+        initial.name()
+    );
+    assert!((last.value - expected).abs() <= last.error);
+    assert!((last.value / expected - 1.0).abs() < 1e-2);
 }
 
 #[test]
@@ -255,7 +254,7 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
         got.survival.last().unwrap().value
     };
     // Against a mesh whose own error is far below.
-    let exact = at(320);
+    let exact = at(220);
     let errors: Vec<f64> = [40, 60, 90]
         .map(at)
         .iter()
@@ -390,9 +389,9 @@ fn the_standard_errors_of_few_bursts_hold_for_other_oscillators_than_the_one_the
     // Bursts of one or two losses, bursts of dozens, and a contact with a kink.
     let bilinear = Oscillator::new(ContactLaw::Bilinear, 0.005, 2.9e-4).unwrap();
     for (it, durations) in [
-        (hertz(0.04, 4e-3), [2e4, 6e4, 4e5]),
-        (hertz(0.001, 1.3e-4), [1e5, 4e5, 1.6e6]),
-        (bilinear, [4e4, 2e5, 8e5]),
+        (hertz(0.04, 4e-3), [2e4, 4e5]),
+        (hertz(0.001, 1.3e-4), [1e5, 4e5]),
+        (bilinear, [4e4, 2e5]),
     ] {
         for duration in durations {
             let (bursts, rms) = over_seeds(&it, duration);

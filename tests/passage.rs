@@ -119,7 +119,7 @@ fn the_rate_tends_to_rice_s_as_the_level_rises() {
     let it = Oscillator::new(ContactLaw::Linear, 0.3, 0.02).unwrap();
     let deviation = it.temperature().sqrt();
     let mut apart = Vec::new();
-    for level in [2.0, 3.0, 4.0, 5.0] {
+    for level in [2.0, 3.0, 5.0] {
         let passage = (level * deviation, Side::Above, 50.0);
         let solved =
             first_passage(&it, &Initial::Stationary, passage, &settings(2e-3), &|_| ()).unwrap();
@@ -131,7 +131,7 @@ fn the_rate_tends_to_rice_s_as_the_level_rises() {
     }
     // Passages thin out, and one forgets the one before.
     assert!(apart.windows(2).all(|r| r[1] < r[0]));
-    assert!(apart[0] > 0.01 && apart[3] < 5e-3);
+    assert!(apart[0] > 0.01 && apart[2] < 5e-3);
 }
 
 #[test]
