@@ -65,47 +65,34 @@ pub(crate) fn swing(oscillator: &Oscillator, excitation: &Excitation, until: f64
     beyond.fold(0.0, f64::max)
 }
 
-/// The largest amplitude of the same motions between two times, the earlier so late that they have forgotten where they
-/// began, and the state there of the one from rest.
-pub(crate) fn late_swing(
+/// What lasts without noise between two times, the earlier so late that motions have forgotten where they began: the largest
+/// amplitude of those that begin near rest and far outside, and at the earlier time the state of the one from rest, and that
+/// of the largest where it keeps to another orbit. A law that softens may have one that no motion from near rest comes to.
+pub(crate) fn lasting(
     oscillator: &Oscillator,
     excitation: &Excitation,
     times: [f64; 2],
-) -> (f64, [f64; 2]) {
-    let mut late = (0.0, None);
-    for start in starts(oscillator, excitation) {
-        let (amplitude, state) = settled(oscillator, excitation, start, times);
-        late.0 = f64::max(late.0, amplitude);
-        late.1.get_or_insert(state);
-    }
-    (late.0, late.1.unwrap_or_default())
-}
-
-/// The largest amplitude of a motion between two times, and its state at the earlier.
-fn settled(
-    oscillator: &Oscillator,
-    excitation: &Excitation,
-    start: [f64; 2],
-    times: [f64; 2],
-) -> (f64, [f64; 2]) {
-    let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
-    (highest(oscillator, excitation, state, times).0, state)
-}
-
-/// The amplitude between two late times of motions from far outside, where they keep to a larger orbit than the `near` one,
-/// [`late_swing`]: a law that softens may have one that no motion from near rest comes to.
-pub(crate) fn outer_orbit(
-    oscillator: &Oscillator,
-    excitation: &Excitation,
-    times: [f64; 2],
-    near: f64,
-) -> Option<f64> {
-    /// What a motion from outside must be larger by to be on another orbit and not on its way to the same.
+) -> (f64, Vec<[f64; 2]>) {
+    /// What a motion exceeds another by to be on an orbit of its own and not on its way to the same.
     const LARGER: f64 = 1.2;
-    let far = outside(oscillator, excitation)
-        .map(|start| settled(oscillator, excitation, start, times).0)
-        .fold(0.0, f64::max);
-    (far > LARGER * near).then_some(far)
+    let settle = |start| {
+        let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
+        (highest(oscillator, excitation, state, times).0, state)
+    };
+    let larger = |a: (f64, [f64; 2]), b: (f64, [f64; 2])| if b.0 > a.0 { b } else { a };
+    let near: Vec<(f64, [f64; 2])> = starts(oscillator, excitation).map(settle).collect();
+    let Some(&rest) = near.first() else {
+        return (0.0, vec![[0.0; 2]]);
+    };
+    let near = near.into_iter().fold(rest, larger);
+    let far = outside(oscillator, excitation).map(settle);
+    let far = far.fold(near, larger);
+    let largest = if far.0 > LARGER * near.0 { far } else { near };
+    let mut orbits = vec![rest.1];
+    if largest.0 > LARGER * rest.0 {
+        orbits.push(largest.1);
+    }
+    (largest.0, orbits)
 }
 
 /// Where motions begin from outside: no orbit under a cos(W t) has more than a/(2 zeta) as the amplitude of v.

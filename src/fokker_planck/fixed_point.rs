@@ -276,7 +276,11 @@ impl Arnoldi {
         let over = entry(m, m - 1);
         let mut found = Vec::new();
         for (k, value) in values.iter().enumerate() {
-            let value = 1.0 - value;
+            let mut value = 1.0 - value;
+            // What rounding makes of a real one.
+            if value.im.abs() <= ROUNDING {
+                value.im = 0.0;
+            }
             if value.im < 0.0 {
                 continue;
             }

@@ -39,7 +39,7 @@ pub(crate) struct Forcing {
     reference: Oscillator,
     swing: f64,
     narrowing: f64,
-    late: [f64; 2],
+    orbits: Vec<[f64; 2]>,
     /// By how much more than under stationary noise a splitting errs under the envelope.
     uneven: f64,
 }
@@ -55,14 +55,6 @@ const BEATS: f64 = 3.0;
 
 /// Longest time that such a motion is followed, if that is more than a period.
 const FOLLOWED: f64 = 4000.0;
-
-/// Times between which a motion without noise keeps to its orbit.
-fn lasting_times(oscillator: &Oscillator, excitation: &Excitation) -> [f64; 2] {
-    let period = excitation.drive.map_or(0.0, |it| it.period());
-    let end = (LATE / oscillator.zeta()).min(FOLLOWED);
-    let end = (end / period).ceil() * period;
-    [end, end + BEATS * period]
-}
 
 impl Forcing {
     /// That of an excitation until time `until`; None where there is nothing beside stationary noise.
@@ -95,10 +87,13 @@ impl Forcing {
         if excitation.is_plain() {
             return Ok(None);
         }
-        let times = lasting_times(oscillator, excitation);
-        let (swing, late) = noise_free::late_swing(oscillator, excitation, times);
+        let period = excitation.drive.map_or(0.0, |it| it.period());
+        let end = (LATE / oscillator.zeta()).min(FOLLOWED);
+        let end = (end / period).ceil() * period;
+        let times = [end, end + BEATS * period];
+        let (swing, orbits) = noise_free::lasting(oscillator, excitation, times);
         let it = Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing))?;
-        Ok(Some(Self { late, ..it }))
+        Ok(Some(Self { orbits, ..it }))
     }
 
     fn by(
@@ -137,19 +132,12 @@ impl Forcing {
             reference,
             swing,
             narrowing: (coldest / factor).sqrt(),
-            late: [0.0; 2],
+            orbits: Vec::new(),
             uneven: match excitation.envelope {
                 None => 0.0,
                 Some(_) => factor * (1 + excitation.bends(0.0, until).count()) as f64,
             },
         })
-    }
-
-    /// The amplitude sqrt(2 (H - lowest U)) of a larger orbit that lasts without noise beside that of [`Forcing::swing`],
-    /// of [`Forcing::lasting`].
-    pub(crate) fn outer_orbit(&self, oscillator: &Oscillator) -> Option<f64> {
-        let times = lasting_times(oscillator, &self.excitation);
-        noise_free::outer_orbit(oscillator, &self.excitation, times, self.swing)
     }
 
     /// Drive and envelope.
@@ -172,9 +160,10 @@ impl Forcing {
         self.swing
     }
 
-    /// Where the motion without noise from rest has come to after many periods.
-    pub(crate) fn late(&self) -> [f64; 2] {
-        self.late
+    /// The states at phase 0 of the orbits that last without noise: that from rest and, if there is one, a larger one; of
+    /// [`Forcing::lasting`].
+    pub(crate) fn orbits(&self) -> &[[f64; 2]] {
+        &self.orbits
     }
 
     /// By how much more than under stationary noise a splitting errs under the envelope: its level, and the ends of the

@@ -107,14 +107,14 @@ impl PeriodicLaw {
             .recipe
             .solve(question, (&self.times, &shown), limits, progress)?;
         let mut law = Periodic::of(it);
-        if self.recipe.multipliers
+        if let Some(slowest) = law.multipliers.first()
             && let Some(forcing) = &self.recipe.forcing
-            && let Some(far) = forcing.outer_orbit(oscillator)
+            && forcing.orbits().len() > 1
         {
-            let near = forcing.swing();
+            let periods = -1.0 / slowest.re.hypot(slowest.im).ln();
             law.warnings.push(format!(
-                "without noise an orbit of amplitude sqrt(2 H) = {far:.2} lasts beside that of {near:.2} from near rest: the \
-                 errors do not cover what noise carries from one to the other"
+                "two orbits last without noise: the law holds both, each with its probability, and takes some {periods:.0} \
+                 periods to form; over shorter times a motion shows the one that it began near"
             ));
         }
         Ok(law)

@@ -49,10 +49,18 @@ impl Task<'_> {
         let mut density = match known.filter(|_| !self.recipe.multipliers) {
             Some((coarse, floquet)) => carried(&propagator, &mesh, (coarse, &floquet.ratio)),
             None => {
-                // About the motion without noise: from elsewhere GMRES has many more modes to find.
-                let late = rung.forcing.as_ref().map_or([0.0; 2], |it| it.late());
-                let mut density = propagator.stationary(oscillator, late)?;
-                tilt(&mut density, &mesh, late, oscillator.temperature().sqrt());
+                // About the motions without noise: from elsewhere GMRES has many more modes to find, and of two orbits
+                // the way from one to the other is the slowest.
+                let orbits = rung.forcing.as_ref();
+                let orbits = orbits.map_or(&[[0.0; 2]][..], |it| it.orbits());
+                let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
+                for about in orbits {
+                    let mut one = propagator.stationary(oscillator, *about)?;
+                    tilt(&mut one, &mesh, *about, oscillator.temperature().sqrt());
+                    for (p, one) in density.cells_mut().iter_mut().zip(one.cells()) {
+                        *p += one / orbits.len() as f64;
+                    }
+                }
                 density
             }
         };

@@ -7,7 +7,9 @@ use ndarray::Array2;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
 use vibroimpact::estimate::Estimate;
+use vibroimpact::fokker_planck::Response;
 use vibroimpact::moments::Moment;
+use vibroimpact::noise_free;
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::report::plot::{Chart, Curve, Ink, Stroke, charts};
 use vibroimpact::report::{File, data};
@@ -29,6 +31,7 @@ pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
         "figure-13" => charts_of(&|run| both_laws(run, known))?,
         "approach" => charts_of(&|run| Ok(approach(run)))?,
         "damping-laws" => dampings(runs),
+        "resonance" => resonance(runs),
         _ => Vec::new(),
     };
     if panels.is_empty() {
@@ -335,6 +338,64 @@ fn dampings(runs: &[Run]) -> Vec<Chart> {
     .into_iter()
     .map(chart)
     .collect()
+}
+
+/// Response curves of all levels over the orbits without noise, and the probability of a loss.
+fn resonance(runs: &[Run]) -> Vec<Chart> {
+    // Quiet ones and the linear law have a few points each.
+    let curves = runs.iter().filter_map(|run| {
+        let curve = run.results.response.as_ref()?;
+        (curve.frequency.len() > 3).then_some((run, curve))
+    });
+    let levels: Vec<(&Run, &Response)> = curves.collect();
+    let Some((first, curve)) = levels.first() else {
+        return Vec::new();
+    };
+    let scene = &first.results.scene;
+    let orbits = scene.excitation.drive.map_or(Vec::new(), |drive| {
+        noise_free::orbits(&scene.oscillator, &drive, &curve.frequency)
+    });
+    let of = |stable: bool| -> Vec<(f64, f64)> {
+        let these = orbits
+            .iter()
+            .filter(|(_, it)| (it.multiplier < 1.0) == stable);
+        these.map(|(w, it)| (*w, it.amplitude)).collect()
+    };
+    let lines = |number: fn(&Response) -> Option<&[Estimate]>| -> Vec<Curve> {
+        let line = |(k, (run, it)): (usize, &(&Run, &Response))| {
+            let numbers = number(it).unwrap_or_default();
+            let points = it.frequency.iter().zip(numbers);
+            let points = points.map(|(w, it)| (*w, it.value)).collect();
+            let ink = [Ink::Blue, Ink::Vermilion, Ink::Green][k % 3];
+            let stroke = [Stroke::Line, Stroke::Dashes][k / 3 % 2];
+            Curve::new(&run.label, ink, stroke, points)
+        };
+        levels.iter().enumerate().map(line).collect()
+    };
+    let mut amplitudes = vec![
+        Curve::new("no noise, stable", Ink::Black, Stroke::Circles, of(true)),
+        Curve::new("unstable", Ink::Grey, Stroke::Circles, of(false)),
+    ];
+    amplitudes.extend(lines(|it| Some(&it.mean_q_1)));
+    let losses = lines(|it| it.contact_loss_probability.as_deref());
+    let ends = curve.frequency.first().zip(curve.frequency.last());
+    let chart = |title: &str, y_label: &str, curves: Vec<Curve>| {
+        let points = curves.iter().flat_map(|it| &it.points);
+        let highest = points.map(|it| it.1).fold(0.0, f64::max);
+        Chart {
+            title: title.into(),
+            x_label: "frequency of the drive, W".into(),
+            y_label: y_label.into(),
+            x: ends.map_or((0.0, 1.0), |(a, b)| (*a, *b)),
+            y: (0.0, 1.08 * highest),
+            log: false,
+            curves,
+        }
+    };
+    vec![
+        chart("first harmonic of E[q]", "amplitude", amplitudes),
+        chart("contact lost", "P(q < -3/2), mean", losses),
+    ]
 }
 
 /// Relative entropy, L1 distance and loss probability against time.
