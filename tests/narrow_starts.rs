@@ -131,7 +131,7 @@ fn linear_and_free_oscillators_from_rest_keep_their_closed_form_inside_the_bar()
 }
 
 #[test]
-fn finite_volumes_take_over_from_the_same_packet() {
+fn finite_volumes_take_over_from_the_same_local_grid() {
     let it = Oscillator::new(ContactLaw::Hertz, 0.2, 0.08).unwrap();
     for start in [Initial::Rest, dropped(-3.0)] {
         let answer = |method, time| {
@@ -159,7 +159,7 @@ fn finite_volumes_take_over_from_the_same_packet() {
 }
 
 #[test]
-fn densities_of_a_packet_are_arrays_about_it_and_none_of_a_point() {
+fn densities_of_a_local_grid_are_arrays_about_the_mean_and_none_of_a_point() {
     let settings = Settings::default();
     let it = paper();
     let run = |at: f64| {

@@ -45,7 +45,7 @@ const GROWTH: f64 = 10.0;
 const FAR: f64 = 1e6;
 
 /// A longer step is worth new factorisations from this factor on.
-const WORTH: f64 = 1.35;
+const MIN_GAIN: f64 = 1.35;
 
 /// A scheme with the choice of its steps.
 pub struct March {
@@ -221,7 +221,7 @@ impl March {
             self.unchecked = 0;
             self.seen = (error, kept);
             let next = (dt * factor.min(GROWTH)).min(ceiling);
-            if next > WORTH * self.wanted || next < 0.99 * self.wanted.min(dt) {
+            if next > MIN_GAIN * self.wanted || next < 0.99 * self.wanted.min(dt) {
                 self.wanted = next;
             }
         }

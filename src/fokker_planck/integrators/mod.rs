@@ -62,7 +62,7 @@ mod tests {
         Generator::new(&it, &mesh, drift).unwrap()
     }
 
-    fn packet(generator: &Generator) -> Density {
+    fn gaussian(generator: &Generator) -> Density {
         Density::from_fn(generator, |q, v| {
             (-0.5 * ((q - 0.2).powi(2) + v * v) / 0.05).exp() / (std::f64::consts::TAU * 0.05)
         })
@@ -100,7 +100,7 @@ mod tests {
     fn every_scheme_has_its_order_against_the_matrix_exponential() {
         for (zeta, drift) in [(0.05, Drift::Order8), (0.5, Drift::Order4)] {
             let generator = generator(zeta, 0.1, [34, 30], drift);
-            let start = packet(&generator);
+            let start = gaussian(&generator);
             let t = 0.4;
             let exact = exponential(&generator, &start, t);
             for (name, mut scheme) in schemes(&generator) {
@@ -138,15 +138,15 @@ mod tests {
             let stationary = Density::from_fn(&generator, |_, _| 0.0);
             let mut law = stationary.cells().to_vec();
             generator.weigh(&vec![1.0; law.len()], &mut law);
-            let packet = packet(&generator);
-            let mass = packet.mass();
+            let gaussian = gaussian(&generator);
+            let mass = gaussian.mass();
             let mut all = schemes(&generator);
             all.push(("Chebyshev", Box::new(Chebyshev::new(&generator))));
             for (name, mut scheme) in all {
                 let (mut worst, mut drifted): (f64, f64) = (0.0, 0.0);
                 for part in [0.1, 1.0] {
                     let dt = part * scheme.longest_step().min(0.5);
-                    let (mut kept, mut moved) = (law.clone(), packet.cells().to_vec());
+                    let (mut kept, mut moved) = (law.clone(), gaussian.cells().to_vec());
                     for _ in 0..50 {
                         scheme.march(&mut kept, dt, 1e-6).unwrap();
                         scheme.march(&mut moved, dt, 1e-6).unwrap();

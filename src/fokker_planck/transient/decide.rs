@@ -513,7 +513,7 @@ impl Question<'_> {
     }
 }
 
-/// The mesh of a run until `until`, `finer` times as fine as the settings ask for; for an initial condition that opens
+/// The mesh of a run until `until`, `finer` times as fine as the settings ask for; for an initial condition that starts
 /// on a moving local grid, the mesh that takes over without regard to how narrow it is.
 ///
 /// # Errors

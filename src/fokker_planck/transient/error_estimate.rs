@@ -18,8 +18,8 @@ pub(super) struct Errors {
     time: Table,
     /// What negative cells weigh.
     undershoot: Table,
-    /// What a narrow start has cost, in natural scales.
-    opening: Table,
+    /// What a concentrated initial condition has cost, over the normalisation.
+    start_up: Table,
     /// What all rungs err alike at each time, in natural scales.
     shared: Vec<f64>,
     /// Natural scales.
@@ -123,18 +123,18 @@ fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
 }
 
 /// What a change of the density by its L1 norm weighs in each number, in natural scales: more in what weighs the
-/// tails. For what a packet's mass lost and what a settled run leaves out. Chosen, not measured one by one; the
-/// bars that they make are held against truths by the calibration.
+/// tails. For the mass that a local grid lost and what a settled run leaves out. Chosen, not measured one by one; the
+/// error estimates that they make are held against reference solutions by the calibration.
 pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
 
 /// How far a mean may still go after a run has settled, over its L1 distance to the stationary law then: from one
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
 const SWING: f64 = 2.5;
 
-/// What a narrow start has cost each number, in natural scales. A packet errs in proportion to its own
-/// size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
-fn opened(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
-    let cost = [it.opening.spread + it.opening.tail; 11];
+/// What a concentrated initial condition has cost each number, over the normalisation. A local grid errs in proportion to
+/// its own size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
+fn start_up_cost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
+    let cost = [it.start_up.spread + it.start_up.tail; 11];
     if !it.framed {
         return cost;
     }
@@ -275,11 +275,11 @@ impl Errors {
                 .zip(&coarse.outputs)
                 .map(|(a, b)| std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i])))
                 .collect(),
-            opening: run
+            start_up: run
                 .outputs
                 .iter()
                 .zip(&scales)
-                .map(|(it, scale)| opened(it, scale))
+                .map(|(it, scale)| start_up_cost(it, scale))
                 .collect(),
             settled: run
                 .outputs
@@ -315,7 +315,7 @@ impl Errors {
 
     /// What three runs share of the error of number i at time k, in natural scales.
     fn shared(&self, k: usize, i: usize) -> f64 {
-        SWING * TAIL[i] * self.settled[k] + self.opening[k][i] + self.shared[k]
+        SWING * TAIL[i] * self.settled[k] + self.start_up[k][i] + self.shared[k]
     }
 
     /// Parts of the error of number i at time k: space, time, rounding.

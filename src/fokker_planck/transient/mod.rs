@@ -5,13 +5,13 @@ mod decide;
 mod error_estimate;
 mod ladder;
 mod lasting;
-mod opening;
 mod propagator;
 mod reach;
 mod recipe;
 mod report;
 mod run;
 mod solve;
+mod start_up;
 
 pub use decide::{mesh, time_scheme};
 pub use propagator::march;

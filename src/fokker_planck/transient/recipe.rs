@@ -160,7 +160,7 @@ impl Rung {
     }
 
     /// Whether a moving local grid comes first.
-    pub(crate) fn opens_on_moving_grid(&self) -> bool {
+    pub(crate) fn starts_on_moving_grid(&self) -> bool {
         self.first_grid != FirstGrid::Mesh
     }
 
