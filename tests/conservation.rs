@@ -61,12 +61,15 @@ fn the_discrete_steady_state_is_the_stationary_law_on_any_mesh() {
                     ..Settings::default()
                 };
                 let answer = steady(&it, &settings).unwrap();
-                let (null, marched) = (answer.l1_error.value, answer.approach.last().unwrap().1);
+                let (null, integrated) = (answer.l1_error.value, answer.approach.last().unwrap().1);
                 println!(
-                    "{} T = {t} {cells:?}: null vector {null:.1e}, march {marched:.1e}",
+                    "{} T = {t} {cells:?}: null vector {null:.1e}, time integration {integrated:.1e}",
                     contact.name()
                 );
-                assert!(null < 1e-10 && marched < 1e-10, "{null:e} {marched:e}");
+                assert!(
+                    null < 1e-10 && integrated < 1e-10,
+                    "{null:e} {integrated:e}"
+                );
                 let falling = answer
                     .approach
                     .windows(2)

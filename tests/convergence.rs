@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use runge_kutta::RungeKutta4;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
-    Axis, Density, Domain, Drift, Generator, March, Mesh, Observables, Settings, TimeScheme,
-    transient,
+    Axis, Density, Domain, Drift, Generator, Mesh, Observables, Settings, TimeIntegration,
+    TimeScheme, transient,
 };
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
@@ -31,7 +31,7 @@ fn oscillator(contact: ContactLaw, zeta: f64, temperature: f64) -> Oscillator {
 /// A run on one mesh: the generator, its exponential, the density and the observables.
 struct Case {
     generator: Generator,
-    series: March,
+    series: TimeIntegration,
     density: Density,
     observables: Observables,
 }
@@ -50,7 +50,14 @@ impl Case {
         let density = Density::start(&generator, start).unwrap();
         let observables = Observables::new(it, &mesh, drift, generator.weights()).unwrap();
         Self {
-            series: transient::march(it, &generator, TimeScheme::Explicit, SERIES, None, 60.0),
+            series: transient::time_integration(
+                it,
+                &generator,
+                TimeScheme::Explicit,
+                SERIES,
+                None,
+                60.0,
+            ),
             generator,
             density,
             observables,

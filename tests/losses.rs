@@ -227,7 +227,7 @@ fn a_long_time_is_continued_in_closed_form() {
     println!("over the tolerance: {} and {}", over(&short), over(&long));
     assert!(over(&short).max(over(&long)) < 3.0);
     assert!(long.method.steps < 20_000, "{}", long.method.steps);
-    // The whole march against the one that ends when the hazard is constant.
+    // The whole time integration against the one that ends when the hazard is constant.
     let (last, rate) = (short.survival.last().unwrap(), short.rate.value);
     let near = survive(&it, &initial, 1200.0, 0.5);
     let expected = near.survival.last().unwrap().value * (-rate * 300.0).exp();

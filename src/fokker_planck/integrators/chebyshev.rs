@@ -203,7 +203,7 @@ impl Integrator for Chebyshev {
         REACH / (self.frequency + self.shift)
     }
 
-    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
+    fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
         self.prepare(dt);
         let inverse = self.generator.inverse_weights();
         for ((g, p), inverse) in self.start.iter_mut().zip(&*cells).zip(inverse) {

@@ -1,4 +1,4 @@
-//! Steps in time of dP/dt = L P: one interface, [`Integrator`], and one [`March`] that drives any of
+//! Steps in time of dP/dt = L P: one interface, [`Integrator`], and one [`TimeIntegration`] that drives any of
 //! them with steps chosen by the error they make.
 //!
 //! | scheme | order | step bound by | cost of a step |
@@ -29,8 +29,8 @@ mod resolvent;
 mod system;
 
 pub use self::{
-    additive::Additive, backward_euler::BackwardEuler, chebyshev::Chebyshev, control::March,
-    integrator::Integrator, radau::Radau, system::Solver,
+    additive::Additive, backward_euler::BackwardEuler, chebyshev::Chebyshev,
+    control::TimeIntegration, integrator::Integrator, radau::Radau, system::Solver,
 };
 pub(crate) use control::Step;
 pub(crate) use system::{Late, never};
@@ -111,7 +111,7 @@ mod tests {
                 for _ in 0..5 {
                     let mut cells = start.cells().to_vec();
                     for _ in 0..steps as usize {
-                        scheme.march(&mut cells, t / steps, 1e-14).unwrap();
+                        scheme.advance(&mut cells, t / steps, 1e-14).unwrap();
                     }
                     errors.push(distance(&cells, &exact));
                     steps *= 2.0;
@@ -148,8 +148,8 @@ mod tests {
                     let dt = part * scheme.longest_step().min(0.5);
                     let (mut kept, mut moved) = (law.clone(), gaussian.cells().to_vec());
                     for _ in 0..50 {
-                        scheme.march(&mut kept, dt, 1e-6).unwrap();
-                        scheme.march(&mut moved, dt, 1e-6).unwrap();
+                        scheme.advance(&mut kept, dt, 1e-6).unwrap();
+                        scheme.advance(&mut moved, dt, 1e-6).unwrap();
                         worst = worst.max(distance(&kept, &law));
                         drifted = drifted.max((moved.iter().sum::<f64>() - mass).abs());
                     }
@@ -171,7 +171,7 @@ mod tests {
             cells[20 * 36 + 9] = 1.0;
             let mut lowest = f64::INFINITY;
             for _ in 0..5 {
-                scheme.march(&mut cells, dt, 0.0).unwrap();
+                scheme.advance(&mut cells, dt, 0.0).unwrap();
                 lowest = cells.iter().copied().fold(lowest, f64::min);
             }
             let mass = cells.iter().sum::<f64>() - 1.0;

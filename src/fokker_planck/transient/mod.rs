@@ -14,7 +14,7 @@ mod solve;
 mod start_up;
 
 pub use decide::{mesh, time_scheme};
-pub use propagator::march;
+pub use propagator::time_integration;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
 #[cfg(test)]

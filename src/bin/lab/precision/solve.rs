@@ -97,16 +97,17 @@ pub(super) fn volumes_on(
 ) -> Result<Answer> {
     let oscillator = &case.oscillator;
     let generator = Generator::new(oscillator, mesh, drift)?;
-    let mut march = transient::march(oscillator, &generator, time, tolerance, None, case.until);
+    let mut integration =
+        transient::time_integration(oscillator, &generator, time, tolerance, None, case.until);
     let mut density = Density::start(&generator, &case.initial)?;
-    march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
+    integration.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
     let observables = Observables::new(oscillator, mesh, drift, generator.weights())?;
     Ok(Answer {
         moments: observables
             .raw(&density.ratio(&generator))
             .moments(oscillator.contact()),
         unknowns: generator.unknowns(),
-        steps: march.steps(),
+        steps: integration.steps(),
         memory: budget::memory(mesh.cells(), drift, Factors::of(time)),
         density: Some(density),
     })
