@@ -86,7 +86,7 @@ fn start() -> Initial {
     Initial::gaussian([1.0, 0.0], [0.4, 0.4]).expect("deviations above 0")
 }
 
-/// The contact in a box up to 11 T.
+/// The contact in a truncated domain up to 11 T.
 fn mesh(it: &Oscillator, cells: [usize; 2]) -> Mesh {
     let (contact, t) = (it.contact(), it.temperature());
     let margin = Drift::Order8.margin();

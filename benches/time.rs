@@ -17,7 +17,7 @@ use vibroimpact::oscillator::Oscillator;
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// The contact at T = 0.63 in a box up to 11 T.
+/// The contact at T = 0.63 in a truncated domain up to 11 T.
 fn generator(zeta: f64, cells: [usize; 2], drift: Drift) -> (Oscillator, Generator) {
     let temperature = 0.63;
     let h = 2.0 * zeta * temperature / std::f64::consts::PI;

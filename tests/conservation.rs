@@ -271,7 +271,7 @@ fn the_null_space_of_every_generator_has_dimension_one() {
 }
 
 #[test]
-fn a_mesh_too_coarse_for_the_tail_of_its_box_is_refused_with_the_cells_it_needs() {
+fn a_mesh_too_coarse_for_the_tail_of_its_truncated_domain_is_refused_with_the_cells_it_needs() {
     // Seven deviations on 48 x 32 cells: ln p_s changes by 6 a cell at the edge. The skew form would stay
     // stable, with steps of 5e-5.
     let it = paper();
@@ -295,7 +295,7 @@ fn a_mesh_too_coarse_for_the_tail_of_its_box_is_refused_with_the_cells_it_needs(
 }
 
 #[test]
-fn the_moments_of_the_steady_state_are_those_of_the_closed_form_within_their_bars() {
+fn the_moments_of_the_steady_state_are_those_of_the_closed_form_within_their_error_estimates() {
     for (h, cells) in [(0.3, [400, 160]), (2e-3, [160, 96]), (1e-6, [100, 100])] {
         for drift in [Drift::Upwind, Drift::Order6] {
             let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();

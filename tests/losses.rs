@@ -111,7 +111,7 @@ fn survival_converges_with_at_least_second_order_in_the_step() {
     );
     assert!(fine < 1e-3 * rate(&c));
     assert!(order > 1.7);
-    // The error bar holds what a halved step changes.
+    // The error estimate holds what a halved step changes.
     assert!((rate(&b) - rate(&c)).abs() <= b.rate.error + c.rate.error);
     for (x, y) in b.survival.last().iter().zip(c.survival.last()) {
         assert!((x.value - y.value).abs() <= x.error + y.error);

@@ -21,7 +21,7 @@ struct Case {
 }
 
 impl Case {
-    /// The contact at zeta and T, in a box up to `level` T.
+    /// The contact at zeta and T, in a truncated domain up to `level` T.
     fn hertz(
         zeta: f64,
         temperature: f64,
@@ -157,7 +157,7 @@ fn a_tolerance_is_kept_and_not_wasted() {
             let (chosen, reason) = case.choose(tolerance);
             println!("{} {tolerance:.0e}: {reason}", case.name);
             for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
-                // In a tall box the bound of the explicit series is far from sharp, and it is slow.
+                // In a tall domain the bound of the explicit series is far from sharp, and it is slow.
                 let slow = time == TimeScheme::Explicit && case.oscillator.zeta() > 1.0
                     || time == TimeScheme::Implicit && tolerance < 1e-6;
                 if slow && time != chosen {

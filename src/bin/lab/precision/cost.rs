@@ -167,7 +167,7 @@ fn flow_map(case: &Case, n: usize) -> Result<(f64, f64, u64)> {
     Ok(((first - again).max(0.0), again / unit, memory))
 }
 
-/// n x n cells in the box of the tolerance 1e-3.
+/// n x n cells in the truncated domain of the tolerance 1e-3.
 fn square(case: &Case, drift: Drift, n: usize) -> Result<Mesh> {
     let settings = Settings {
         cells: Some([n, n]),

@@ -132,7 +132,7 @@ fn a_crate_that_would_spread_has_one_door() {
         ("report/data.rs", &["ndarray_npy"]),
         ("scene/text/section.rs", &["strsim"]),
         (
-            "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs or bin/lab/precision/truths.rs",
+            "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs or bin/lab/precision/references.rs",
             &["toml"],
         ),
         ("cli.rs or bin/lab/main.rs", &["clap"]),
