@@ -246,11 +246,11 @@ fn manufactured(it: &Oscillator, drift: Drift, inner: [usize; 2], neglected: f64
             *g += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
     }
-    let rim = generator.rim();
+    let boundary = generator.boundary_cells();
     let number = generator.numbering();
     let mut error = 0.0;
     for (cell, (q, v)) in cells.iter().enumerate() {
-        if number[cell] != usize::MAX && !rim[number[cell]] {
+        if number[cell] != usize::MAX && !boundary[number[cell]] {
             error += (g[cell] - exact(*q, *v, until)).abs() / inverse[cell];
         }
     }

@@ -193,7 +193,7 @@ impl Problem<'_> {
             &start,
             balance,
             every * (layout.times.len() - 1),
-            (0.5 * layout.memory / step).ceil() as usize,
+            (0.5 * layout.correlation_time / step).ceil() as usize,
             &|part| progress(0.4 * part),
         )?;
         let stride = layout.stride(step);
@@ -206,7 +206,7 @@ impl Problem<'_> {
         // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
         // that its error holds.
         let rare = |mode: &[f64]| {
-            let forgotten = per_step(mode) * layout.memory / step;
+            let forgotten = per_step(mode) * layout.correlation_time / step;
             balances && forgotten < 0.3 * self.asked.tolerance
         };
         let weights = (&stationary.weights[..], fineness.nodes[1]);
@@ -252,7 +252,7 @@ impl Problem<'_> {
             }
         };
         let forgets = if long.sum.is_none() {
-            rate * layout.memory
+            rate * layout.correlation_time
         } else {
             0.0
         };

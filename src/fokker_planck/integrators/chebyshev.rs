@@ -80,7 +80,7 @@ impl Chebyshev {
         }
         self.dt = dt;
         let (reach, damping) = (self.frequency * dt, (-self.shift * dt).exp());
-        // |phi_k| grows as rho^k at the slow end of the spectrum, and no faster elsewhere in a tall box.
+        // |phi_k| grows as rho^k at the slow end of the spectrum, and no faster elsewhere in a tall domain.
         let slope = self.shift / self.frequency;
         self.growth = slope + slope.hypot(1.0);
         self.coefficients.clear();

@@ -291,8 +291,8 @@ pub(super) fn step_of(rung: &Rung, oscillator: &Oscillator, mesh: &Mesh, until: 
     if rung.step.is_some() || rung.drift() == Drift::Upwind {
         return step;
     }
-    let memory = horizon(oscillator, until) + 2.0 * oscillator.zeta();
-    step.min(2.0 * rung.tolerance / memory)
+    let remembered = horizon(oscillator, until) + 2.0 * oscillator.zeta();
+    step.min(2.0 * rung.tolerance / remembered)
 }
 
 /// The scheme with its choice of steps for a run until `until`, such that the error in time stays below
@@ -328,8 +328,8 @@ fn watched(
     let choice = if time == TimeScheme::BackwardEuler {
         Step::Fixed(euler_step(generator.mesh(), longest))
     } else {
-        // Steps longer than the motion's memory resolve nothing, and the systems of implicit ones grow hard to solve.
-        let longest = longest.unwrap_or_else(|| oscillator.memory());
+        // Steps longer than the correlation time of the motion resolve nothing, and the systems of implicit ones grow hard to solve.
+        let longest = longest.unwrap_or_else(|| oscillator.correlation_time());
         // Two runs that begin with the same steps would not see what these do.
         let shorter = (tolerance / 1e-3).cbrt().clamp(0.1, 1.0);
         Step::Error {

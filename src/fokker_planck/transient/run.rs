@@ -274,7 +274,7 @@ impl Task<'_> {
         Ok(mesh)
     }
 
-    /// The error of a stationary start that is solved for.
+    /// The error of a stationary initial condition that is solved for.
     fn begun(&self) -> f64 {
         let law = self.law.filter(|_| *self.initial == Initial::Stationary);
         law.map_or(0.0, |law| law.error)
@@ -314,7 +314,7 @@ impl Task<'_> {
 
     /// Leaves out what has no meaning or was not asked for.
     fn keep(&self, moments: &mut Moments) {
-        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
+        moments.drop_standardised_in_flight(layout::neglected(self.recipe.tolerance));
         moments.keep(self.recipe.moments.as_deref());
     }
 
