@@ -139,7 +139,8 @@ impl Moment {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
-    /// Whether it is a standardised moment, skewness or kurtosis, that says nothing of sizes: without a deviation there is none.
+    /// Whether it is a standardised moment, skewness or kurtosis, that says nothing of sizes: without a deviation there
+    /// is none.
     pub(crate) fn is_standardised(self) -> bool {
         matches!(self, Self::SkewnessForce | Self::KurtosisForce)
     }

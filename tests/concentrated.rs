@@ -1,4 +1,5 @@
-//! Concentrated initial conditions, which no mesh resolves: at rest, and dropped from a point. Each test prints what it measured.
+//! Concentrated initial conditions, which no mesh resolves: at rest, and dropped from a point. Each test prints what it
+//! measured.
 
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{Settings, TimeScheme, Transient, TransientMethod, transient};
@@ -154,8 +155,8 @@ fn finite_volumes_take_over_from_the_same_local_grid() {
         for (a, b) in map.moments.iter().zip(&volumes.moments) {
             let (ratio, number) = worst(a, b);
             println!("{start:?}: {ratio:.2} of the estimates, in {number}");
-            // Error estimates hold for all but one number in a hundred (tests/lab/calibration.rs): E[N] at t = 10 from q = -3
-            // differs by as much as they say, a little more or less.
+            // Error estimates hold for all but one number in a hundred (tests/lab/calibration.rs): E[N] at t = 10 from
+            // q = -3 differs by as much as they say, a little more or less.
             assert!(ratio < 1.1, "{number}: {a:?} {b:?}");
         }
     }
@@ -263,6 +264,7 @@ fn moments_from_rest_and_from_dropped_points_agree_with_ten_million_paths() {
         }
     }
     println!("{pairs} numbers, worst by {worst:.2} standard errors");
-    // Of 120 independent normals the largest is above 1.5 but for a chance of 1e-7; error estimates of the solver on top.
+    // Of 120 independent normals the largest is above 1.5 but for a chance of 1e-7; error estimates of the solver on
+    // top.
     assert!(worst > 1.0, "errors are far too large: {worst}");
 }

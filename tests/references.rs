@@ -368,8 +368,8 @@ impl Case {
         let mut add = |t: f64, moments: &Moments, check: Option<&Moments>, method: &str| {
             let scales = Scales::of(&self.oscillator).each(moments);
             let checks = check.unwrap_or(moments).named();
-            // A basis that resolves a concentrated initial condition badly errs everywhere: a difference far below the others passes
-            // through zero.
+            // A basis that resolves a concentrated initial condition badly errs everywhere: a difference far below the
+            // others passes through zero.
             let badly = self.is_narrow() && method.starts_with("hermite");
             let middle = if badly {
                 self.middle(moments, check.unwrap_or(moments))

@@ -210,8 +210,8 @@ impl Weights {
         Ok(it)
     }
 
-    /// w of cell (i, j). In the boundary cells of a central scheme, where p_s < p_cut, it is held at p_cut/e at the least: the
-    /// steep tail beyond the last streamline carries no answer, and would only stiffen the transport.
+    /// w of cell (i, j). In the boundary cells of a central scheme, where p_s < p_cut, it is held at p_cut/e at the
+    /// least: the steep tail beyond the last streamline carries no answer, and would only stiffen the transport.
     pub fn at(&self, i: usize, j: usize) -> f64 {
         let floor = self.cut * (-1f64).exp() * self.area[0][i] * self.area[1][j];
         (self.q[i] * self.v[j]).max(floor)

@@ -73,8 +73,8 @@ impl Series {
         }
         let steps = (spacing / walk.step).ceil().max(1.0);
         walk.step = spacing / steps;
-        // Band-limited noise has a stationary law of its own, reached within a few correlation times; so has damping that is not
-        // viscous.
+        // Band-limited noise has a stationary law of its own, reached within a few correlation times; so has damping
+        // that is not viscous.
         let burn_in = match walk.noise {
             Noise::White => (run_in(oscillator, &Initial::Stationary) / spacing).ceil(),
             _ => (10.0 * oscillator.correlation_time() / spacing).ceil(),

@@ -17,8 +17,8 @@ const KRYLOV: usize = 60;
 /// oscillator.
 const BOUNDARY_SHARE: f64 = 0.01;
 
-/// The eigenvalues near the given shifts (points of the upper half plane), modes of the boundary cells and the zero left
-/// out, the slowest first, each complex pair once, at most `count`.
+/// The eigenvalues near the given shifts (points of the upper half plane), modes of the boundary cells and the zero
+/// left out, the slowest first, each complex pair once, at most `count`.
 ///
 /// Shift-invert Arnoldi with one complex LU per shift on the symmetrised generator, whose left
 /// eigenvectors are the right ones with v reversed.

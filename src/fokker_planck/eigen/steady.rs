@@ -28,12 +28,13 @@ pub struct Steady {
     pub l1_error: Estimate,
     /// |L P|_1/|L|_1 of the null vector.
     pub residual: f64,
-    /// Moments of the null vector; their error is that of the truncated domain, with the weight of the tails, and the distance above.
+    /// Moments of the null vector; their error is that of the truncated domain, with the weight of the tails, and the
+    /// distance above.
     pub moments: Moments,
     /// The null vector as a density.
     pub density: Snapshot,
-    /// Time and L1 distance to (21) of a time integration by backward Euler from one cell at equilibrium; none under other than
-    /// viscous damping.
+    /// Time and L1 distance to (21) of a time integration by backward Euler from one cell at equilibrium; none under
+    /// other than viscous damping.
     pub approach: Vec<(f64, f64)>,
     /// What it was computed with.
     pub method: Method,

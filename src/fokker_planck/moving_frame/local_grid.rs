@@ -107,8 +107,8 @@ const STANDARD: Frame = Frame {
 };
 
 impl LocalGrid {
-    /// The local grid of a Gaussian initial condition, or of a point at rest. The point's first step, of `early` at most,
-    /// is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
+    /// The local grid of a Gaussian initial condition, or of a point at rest. The point's first step, of `early` at
+    /// most, is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
     ///
     /// # Errors
     /// [`Error::NotAvailable`] for a stationary start.
@@ -264,8 +264,9 @@ impl LocalGrid {
 
     /// What the steps so far may have done to a variance, relative to it. The noise of a step is put 1.5e-5 tau^6 of
     /// it wrong on a weakly damped orbit: counted as noise grows, more in q while a start from rest spreads along v
-    /// alone, and less once many steps have turned their errors against each other. Strong damping adds [`STRONG_DAMPING_ERROR`]
-    /// zeta^3 tau^4, an envelope [`ENVELOPE_ERROR`] zeta tau^4 of its relative change. All measured with the linear law, from rest.
+    /// alone, and less once many steps have turned their errors against each other. Strong damping adds
+    /// [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, an envelope [`ENVELOPE_ERROR`] zeta tau^4 of its relative change. All
+    /// measured with the linear law, from rest.
     pub(crate) fn step_error(&self) -> f64 {
         let (tau, time) = (self.longest, self.time);
         if tau == 0.0 {

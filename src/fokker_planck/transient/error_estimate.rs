@@ -131,8 +131,8 @@ pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
 const SWING: f64 = 2.5;
 
-/// What a concentrated initial condition has cost each number, over the normalisation. A local grid errs in proportion to
-/// its own size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
+/// What a concentrated initial condition has cost each number, over the normalisation. A local grid errs in proportion
+/// to its own size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
 fn start_up_cost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
     let cost = [it.start_up.spread + it.start_up.tail; 11];
     if !it.framed {

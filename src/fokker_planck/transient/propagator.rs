@@ -328,7 +328,8 @@ fn watched(
     let choice = if time == TimeScheme::BackwardEuler {
         Step::Fixed(euler_step(generator.mesh(), longest))
     } else {
-        // Steps longer than the correlation time of the motion resolve nothing, and the systems of implicit ones grow hard to solve.
+        // Steps longer than the correlation time of the motion resolve nothing, and the systems of implicit ones grow
+        // hard to solve.
         let longest = longest.unwrap_or_else(|| oscillator.correlation_time());
         // Two runs that begin with the same steps would not see what these do.
         let shorter = (tolerance / 1e-3).cbrt().clamp(0.1, 1.0);

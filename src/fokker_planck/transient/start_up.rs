@@ -90,11 +90,11 @@ const EARLY: f64 = 0.02;
 const ROUNDING: f64 = 1e-9;
 /// What cells may do to a local grid alike in both runs, over the tolerance that chose them.
 const CELLS: f64 = 2e-6;
-/// Part of the error of the steps that stays in the error estimate beside the difference of two runs: that shows five to ten
-/// times the error, the steps of one being 1.5 times as long, but may pass through zero.
+/// Part of the error of the steps that stays in the error estimate beside the difference of two runs: that shows five
+/// to ten times the error, the steps of one being 1.5 times as long, but may pass through zero.
 const HIDDEN: f64 = 0.25;
-/// Loss of resolution: the part of the tolerance that the changes of the local grid's mass may add up to. The density then
-/// no longer fits its frame, and a finer mesh takes over. A kurtosis weighs them ten times
+/// Loss of resolution: the part of the tolerance that the changes of the local grid's mass may add up to. The density
+/// then no longer fits its frame, and a finer mesh takes over. A kurtosis weighs them ten times
 /// ([`TAIL`](super::error_estimate::TAIL)).
 const MASS_DEFECT_ABORT: f64 = 0.03;
 /// Cells of the scene per deviation of what is handed over to them, at least.
@@ -102,8 +102,8 @@ const GIVEN: f64 = 1.9;
 
 /// Cells, reach and step of a local grid for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
-/// damping is strong steps err by [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, and get a five-thousandth of the tolerance: they are
-/// few, and two runs share the error.
+/// damping is strong steps err by [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, and get a five-thousandth of the tolerance:
+/// they are few, and two runs share the error.
 fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let tolerance = rung.tolerance;
     let zeta = oscillator.zeta();
@@ -149,8 +149,8 @@ pub(super) struct Bill {
     pub(super) alone: Option<usize>,
 }
 
-/// What the start-up phase of a run will take on one core, if it has one. The density is as wide as a mesh needs once the
-/// noise has added that variance.
+/// What the start-up phase of a run will take on one core, if it has one. The density is as wide as a mesh needs once
+/// the noise has added that variance.
 pub(super) fn cost(
     rung: &Rung,
     oscillator: &Oscillator,

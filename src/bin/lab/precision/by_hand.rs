@@ -39,8 +39,8 @@ const ALL: [Given; 8] = [
     }),
 ];
 
-/// The runs of every case by each method to give something that is wanted, after the free ones of `calibration`; `watch` is
-/// told each run.
+/// The runs of every case by each method to give something that is wanted, after the free ones of `calibration`;
+/// `watch` is told each run.
 pub fn by_hand(
     cases: &[Case],
     calibration: &Calibration,
