@@ -18,7 +18,7 @@ fn start() -> Initial {
 }
 
 fn mesh(oscillator: &Oscillator, start: &Initial, neglected: f64, [nq, nv]: [usize; 2]) -> Mesh {
-    let domain = Domain::closed(oscillator, start, neglected).expect("a box");
+    let domain = Domain::closed(oscillator, start, neglected).expect("a domain");
     let t = oscillator.temperature();
     Mesh {
         q: Axis::displacement(oscillator.contact(), t, domain.q, nq, 1).expect("enough cells"),

@@ -8,7 +8,7 @@ of this same script (448 x 320, step 0.01; half a minute).
 
 A step: half a step of q' = v, a shift of every column by Fourier's theorem; a whole step of
 v' = -2 zeta v - G(q) + noise, exact for fixed q: a matrix in v, the same for every q, then a shift of every row;
-half a step of q' = v. Second order in the step, spectral in q and v; the density is periodic in its box.
+half a step of q' = v. Second order in the step, spectral in q and v; the density is periodic in its truncated domain.
 """
 
 import os
@@ -43,10 +43,10 @@ def friction(v, wave, decay, variance):
     return np.cos(phase) @ weight
 
 
-def solve(case, box, cells, step):
+def solve(case, domain, cells, step):
     """The density at the end of a case, with its nodes."""
     force, zeta, temperature, mean, deviation, end = case
-    q, v = centres(*box[0], cells[0]), centres(*box[1], cells[1])
+    q, v = centres(*domain[0], cells[0]), centres(*domain[1], cells[1])
     wave_q = 2.0 * math.pi * np.fft.rfftfreq(q.size, q[1] - q[0])
     wave_v = 2.0 * math.pi * np.fft.rfftfreq(v.size, v[1] - v[0])
     steps = max(1, round(end / step))
@@ -76,11 +76,11 @@ def at(q, v, fine):
     return (basis(q, fine[0]) @ np.fft.fft2(fine[2]) @ basis(v, fine[1]).T).real
 
 
-def report(name, case, reference, box, cells, step):
+def report(name, case, reference, domain, cells, step):
     best = math.inf
     for _ in range(15):
         clock = time.process_time()
-        q, v, p = solve(case, box, cells, step)
+        q, v, p = solve(case, domain, cells, step)
         best = min(best, time.process_time() - clock)
     error = np.abs(p - reference(q, v)).sum() * (q[1] - q[0]) * (v[1] - v[0])
     print(f"{name}  {cells[0]} x {cells[1]}, step {step}: L1 error {error:.1e} in {1e3 * best:.2f} ms", flush=True)

@@ -86,7 +86,7 @@ fn start() -> Initial {
     Initial::gaussian([1.0, 0.0], [0.4, 0.4]).expect("deviations above 0")
 }
 
-/// The contact in a box up to 11 T.
+/// The contact in a truncated domain up to 11 T.
 fn mesh(it: &Oscillator, cells: [usize; 2]) -> Mesh {
     let (contact, t) = (it.contact(), it.temperature());
     let margin = Drift::Order8.margin();
@@ -134,7 +134,7 @@ fn imex() -> String {
     let mut cells = density(&generator).cells().to_vec();
     let mut scheme = Additive::new(&generator);
     let dt = 0.5 * scheme.longest_step();
-    let mut step = || scheme.march(&mut cells, dt, 0.0).expect("a step");
+    let mut step = || scheme.advance(&mut cells, dt, 0.0).expect("a step");
     step();
     let all = seconds(step);
     let g = vec![1.0; n];
@@ -159,10 +159,10 @@ fn solve() -> String {
     let mut cells = density(&generator).cells().to_vec();
     let region = Region::new(ALLOCATOR);
     let mut scheme = Radau::new(&generator, Solver::Direct);
-    scheme.march(&mut cells, 0.5, 0.0).expect("a step");
+    scheme.advance(&mut cells, 0.5, 0.0).expect("a step");
     let change = region.change();
     let bytes = change.bytes_allocated - change.bytes_deallocated;
-    let all = seconds(|| scheme.march(&mut cells, 0.5, 0.0).expect("a step"));
+    let all = seconds(|| scheme.advance(&mut cells, 0.5, 0.0).expect("a step"));
     let held = vec![1.0f64; bytes / 8];
     let once = seconds(|| {
         black_box(read(black_box(&held)));

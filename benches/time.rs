@@ -7,7 +7,7 @@ use std::alloc::System;
 use std::hint::black_box;
 use std::time::Duration;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::transient::{march, time_scheme};
+use vibroimpact::fokker_planck::transient::{time_integration, time_scheme};
 use vibroimpact::fokker_planck::{
     Axis, Density, Drift, Generator, Integrator, Mesh, Radau, Solver, TimeScheme,
 };
@@ -17,7 +17,7 @@ use vibroimpact::oscillator::Oscillator;
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// The contact at T = 0.63 in a box up to 11 T.
+/// The contact at T = 0.63 in a truncated domain up to 11 T.
 fn generator(zeta: f64, cells: [usize; 2], drift: Drift) -> (Oscillator, Generator) {
     let temperature = 0.63;
     let h = 2.0 * zeta * temperature / std::f64::consts::PI;
@@ -115,7 +115,7 @@ fn solve(criterion: &mut Criterion) {
             if n < 100 || solver == Solver::Krylov {
                 let region = Region::new(ALLOCATOR);
                 let mut held = Radau::new(&generator, solver);
-                held.march(&mut cells.clone(), 0.5, 1e-6).unwrap();
+                held.advance(&mut cells.clone(), 0.5, 1e-6).unwrap();
                 let change = region.change();
                 let bytes = (change.bytes_allocated - change.bytes_deallocated) as f64;
                 println!(
@@ -127,12 +127,12 @@ fn solve(criterion: &mut Criterion) {
                 group.bench_function(BenchmarkId::new("factor", &name), |bencher| {
                     bencher.iter(|| {
                         let mut scheme = Radau::new(&generator, solver);
-                        scheme.march(&mut cells.clone(), 0.5, 1e-6).unwrap();
+                        scheme.advance(&mut cells.clone(), 0.5, 1e-6).unwrap();
                     });
                 });
                 let mut scheme = Radau::new(&generator, solver);
                 group.bench_function(BenchmarkId::new("step", &name), |bencher| {
-                    bencher.iter(|| scheme.march(&mut cells.clone(), 0.5, 1e-6).unwrap());
+                    bencher.iter(|| scheme.advance(&mut cells.clone(), 0.5, 1e-6).unwrap());
                 });
             }
         }
@@ -154,9 +154,10 @@ fn unit(criterion: &mut Criterion) {
             let name = format!("zeta = {zeta}, {}", time.name());
             group.bench_function(&name, |bencher| {
                 bencher.iter(|| {
-                    let mut march = march(&oscillator, &generator, time, 1e-5, None, 1.0);
+                    let mut integration =
+                        time_integration(&oscillator, &generator, time, 1e-5, None, 1.0);
                     let all = &mut |_: f64, _: &Density| Ok(true);
-                    march.advance(&mut density.clone(), 1.0, all).unwrap();
+                    integration.advance(&mut density.clone(), 1.0, all).unwrap();
                 });
             });
         }

@@ -138,7 +138,7 @@ impl Scene {
         .ok()
     }
 
-    /// The largest true error over the natural scale.
+    /// The largest true error over the normalisation.
     fn error(&self, moments: &[Moments]) -> f64 {
         let scales = Scales::of(&self.oscillator);
         let mut worst = 0.0_f64;

@@ -38,7 +38,7 @@ fn main() -> vibroimpact::Result<()> {
             energy.error,
             1e3 * seconds
         );
-        // The estimate is meant to hold, and to be what was asked for: T is the natural scale of an energy.
+        // The estimate is meant to hold, and to be what was asked for: T is the normalisation of an energy.
         assert!(error <= energy.error + exact.error);
         assert!(energy.error <= tolerance * oscillator.temperature());
     }

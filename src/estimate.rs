@@ -16,7 +16,7 @@ pub enum Origin {
     Space,
     /// The step: truncation error in time.
     Time,
-    /// Probability outside the box.
+    /// Domain-truncation error: probability outside the truncated domain.
     Domain,
     /// Floating point: what many steps add up to.
     Rounding,
@@ -100,7 +100,7 @@ impl Serialize for Estimate {
 pub struct Shortfall {
     /// The number whose error is farthest above, with its time if it has one.
     pub number: String,
-    /// Its error over the tolerance in its natural scale.
+    /// Its error over the tolerance, relative to its normalisation.
     pub ratio: f64,
     /// The tolerance.
     pub tolerance: f64,

@@ -29,7 +29,7 @@
 //! |---|---|
 //! | Everything a scene asks for, as the program does it | [`scene`], [`plan`], [`results`] |
 //! | The stationary law in closed form | [`stationary`] |
-//! | The density on the way, the steady state, decay rates | [`fokker_planck`] |
+//! | The density over time, the steady state, decay rates | [`fokker_planck`] |
 //! | The same by sampling | [`monte_carlo`] |
 //! | A spectrum without sampling noise | [`fokker_planck::spectrum()`] |
 //! | Spectra from records | [`spectrum`] |

@@ -139,8 +139,9 @@ impl Moment {
         Self::ALL.into_iter().find(|it| it.name() == name)
     }
 
-    /// Whether it is a ratio of moments that says nothing of sizes: without a deviation there is none.
-    pub(crate) fn is_shape(self) -> bool {
+    /// Whether it is a standardised moment, skewness or kurtosis, that says nothing of sizes: without a deviation there
+    /// is none.
+    pub(crate) fn is_standardised(self) -> bool {
         matches!(self, Self::SkewnessForce | Self::KurtosisForce)
     }
 }
@@ -194,8 +195,8 @@ impl Moments {
         self.left_out & 1 << moment as u16 != 0
     }
 
-    /// In flight but for a probability that is `neglected` everywhere, the force has no shape.
-    pub(crate) fn drop_shape_of_flight(&mut self, neglected: f64) {
+    /// In flight but for a probability that is `neglected` everywhere, the force has no skewness and no kurtosis.
+    pub(crate) fn drop_standardised_in_flight(&mut self, neglected: f64) {
         let lost = self.contact_loss_probability.map_or(0.0, |p| p.value);
         if lost > 1.0 - neglected {
             self.skewness_force.value = f64::NAN;

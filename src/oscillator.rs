@@ -172,8 +172,8 @@ impl Oscillator {
         self.noise() / (2.0 * self.zeta)
     }
 
-    /// The time over which the motion forgets: 1/(2 zeta) under weak friction, 2 zeta under strong.
-    pub(crate) fn memory(&self) -> f64 {
+    /// The correlation time of the motion: 1/(2 zeta) under weak friction, 2 zeta under strong.
+    pub(crate) fn correlation_time(&self) -> f64 {
         (1.0 / self.reference_friction()).max(2.0 * self.zeta)
     }
 
@@ -222,7 +222,7 @@ impl Oscillator {
     }
 }
 
-/// Which way a level of q is passed.
+/// In which direction a level of q is passed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Side {
     /// Downwards.

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hopeless_integral_ends_and_says_so() {
+    fn an_integral_that_does_not_converge_ends_and_says_so() {
         let got = integrate(|x| (1.0 / x).sin() / x, &[1e-9, 1.0], 1e-13);
         assert!(got.error > 1e-6, "{got}");
     }

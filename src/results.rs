@@ -91,7 +91,7 @@ const BESIDE: [Entry; 5] = [
         "its logarithm",
         "1",
     ),
-    Entry::new("loss_rate", "nu", "losses per time", "W"),
+    Entry::new("loss_rate", "nu", "crossing rate", "W"),
     Entry::new("mean_flight", "P/nu", "mean flight", "1/W"),
     Entry::new("losses_in_window", "nu t", "in the window", "1"),
     Entry::new("mean_impact_speed", "E|v|", "speed at return", "u W"),

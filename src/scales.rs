@@ -1,9 +1,9 @@
-//! The natural scale of every number: what a relative tolerance is relative to.
+//! The normalisation of every number: what a relative tolerance is relative to.
 
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::Oscillator;
 
-/// Natural scales: the stationary deviation for q and N, sqrt(T) for v, variances for variances, T for
+/// Normalisations: the stationary deviation for q and N, sqrt(T) for v, variances for variances, T for
 /// the energy, 1 for probabilities, the larger of 1 and their value for skewness and kurtosis. Without a stationary law,
 /// the value itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +41,7 @@ impl Scales {
     /// The scale of each moment.
     pub fn each(&self, moments: &Moments) -> PerMoment<f64> {
         let mut scales = self.fixed(moments);
-        for it in Moment::ALL.into_iter().filter(|it| it.is_shape()) {
+        for it in Moment::ALL.into_iter().filter(|it| it.is_standardised()) {
             let size = moments.get(it).map_or(1.0, |number| number.value.abs());
             scales[it as usize] = size.max(1.0);
         }
@@ -51,7 +51,7 @@ impl Scales {
     fn fixed(&self, moments: &Moments) -> PerMoment<f64> {
         self.known.unwrap_or_else(|| {
             Moment::ALL.map(|it| {
-                let relative = it.is_shape() || it == Moment::ContactLossProbability;
+                let relative = it.is_standardised() || it == Moment::ContactLossProbability;
                 let number = moments.get(it).filter(|_| !relative);
                 number.map_or(1.0, |number| number.value.abs())
             })

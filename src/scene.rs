@@ -14,7 +14,7 @@
 //! # Ok::<(), vibroimpact::Error>(())
 //! ```
 //!
-//! A file in TOML is one way to get one: see [`text::SceneText`].
+//! A file in TOML gives one: see [`text::SceneText`].
 
 mod check;
 mod names;
@@ -116,7 +116,7 @@ pub enum Noise {
 /// How accurate, and within what time and memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// For every deterministic number, relative to its natural scale.
+    /// For every deterministic number, relative to its normalisation.
     pub tolerance: f64,
     /// Seconds after which a run stops with a reason.
     pub max_seconds: f64,

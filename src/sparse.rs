@@ -1,8 +1,8 @@
-//! Sparse LU, and what little is dense: the one door to faer. Sparse matrices are sprs matrices in
+//! Sparse LU, and what little is dense: the only module that uses faer. Sparse matrices are sprs matrices in
 //! compressed-column form.
 //!
 //! faer answers a numerically singular, NaN or infinite matrix with `Ok` and numbers that are not a
-//! solution; this door checks the values before, and the residual after, so that none gets through.
+//! solution; this module checks the values before, and the residual after, so that none gets through.
 
 use crate::error::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};

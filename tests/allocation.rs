@@ -5,7 +5,7 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::flow_map::{FlowMap, Settings as FlowMapSettings};
-use vibroimpact::fokker_planck::transient::march;
+use vibroimpact::fokker_planck::transient::time_integration;
 use vibroimpact::fokker_planck::{Axis, Density, Domain, Drift, Generator, Mesh, TimeScheme};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
@@ -51,15 +51,15 @@ fn no_step_allocates() {
         for time in [TimeScheme::Explicit, TimeScheme::Imex] {
             // A given step, well below what the tolerance asks, so that every step is the same.
             let step = Some(0.02);
-            let mut march = march(&oscillator, &generator, time, 1e-2, step, 20.0);
+            let mut integration = time_integration(&oscillator, &generator, time, 1e-2, step, 20.0);
             let mut density = Density::start(&generator, &start).unwrap();
             let all = &mut |_: f64, _: &Density| Ok(true);
-            march.advance(&mut density, 2.0, all).unwrap();
-            let before = march.steps();
+            integration.advance(&mut density, 2.0, all).unwrap();
+            let before = integration.steps();
             let count = allocations(|| {
-                march.advance(&mut density, 2.0, all).unwrap();
+                integration.advance(&mut density, 2.0, all).unwrap();
             });
-            let steps = march.steps() - before;
+            let steps = integration.steps() - before;
             println!("{}: {count} allocations in {steps} steps", time.name());
             assert!(count == 0 && steps > 50);
         }

@@ -167,7 +167,7 @@ fn the_exact_identities_hold_at_every_level_for_every_law() {
             let name = format!("{} at T = {t}", contact.name());
             let std = it.std_force();
             let qg = it.displacement_law().expect(|q| q * contact.force(q));
-            // E[G] = 0, E[qG] = T, E[v^2] = T, each relative to its natural scale.
+            // E[G] = 0, E[qG] = T, E[v^2] = T, each relative to its normalisation.
             let errors = [
                 it.mean_force().value / std.value,
                 qg.value / t - 1.0,

@@ -61,12 +61,15 @@ fn the_discrete_steady_state_is_the_stationary_law_on_any_mesh() {
                     ..Settings::default()
                 };
                 let answer = steady(&it, &settings).unwrap();
-                let (null, marched) = (answer.l1_error.value, answer.approach.last().unwrap().1);
+                let (null, integrated) = (answer.l1_error.value, answer.approach.last().unwrap().1);
                 println!(
-                    "{} T = {t} {cells:?}: null vector {null:.1e}, march {marched:.1e}",
+                    "{} T = {t} {cells:?}: null vector {null:.1e}, time integration {integrated:.1e}",
                     contact.name()
                 );
-                assert!(null < 1e-10 && marched < 1e-10, "{null:e} {marched:e}");
+                assert!(
+                    null < 1e-10 && integrated < 1e-10,
+                    "{null:e} {integrated:e}"
+                );
                 let falling = answer
                     .approach
                     .windows(2)
@@ -268,7 +271,7 @@ fn the_null_space_of_every_generator_has_dimension_one() {
 }
 
 #[test]
-fn a_mesh_too_coarse_for_the_tail_of_its_box_is_refused_with_the_cells_it_needs() {
+fn a_mesh_too_coarse_for_the_tail_of_its_truncated_domain_is_refused_with_the_cells_it_needs() {
     // Seven deviations on 48 x 32 cells: ln p_s changes by 6 a cell at the edge. The skew form would stay
     // stable, with steps of 5e-5.
     let it = paper();
@@ -292,7 +295,7 @@ fn a_mesh_too_coarse_for_the_tail_of_its_box_is_refused_with_the_cells_it_needs(
 }
 
 #[test]
-fn the_moments_of_the_steady_state_are_those_of_the_closed_form_within_their_bars() {
+fn the_moments_of_the_steady_state_are_those_of_the_closed_form_within_their_error_estimates() {
     for (h, cells) in [(0.3, [400, 160]), (2e-3, [160, 96]), (1e-6, [100, 100])] {
         for drift in [Drift::Upwind, Drift::Order6] {
             let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();

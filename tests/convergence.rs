@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use runge_kutta::RungeKutta4;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
-    Axis, Density, Domain, Drift, Generator, March, Mesh, Observables, Settings, TimeScheme,
-    transient,
+    Axis, Density, Domain, Drift, Generator, Mesh, Observables, Settings, TimeIntegration,
+    TimeScheme, transient,
 };
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
@@ -31,7 +31,7 @@ fn oscillator(contact: ContactLaw, zeta: f64, temperature: f64) -> Oscillator {
 /// A run on one mesh: the generator, its exponential, the density and the observables.
 struct Case {
     generator: Generator,
-    series: March,
+    series: TimeIntegration,
     density: Density,
     observables: Observables,
 }
@@ -50,7 +50,14 @@ impl Case {
         let density = Density::start(&generator, start).unwrap();
         let observables = Observables::new(it, &mesh, drift, generator.weights()).unwrap();
         Self {
-            series: transient::march(it, &generator, TimeScheme::Explicit, SERIES, None, 60.0),
+            series: transient::time_integration(
+                it,
+                &generator,
+                TimeScheme::Explicit,
+                SERIES,
+                None,
+                60.0,
+            ),
             generator,
             density,
             observables,
@@ -128,7 +135,7 @@ fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_fli
         let exact = Gaussian::of(&it, &start).unwrap();
         let exact = exact.after(&it, until).unwrap();
         for drift in CENTRAL {
-            // The box of a fall is longer; at order 8 finer meshes end at its edge.
+            // The truncated domain of a fall is longer; at order 8 finer meshes end at its edge.
             let (meshes, neglected) = match (falls, drift) {
                 (false, _) => ([80, 104], 1e-10),
                 (true, Drift::Order2 | Drift::Order4) => ([140, 180], 1e-10),
@@ -161,7 +168,7 @@ fn central_drift_reaches_orders_2_4_6_8_on_the_linear_oscillator_and_in_free_fli
             );
             let claimed = drift.order() as f64;
             assert!((orders[0] - claimed).abs() < 0.3, "L1 {orders:?}");
-            // What the box leaves out, 1e-10 and its moments, ends the fall of the moments.
+            // The domain-truncation error, 1e-10 and its moments, ends the fall of the moments.
             if errors[1].1 > 5e-9 {
                 assert!((orders[1] - claimed).abs() < 0.3, "moments {orders:?}");
             }
@@ -239,11 +246,11 @@ fn manufactured(it: &Oscillator, drift: Drift, inner: [usize; 2], neglected: f64
             *g += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
     }
-    let rim = generator.rim();
+    let boundary = generator.boundary_cells();
     let number = generator.numbering();
     let mut error = 0.0;
     for (cell, (q, v)) in cells.iter().enumerate() {
-        if number[cell] != usize::MAX && !rim[number[cell]] {
+        if number[cell] != usize::MAX && !boundary[number[cell]] {
             error += (g[cell] - exact(*q, *v, until)).abs() / inverse[cell];
         }
     }
@@ -289,7 +296,7 @@ fn without_a_kink_the_manufactured_solution_on_a_mapped_mesh_shows_orders_2_4_6_
 
 #[test]
 fn hertz_that_stays_in_contact_converges_to_itself_at_orders_2_4_6_8() {
-    // T = 0.04: the box ends at q > -3/2, and there is no kink in it.
+    // T = 0.04: the truncated domain ends at q > -3/2, and there is no kink in it.
     let it = oscillator(ContactLaw::Hertz, 0.05, 0.04);
     let start = Initial::gaussian([0.1, 0.05], [0.16, 0.15]).unwrap();
     let domain = Domain::closed(&it, &start, 1e-8).unwrap();
@@ -532,7 +539,7 @@ fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
 
 #[test]
 fn upwind_says_how_wrong_it_is_and_why() {
-    // The default scene: its upwind answer is off by factors, inside its error bars, with a warning that
+    // The default scene: its upwind answer is off by factors, inside its error estimates, with a warning that
     // names c.
     let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
     let start = Initial::gaussian([0.0, 0.0], [0.3, 0.3]).unwrap();

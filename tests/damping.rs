@@ -1,4 +1,4 @@
-//! Damping that depends on the state: the stationary law that no closed form gives, and the way there.
+//! Damping that depends on the state: the stationary law that no closed form gives, and the approach to it.
 
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::damping::Damping;

@@ -37,7 +37,7 @@ fn settings(excitation: &Excitation, tolerance: f64) -> Settings {
     }
 }
 
-/// Largest error over the natural scale, and over its estimate, of the five moments of a Gaussian.
+/// Largest error over the normalisation, and over its estimate, of the five moments of a Gaussian.
 fn off(oscillator: &Oscillator, got: &Moments, exact: &Gaussian) -> [f64; 2] {
     let scales = Scales::of(oscillator).each(got);
     let [[qq, qv], [_, vv]] = exact.covariance;

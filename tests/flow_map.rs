@@ -313,7 +313,7 @@ fn a_body_in_free_flight_follows_its_gaussian() {
     assert!(errors[0] < 1e-5 && errors[1] < 1e-5);
 }
 
-/// Moments in units of their natural scales.
+/// Moments over their normalisations.
 fn scaled(oscillator: &Oscillator, run: &Run) -> Vec<(&'static str, f64)> {
     let moments = run.moments(oscillator);
     let scales = Scales::of(oscillator).each(&moments);
@@ -326,7 +326,7 @@ fn scaled(oscillator: &Oscillator, run: &Run) -> Vec<(&'static str, f64)> {
 #[test]
 fn every_level_and_damping_is_resolved_at_t_20() {
     // At h = 0.3 the force is an impact now and then: its kurtosis is 27, and known to 3e-3 on these meshes.
-    const SHAPES: [&str; 2] = ["skewness_force", "kurtosis_force"];
+    const STANDARDISED: [&str; 2] = ["skewness_force", "kurtosis_force"];
     for (name, oscillator, start, cells, fine, tau) in [
         (
             "bilinear",
@@ -380,7 +380,7 @@ fn every_level_and_damping_is_resolved_at_t_20() {
             .zip(scaled(&oscillator, &fine));
         let (moment, worst) = pairs
             .map(|((name, a), (_, b))| (name, (a - b).abs()))
-            .filter(|(shape, _)| !(name == "h = 0.3" && SHAPES.contains(shape)))
+            .filter(|(number, _)| !(name == "h = 0.3" && STANDARDISED.contains(number)))
             .fold(("", 0.0), |a, b| if b.1 > a.1 { b } else { a });
         println!(
             "{name}: L1 {:.1e}, moments to {worst:.1e} ({moment}), defect {:.1e}",
@@ -449,7 +449,7 @@ fn outputs_close_to_each_other_let_no_grid_noise_grow() {
     use vibroimpact::fokker_planck::{self as fp, TransientMethod};
     let oscillator = hertz(0.005, 2e-3);
     let start = gaussian([0.0, 0.0], [0.65, 0.7]);
-    // Enough for the coarse run of the error bar to hold the start.
+    // Enough for the coarse run of the error estimate to resolve the initial condition.
     let [nq, nv] = [80, 60];
     let settings = fp::Settings {
         method: Some(TransientMethod::FlowMap),

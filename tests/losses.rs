@@ -111,7 +111,7 @@ fn survival_converges_with_at_least_second_order_in_the_step() {
     );
     assert!(fine < 1e-3 * rate(&c));
     assert!(order > 1.7);
-    // The error bar holds what a halved step changes.
+    // The error estimate holds what a halved step changes.
     assert!((rate(&b) - rate(&c)).abs() <= b.rate.error + c.rate.error);
     for (x, y) in b.survival.last().iter().zip(c.survival.last()) {
         assert!((x.value - y.value).abs() <= x.error + y.error);
@@ -227,7 +227,7 @@ fn a_long_time_is_continued_in_closed_form() {
     println!("over the tolerance: {} and {}", over(&short), over(&long));
     assert!(over(&short).max(over(&long)) < 3.0);
     assert!(long.method.steps < 20_000, "{}", long.method.steps);
-    // The whole march against the one that ends when the hazard is constant.
+    // The whole time integration against the one that ends when the hazard is constant.
     let (last, rate) = (short.survival.last().unwrap(), short.rate.value);
     let near = survive(&it, &initial, 1200.0, 0.5);
     let expected = near.survival.last().unwrap().value * (-rate * 300.0).exp();

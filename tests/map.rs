@@ -143,13 +143,13 @@ fn killed_at_random_moments_a_map_loses_nothing_and_computes_nothing_twice() {
     let before = seen.len();
     assert!(before > 0, "{kills} kills before the first point");
     // What a kill in the middle of a write leaves.
-    let mut torn = fs::read(&file).unwrap();
-    torn.extend(b"{\"index\":59,\"na");
-    fs::write(&file, torn).unwrap();
+    let mut cut_off = fs::read(&file).unwrap();
+    cut_off.extend(b"{\"index\":59,\"na");
+    fs::write(&file, cut_off).unwrap();
     let said = run(&room, &format!("{whole} out"), 0);
     println!("{kills} kills, {before} points there before the last start: {said}");
     let there = format!("60 points: {before} there before, {} computed", 60 - before);
-    assert!(said.contains(&there) && said.contains("torn"), "{said}");
+    assert!(said.contains(&there) && said.contains("cut-off"), "{said}");
     let mut indices: Vec<u64> = lines(&file)
         .iter()
         .map(|it| it["index"].as_u64().unwrap())

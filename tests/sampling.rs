@@ -1,4 +1,4 @@
-//! Ensembles and long records against closed forms and against each other, through the library's front door.
+//! Ensembles and long records against closed forms and against each other, through the library's public interface.
 
 #![allow(clippy::print_stdout, missing_docs)]
 
@@ -417,7 +417,7 @@ fn every_law_and_any_damping_keeps_its_temperature_and_short_records_say_so() {
             let lossy = it.contact().loss_point().is_some();
             let located = got.scheme.locates_crossings();
             assert_eq!(got.crossings.is_some(), lossy && located);
-            // Friction so weak that the records are no longer than a memory, or losses not counted.
+            // Friction so weak that the records are no longer than a correlation time, or losses not counted.
             let rough = zeta < 1e-3 && got.effective_samples[2] < 50.0;
             assert_eq!(
                 got.warnings.len(),

@@ -98,7 +98,7 @@ fn the_linear_contact_has_the_spectrum_of_the_linear_oscillator_peak_included() 
 }
 
 #[test]
-fn displacement_and_force_have_the_reference_values_and_error_bars_that_hold() {
+fn displacement_and_force_have_the_reference_values_and_error_estimates_that_hold() {
     let it = hertz(2e-3);
     // Two-sided without 1/2 pi, from an independent spectral solver: 4.998 and 4.583.
     let got = solve(&it, Quantity::Displacement, &[0.8, 1.0], &to(1e-3));
@@ -123,7 +123,7 @@ fn displacement_and_force_have_the_reference_values_and_error_bars_that_hold() {
         worst = worst.max(share);
         assert!(share <= 1.0, "{w}: {a} against {b}");
     }
-    println!("largest error over its bar: {worst:.2}");
+    println!("largest error over its estimate: {worst:.2}");
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::transient::{march, time_scheme};
+use vibroimpact::fokker_planck::transient::{time_integration, time_scheme};
 use vibroimpact::fokker_planck::{
-    Additive, Axis, BackwardEuler, Chebyshev, Density, Drift, Generator, Integrator, March, Mesh,
-    Observables, Radau, Solver, TimeScheme,
+    Additive, Axis, BackwardEuler, Chebyshev, Density, Drift, Generator, Integrator, Mesh,
+    Observables, Radau, Solver, TimeIntegration, TimeScheme,
 };
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
@@ -21,7 +21,7 @@ struct Case {
 }
 
 impl Case {
-    /// The contact at zeta and T, in a box up to `level` T.
+    /// The contact at zeta and T, in a truncated domain up to `level` T.
     fn hertz(
         zeta: f64,
         temperature: f64,
@@ -82,7 +82,7 @@ impl Case {
             let steps = ((t - now) / scheme.longest_step()).ceil();
             for _ in 0..steps as usize {
                 let dt = (t - now) / steps;
-                scheme.march(density.cells_mut(), dt, 1e-15).unwrap();
+                scheme.advance(density.cells_mut(), dt, 1e-15).unwrap();
             }
             now = t;
             density.clone()
@@ -90,26 +90,32 @@ impl Case {
         self.times().map(&mut at).to_vec()
     }
 
-    /// A run by `time` within a tolerance: the largest distance to `exact`, the march, and the seconds.
-    fn run(&self, time: TimeScheme, tolerance: f64, exact: &[Density]) -> (f64, March, f64) {
+    /// A run by `time` within a tolerance: the largest distance to `exact`, the integration, and the seconds.
+    fn run(
+        &self,
+        time: TimeScheme,
+        tolerance: f64,
+        exact: &[Density],
+    ) -> (f64, TimeIntegration, f64) {
         let clock = Instant::now();
         let mut density = self.start.clone();
         let (oscillator, generator) = (&self.oscillator, &self.generator);
-        let mut march = march(oscillator, generator, time, tolerance, None, self.until);
+        let mut integration =
+            time_integration(oscillator, generator, time, tolerance, None, self.until);
         let (mut now, mut worst): (f64, f64) = (0.0, 0.0);
         for (t, exact) in self.times().iter().zip(exact) {
             let all = &mut |_: f64, _: &Density| Ok(true);
-            march.advance(&mut density, t - now, all).unwrap();
+            integration.advance(&mut density, t - now, all).unwrap();
             now = *t;
             let error = distance(density.cells(), exact.cells());
             worst = worst.max(error);
-            let said = march.error();
+            let said = integration.error();
             if time != TimeScheme::Explicit {
                 println!("      t = {t:.2}: error {error:.2e}, said {said:.2e}");
                 assert!(error < 2.0 * said);
             }
         }
-        (worst, march, clock.elapsed().as_secs_f64())
+        (worst, integration, clock.elapsed().as_secs_f64())
     }
 
     /// The automatic choice at a tolerance.
@@ -151,31 +157,31 @@ fn a_tolerance_is_kept_and_not_wasted() {
             let (chosen, reason) = case.choose(tolerance);
             println!("{} {tolerance:.0e}: {reason}", case.name);
             for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
-                // In a tall box the bound of the explicit series is far from sharp, and it is slow.
+                // In a tall domain the bound of the explicit series is far from sharp, and it is slow.
                 let slow = time == TimeScheme::Explicit && case.oscillator.zeta() > 1.0
                     || time == TimeScheme::Implicit && tolerance < 1e-6;
                 if slow && time != chosen {
                     continue;
                 }
-                let (error, march, seconds) = case.run(time, tolerance, &exact);
+                let (error, integration, seconds) = case.run(time, tolerance, &exact);
                 println!(
                     "    {}: error {error:.1e} = tolerance/{:.1}, {} steps up to {:.1e}, {} refused, \
                      {seconds:.2} s",
                     time.name(),
                     tolerance / error,
-                    march.steps(),
-                    march.longest(),
-                    march.refused(),
+                    integration.steps(),
+                    integration.longest(),
+                    integration.refused(),
                 );
                 assert!(error < tolerance);
                 // A step bound by stability is more accurate than asked for: a longer one there is not. A few
                 // steps that grow from the start and land on the times looked at are up to half as long as
                 // accuracy allows, 2^5 for order 5, and their errors are in part forgotten.
                 // One bound by stability errs by 2e-7 or more, as its longest stable step does.
-                let bound = march.longest() > 0.7 * march.longest_stable();
+                let bound = integration.longest() > 0.7 * integration.longest_stable();
                 let factor = match time {
                     TimeScheme::Imex if bound => (tolerance / 2e-7).max(20.0),
-                    TimeScheme::Implicit if march.steps() < 40 => 100.0,
+                    TimeScheme::Implicit if integration.steps() < 40 => 100.0,
                     _ => 20.0,
                 };
                 assert!(error > tolerance / factor);
@@ -194,17 +200,17 @@ fn stiff_friction_and_diffusion_bound_no_implicit_step() {
         println!("zeta = {zeta}: transport {transport:.0}, diffusion {diffusion:.0}");
         println!("    Runge-Kutta 4: {explicit} steps at the limit of stability");
         for time in [TimeScheme::Imex, TimeScheme::Implicit] {
-            let (error, march, seconds) = case.run(time, 1e-4, &exact);
+            let (error, integration, seconds) = case.run(time, 1e-4, &exact);
             println!(
                 "    {}: {} steps up to {:.1e}, error {error:.1e}, {seconds:.2} s",
                 time.name(),
-                march.steps(),
-                march.longest(),
+                integration.steps(),
+                integration.longest(),
             );
             assert!(error < 1e-4);
             // The longest step is many times the diffusion limit 2.8/rate of an explicit scheme.
-            assert!(march.longest() * diffusion > 2.8 * zeta.sqrt());
-            assert!((march.steps() as f64) < explicit);
+            assert!(integration.longest() * diffusion > 2.8 * zeta.sqrt());
+            assert!((integration.steps() as f64) < explicit);
         }
     }
 }
@@ -293,7 +299,7 @@ fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair()
         for _ in 0..steps as usize {
             let dt = case.until / steps;
             chebyshev
-                .march(&mut cells, dt, 0.6 * tolerance / steps)
+                .advance(&mut cells, dt, 0.6 * tolerance / steps)
                 .unwrap();
         }
         let error = distance(&cells, exact.cells());
@@ -328,7 +334,7 @@ fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair()
 fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
     let case = Case::hertz(5.0, 0.63, 11.0, [60, 40], (1.0, 0.4), 4.0);
     for time in [TimeScheme::Explicit, TimeScheme::Imex, TimeScheme::Implicit] {
-        let mut march = march(
+        let mut integration = time_integration(
             &case.oscillator,
             &case.generator,
             time,
@@ -344,7 +350,9 @@ fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
                 times.push(t);
                 Ok(true)
             };
-            let done = march.advance(&mut density, interval, &mut watch).unwrap();
+            let done = integration
+                .advance(&mut density, interval, &mut watch)
+                .unwrap();
             assert_eq!(done, interval, "{} stops short", time.name());
             assert_eq!(times.last(), Some(&interval));
             // The last step is not much shorter than the one before.
@@ -377,7 +385,7 @@ fn rough_data_need_no_low_order_steps_of_an_l_stable_scheme() {
         let mut cells = case.start.cells().to_vec();
         for _ in 0..steps {
             scheme
-                .march(&mut cells, case.until / f64::from(steps), 0.0)
+                .advance(&mut cells, case.until / f64::from(steps), 0.0)
                 .unwrap();
         }
         errors.push(distance(&cells, exact.cells()));
@@ -451,7 +459,7 @@ fn an_overdamped_contact_forgets_its_velocity_fast_and_its_place_as_smoluchowski
     let (time, reason) = case.choose(1e-5);
     println!("{reason}");
     let clock = Instant::now();
-    let mut march = march(
+    let mut integration = time_integration(
         &case.oscillator,
         &case.generator,
         time,
@@ -472,7 +480,7 @@ fn an_overdamped_contact_forgets_its_velocity_fast_and_its_place_as_smoluchowski
     let (mut now, t) = (0.0, case.oscillator.temperature());
     for (time, slow) in times.into_iter().zip(slow) {
         let all = &mut |_: f64, _: &Density| Ok(true);
-        march.advance(&mut density, time - now, all).unwrap();
+        integration.advance(&mut density, time - now, all).unwrap();
         now = time;
         let inverse = case.generator.inverse_weights();
         let g: Vec<f64> = density
@@ -494,11 +502,11 @@ fn an_overdamped_contact_forgets_its_velocity_fast_and_its_place_as_smoluchowski
     }
     println!(
         "{} steps up to {:.2}, {:.2} s",
-        march.steps(),
-        march.longest(),
+        integration.steps(),
+        integration.longest(),
         clock.elapsed().as_secs_f64()
     );
-    assert!(march.longest() > 1.0);
+    assert!(integration.longest() > 1.0);
 }
 
 #[test]
@@ -549,7 +557,9 @@ fn every_scheme_follows_the_closed_form_transients_at_its_order() {
             let mut error = |steps: f64| {
                 let mut cells = case.start.cells().to_vec();
                 for _ in 0..steps as usize {
-                    scheme.march(&mut cells, case.until / steps, 1e-9).unwrap();
+                    scheme
+                        .advance(&mut cells, case.until / steps, 1e-9)
+                        .unwrap();
                 }
                 distance(&cells, on_mesh.cells())
             };

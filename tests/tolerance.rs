@@ -1,4 +1,4 @@
-//! A tolerance in, an error bar out: bars that hold, bars that are small enough, and what is said when
+//! A tolerance in, an error estimate out: estimates that hold, that are small enough, and what is said when
 //! they are not.
 
 use std::process::Command;
@@ -22,8 +22,8 @@ fn scene_a() -> (Oscillator, Initial) {
 const TIMES: [f64; 3] = [5.0, 10.0, 20.0];
 
 /// Values of independent solvers, with what they may be off by: t = 5 and 10 from Hermite polynomials in v
-/// (validation/precision/truths.csv, scene 48), t = 20 from a prototype that is off by 2.2e-5 at t = 10.
-const TRUTH: [(usize, &str, f64, f64); 14] = [
+/// (validation/precision/references.csv, scene 48), t = 20 from a prototype that is off by 2.2e-5 at t = 10.
+const REFERENCE: [(usize, &str, f64, f64); 14] = [
     (0, "mean_q", -0.2236211, 2e-7),
     (0, "mean_force", -0.1258849, 1e-7),
     (0, "std_force", 0.4794117, 3e-7),
@@ -45,37 +45,37 @@ fn solve(settings: &Settings) -> Transient {
     transient(&oscillator, &start, &TIMES, &[], settings, &|_| ()).unwrap()
 }
 
-fn largest_bar(it: &Transient) -> f64 {
+fn largest_error(it: &Transient) -> f64 {
     let scales = Scales::of(&scene_a().0);
-    let bars = it.moments.iter().flat_map(|moments| {
+    let errors = it.moments.iter().flat_map(|moments| {
         let pairs = moments.named().into_iter().zip(scales.each(moments));
         pairs.filter_map(|((_, number), scale)| Some(number?.error / scale))
     });
-    bars.fold(0.0, f64::max)
+    errors.fold(0.0, f64::max)
 }
 
 #[test]
-fn every_bar_is_within_the_tolerance_and_reaches_the_truth() {
+fn every_error_estimate_is_within_the_tolerance_and_holds() {
     for tolerance in [1e-2, 1e-3] {
         let it = solve(&Settings {
             tolerance,
             ..Settings::default()
         });
         println!(
-            "{tolerance:e}: {:?} cells, {} steps, largest bar {:.1e}; {}",
+            "{tolerance:e}: {:?} cells, {} steps, largest error estimate {:.1e}; {}",
             it.method.cells,
             it.method.steps,
-            largest_bar(&it),
+            largest_error(&it),
             it.method.reason
         );
         assert!(it.shortfall.is_none(), "{:?}", it.shortfall);
-        assert!(largest_bar(&it) <= tolerance);
-        for (k, name, truth, digit) in TRUTH {
+        assert!(largest_error(&it) <= tolerance);
+        for (k, name, reference, digit) in REFERENCE {
             let named = it.moments[k].named();
             let number = named.iter().find(|it| it.0 == name).unwrap().1.unwrap();
-            let error = (number.value - truth).abs();
+            let error = (number.value - reference).abs();
             println!(
-                "{name} at {}: error {error:.1e}, bar {:.1e}",
+                "{name} at {}: error {error:.1e}, estimated {:.1e}",
                 TIMES[k], number.error
             );
             assert!(error <= number.error + digit, "{name} at {}", TIMES[k]);
@@ -84,7 +84,7 @@ fn every_bar_is_within_the_tolerance_and_reaches_the_truth() {
 }
 
 #[test]
-fn cells_and_steps_of_the_user_are_not_refined_and_the_bar_says_what_they_are_worth() {
+fn cells_and_steps_of_the_user_are_not_refined_and_the_error_estimate_says_what_they_do() {
     let it = solve(&Settings {
         tolerance: 1e-5,
         cells: Some([120, 80]),
@@ -130,9 +130,9 @@ fn a_decay_rate_is_as_accurate_as_its_tolerance_asks() {
         let it = decay_rates(&oscillator, 2, &settings).unwrap();
         println!("{tolerance:e}: {it:?}");
         assert!(it.shortfall.is_none() && it.rates.len() == 2);
-        for (rate, truth) in it.rates.iter().zip([-0.00883416, -0.01714242]) {
+        for (rate, reference) in it.rates.iter().zip([-0.00883416, -0.01714242]) {
             assert!(rate.error <= tolerance * rate.re.abs());
-            assert!((rate.re - truth).abs() <= rate.error + 1e-8, "{rate:?}");
+            assert!((rate.re - reference).abs() <= rate.error + 1e-8, "{rate:?}");
         }
     }
 }

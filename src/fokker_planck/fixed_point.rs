@@ -1,4 +1,4 @@
-//! The fixed point of a linear map that keeps the mass, by GMRES, and the eigenvalues of the map on the way.
+//! The fixed point of a linear map that keeps the mass, by GMRES, and the eigenvalues of the map as a by-product.
 //!
 //! x = P x with a given mass: x = x_0 + d, (I - P) d = P x_0 - x_0, and both sides have no mass, where I - P is regular.
 //! Arnoldi's vectors are orthonormal in the L2 norm against the inverse weights, in which a Fokker-Planck map contracts

@@ -17,8 +17,8 @@
 //! carries g along the motion; the matrix that then averages it along v also turns the result into the
 //! spline coefficients of the next pass.
 //!
-//! - Edge: departure points outside the box take the value of g at the nearest centre, as does the
-//!   average along v; g = 1 stays. Orbits that do not close inside the box hold no unknowns: along each
+//! - Edge: departure points outside the domain take the value of g at the nearest centre, as does the
+//!   average along v; g = 1 stays. Orbits that do not close inside the domain hold no unknowns: along each
 //!   row g continues as a constant beyond them. For a contact without a stationary law, where g is the
 //!   density p itself, nothing comes in from outside and what leaves is lost.
 //! - Mass: interpolation keeps it to its own error. A constant is added to g that keeps it exactly;
@@ -67,7 +67,7 @@ pub struct Progress {
     /// Passes of the undamped motion over the mesh.
     pub passes: usize,
     /// Change of the mass by interpolation, before its correction: the sum of the absolute values over
-    /// the intervals. For a contact without a stationary law, the mass that left the box.
+    /// the intervals. For a contact without a stationary law, the mass that left the domain.
     pub defect: f64,
     /// Largest negative mass at the end of an interval.
     pub negative: f64,
@@ -95,7 +95,7 @@ pub struct FlowMap {
     weights: Weights,
     settings: Settings,
     spline: Spline,
-    /// Cells per q row on orbits that close inside the box.
+    /// Cells per q row on orbits that close inside the domain.
     active: Vec<Range<usize>>,
     /// Number of active cells in the rows before.
     offsets: Vec<usize>,
@@ -144,7 +144,7 @@ impl FlowMap {
     ///
     /// # Errors
     /// [`Error::Invalid`] for a step that is not positive; [`Error::Mesh`] for fewer than eight cells in a
-    /// direction, or a box where the stationary law underflows.
+    /// direction, or a domain where the stationary law underflows.
     pub fn new(oscillator: &Oscillator, mesh: &Mesh, settings: Settings) -> Result<Self> {
         Self::forced(oscillator, mesh, settings, None)
     }
@@ -179,7 +179,7 @@ impl FlowMap {
             });
         }
         let weights = Weights::new(&measure, mesh, reference.temperature(), Drift::Order8)?;
-        let weights = weights.without_rim();
+        let weights = weights.without_boundary();
         let stationary = matches!(measure, Measure::Gibbs(_));
         let beta = if stationary {
             1.0 / reference.temperature()
@@ -240,7 +240,7 @@ impl FlowMap {
         &self.weights
     }
 
-    /// The cells of each q-column on orbits that close inside the box: those that hold unknowns.
+    /// The cells of each q-column on orbits that close inside the domain: those that hold unknowns.
     pub fn columns(&self) -> &[Range<usize>] {
         &self.active
     }

@@ -147,7 +147,7 @@ impl Weights {
     /// The weights of a scheme on a mesh.
     ///
     /// # Errors
-    /// [`Error::Mesh`] if a weight under- or overflows: a box far wider than the law.
+    /// [`Error::Mesh`] if a weight under- or overflows: a domain far wider than the law.
     pub(crate) fn new(
         measure: &Measure,
         mesh: &Mesh,
@@ -210,25 +210,25 @@ impl Weights {
         Ok(it)
     }
 
-    /// w of cell (i, j). In the rim of a central scheme, where p_s < p_cut, it is held at p_cut/e at the least: the
-    /// steep tail beyond the last streamline carries no answer, and would only stiffen the transport.
+    /// w of cell (i, j). In the boundary cells of a central scheme, where p_s < p_cut, it is held at p_cut/e at the
+    /// least: the steep tail beyond the last streamline carries no answer, and would only stiffen the transport.
     pub fn at(&self, i: usize, j: usize) -> f64 {
         let floor = self.cut * (-1f64).exp() * self.area[0][i] * self.area[1][j];
         (self.q[i] * self.v[j]).max(floor)
     }
 
-    /// The same weights for a scheme without a cut stream function: p_s everywhere, no rim.
+    /// The same weights for a scheme without a cut stream function: p_s everywhere, no inactive boundary cells.
     #[must_use]
-    pub(crate) fn without_rim(self) -> Self {
+    pub(crate) fn without_boundary(self) -> Self {
         Self { cut: 0.0, ..self }
     }
 
-    /// Whether cell (i, j) lies in the rim, p_s <= p_cut: no streamline passes it.
-    pub(crate) fn in_rim(&self, i: usize, j: usize) -> bool {
+    /// Whether cell (i, j) is an inactive boundary cell, p_s <= p_cut: no streamline passes it.
+    pub(crate) fn is_boundary(&self, i: usize, j: usize) -> bool {
         self.q[i] * self.v[j] <= self.cut * self.area[0][i] * self.area[1][j]
     }
 
-    /// Largest density within `half` cells of the edge of the box.
+    /// Largest density within `half` cells of the edge of the domain.
     fn largest_near_edge(&self, half: usize) -> f64 {
         let (m, n) = (self.q.len(), self.v.len());
         let mut largest: f64 = 0.0;
@@ -267,11 +267,11 @@ pub enum MassFlux {
 impl MassFlux {
     /// The mass flux of `measure` on a mesh. For the Gibbs measure the stream function is cut,
     /// psi = -T max(p_s - p_cut, 0) with p_cut the largest p_s within half a stencil of the edge of the
-    /// box, so that streamlines close inside. For the Liouville measure psi = H uncut, and the edges
+    /// domain, so that streamlines close inside. For the Liouville measure psi = H uncut, and the edges
     /// are open.
     pub fn new(measure: &Measure, oscillator: &Oscillator, mesh: &Mesh, drift: Drift) -> Self {
         let t = oscillator.temperature();
-        let psi = |q: &[f64], v: &[f64], rim: usize| -> Vec<f64> {
+        let psi = |q: &[f64], v: &[f64], margin: usize| -> Vec<f64> {
             let (m, n) = (q.len(), v.len());
             if matches!(measure, Measure::Liouville) {
                 let energies = q
@@ -284,7 +284,7 @@ impl MassFlux {
             let mut cut: f64 = 0.0;
             for (i, a) in along_q.iter().enumerate() {
                 for (j, b) in along_v.iter().enumerate() {
-                    if i < rim || i + rim >= m || j < rim || j + rim >= n {
+                    if i < margin || i + margin >= m || j < margin || j + margin >= n {
                         cut = cut.max(a * b);
                     }
                 }

@@ -13,9 +13,9 @@
 //! the decay of sum w g^2 hold exactly at every order (summation by parts; Morinishi et al., J. Comput.
 //! Phys. 143, 90, 1998).
 //!
-//! The rim, the few cells beyond the last streamline that a wide stencil still touches, sees no transport
-//! of its own and would carry slow modes of the box. There g is relaxed to its neighbours: symmetric and
-//! dissipative too, and without weight in any answer (the rim holds less than the neglected probability).
+//! Inactive boundary cells, the few beyond the last streamline that a wide stencil still touches, see no transport
+//! of their own and would carry slow modes of the truncated domain. There g is relaxed to its neighbours: symmetric
+//! and dissipative too, and without weight in any answer (they hold less than the neglected probability).
 
 #![allow(
     clippy::inline_always,
@@ -38,9 +38,9 @@ use std::ops::Range;
 /// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
 pub(crate) const BANDS: usize = 8;
 
-/// Rate of the exchange between neighbours in the rim: a few times the oscillator's own frequency, so
-/// that a rim up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.
-const RIM_RATE: f64 = 4.0;
+/// Rate of the exchange between neighbours among the boundary cells: a few times the oscillator's own frequency, so
+/// that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.
+const BOUNDARY_RATE: f64 = 4.0;
 
 /// The generator on a mesh.
 #[derive(Debug, Clone)]
@@ -49,7 +49,7 @@ pub struct Generator {
     drift: Drift,
     flux: MassFlux,
     weights: Weights,
-    /// The cells of each q-column that a streamline reaches; the others (the rim) hold no unknowns.
+    /// The cells of each q-column that a streamline reaches; the others hold no unknowns.
     active: Vec<Range<usize>>,
     /// 1/w of active cells, 0 of the others.
     inverse: Vec<f64>,
@@ -57,7 +57,7 @@ pub struct Generator {
     conductance: Vec<f64>,
     /// w/(w of the Maxwell measure) per v cell: friction and diffusion act on P over the latter.
     tilt: Vec<f64>,
-    /// Cells of the rim, in order, with a neighbour and their exchange coefficient: each pair twice.
+    /// Boundary cells, in order, with a neighbour and their exchange coefficient: each pair twice.
     relaxed: Vec<(usize, usize, f64)>,
     /// Cells at an open edge with the rate of g that balances their missing neighbours; all cells where a friction that
     /// depends on the state gathers or spreads.
@@ -140,7 +140,7 @@ impl Generator {
         };
         match measure {
             Measure::Liouville => it.open_edges(),
-            Measure::Gibbs(_) if drift != Drift::Upwind => it.relax_rim(),
+            Measure::Gibbs(_) if drift != Drift::Upwind => it.relax_boundary(),
             Measure::Gibbs(_) => {}
         }
         if !oscillator.is_viscous() {
@@ -235,16 +235,16 @@ impl Generator {
         }
     }
 
-    /// Whether each unknown lies in the rim, beyond the last streamline.
-    pub fn rim(&self) -> Vec<bool> {
-        let column = |i: usize| self.active(i).map(move |j| self.weights.in_rim(i, j));
+    /// Whether each unknown belongs to an inactive boundary cell, beyond the last streamline.
+    pub fn boundary_cells(&self) -> Vec<bool> {
+        let column = |i: usize| self.active(i).map(move |j| self.weights.is_boundary(i, j));
         (0..self.mesh.q.len()).flat_map(column).collect()
     }
 
-    /// Couples each rim cell to its neighbours at the rate [`RIM_RATE`].
-    fn relax_rim(&mut self) {
+    /// Couples each boundary cell to its neighbours at the rate [`BOUNDARY_RATE`].
+    fn relax_boundary(&mut self) {
         let [nq, nv] = self.mesh.cells();
-        let (rim, number) = (self.rim(), self.numbering());
+        let (boundary, number) = (self.boundary_cells(), self.numbering());
         for i in 0..nq {
             for j in self.active(i) {
                 let here = i * nv + j;
@@ -252,10 +252,10 @@ impl Generator {
                 let above = (j + 1 < nv).then_some(here + 1);
                 for there in [right, above].into_iter().flatten() {
                     let other = number[there];
-                    if other != usize::MAX && (rim[number[here]] || rim[other]) {
+                    if other != usize::MAX && (boundary[number[here]] || boundary[other]) {
                         let smaller = 1.0 / self.inverse[here].max(self.inverse[there]);
-                        self.relaxed.push((here, there, RIM_RATE * smaller));
-                        self.relaxed.push((there, here, RIM_RATE * smaller));
+                        self.relaxed.push((here, there, BOUNDARY_RATE * smaller));
+                        self.relaxed.push((there, here, BOUNDARY_RATE * smaller));
                     }
                 }
             }
@@ -265,7 +265,7 @@ impl Generator {
 
     /// The spectral radius of the antisymmetric part of the generator, which is transport, and of its
     /// symmetric part, which is all that dissipates, by Lanczos' method with a margin of 2 %, 1/time.
-    /// The numerical range in the inner product of the weights lies in the box \[-second, 0\] +
+    /// The numerical range in the inner product of the weights lies in the rectangle \[-second, 0\] +
     /// i \[-first, first\]. For upwind drift, whose transport dissipates, from the row sums.
     pub fn radii(&self) -> (f64, f64) {
         let MassFlux::Centres { .. } = self.flux else {
@@ -338,11 +338,11 @@ fn check_tail(mesh: &Mesh, weights: &Weights, active: &[Range<usize>], drift: Dr
     };
     let mut steepest = [0.0f64; 2];
     for (i, column) in active.iter().enumerate() {
-        for j in column.clone().filter(|j| !weights.in_rim(i, *j)) {
-            if i + 1 < nq && !weights.in_rim(i + 1, j) {
+        for j in column.clone().filter(|j| !weights.is_boundary(i, *j)) {
+            if i + 1 < nq && !weights.is_boundary(i + 1, j) {
                 steepest[0] = steepest[0].max((density(i + 1, j) - density(i, j)).abs());
             }
-            if j + 1 < nv && !weights.in_rim(i, j + 1) {
+            if j + 1 < nv && !weights.is_boundary(i, j + 1) {
                 steepest[1] = steepest[1].max((density(i, j + 1) - density(i, j)).abs());
             }
         }

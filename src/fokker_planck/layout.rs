@@ -175,12 +175,12 @@ pub(super) fn truncated(
     // A kurtosis far above its scale moves with itself, and no start's is far below that of the law.
     let law = oscillator.displacement_law()?;
     let force = |k: i32| law.expect(|q| oscillator.contact().force(q).powi(k)).value;
-    let shape = (force(4) / force(2).powi(2)).max(1.0);
+    let kurtosis = (force(4) / force(2).powi(2)).max(1.0);
     let mut rounds = 0;
     loop {
         let domain = Domain::closed(oscillator, initial, outside)?;
         let weights = domain.tail_weights(oscillator);
-        let part = domain.neglected * weights.into_iter().fold(0.0, f64::max) * shape;
+        let part = domain.neglected * weights.into_iter().fold(0.0, f64::max) * kurtosis;
         if part <= share || rounds == 6 {
             return Ok((outside, domain));
         }

@@ -51,7 +51,9 @@ pub use first_passage::flight::{Flight, FlightLaw, flight_law};
 pub use first_passage::impact::{ImpactLaw, impact_law};
 pub use flux::{Drift, MassFlux, Measure, maxwell};
 pub use generator::Generator;
-pub use integrators::{Additive, BackwardEuler, Chebyshev, Integrator, March, Radau, Solver};
+pub use integrators::{
+    Additive, BackwardEuler, Chebyshev, Integrator, Radau, Solver, TimeIntegration,
+};
 pub use observables::Observables;
 pub use periodic::{Harmonic, Periodic, Response, periodic, response};
 pub(crate) use periodic::{PeriodicLaw, ResponseCurve};

@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn hermite_polynomials_decay_at_their_own_rates() {
-        // He_n(v/sqrt T) is multiplied by e^{-n 2 zeta tau} (Mehler); cut to the box by the spline alone.
+        // He_n(v/sqrt T) is multiplied by e^{-n 2 zeta tau} (Mehler); cut to the domain by the spline alone.
         for friction in [1e-3f64, 0.02, 0.5] {
             let t = 0.25f64;
             let third = |v: f64| {

@@ -55,7 +55,7 @@ pub struct Settings {
     pub step: Option<f64>,
     /// The moments that the error is aimed at; None for all of them.
     pub moments: Option<Vec<Moment>>,
-    /// Error aimed at, relative to the natural scale of each number.
+    /// Error aimed at, relative to the normalisation of each number.
     pub tolerance: f64,
     /// Probability that the truncated domain may leave out; None for as little as the tolerance needs.
     pub neglected: Option<f64>,

@@ -96,7 +96,7 @@ struct Place {
 }
 
 /// Joins the parts found in the folder of a map: map.csv, map.npz, map.svg, report.html, and missing.csv where points
-/// are missing. The same bytes whatever the parts and the order of their lines. A torn last line is no line.
+/// are missing. The same bytes whatever the parts and the order of their lines. A cut-off last line is no line.
 ///
 /// # Errors
 /// [`Error::Invalid`] for a folder without a map, and for a number to draw that it does not have;
@@ -152,7 +152,7 @@ fn read(dir: &Path) -> Result<Collected> {
     let (mut failed, mut short) = (0, 0);
     for (file, path) in files.iter().enumerate() {
         each(path, |at, line| {
-            // A torn line is a point in flight when its run was killed.
+            // A cut-off line is a point in flight when its run was killed.
             let whole = line.ends_with(b"\n");
             let head = serde_json::from_slice::<Head>(line).ok().filter(|_| whole);
             let Some(head) = head.filter(|it| it.index < points) else {

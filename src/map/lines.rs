@@ -44,13 +44,13 @@ pub(super) struct Lines {
     file: Mutex<File>,
     lock: File,
     lock_path: PathBuf,
-    /// Lines that were dropped: torn, or not wanted.
+    /// Lines that were dropped: cut off, or not wanted.
     pub(super) dropped: usize,
 }
 
 impl Lines {
     /// Opens the file of a part in a folder. `wanted` is asked of every whole line; the others are dropped from the
-    /// file, a torn last one among them.
+    /// file, a cut-off last one among them.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a part that another run is computing; [`Error::Io`] where the system refuses.
@@ -99,7 +99,7 @@ impl Lines {
         })
     }
 
-    /// Appends a line by one write: it is there whole, or torn as the last one.
+    /// Appends a line by one write: it is there whole, or cut off as the last one.
     ///
     /// # Errors
     /// [`Error::Io`] where the system refuses.
@@ -133,7 +133,7 @@ impl Drop for Lines {
     }
 }
 
-/// Shows every line of a file with the place where it begins, a torn last one too.
+/// Shows every line of a file with the place where it begins, a cut-off last one too.
 ///
 /// # Errors
 /// [`Error::Io`], and whatever `visit` answers.

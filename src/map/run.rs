@@ -79,7 +79,7 @@ pub struct Tally {
     pub failed: usize,
     /// Lines with a number that the program was free to refine and that did not reach the tolerance.
     pub short: usize,
-    /// Lines found torn or of no point of the part, and computed again.
+    /// Lines found cut off or of no point of the part, and computed again.
     pub dropped: usize,
     /// Seconds that the points took.
     pub seconds: f64,
@@ -114,7 +114,7 @@ impl fmt::Display for Tally {
             self.computed
         )?;
         for (count, what) in [
-            (self.dropped, "torn or foreign lines were dropped"),
+            (self.dropped, "cut-off or foreign lines were dropped"),
             (
                 self.short,
                 "points missed the tolerance: their lines say by how much",

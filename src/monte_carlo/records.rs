@@ -42,7 +42,7 @@ pub struct RecordResult {
     pub effective_samples: [f64; 3],
     /// Number of batches.
     pub batches: u64,
-    /// Length of a batch: 20 memories of the oscillator unless the records are shorter.
+    /// Length of a batch: 20 correlation times of the oscillator unless the records are shorter.
     pub batch_length: f64,
     /// Number of records.
     pub records: u64,
@@ -116,10 +116,12 @@ impl Records {
             return Err(Error::invalid("monte_carlo.noise.band", band, accepted));
         }
         // Samples closer than this tell nothing new.
-        let memory = oscillator.memory();
-        let steps = (0.01 * memory.clamp(50.0, 1e9) / step).round().max(1.0);
+        let correlation_time = oscillator.correlation_time();
+        let steps = (0.01 * correlation_time.clamp(50.0, 1e9) / step)
+            .round()
+            .max(1.0);
         let spacing = steps * step;
-        let longest = (20.0 * memory / spacing).ceil();
+        let longest = (20.0 * correlation_time / spacing).ceil();
         let lanes = LANES as f64;
         let groups = (duration / (lanes * 2.0 * longest * spacing)).floor();
         let groups = groups.clamp(GROUPS[0], GROUPS[1]);
@@ -242,7 +244,7 @@ impl Records {
             let text = format!(
                 "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
                  the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
-                oscillator.memory()
+                oscillator.correlation_time()
             );
             warnings.push(text.into());
         }

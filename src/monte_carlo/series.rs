@@ -73,11 +73,11 @@ impl Series {
         }
         let steps = (spacing / walk.step).ceil().max(1.0);
         walk.step = spacing / steps;
-        // Band-limited noise has a stationary law of its own, reached within a few memories; so has damping that is not
-        // viscous.
+        // Band-limited noise has a stationary law of its own, reached within a few correlation times; so has damping
+        // that is not viscous.
         let burn_in = match walk.noise {
             Noise::White => (run_in(oscillator, &Initial::Stationary) / spacing).ceil(),
-            _ => (10.0 * oscillator.memory() / spacing).ceil(),
+            _ => (10.0 * oscillator.correlation_time() / spacing).ceil(),
         };
         let records = asked.records.next_multiple_of(LANES as u64);
         let each = (asked.samples as f64 + burn_in) * steps;

@@ -147,7 +147,7 @@ impl Sums {
         let (q, v) = (central(&self.q, n), central(&self.v, n));
         let force = central(&self.force, n);
         let energy = central(&self.energy, n);
-        let [std, skewness, kurtosis] = shape(&force, n);
+        let [std, skewness, kurtosis] = std_skewness_kurtosis(&force, n);
         let mut moments = Moments {
             mean_q: mean(&q, n, fq),
             var_q: variance(&q, n, fq),
@@ -304,7 +304,7 @@ fn variance<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
 
 /// Standard deviation, skewness and kurtosis; the influence functions, with x = (N - E N)/std, are
 /// (x^2 - 1)/2, x^3 - 3x - s - (3s/2)(x^2 - 1) and x^4 - 4 s x - k - 2k (x^2 - 1).
-fn shape(c: &Central<8>, n: f64) -> [Estimate; 3] {
+fn std_skewness_kurtosis(c: &Central<8>, n: f64) -> [Estimate; 3] {
     let variance = c.order[1];
     let std = variance.sqrt();
     // Moments of x: m(1) = 0, m(2) = 1.

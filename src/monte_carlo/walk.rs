@@ -317,7 +317,7 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
 /// Time that paths are given to forget the reference law, where they begin in a stationary law that has no closed form.
 pub(super) fn run_in(oscillator: &Oscillator, initial: &Initial) -> f64 {
     if *initial == Initial::Stationary && !oscillator.is_viscous() {
-        FORGOTTEN * oscillator.memory()
+        FORGOTTEN * oscillator.correlation_time()
     } else {
         0.0
     }

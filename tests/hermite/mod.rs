@@ -1,6 +1,6 @@
 //! The Fokker-Planck equation (17) once more, by a method that shares nothing with the program's own:
-//! Hermite functions in v, spectral elements in q, a Chebyshev series in time. Used to make the truths
-//! that error bars are judged by.
+//! Hermite functions in v, spectral elements in q, a Chebyshev series in time. Used to make the reference
+//! solutions that error estimates are judged by.
 //!
 //! With theta >= T and w = exp(-(v^2/2 + U)/theta)/Z the density is p = w sum_n c_n(q) psi_n(v), psi_n the
 //! normalised Hermite polynomials of v/sqrt(theta), and (17) is

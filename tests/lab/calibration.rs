@@ -2,7 +2,7 @@
 
 use crate::precision::calibration::{Calibration, End, TOLERANCES};
 use crate::precision::rates::{Rates, scenes};
-use crate::precision::truths::{Case, cases};
+use crate::precision::references::{Case, cases};
 use crate::stability::yardstick::exact_rates;
 use std::fmt::Write;
 use vibroimpact::contact::ContactLaw;
@@ -14,7 +14,7 @@ use vibroimpact::oscillator::Oscillator;
 const SCENES: [usize; 8] = [1, 2, 3, 5, 7, 8, 13, 29];
 
 #[test]
-fn the_error_of_a_number_is_below_its_bar_and_its_bar_below_the_tolerance_or_the_run_says_so() {
+fn the_error_of_a_number_is_below_its_estimate_and_that_below_the_tolerance_or_the_run_says_so() {
     let cases: Vec<Case> = cases().unwrap();
     let cases: Vec<Case> = cases
         .into_iter()

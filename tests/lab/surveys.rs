@@ -102,11 +102,11 @@ fn a_warning_excuses_no_number_that_it_does_not_name() {
 
 #[test]
 fn a_limit_is_no_answer_where_one_is_expected() {
-    let mut hopeless = scene("step-1e-6-explicit");
-    hopeless.max_seconds = 1.0;
-    let allowed = &run(vec![hopeless.clone()], &|_| ())[0];
-    hopeless.may_stop = None;
-    let expected = &run(vec![hopeless], &|_| ())[0];
+    let mut overlong = scene("step-1e-6-explicit");
+    overlong.max_seconds = 1.0;
+    let allowed = &run(vec![overlong.clone()], &|_| ())[0];
+    overlong.may_stop = None;
+    let expected = &run(vec![overlong], &|_| ())[0];
     println!("{} {}", allowed.verdict, expected.verdict);
     assert_eq!(allowed.verdict, Verdict::Stopped);
     assert_eq!(expected.verdict, Verdict::Unsolved);

@@ -272,7 +272,7 @@ fn a_bracket_stands_where_the_legend_says_one_does() {
 }
 
 #[test]
-fn no_two_of_our_own_ways_to_a_number_disagree() {
+fn no_two_of_our_own_methods_for_a_number_disagree() {
     let page = page();
     let rows = readme::rows(&page);
     let apart: Vec<_> = rows

@@ -15,10 +15,10 @@ const KRYLOV: usize = 60;
 
 /// Modes with a larger part of their norm in the inactive boundary cells are of the domain, not of the
 /// oscillator.
-const RIM: f64 = 0.01;
+const BOUNDARY_SHARE: f64 = 0.01;
 
-/// The eigenvalues near the given shifts (points of the upper half plane), rim modes and the zero left
-/// out, the slowest first, each complex pair once, at most `count`.
+/// The eigenvalues near the given shifts (points of the upper half plane), modes of the boundary cells and the zero
+/// left out, the slowest first, each complex pair once, at most `count`.
 ///
 /// Shift-invert Arnoldi with one complex LU per shift on the symmetrised generator, whose left
 /// eigenvectors are the right ones with v reversed.
@@ -26,18 +26,18 @@ const RIM: f64 = 0.01;
 pub(crate) fn slowest(generator: &Generator, shifts: &[C], count: usize) -> Result<Vec<DecayRate>> {
     let matrix = generator.symmetrised();
     let mirror = mirror(generator);
-    let rim = generator.rim();
+    let boundary = generator.boundary_cells();
     let mut found: Vec<DecayRate> = Vec::new();
     for shift in shifts {
         for (value, vector) in near(&matrix, *shift)? {
             let norm: f64 = vector.iter().map(C::norm_sqr).sum();
             let outside: f64 = vector
                 .iter()
-                .zip(&rim)
+                .zip(&boundary)
                 .filter(|(_, r)| **r)
                 .map(|(x, _)| x.norm_sqr())
                 .sum();
-            if outside > RIM * norm || value.norm() < 1e-9 || value.re > 1e-9 {
+            if outside > BOUNDARY_SHARE * norm || value.norm() < 1e-9 || value.re > 1e-9 {
                 continue;
             }
             let overlap: C = vector

@@ -1,5 +1,6 @@
 //! The Fokker-Planck equation (17) in the frame of a narrow density, by Hermite functions in both directions:
-//! what a start of which no fixed basis holds much becomes while it stays near a Gaussian. Used to make truths.
+//! what an initial condition of which no fixed basis resolves much becomes while it stays near a Gaussian. Used to make
+//! reference solutions.
 //!
 //! q = m_q + a xi, v = m_v + b xi + c eta, and P(xi, eta) = phi(xi) phi(eta) sum_jk C_jk h_j(xi) h_k(eta), h the
 //! normalised Hermite polynomials. With G = g_0 + g_1 a xi + R(xi), D = pi h,

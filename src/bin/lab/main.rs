@@ -15,7 +15,7 @@ use precision::calibration::{self, Calibration};
 use precision::entry::{Effort, survey};
 use precision::method::Method;
 use precision::rates::Rates;
-use precision::{case, cost, table, truths};
+use precision::{case, cost, references, table};
 use stability::extreme;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -105,7 +105,7 @@ fn calibrate(survey: &Survey) -> Outcome {
         Some(_) => Some(survey.output.folder("calibration")?),
         None => None,
     };
-    let cases = truths::cases()?;
+    let cases = references::cases()?;
     // Only some of what is given by hand: it takes cells and steps from free runs at one tolerance.
     let tolerances = match survey.only {
         Some(_) => &[by_hand::TOLERANCE][..],

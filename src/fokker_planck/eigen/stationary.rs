@@ -223,7 +223,7 @@ impl Level {
         moments.into_iter().chain(self.beside).collect()
     }
 
-    /// The natural scale of each number: rates and times their own value.
+    /// The normalisation of each number: rates and times their own value.
     fn scales(&self, scales: &Scales) -> Vec<f64> {
         let own = self.beside.map(|it| it.unwrap_or(1.0).abs());
         scales.each(&self.moments).into_iter().chain(own).collect()

@@ -1,4 +1,4 @@
-//! The steady state: the null vector of the generator, by sparse LU and by marching.
+//! The steady state: the null vector of the generator, by sparse LU and by time integration.
 
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
@@ -23,17 +23,18 @@ use sprs::CsMat;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Steady {
     /// L1 distance of the null vector of the generator to the cell masses of (21) on the same cells; its
-    /// error is the probability that the box leaves out. Under other than viscous damping to the law solved for in Hermite
+    /// error is the domain-truncation error. Under other than viscous damping to the law solved for in Hermite
     /// functions, from which finite volumes differ by their own error; what that law may be off is in the error too.
     pub l1_error: Estimate,
     /// |L P|_1/|L|_1 of the null vector.
     pub residual: f64,
-    /// Moments of the null vector; their error is what the box leaves out, with the weight of the tails, and the distance above.
+    /// Moments of the null vector; their error is that of the truncated domain, with the weight of the tails, and the
+    /// distance above.
     pub moments: Moments,
     /// The null vector as a density.
     pub density: Snapshot,
-    /// Time and L1 distance to (21) of a march by backward Euler from one cell at equilibrium; none under other than
-    /// viscous damping.
+    /// Time and L1 distance to (21) of a time integration by backward Euler from one cell at equilibrium; none under
+    /// other than viscous damping.
     pub approach: Vec<(f64, f64)>,
     /// What it was computed with.
     pub method: Method,
@@ -48,13 +49,13 @@ pub struct Steady {
 pub(crate) struct SteadyState {
     layout: Layout,
     tolerance: f64,
-    /// Whether a march is held against it.
-    marches: bool,
+    /// Whether a time integration is compared with it.
+    integrates: bool,
     /// What it will take.
     pub(crate) cost: Cost,
 }
 
-/// Solves L P = 0 on a mesh by sparse LU and by marching, and compares both with (21).
+/// Solves L P = 0 on a mesh by sparse LU and by time integration, and compares both with (21).
 ///
 /// # Errors
 /// [`Error::NoStationaryLaw`] for a contact without one; otherwise those of [`null_vector`].
@@ -99,7 +100,7 @@ impl SteadyState {
         Ok(Self {
             layout,
             tolerance: settings.tolerance,
-            marches: oscillator.is_viscous(),
+            integrates: oscillator.is_viscous(),
             cost: Cost {
                 cells,
                 steps: SOLVES as u64,
@@ -114,7 +115,7 @@ impl SteadyState {
         format!(
             "finite volumes, {}; null vector by sparse LU{}",
             self.layout.drift.name(),
-            if self.marches {
+            if self.integrates {
                 ", and time integration"
             } else {
                 ""
@@ -213,20 +214,20 @@ impl Question for Task<'_> {
         };
         let l1 = distance(&null);
         let outside = domain.neglected.max((1.0 - mass).abs());
-        let mut march_density = Density::at_equilibrium(&generator, oscillator);
+        let mut density = Density::at_equilibrium(&generator, oscillator);
         let relaxation = 0.5 / oscillator.zeta();
         // Of a wide stencil each step would be a factorisation of seconds.
         let approach = if oscillator.is_viscous() {
-            march(&generator, &mut march_density, relaxation, &distance, &late)?
+            integrate(&generator, &mut density, relaxation, &distance, &late)?
         } else {
             Vec::new()
         };
         let mut warnings = Vec::new();
-        let marched = approach.last().map_or(0.0, |last| last.1);
-        if oscillator.is_viscous() && (l1 > 1e-9 || marched > 1e-9) {
+        let integrated = approach.last().map_or(0.0, |last| last.1);
+        if oscillator.is_viscous() && (l1 > 1e-9 || integrated > 1e-9) {
             warnings.push(format!(
                 "the steady state on the mesh differs from the closed form by {l1:.1e} (null vector) and \
-                 {marched:.1e} (march): rounding, on a mesh with very different rates"
+                 {integrated:.1e} (time integration): rounding, on a mesh with very different rates"
             ));
         }
         let observables = Observables::new(oscillator, &mesh, drift, generator.weights())?;
@@ -343,10 +344,10 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     Ok((density, residual))
 }
 
-/// Distance to the stationary law at which the march ends.
+/// Distance to the stationary law at which the time integration ends.
 const ARRIVED: f64 = 1e-11;
 
-/// Marches `density` by backward Euler to the steady state until its `distance` to it is below [`ARRIVED`] or stops
+/// Integrates `density` by backward Euler to the steady state until its `distance` to it is below [`ARRIVED`] or stops
 /// falling, and returns time and distance after every step. `late` is asked before each.
 ///
 /// The step starts at a thousandth of the relaxation time 1/(2 zeta) and doubles every five steps up
@@ -354,7 +355,7 @@ const ARRIVED: f64 = 1e-11;
 ///
 /// # Errors
 /// Those of [`BackwardEuler::step`] and of `late`.
-fn march(
+fn integrate(
     generator: &Generator,
     density: &mut Density,
     relaxation: f64,

@@ -36,7 +36,7 @@ struct Given {
     lost: [f64; 2],
 }
 
-/// The weights of an initial condition on their way.
+/// The weights of an initial condition as they move.
 pub(super) struct Driven<'a> {
     region: &'a Region<'a>,
     forcing: &'a Forcing,

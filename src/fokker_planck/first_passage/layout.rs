@@ -35,7 +35,7 @@ pub(super) struct Layout {
     pub(super) nodes: [usize; 2],
     pub(super) level: f64,
     /// Time over which the motion forgets.
-    pub(super) memory: f64,
+    pub(super) correlation_time: f64,
     /// Part of the losses that begins beyond the edge of the mesh.
     pub(super) outside: f64,
     /// Whether each step has its own kick.
@@ -105,7 +105,7 @@ impl Layout {
         let gap = until / outputs;
         let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
-        let memory = oscillator.memory();
+        let correlation_time = oscillator.correlation_time();
         let nodes = match asked.cells {
             Some(cells) => cells.map(|n| n.max(16)),
             None => {
@@ -120,7 +120,7 @@ impl Layout {
             step,
             nodes,
             level,
-            memory,
+            correlation_time,
             outside,
             driven: forcing.is_some(),
         }
@@ -154,10 +154,10 @@ impl Layout {
         [of(nodes, step), of(coarse, step), of(nodes, 2.0 * step)]
     }
 
-    /// Krylov vectors a tenth of the memory apart, and a quarter of a period at the least: closer ones span
+    /// Krylov vectors a tenth of the correlation time apart, and a quarter of a period at the least: closer ones span
     /// too little of an oscillation to tell it from the slowest mode.
     pub(super) fn stride(&self, step: f64) -> usize {
-        let apart = (0.1 * self.memory).max(1.5);
+        let apart = (0.1 * self.correlation_time).max(1.5);
         (apart / step).ceil().clamp(1.0, 1e6) as usize
     }
 
@@ -208,7 +208,7 @@ impl Layout {
         if self.driven {
             return self.steps();
         }
-        self.steps().min(10.0 * self.memory / self.step)
+        self.steps().min(10.0 * self.correlation_time / self.step)
             + 1.2 * 18.0 * self.stride(self.step) as f64
     }
 }

@@ -37,18 +37,18 @@ pub(super) struct Run {
 }
 
 /// Losses up to each step.
-struct March {
+struct Integration {
     gone: Vec<f64>,
     /// The same by detailed balance.
     left: Vec<f64>,
     /// Of what enters, in stationary motion.
     entered: Vec<f64>,
     /// The constant hazard a step of what survives after the last step, and its relative error; None where
-    /// the march went on to the end.
+    /// the integration went on to the end.
     hazard: Option<(f64, f64)>,
 }
 
-impl March {
+impl Integration {
     /// Survival, losses and their density, each time `every` steps of length `step` on. `rate` is the hazard a step in the end, and
     /// what it may be off `doubt`; `entering` is what enters in stationary motion, for the stationary start alone.
     fn curves(
@@ -63,7 +63,7 @@ impl March {
         let mut run = Run::default();
         for k in 0..count {
             let n = k * every;
-            // Beyond the march the survival falls at the rate of its end.
+            // Beyond the last step the survival falls at the rate of its end.
             let (at, beyond) = if n + ENDS <= last || self.hazard.is_none() {
                 (n, 0.0)
             } else {
@@ -179,7 +179,7 @@ impl Problem<'_> {
             let driven = Driven::new(region, fineness, forcing, &start)?;
             return self.driven(layout, driven, (&start, total), progress);
         }
-        // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by its march alone.
+        // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by time integration alone.
         let balances = region.balances();
         let balanced = balances && *self.initial == Initial::Stationary;
         let low = self.asked.barrier.low;
@@ -188,12 +188,12 @@ impl Problem<'_> {
         let balance = balanced.then_some([&outflow, &entering]);
         let step = fineness.step;
         let every = (layout.every as f64 * layout.step / step).round() as usize;
-        let march = self.march(
+        let integration = self.integrate(
             &absorbed,
             &start,
             balance,
             every * (layout.times.len() - 1),
-            (0.5 * layout.memory / step).ceil() as usize,
+            (0.5 * layout.correlation_time / step).ceil() as usize,
             &|part| progress(0.4 * part),
         )?;
         let stride = layout.stride(step);
@@ -206,7 +206,7 @@ impl Problem<'_> {
         // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
         // that its error holds.
         let rare = |mode: &[f64]| {
-            let forgotten = per_step(mode) * layout.memory / step;
+            let forgotten = per_step(mode) * layout.correlation_time / step;
             balances && forgotten < 0.3 * self.asked.tolerance
         };
         let weights = (&stationary.weights[..], fineness.nodes[1]);
@@ -229,14 +229,15 @@ impl Problem<'_> {
             f64::NAN
         };
         let inside = start.total / total;
-        let last = march.gone.len() - 1;
-        let mut doubt = march.doubt(rate * step, long.sum.is_none());
+        let last = integration.gone.len() - 1;
+        let mut doubt = integration.doubt(rate * step, long.sum.is_none());
         if !balances {
             doubt += long.residuals[1] * rate * step;
         }
         let entering = balanced.then_some(entering.total);
         let ends = (inside, total, entering);
-        let mut run = march.curves(ends, (rate * step, step), doubt, every, layout.times.len());
+        let mut run =
+            integration.curves(ends, (rate * step, step), doubt, every, layout.times.len());
         let (mean_time, direct) = match &long.sum {
             Some(sum) => {
                 let sum = dot(&start.weights, sum);
@@ -251,7 +252,7 @@ impl Problem<'_> {
             }
         };
         let forgets = if long.sum.is_none() {
-            rate * layout.memory
+            rate * layout.correlation_time
         } else {
             0.0
         };
@@ -285,14 +286,14 @@ impl Problem<'_> {
             progress(gone.len() as f64 / (count + ENDS) as f64);
         }
         let steps = gone.len() as u64;
-        let march = March {
+        let integration = Integration {
             gone,
             left: Vec::new(),
             entered: Vec::new(),
             hazard: None,
         };
         let ends = (start.total / total, total, None);
-        let run = march.curves(ends, (0.0, driven.step()), 0.0, every, layout.times.len());
+        let run = integration.curves(ends, (0.0, driven.step()), 0.0, every, layout.times.len());
         Ok(Run {
             mean_time: f64::NAN,
             rate: f64::NAN,
@@ -305,7 +306,7 @@ impl Problem<'_> {
     /// Losses step by step, until they are constant in what survives. The stationary law loses in each step
     /// what leaves it of those that have survived (`balance`: outflow and what enters), by detailed
     /// balance: no small part of a small number.
-    fn march(
+    fn integrate(
         &self,
         absorbed: &Absorbed,
         start: &Start,
@@ -313,11 +314,11 @@ impl Problem<'_> {
         count: usize,
         window: usize,
         progress: &dyn Fn(f64),
-    ) -> Result<March> {
+    ) -> Result<Integration> {
         let first = |it: &Start| it.lost + dot(&it.weights, absorbed.lost_first());
         // Summed from the losses in each step, so that small parts keep their digits.
         let mut leaving = balance.map_or(0.0, |[outflow, _]| outflow.total - first(outflow));
-        let mut march = March {
+        let mut integration = Integration {
             gone: vec![0.0, first(start)],
             left: vec![0.0, balance.map_or(0.0, |[it, _]| it.total)],
             entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
@@ -328,16 +329,16 @@ impl Problem<'_> {
         let mut scratch = vec![0.0; losses.len()];
         let mut hazards = [f64::INFINITY; 3];
         // As many steps more as the differences at the end want.
-        while march.gone.len() <= count + ENDS {
-            let n = march.gone.len();
-            march
+        while integration.gone.len() <= count + ENDS {
+            let n = integration.gone.len();
+            integration
                 .gone
-                .push(march.gone[n - 1] + dot(&start.weights, &losses));
+                .push(integration.gone[n - 1] + dot(&start.weights, &losses));
             if let Some([outflow, entering]) = balance {
-                march.left.push(march.left[n - 1] + leaving);
+                integration.left.push(integration.left[n - 1] + leaving);
                 leaving -= dot(&outflow.weights, &losses);
-                let entered = march.entered[n - 1] + dot(&entering.weights, &losses);
-                march.entered.push(entered);
+                let entered = integration.entered[n - 1] + dot(&entering.weights, &losses);
+                integration.entered.push(entered);
             }
             absorbed.advance(&mut losses, &mut scratch);
             late()?;
@@ -345,8 +346,8 @@ impl Problem<'_> {
                 progress(n as f64 / count as f64);
             }
             if n.is_multiple_of(window) {
-                let before = march.gone[n - window];
-                let part = (march.gone[n] - before) / (start.total - before);
+                let before = integration.gone[n - window];
+                let part = (integration.gone[n] - before) / (start.total - before);
                 hazards = [hazards[1], hazards[2], -(-part).ln_1p() / window as f64];
                 let [a, b, c] = hazards;
                 let (change, earlier) = ((c - b).abs(), (b - a).abs());
@@ -354,13 +355,13 @@ impl Problem<'_> {
                 let pace = (change / earlier).max((-0.5f64).exp());
                 let doubt = change / (1.0 - pace) / c;
                 if c > 0.0 && pace < 0.9 && doubt < 1e-2 * self.asked.tolerance {
-                    march.hazard = Some((c, doubt));
+                    integration.hazard = Some((c, doubt));
                     break;
                 }
             }
         }
         progress(1.0);
-        Ok(march)
+        Ok(integration)
     }
 }
 

@@ -129,7 +129,7 @@ fn the_schedule_spends_exactly_its_interval_on_motion_and_on_noise() {
 #[test]
 fn beyond_the_edge_g_goes_on_as_a_constant_and_a_density_as_nothing() {
     let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
-    // A box much too small: half of the stationary law lies outside.
+    // A domain much too small: half of the stationary law lies outside.
     let mesh = Mesh {
         q: Axis::uniform(-1.2, 0.9, 30).unwrap(),
         v: Axis::uniform(-0.8, 0.8, 24).unwrap(),
@@ -143,7 +143,7 @@ fn beyond_the_edge_g_goes_on_as_a_constant_and_a_density_as_nothing() {
     let (low, high) = g
         .iter()
         .fold((f64::MAX, f64::MIN), |(a, b), g| (a.min(*g), b.max(*g)));
-    println!("too small a box: g within [{low:.3}, {high:.3}]");
+    println!("too small a domain: g within [{low:.3}, {high:.3}]");
     assert!(low > -0.1 && high < 20.0);
 
     let free = Oscillator::new(ContactLaw::Free, 0.005, 2e-3).unwrap();
@@ -156,7 +156,7 @@ fn beyond_the_edge_g_goes_on_as_a_constant_and_a_density_as_nothing() {
         .start(&Initial::gaussian([0.0, 0.0], [0.3, 0.3]).unwrap())
         .unwrap();
     flow.advance(&mut density, 10.0).unwrap();
-    println!("thrown out of the box: mass {:.1e} left", density.mass());
+    println!("thrown out of the domain: mass {:.1e} left", density.mass());
     assert!(density.mass().abs() < 1e-6);
     assert!((flow.progress().defect - 1.0).abs() < 1e-6);
 }

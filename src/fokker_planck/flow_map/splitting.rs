@@ -71,7 +71,8 @@ fn even(steps: usize) -> (Vec<f64>, Vec<f64>) {
 /// second order in the friction a splitting runs the motion at a wrong rate and does nothing else wrong, since
 /// [O, [O, H]] = 4 zeta^2 H. Friction stretches the two halves of H, v d/dq and G d/dv, by inverse factors of
 /// the time u that has passed in O, e^{-2 zeta u} and e^{2 zeta u}; the mean of their second order is to be that
-/// of u = s. 0 where that is more than a tenth: a second order then says nothing, and the bars of such steps know.
+/// of u = s. 0 where that is more than a tenth: a second order then says nothing, and the error estimates of such steps
+/// show it.
 pub(super) fn lead(nodes: &[f64], weights: &[f64], steps: f64, x: f64) -> f64 {
     let (mut u, mut before, mut sum) = (-0.5 * steps, 0.0, 0.0);
     for (node, weight) in nodes.iter().zip(weights) {

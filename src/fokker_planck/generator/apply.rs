@@ -32,8 +32,8 @@ impl Generator {
         self.part::<true, true>(columns, g, rate);
     }
 
-    /// The part of [`Generator::apply`] that couples cells along q: transport, with the exchange in the
-    /// rim and what leaves through open edges.
+    /// The part of [`Generator::apply`] that couples cells along q: transport, with the exchange among
+    /// boundary cells and what leaves through open edges.
     pub(crate) fn apply_transport(&self, g: &[f64], rate: &mut [f64]) {
         self.in_shares(rate, |columns, rate| self.transport_to(columns, g, rate));
     }

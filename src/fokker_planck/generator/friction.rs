@@ -40,7 +40,7 @@ impl Generator {
                     // A pair with a cell beyond the column must carry nothing.
                     let inner = column.start + half..column.end.saturating_sub(half);
                     for (j, extra) in extra.iter_mut().enumerate() {
-                        if inner.contains(&j) && !self.weights.in_rim(i, j) {
+                        if inner.contains(&j) && !self.weights.is_boundary(i, j) {
                             let weight = self.weights.at(i, j) / axes.1.slopes()[j];
                             *extra = excess(q, axes.1.centres()[j]) * weight;
                         }

@@ -272,7 +272,7 @@ impl Basis {
         }
     }
 
-    /// The way back, R.
+    /// Its inverse, R.
     pub(super) fn of_hats<T: Number>(&self, x: &mut [T], each: usize) {
         let count = self.elements.len();
         for k in 0..=count {
@@ -296,7 +296,7 @@ impl Basis {
         }
     }
 
-    /// The way back, R^T.
+    /// Its inverse, R^T.
     pub(super) fn test<T: Number>(&self, x: &mut [T], each: usize) {
         for k in (0..=self.elements.len()).rev() {
             let here = &mut x[k * each..(k + 1) * each];

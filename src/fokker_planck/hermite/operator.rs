@@ -28,12 +28,12 @@ pub(in crate::fokker_planck) struct Resolution {
     pub(in crate::fokker_planck) elements: usize,
     /// Pairs of Hermite functions, an even one and an odd one.
     pub(in crate::fokker_planck) pairs: usize,
-    /// The box reaches to this energy above the lowest, in T.
+    /// The truncated domain reaches to this energy above the lowest, in T.
     pub(in crate::fokker_planck) level: f64,
 }
 
 impl Resolution {
-    /// Of so many times the elements and functions, in a box `higher` by so many T.
+    /// Of so many times the elements and functions, in a domain `higher` by so many T.
     pub(in crate::fokker_planck) fn finer(self, times: f64, higher: f64) -> Self {
         let more = |n: usize| (n as f64 * times).round() as usize;
         Self {

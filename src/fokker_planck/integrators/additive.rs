@@ -206,7 +206,7 @@ impl Integrator for Additive {
         self.longest
     }
 
-    fn march(&mut self, cells: &mut [f64], dt: f64, _allowed: f64) -> Result<()> {
+    fn advance(&mut self, cells: &mut [f64], dt: f64, _allowed: f64) -> Result<()> {
         self.prepare(dt)?;
         let inverse = self.generator.inverse_weights();
         for ((g, p), inverse) in self.g.iter_mut().zip(&*cells).zip(inverse) {

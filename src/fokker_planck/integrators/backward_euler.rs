@@ -38,7 +38,7 @@ impl BackwardEuler {
     /// # Errors
     /// [`crate::Error::Linear`] if the matrix cannot be factored or the solution is none.
     pub fn step(&mut self, density: &mut Density, dt: f64) -> Result<()> {
-        self.march(density.cells_mut(), dt, 0.0)
+        self.advance(density.cells_mut(), dt, 0.0)
     }
 }
 
@@ -47,7 +47,7 @@ impl Integrator for BackwardEuler {
         1
     }
 
-    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
+    fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
         self.system.gather(cells, &mut self.unknowns);
         self.resolvent.solve(dt, &mut self.unknowns, allowed)?;
         self.system.scatter(&self.unknowns, cells);

@@ -80,7 +80,7 @@ impl Chebyshev {
         }
         self.dt = dt;
         let (reach, damping) = (self.frequency * dt, (-self.shift * dt).exp());
-        // |phi_k| grows as rho^k at the slow end of the spectrum, and no faster elsewhere in a tall box.
+        // |phi_k| grows as rho^k at the slow end of the spectrum, and no faster elsewhere in a tall domain.
         let slope = self.shift / self.frequency;
         self.growth = slope + slope.hypot(1.0);
         self.coefficients.clear();
@@ -203,7 +203,7 @@ impl Integrator for Chebyshev {
         REACH / (self.frequency + self.shift)
     }
 
-    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
+    fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
         self.prepare(dt);
         let inverse = self.generator.inverse_weights();
         for ((g, p), inverse) in self.start.iter_mut().zip(&*cells).zip(inverse) {

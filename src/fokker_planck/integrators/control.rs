@@ -45,10 +45,10 @@ const GROWTH: f64 = 10.0;
 const FAR: f64 = 1e6;
 
 /// A longer step is worth new factorisations from this factor on.
-const WORTH: f64 = 1.35;
+const MIN_GAIN: f64 = 1.35;
 
 /// A scheme with the choice of its steps.
-pub struct March {
+pub struct TimeIntegration {
     scheme: Box<dyn Integrator>,
     choice: Step,
     /// The step in use, before it is shortened to land.
@@ -70,7 +70,7 @@ pub struct March {
     longest: f64,
 }
 
-impl March {
+impl TimeIntegration {
     /// `scheme` with steps by `choice`, none longer than its stability allows.
     pub(crate) fn new(scheme: Box<dyn Integrator>, choice: Step) -> Self {
         let wanted = match choice {
@@ -186,7 +186,7 @@ impl March {
             ..
         } = self.choice
         else {
-            self.scheme.march(density.cells_mut(), dt, 0.0)?;
+            self.scheme.advance(density.cells_mut(), dt, 0.0)?;
             self.keep(dt);
             return Ok(true);
         };
@@ -196,14 +196,15 @@ impl March {
         if check {
             self.before.extend_from_slice(density.cells());
         }
-        self.scheme.march(density.cells_mut(), dt, SHARP * steady)?;
+        self.scheme
+            .advance(density.cells_mut(), dt, SHARP * steady)?;
         if check {
             let size = |x: &[f64]| x.iter().map(|x| x.abs()).sum::<f64>();
             self.error.resize(self.before.len(), 0.0);
             self.scheme
                 .error(&self.before, density.cells(), dt, &mut self.error)?;
             let error = size(&self.error);
-            self.scheme.march(&mut self.error, dt, 1e-2 * error)?;
+            self.scheme.advance(&mut self.error, dt, 1e-2 * error)?;
             let kept = (size(&self.error) / error.max(1e-300)).clamp(1e-3, 1.0);
             let allowed = steady + total * FORGOTTEN * (-kept.ln()).min(1.0);
             // The error of one step over the step goes with its order.
@@ -221,7 +222,7 @@ impl March {
             self.unchecked = 0;
             self.seen = (error, kept);
             let next = (dt * factor.min(GROWTH)).min(ceiling);
-            if next > WORTH * self.wanted || next < 0.99 * self.wanted.min(dt) {
+            if next > MIN_GAIN * self.wanted || next < 0.99 * self.wanted.min(dt) {
                 self.wanted = next;
             }
         }

@@ -12,12 +12,12 @@ pub trait Integrator: Send {
         f64::INFINITY
     }
 
-    /// Whether it keeps to the `allowed` error of [`Integrator::march`] with any step.
+    /// Whether it keeps to the `allowed` error of [`Integrator::advance`] with any step.
     fn chooses_accuracy(&self) -> bool {
         false
     }
 
-    /// Part of the `allowed` error of [`Integrator::march`] that an iterative solver may add to a step.
+    /// Part of the `allowed` error of [`Integrator::advance`] that an iterative solver may add to a step.
     fn algebraic_part(&self) -> f64 {
         0.0
     }
@@ -27,17 +27,17 @@ pub trait Integrator: Send {
     ///
     /// # Errors
     /// [`crate::Error::Linear`] where a linear system cannot be solved.
-    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()>;
+    fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()>;
 
     /// Overwrites `error` with the error of the step of `dt` that led from `before` to `after`; unless a
     /// scheme knows better, from two steps of half the length.
     ///
     /// # Errors
-    /// As [`Integrator::march`].
+    /// As [`Integrator::advance`].
     fn error(&mut self, before: &[f64], after: &[f64], dt: f64, error: &mut [f64]) -> Result<()> {
         error.copy_from_slice(before);
         for _ in 0..2 {
-            self.march(error, 0.5 * dt, 0.0)?;
+            self.advance(error, 0.5 * dt, 0.0)?;
         }
         let gained = f64::from(self.order()).exp2();
         for (error, after) in error.iter_mut().zip(after) {

@@ -1,4 +1,4 @@
-//! Steps in time of dP/dt = L P: one interface, [`Integrator`], and one [`March`] that drives any of
+//! Steps in time of dP/dt = L P: one interface, [`Integrator`], and one [`TimeIntegration`] that drives any of
 //! them with steps chosen by the error they make.
 //!
 //! | scheme | order | step bound by | cost of a step |
@@ -29,8 +29,8 @@ mod resolvent;
 mod system;
 
 pub use self::{
-    additive::Additive, backward_euler::BackwardEuler, chebyshev::Chebyshev, control::March,
-    integrator::Integrator, radau::Radau, system::Solver,
+    additive::Additive, backward_euler::BackwardEuler, chebyshev::Chebyshev,
+    control::TimeIntegration, integrator::Integrator, radau::Radau, system::Solver,
 };
 pub(crate) use control::Step;
 pub(crate) use system::{Late, never};
@@ -62,7 +62,7 @@ mod tests {
         Generator::new(&it, &mesh, drift).unwrap()
     }
 
-    fn packet(generator: &Generator) -> Density {
+    fn gaussian(generator: &Generator) -> Density {
         Density::from_fn(generator, |q, v| {
             (-0.5 * ((q - 0.2).powi(2) + v * v) / 0.05).exp() / (std::f64::consts::TAU * 0.05)
         })
@@ -100,7 +100,7 @@ mod tests {
     fn every_scheme_has_its_order_against_the_matrix_exponential() {
         for (zeta, drift) in [(0.05, Drift::Order8), (0.5, Drift::Order4)] {
             let generator = generator(zeta, 0.1, [34, 30], drift);
-            let start = packet(&generator);
+            let start = gaussian(&generator);
             let t = 0.4;
             let exact = exponential(&generator, &start, t);
             for (name, mut scheme) in schemes(&generator) {
@@ -111,7 +111,7 @@ mod tests {
                 for _ in 0..5 {
                     let mut cells = start.cells().to_vec();
                     for _ in 0..steps as usize {
-                        scheme.march(&mut cells, t / steps, 1e-14).unwrap();
+                        scheme.advance(&mut cells, t / steps, 1e-14).unwrap();
                     }
                     errors.push(distance(&cells, &exact));
                     steps *= 2.0;
@@ -138,18 +138,18 @@ mod tests {
             let stationary = Density::from_fn(&generator, |_, _| 0.0);
             let mut law = stationary.cells().to_vec();
             generator.weigh(&vec![1.0; law.len()], &mut law);
-            let packet = packet(&generator);
-            let mass = packet.mass();
+            let gaussian = gaussian(&generator);
+            let mass = gaussian.mass();
             let mut all = schemes(&generator);
             all.push(("Chebyshev", Box::new(Chebyshev::new(&generator))));
             for (name, mut scheme) in all {
                 let (mut worst, mut drifted): (f64, f64) = (0.0, 0.0);
                 for part in [0.1, 1.0] {
                     let dt = part * scheme.longest_step().min(0.5);
-                    let (mut kept, mut moved) = (law.clone(), packet.cells().to_vec());
+                    let (mut kept, mut moved) = (law.clone(), gaussian.cells().to_vec());
                     for _ in 0..50 {
-                        scheme.march(&mut kept, dt, 1e-6).unwrap();
-                        scheme.march(&mut moved, dt, 1e-6).unwrap();
+                        scheme.advance(&mut kept, dt, 1e-6).unwrap();
+                        scheme.advance(&mut moved, dt, 1e-6).unwrap();
                         worst = worst.max(distance(&kept, &law));
                         drifted = drifted.max((moved.iter().sum::<f64>() - mass).abs());
                     }
@@ -171,7 +171,7 @@ mod tests {
             cells[20 * 36 + 9] = 1.0;
             let mut lowest = f64::INFINITY;
             for _ in 0..5 {
-                scheme.march(&mut cells, dt, 0.0).unwrap();
+                scheme.advance(&mut cells, dt, 0.0).unwrap();
                 lowest = cells.iter().copied().fold(lowest, f64::min);
             }
             let mass = cells.iter().sum::<f64>() - 1.0;

@@ -106,7 +106,7 @@ impl Integrator for Radau {
         0.1
     }
 
-    fn march(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
+    fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
         self.system.gather(cells, &mut self.start);
         // The coefficients of the two solutions weigh what they leave up to five times.
         let allowed = 0.2 * self.algebraic_part() * allowed;

@@ -28,7 +28,7 @@ pub(super) struct System {
     pub(super) generator: Generator,
     /// Cell of each unknown.
     pub(super) cells: Vec<usize>,
-    /// The stationary law on the unknowns, with sum 1; none where probability leaves the box.
+    /// The stationary law on the unknowns, with sum 1; none where probability leaves the domain.
     pub(super) stationary: Option<Vec<f64>>,
     /// A bound on |L|.
     pub(super) rate: f64,

@@ -1,4 +1,4 @@
-//! The spline of a packet in its frame.
+//! The spline of a local grid in its frame.
 
 use super::frame::Frame;
 use crate::fokker_planck::interpolation::{

@@ -3,4 +3,4 @@
 pub(crate) mod frame;
 mod interpolant;
 mod linear;
-pub(crate) mod packet;
+pub(crate) mod local_grid;

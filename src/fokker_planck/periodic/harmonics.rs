@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_2_PI, TAU};
 /// amplitude cos(k W t + phase).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Harmonic {
-    /// Half the way from peak to peak.
+    /// Half of the distance from peak to peak.
     pub amplitude: Estimate,
     /// In radians, from -pi to pi; NaN without an amplitude that is known.
     pub phase: Estimate,

@@ -1,4 +1,4 @@
-//! The box: as wide as the tolerance needs, and bounded by one energy level.
+//! The truncated domain: as wide as the tolerance needs, and bounded by one energy level.
 
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
@@ -22,16 +22,16 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// What a neglected probability weighs in a second moment, in natural scales: the square of the
-    /// energy at the edge of the box over T.
+    /// What a neglected probability weighs in a second moment, over its normalisation: the square of the
+    /// energy at the edge of the domain over T.
     pub(crate) fn tail_weight(&self, temperature: f64) -> f64 {
         let energy = 0.5 * self.v[1].powi(2) / temperature;
         (energy * energy).max(100.0)
     }
 
-    /// What the neglected probability weighs in each of [`Moments::named`], in natural scales: the mean of
-    /// |q - E q|/sd q, of its square, and so on, over the stationary law outside the box, plus 1 for the
-    /// probability itself, which is somewhere inside instead. Shapes are functions of raw moments of the
+    /// What the neglected probability weighs in each of [`Moments::named`], over the normalisation: the mean of
+    /// |q - E q|/sd q, of its square, and so on, over the stationary law outside the domain, plus 1 for the
+    /// probability itself, which is somewhere inside instead. Skewness and kurtosis are functions of raw moments of the
     /// force, and each of these counts with its derivative.
     ///
     /// [`Moments::named`]: crate::moments::Moments::named
@@ -188,7 +188,7 @@ impl Domain {
         highest.sqrt() / self.v[1]
     }
 
-    /// This box of the stationary law, raised to hold a narrow start until `until`. The amplitude
+    /// This domain of the stationary law, raised to hold a concentrated initial condition until `until`. The amplitude
     /// sqrt(2H) of a start r decays as e^{-zeta t} while noise adds a Gaussian of variance
     /// T (1 - e^{-2 zeta t}) in two directions (exact for G = q, on the average over a period): where the
     /// stationary law needs the level L, the start needs (r e^{-zeta t} + sqrt(2 L (1 - e^{-2 zeta
@@ -222,7 +222,7 @@ impl Domain {
         self.enlarged(oscillator, (reach / self.v[1]).max(1.0))
     }
 
-    /// For a contact without a stationary law: the box that the Gaussian start sweeps until `until`,
+    /// For a contact without a stationary law: the domain that the Gaussian initial condition sweeps until `until`,
     /// with `neglected` outside at any time.
     ///
     /// # Errors

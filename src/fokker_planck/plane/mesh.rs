@@ -300,7 +300,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cell_edge_lies_on_the_loss_point_and_the_box_is_covered() {
+    fn a_cell_edge_lies_on_the_loss_point_and_the_domain_is_covered() {
         for (t, low, high) in [(0.63, -12.0, 4.5), (94.0, -1690.0, 36.0), (0.01, -0.4, 0.5)] {
             let axis = Axis::displacement(&ContactLaw::Hertz, t, [low, high], 160, 5).unwrap();
             let edges = axis.edges();

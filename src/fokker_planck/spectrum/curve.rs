@@ -5,7 +5,7 @@ use crate::estimate::{Estimate, Shortfall};
 use crate::oscillator::Quantity;
 use std::f64::consts::FRAC_2_PI;
 
-/// A spectrum's natural scale is the larger of its value and this part of its peak.
+/// A spectrum's normalisation is the larger of its value and this part of its peak.
 pub(super) const FLOOR: f64 = 1e-6;
 
 /// A one-sided spectrum with its errors.
@@ -44,7 +44,7 @@ impl Spectrum {
         FRAC_2_PI * self.model.at(omega).value
     }
 
-    /// The largest error over the natural scale, and the frequency where it is.
+    /// The largest error over the normalisation, and the frequency where it is.
     pub(crate) fn worst(&self) -> (f64, f64) {
         let peak = self.density.iter().map(|it| it.value).fold(0.0, f64::max);
         let relative = |it: &Estimate| it.error / it.value.abs().max(FLOOR * peak);

@@ -31,7 +31,7 @@ const WIDEST: usize = 1200;
 
 /// The spectrum of `quantity` in the stationary motion at the ascending circular frequencies `omegas`.
 ///
-/// The operator is refined until the change is within `settings.tolerance` of the natural scale, the
+/// The operator is refined until the change is within `settings.tolerance` of the normalisation, the
 /// larger of the value and 1e-6 of the peak; `settings.cells` fixes the finest one, as functions of q and
 /// of v. `progress` is called with the fraction done.
 ///
@@ -162,7 +162,7 @@ fn work(it: Resolution, solves: f64, local: bool) -> Work {
     }
 }
 
-/// A spectrum on its way to the tolerance.
+/// A spectrum that is refined to the tolerance.
 struct Task<'a> {
     recipe: &'a Resolvent,
     oscillator: &'a Oscillator,
@@ -174,7 +174,7 @@ struct Task<'a> {
     /// Frequencies that the last resolution was solved for.
     solved: Vec<f64>,
     /// The answers of the last resolution at the frequencies watched, and the largest change from the one before, over
-    /// the natural scale.
+    /// the normalisation.
     last: Option<Vec<Answer>>,
     largest: Option<f64>,
     best: Option<Spectrum>,

@@ -1,9 +1,9 @@
 //! What a transient will take, from the sizes of its mesh alone.
 
-use super::opening;
 use super::propagator::{self, CHUNK};
 use super::recipe::{RATIO, REFINED, Recipe, Rung, Scheme};
 use super::run::SETTLED;
+use super::start_up;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::flow_map::{HELD, Settings};
@@ -100,12 +100,12 @@ pub(super) fn run(
         return lasting(rung, oscillator, period, times);
     }
     let until = times.last().copied().unwrap_or(0.0);
-    let opening = opening::cost(rung, oscillator, initial, until);
-    if let Some((bill, side)) = opening
+    let start_up = start_up::cost(rung, oscillator, initial, until);
+    if let Some((bill, side)) = start_up
         .as_ref()
         .and_then(|it| it.alone.map(|side| (it, side)))
     {
-        // The packet's own frame, the same whatever the mesh would be.
+        // The local grid's own frame, the same whatever the mesh would be.
         let cells = [side; 2];
         return Ok(Cost {
             cells,
@@ -115,7 +115,7 @@ pub(super) fn run(
         });
     }
     // What is left of the run for the mesh.
-    let from = opening.as_ref().map_or(0.0, |it| it.until);
+    let from = start_up.as_ref().map_or(0.0, |it| it.until);
     // However soon the run settles, it looks after whole chunks only.
     let chunk = match rung.scheme {
         Scheme::FlowMap => CHUNK * rung.flow_map().step,
@@ -133,7 +133,7 @@ pub(super) fn run(
         *t -= from;
     }
     let until = end.max(from) - from;
-    let finer = opening.as_ref().map_or(1.0, |_| REFINED);
+    let finer = start_up.as_ref().map_or(1.0, |_| REFINED);
     let cells = rung
         .layout
         .count_within(oscillator, finer, Factors::None, max_memory)?;
@@ -187,6 +187,6 @@ pub(super) fn run(
         cells,
         steps: steps.ceil() as u64,
         memory: bytes as u64,
-        seconds: seconds + n * timing::LOOK * looks + opening.map_or(0.0, |it| it.seconds),
+        seconds: seconds + n * timing::LOOK * looks + start_up.map_or(0.0, |it| it.seconds),
     })
 }

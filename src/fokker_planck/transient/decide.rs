@@ -474,7 +474,7 @@ impl Question<'_> {
     }
 
     /// Whether a run never leaves its moving local grid, and has no other mesh: a law that leaves every domain keeps
-    /// the shape of a density for good. A Gaussian initial condition may ask for a domain instead.
+    /// a density near a Gaussian for good. A Gaussian initial condition may ask for a domain instead.
     fn stays_on_moving_grid(&self) -> bool {
         let it = self.settings;
         let asked =
@@ -513,7 +513,7 @@ impl Question<'_> {
     }
 }
 
-/// The mesh of a run until `until`, `finer` times as fine as the settings ask for; for an initial condition that opens
+/// The mesh of a run until `until`, `finer` times as fine as the settings ask for; for an initial condition that starts
 /// on a moving local grid, the mesh that takes over without regard to how narrow it is.
 ///
 /// # Errors
@@ -562,7 +562,7 @@ pub fn time_scheme(
         return (TimeScheme::BackwardEuler, reason.into());
     }
     let (transport, diffusion) = generator.radii();
-    // 1.2 stages per unit of F dt + s dt at the longest step, up to twice that in a tall box.
+    // 1.2 stages per unit of F dt + s dt at the longest step, up to twice that in a tall domain.
     let tall = 1.0 + (0.1 * diffusion / transport).min(1.0);
     let explicit = 1.2 * (transport + 0.5 * diffusion * tall) * until;
     // Bound by transport, and while the initial condition is smoothed by accuracy: 15 steps per unit of time at

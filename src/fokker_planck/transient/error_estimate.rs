@@ -18,11 +18,11 @@ pub(super) struct Errors {
     time: Table,
     /// What negative cells weigh.
     undershoot: Table,
-    /// What a narrow start has cost, in natural scales.
-    opening: Table,
-    /// What all rungs err alike at each time, in natural scales.
+    /// What a concentrated initial condition has cost, over the normalisation.
+    start_up: Table,
+    /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
-    /// Natural scales.
+    /// Normalisations.
     scales: Table,
     /// L1 distance to the stationary law at each time from which the integration was not continued, else 0.
     settled: Vec<f64>,
@@ -30,7 +30,7 @@ pub(super) struct Errors {
     rounding: f64,
 }
 
-/// Negative cells of the next rung that weigh less than this are on their way to nothing.
+/// Negative cells of the next rung that weigh less than this are converging to nothing.
 const CONVERGING: f64 = 0.62;
 
 /// The error of a run over its difference to the one before on the ladder, or over [`CARRIED`] of the difference before that
@@ -44,13 +44,13 @@ const SHARED: f64 = 3e-5;
 /// The part of the splitting error of a flow map that runs with as many steps do not show.
 const UNSEEN: f64 = 0.5;
 
-/// A difference that passes through zero, on its way from one output to the next or beside those of the other numbers, is
+/// A difference that passes through zero, from one output to the next or beside those of the other numbers, is
 /// not taken for less than this part of theirs.
 const NEIGHBOURS: f64 = 0.5;
 const OTHERS: f64 = 0.5;
 
 /// Moments that the motion turns into each other.
-const KIN: [&[Moment]; 2] = [
+const FAMILIES: [&[Moment]; 2] = [
     &[Moment::MeanQ, Moment::MeanV],
     &[Moment::VarQ, Moment::VarV, Moment::CovQv],
 ];
@@ -69,7 +69,7 @@ fn plain(a: &Run, b: &Run) -> Table {
 }
 
 /// Differences none of which is far below those of its neighbours: the same number at the times within a quarter of a
-/// period, its kin and the median of all numbers.
+/// period, its family and the median of all numbers.
 fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
     const QUARTER: f64 = 1.6;
     let outputs = &run.outputs;
@@ -86,12 +86,12 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
             }
         }
         // The motion turns what is wrong with q into what is wrong with v.
-        for kin in KIN {
-            let largest = kin
+        for family in FAMILIES {
+            let largest = family
                 .iter()
                 .map(|it| plain[k][*it as usize] / scale[*it as usize]);
             let largest = largest.fold(0.0, f64::max);
-            for it in kin {
+            for it in family {
                 let i = *it as usize;
                 row[i] = row[i].max(NEIGHBOURS * largest * scale[i]);
             }
@@ -110,11 +110,11 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
     table
 }
 
-/// What an error of each number at one time means for that at another: shapes err as the third and fourth
-/// power of a deviation that may be far smaller there.
+/// What an error of each number at one time means for that at another: skewness and kurtosis err as the third and
+/// fourth power of a deviation that may be far smaller there.
 fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
     let ratio = (there.std_force.value / here.std_force.value).min(1.0);
-    // Without a deviation there is no shape, and nothing to scale.
+    // Without a deviation there is no skewness, and nothing to scale.
     let ratio = if ratio.is_finite() { ratio } else { 1.0 };
     let mut weights = [1.0; 11];
     weights[Moment::SkewnessForce as usize] = ratio.powi(3);
@@ -122,19 +122,19 @@ fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
     weights
 }
 
-/// What a change of the density by its L1 norm weighs in each number, in natural scales: more in what weighs the
-/// tails. For what a packet's mass lost and what a settled run leaves out. Chosen, not measured one by one; the
-/// bars that they make are held against truths by the calibration.
+/// What a change of the density by its L1 norm weighs in each number, over its normalisation: more in what weighs the
+/// tails. For the mass that a local grid lost and what a settled run leaves out. Chosen, not measured one by one; the
+/// error estimates that they make are held against reference solutions by the calibration.
 pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
 
 /// How far a mean may still go after a run has settled, over its L1 distance to the stationary law then: from one
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
 const SWING: f64 = 2.5;
 
-/// What a narrow start has cost each number, in natural scales. A packet errs in proportion to its own
-/// size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
-fn opened(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
-    let cost = [it.opening.spread + it.opening.tail; 11];
+/// What a concentrated initial condition has cost each number, over the normalisation. A local grid errs in proportion
+/// to its own size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
+fn start_up_cost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
+    let cost = [it.start_up.spread + it.start_up.tail; 11];
     if !it.framed {
         return cost;
     }
@@ -199,11 +199,11 @@ fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride
     now
 }
 
-/// The natural scale of every number of a run.
+/// The normalisation of every number of a run.
 fn scales(task: &Task, run: &Run) -> Table {
-    let natural = Scales::of(task.oscillator);
+    let scales = Scales::of(task.oscillator);
     let rows = run.outputs.iter();
-    rows.map(|it| natural.each(&it.moments)).collect()
+    rows.map(|it| scales.each(&it.moments)).collect()
 }
 
 impl Errors {
@@ -275,11 +275,11 @@ impl Errors {
                 .zip(&coarse.outputs)
                 .map(|(a, b)| std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i])))
                 .collect(),
-            opening: run
+            start_up: run
                 .outputs
                 .iter()
                 .zip(&scales)
-                .map(|(it, scale)| opened(it, scale))
+                .map(|(it, scale)| start_up_cost(it, scale))
                 .collect(),
             settled: run
                 .outputs
@@ -294,7 +294,7 @@ impl Errors {
         }
     }
 
-    /// The largest part of the steps of the scene, in natural scales.
+    /// The largest part of the steps of the scene, over the normalisation.
     pub(super) fn steps(&self) -> f64 {
         let parts = self.time.iter().zip(&self.scales);
         let parts = parts.flat_map(|(row, scale)| row.iter().zip(scale));
@@ -313,9 +313,9 @@ impl Errors {
         self
     }
 
-    /// What three runs share of the error of number i at time k, in natural scales.
+    /// What three runs share of the error of number i at time k, over its normalisation.
     fn shared(&self, k: usize, i: usize) -> f64 {
-        SWING * TAIL[i] * self.settled[k] + self.opening[k][i] + self.shared[k]
+        SWING * TAIL[i] * self.settled[k] + self.start_up[k][i] + self.shared[k]
     }
 
     /// Parts of the error of number i at time k: space, time, rounding.
@@ -342,7 +342,7 @@ impl Errors {
         }
     }
 
-    /// The largest error over the natural scale, with its time and number.
+    /// The largest error over the normalisation, with its time and number.
     pub(super) fn worst(&self, run: &Run) -> (f64, usize, usize) {
         let mut worst = (0.0, 0, 0);
         for (k, scale) in self.scales.iter().enumerate() {
@@ -350,7 +350,7 @@ impl Errors {
                 let error = match run.outputs[k].moments.get(Moment::ALL[i]) {
                     None => 0.0,
                     // A force without a width has no skewness and no kurtosis.
-                    Some(it) if it.value.is_nan() && Moment::ALL[i].is_shape() => 0.0,
+                    Some(it) if it.value.is_nan() && Moment::ALL[i].is_standardised() => 0.0,
                     Some(it) => self.parts(k, i, it.value).iter().map(|it| it.0).sum(),
                 };
                 // A number that is 0 without error has no scale where the scale is its value.

@@ -1,9 +1,9 @@
 //! One run for the law that lasts under a drive: the fixed point of the map over one period, then the period itself.
 
-use super::opening::Loss;
 use super::propagator::{self, Propagator};
 use super::recipe::Rung;
 use super::run::{Floquet, Output, Run, Task, believable};
+use super::start_up::Loss;
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
@@ -91,7 +91,7 @@ impl Task<'_> {
             }
             outputs.push(Output {
                 steps: propagator.steps(),
-                opening: Loss {
+                start_up: Loss {
                     tail: left,
                     ..Loss::default()
                 },

@@ -5,16 +5,16 @@ mod decide;
 mod error_estimate;
 mod ladder;
 mod lasting;
-mod opening;
 mod propagator;
 mod reach;
 mod recipe;
 mod report;
 mod run;
 mod solve;
+mod start_up;
 
 pub use decide::{mesh, time_scheme};
-pub use propagator::march;
+pub use propagator::time_integration;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
 #[cfg(test)]

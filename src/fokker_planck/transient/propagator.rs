@@ -10,7 +10,8 @@ use crate::fokker_planck::flux::{Drift, Weights, maxwell};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::integrators::{
-    Additive, BackwardEuler, Chebyshev, Integrator, Late, March, Radau, Solver, Step, never,
+    Additive, BackwardEuler, Chebyshev, Integrator, Late, Radau, Solver, Step, TimeIntegration,
+    never,
 };
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::settings::TimeScheme;
@@ -19,14 +20,14 @@ use crate::oscillator::Oscillator;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A density's way forward.
+/// Advances a density in time.
 pub(super) enum Propagator {
     /// Finite volumes, and the scheme in time that drives them.
     Volumes {
         /// The generator.
         generator: Box<Generator>,
         /// The scheme with its choice of steps.
-        march: March,
+        integration: TimeIntegration,
     },
     /// Exact transport and exact noise in turn.
     FlowMap {
@@ -146,7 +147,7 @@ impl Propagator {
     }
 
     /// Carries the density forward by `duration`. `watch` is told how far it has come and what the
-    /// density is; it ends the march early by answering false.
+    /// density is; it ends the integration early by answering false.
     pub(super) fn advance(
         &mut self,
         density: &mut Density,
@@ -154,7 +155,9 @@ impl Propagator {
         watch: &mut dyn FnMut(f64, &Density) -> Result<bool>,
     ) -> Result<()> {
         match self {
-            Self::Volumes { march, .. } => march.advance(density, duration, watch).map(|_| ()),
+            Self::Volumes { integration, .. } => {
+                integration.advance(density, duration, watch).map(|_| ())
+            }
             Self::FlowMap {
                 map,
                 shortest,
@@ -193,7 +196,7 @@ impl Propagator {
     /// Steps taken so far.
     pub(super) fn steps(&self) -> u64 {
         match self {
-            Self::Volumes { march, .. } => march.steps(),
+            Self::Volumes { integration, .. } => integration.steps(),
             Self::FlowMap { map, .. } => map.progress().steps as u64,
         }
     }
@@ -201,7 +204,7 @@ impl Propagator {
     /// The longest step taken, or allowed.
     pub(super) fn step(&self) -> f64 {
         match self {
-            Self::Volumes { march, .. } => march.longest(),
+            Self::Volumes { integration, .. } => integration.longest(),
             Self::FlowMap { map, .. } => map.settings().step,
         }
     }
@@ -237,10 +240,10 @@ pub(super) fn build(
                 (TimeScheme::BackwardEuler, _) => Some(step_of(rung, oscillator, mesh, until)),
                 (_, step) => step,
             };
-            let march = watched(oscillator, &generator, time, tolerance, (step, until), late);
+            let integration = watched(oscillator, &generator, time, tolerance, (step, until), late);
             Ok(Propagator::Volumes {
                 generator: Box::new(generator),
-                march,
+                integration,
             })
         }
     }
@@ -255,7 +258,7 @@ pub(super) fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
 }
 
 /// Part of a transient's tolerance that the errors of the steps may add up to in the L1 norm: the mesh
-/// and the box have the rest.
+/// and the truncated domain have the rest.
 const TIME_SHARE: f64 = 0.1;
 
 /// The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.
@@ -288,21 +291,21 @@ pub(super) fn step_of(rung: &Rung, oscillator: &Oscillator, mesh: &Mesh, until: 
     if rung.step.is_some() || rung.drift() == Drift::Upwind {
         return step;
     }
-    let memory = horizon(oscillator, until) + 2.0 * oscillator.zeta();
-    step.min(2.0 * rung.tolerance / memory)
+    let remembered = horizon(oscillator, until) + 2.0 * oscillator.zeta();
+    step.min(2.0 * rung.tolerance / remembered)
 }
 
 /// The scheme with its choice of steps for a run until `until`, such that the error in time stays below
 /// `tolerance` in the L1 norm; a tenth to a half of it is measured where accuracy bounds many
 /// steps, a hundredth of it in a few implicit ones, and less where stability bounds them (tests/time.rs).
-pub fn march(
+pub fn time_integration(
     oscillator: &Oscillator,
     generator: &Generator,
     time: TimeScheme,
     tolerance: f64,
     longest: Option<f64>,
     until: f64,
-) -> March {
+) -> TimeIntegration {
     watched(
         oscillator,
         generator,
@@ -321,12 +324,13 @@ fn watched(
     tolerance: f64,
     (longest, until): (Option<f64>, f64),
     late: Late,
-) -> March {
+) -> TimeIntegration {
     let choice = if time == TimeScheme::BackwardEuler {
         Step::Fixed(euler_step(generator.mesh(), longest))
     } else {
-        // Steps longer than the motion's memory resolve nothing, and the systems of implicit ones grow hard to solve.
-        let longest = longest.unwrap_or_else(|| oscillator.memory());
+        // Steps longer than the correlation time of the motion resolve nothing, and the systems of implicit ones grow
+        // hard to solve.
+        let longest = longest.unwrap_or_else(|| oscillator.correlation_time());
         // Two runs that begin with the same steps would not see what these do.
         let shorter = (tolerance / 1e-3).cbrt().clamp(0.1, 1.0);
         Step::Error {
@@ -342,7 +346,7 @@ fn watched(
         TimeScheme::Imex => Box::new(Additive::new(generator)),
         TimeScheme::Explicit => Box::new(Chebyshev::new(generator)),
     };
-    March::new(scheme, choice)
+    TimeIntegration::new(scheme, choice)
 }
 
 /// How the systems of an implicit scheme are solved.

@@ -43,7 +43,7 @@ pub(crate) enum FirstGrid {
     /// A moving local grid first, until strong friction has brought the density in from far beyond the stationary law:
     /// finite volumes carry p/p_s, which spans e^(v^2/2T) and more there. A mesh takes over below this amplitude.
     Falling(f64),
-    /// A moving local grid for good: the density leaves every domain and keeps its shape.
+    /// A moving local grid for good: the density leaves every domain and stays near a Gaussian.
     MovingForGood,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct Recipe {
     pub(crate) first_grid: FirstGrid,
     /// What there is beside stationary noise.
     pub(crate) forcing: Option<Arc<Forcing>>,
-    /// The period of the drive, where the law that lasts is asked for and not the way to it.
+    /// The period of the drive, where the law that lasts is asked for and not the transient.
     pub(crate) period: Option<f64>,
     /// Whether its multipliers are asked for.
     pub(crate) multipliers: bool,
@@ -71,7 +71,7 @@ pub(crate) struct Recipe {
     pub(crate) step: Option<f64>,
     /// The moments asked for; None for all of them.
     pub(crate) moments: Option<Vec<Moment>>,
-    /// Error aimed at, relative to the natural scale of each number.
+    /// Error aimed at, relative to the normalisation of each number.
     pub(crate) tolerance: f64,
     /// What it will take.
     pub(crate) cost: Cost,
@@ -160,7 +160,7 @@ impl Rung {
     }
 
     /// Whether a moving local grid comes first.
-    pub(crate) fn opens_on_moving_grid(&self) -> bool {
+    pub(crate) fn starts_on_moving_grid(&self) -> bool {
         self.first_grid != FirstGrid::Mesh
     }
 

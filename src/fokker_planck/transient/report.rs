@@ -16,7 +16,7 @@ pub struct Transient {
     pub times: Vec<f64>,
     /// Moments with their errors.
     pub moments: Vec<Moments>,
-    /// Total probability; the error is what the box leaves out, and at least what is missing to 1.
+    /// Total probability; the error is the domain-truncation error, and at least what is missing to 1.
     pub mass: Vec<Estimate>,
     /// Lowest value of the density: negative where the scheme undershoots.
     pub lowest_density: Vec<Estimate>,

@@ -1,8 +1,8 @@
 //! One run of a transient: one recipe on one mesh, through the output times.
 
-use super::opening::{Loss, Opening};
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
+use super::start_up::{Loss, StartUp};
 use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
@@ -35,11 +35,11 @@ pub(super) struct Output {
     /// What a stationary law that is solved for may be off in both.
     pub(super) doubt: [f64; 2],
     pub(super) snapshot: Option<Snapshot>,
-    /// Steps up to here on the mesh, those of a packet not counted.
+    /// Steps up to here on the mesh, those of a local grid not counted.
     pub(super) steps: u64,
-    /// What a narrow start has cost so far.
-    pub(super) opening: Loss,
-    /// Whether a packet in its own frame said it, not a density in the box.
+    /// What a concentrated initial condition has cost so far.
+    pub(super) start_up: Loss,
+    /// Whether a local grid in its own frame said it, not a density in the truncated domain.
     pub(super) framed: bool,
 }
 
@@ -169,15 +169,15 @@ impl Task<'_> {
         let in_time = |come: f64| {
             limits.in_time(|| format!("the transient had come to t = {come:.3} of {until}"))
         };
-        let opening = Opening::of(rung, oscillator, initial, self.law)?;
-        let (opening, mut outputs) = self.open(opening, times, &mut |come| {
+        let phase = StartUp::of(rung, oscillator, initial, self.law)?;
+        let (phase, mut outputs) = self.start_up(phase, times, &mut |come| {
             progress(come / until);
             in_time(come)
         })?;
-        if let Some(opening) = opening.as_ref().filter(|_| outputs.len() == times.len()) {
-            return opened(outputs, opening);
+        if let Some(phase) = phase.as_ref().filter(|_| outputs.len() == times.len()) {
+            return started_up(outputs, phase);
         }
-        let mesh = self.mesh(rung, opening.as_ref())?;
+        let mesh = self.mesh(rung, phase.as_ref())?;
         let clock = limits.clone();
         let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
@@ -191,10 +191,10 @@ impl Task<'_> {
             [&it.law, &it.coarser].map(|law| propagator.sampled(&|points| law.densities(points)))
         });
         let law = laws.as_ref().map(|it| &it[0]);
-        let (mut density, handed) = match (&opening, law) {
+        let (mut density, handed) = match (&phase, law) {
             (None, Some(law)) if *initial == Initial::Stationary => (law.clone(), 0.0),
             (None, _) => (propagator.start(oscillator, initial)?, 0.0),
-            (Some(opening), _) => opening.density(&propagator),
+            (Some(phase), _) => phase.density(&propagator),
         };
         // What is forced comes to no stationary law.
         let settles = self.knows_law() && rung.forcing.is_none();
@@ -206,9 +206,9 @@ impl Task<'_> {
             _ => 1,
         };
         let (weights, columns) = (propagator.weights().clone(), propagator.columns().to_vec());
-        let (mut now, spent, opened) = opening.as_ref().map_or_else(Default::default, |it| {
-            let packet = it.packet();
-            (packet.time(), it.loss().and(handed), packet.steps())
+        let (mut now, spent, before) = phase.as_ref().map_or_else(Default::default, |it| {
+            let grid = it.grid();
+            (grid.time(), it.loss().and(handed), grid.steps())
         });
         let spent = spent.and(self.begun());
         propagator.set_time(now);
@@ -240,11 +240,11 @@ impl Task<'_> {
             }
             outputs.push(Output {
                 steps: propagator.steps(),
-                opening: spent,
+                start_up: spent,
                 ..self.observe(t, &propagator, &observables, (&density, laws.as_ref()))
             });
         }
-        let domain = opening.as_ref().map_or(rung.layout.domain, Opening::domain);
+        let domain = phase.as_ref().map_or(rung.layout.domain, StartUp::domain);
         believable(
             &outputs,
             propagator.step(),
@@ -254,7 +254,7 @@ impl Task<'_> {
         )?;
         Ok(Run {
             outputs,
-            steps: opened + propagator.steps(),
+            steps: before + propagator.steps(),
             step: propagator.step(),
             mesh,
             domain,
@@ -265,16 +265,16 @@ impl Task<'_> {
     }
 
     /// The mesh of a run, if it fits.
-    fn mesh(&self, rung: &Rung, opening: Option<&Opening<'_>>) -> Result<Mesh> {
-        let mesh = match opening {
+    fn mesh(&self, rung: &Rung, start_up: Option<&StartUp<'_>>) -> Result<Mesh> {
+        let mesh = match start_up {
             None => rung.mesh(self.oscillator)?,
-            Some(opening) => opening.mesh()?,
+            Some(start_up) => start_up.mesh()?,
         };
         self.check_memory(rung, mesh.cells())?;
         Ok(mesh)
     }
 
-    /// The error of a stationary start that is solved for.
+    /// The error of a stationary initial condition that is solved for.
     fn begun(&self) -> f64 {
         let law = self.law.filter(|_| *self.initial == Initial::Stationary);
         law.map_or(0.0, |law| law.error)
@@ -293,28 +293,28 @@ impl Task<'_> {
         limits.room_for(whole, || format!("a mesh of {cells:?} cells"))
     }
 
-    /// Carries a packet, if there is one, through the times that it reaches before a mesh takes over.
-    fn open<'b>(
+    /// Carries a local grid, if there is one, through the times that it reaches before a mesh takes over.
+    fn start_up<'b>(
         &self,
-        mut opening: Option<Opening<'b>>,
+        mut start_up: Option<StartUp<'b>>,
         times: &[f64],
         watch: &mut dyn FnMut(f64) -> Result<()>,
-    ) -> Result<(Option<Opening<'b>>, Vec<Output>)> {
+    ) -> Result<(Option<StartUp<'b>>, Vec<Output>)> {
         let mut outputs = Vec::with_capacity(times.len());
-        if let Some(opening) = &mut opening {
+        if let Some(start_up) = &mut start_up {
             for &t in times {
-                if !opening.advance(t, watch)? {
+                if !start_up.advance(t, watch)? {
                     break;
                 }
-                outputs.push(self.look(t, opening)?);
+                outputs.push(self.look(t, start_up)?);
             }
         }
-        Ok((opening, outputs))
+        Ok((start_up, outputs))
     }
 
     /// Leaves out what has no meaning or was not asked for.
     fn keep(&self, moments: &mut Moments) {
-        moments.drop_shape_of_flight(layout::neglected(self.recipe.tolerance));
+        moments.drop_standardised_in_flight(layout::neglected(self.recipe.tolerance));
         moments.keep(self.recipe.moments.as_deref());
     }
 
@@ -351,14 +351,14 @@ impl Task<'_> {
             }),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
-            opening: Loss::default(),
+            start_up: Loss::default(),
             framed: false,
         }
     }
 
-    /// What a packet says at time t.
-    fn look(&self, t: f64, opening: &Opening) -> Result<Output> {
-        let mut look = opening.look();
+    /// What a local grid says at time t.
+    fn look(&self, t: f64, start_up: &StartUp) -> Result<Output> {
+        let mut look = start_up.look();
         self.keep(&mut look.moments);
         let wanted = self.density_times.contains(&t);
         Ok(Output {
@@ -371,24 +371,24 @@ impl Task<'_> {
             entropy: look.entropy,
             distance: look.distance,
             doubt: look.doubt,
-            snapshot: wanted.then(|| opening.snapshot()).transpose()?,
+            snapshot: wanted.then(|| start_up.snapshot()).transpose()?,
             steps: 0,
-            opening: opening.loss(),
+            start_up: start_up.loss(),
             framed: true,
         })
     }
 }
 
-/// A run that never left the frame of its packet.
-fn opened(outputs: Vec<Output>, opening: &Opening) -> Result<Run> {
-    let mesh = opening.own_mesh()?;
+/// A run that never left the frame of its local grid.
+fn started_up(outputs: Vec<Output>, start_up: &StartUp) -> Result<Run> {
+    let mesh = start_up.own_mesh()?;
     Ok(Run {
         outputs,
-        steps: opening.packet().steps(),
-        step: opening.packet().step(),
+        steps: start_up.grid().steps(),
+        step: start_up.grid().step(),
         unknowns: mesh.len(),
         mesh,
-        domain: opening.domain(),
+        domain: start_up.domain(),
         settled: None,
         floquet: None,
     })

@@ -28,7 +28,7 @@ use crate::oscillator::Oscillator;
 /// drift, where no two affordable meshes converge, the error adds the change over
 /// the time t/(1 + c) to t by which its relaxation is ahead, and nothing is refined.
 ///
-/// Mass has the natural scale 1; relative entropy and distance to the stationary law come with the
+/// Mass has the normalisation 1; relative entropy and distance to the stationary law come with the
 /// difference of the two runs. These and the lowest density, a diagnostic, are not bound by the
 /// tolerance: they say how good the density is, not what it says.
 ///

@@ -138,7 +138,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 }
 
 /// approach.svg: the distance to the stationary law against time, with the slowest decay rate's line,
-/// and the marching to the steady state beside it.
+/// and the time integration to the steady state beside it.
 pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
@@ -155,11 +155,11 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
         };
         (distance, entropy) = (curve(&it.distance), curve(&it.relative_entropy));
     }
-    let marched = results
+    let integrated = results
         .steady
         .as_ref()
         .map(|it| log(&mut it.approach.iter().copied()));
-    let marched = marched.unwrap_or_default();
+    let integrated = integrated.unwrap_or_default();
     let panel = |left: f64, curves: [&Points; 2]| {
         let all = || curves.into_iter().flatten();
         let x = range(all().map(|(t, _)| *t).chain([0.0]), 0.0)?;
@@ -171,7 +171,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
     };
     let first = panel(92.0, [&distance, &entropy]);
     let left = if first.is_some() { 570.0 } else { 92.0 };
-    let second = panel(left, [&marched, &Points::new()]);
+    let second = panel(left, [&integrated, &Points::new()]);
     let Some(last) = second.as_ref().or(first.as_ref()) else {
         return Ok(Vec::new());
     };
@@ -211,7 +211,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
                 TITLE,
             )?;
             panel.axes(area, time, "L\u{b9} distance to (21)")?;
-            panel.curve(area, &marched, BLUE, 2.0)?;
+            panel.curve(area, &integrated, BLUE, 2.0)?;
             panel.frame(area)?;
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! The way to the stationary law: moments over time, steady state, eigenvalues, spectrum.
+//! The approach to the stationary law: moments over time, steady state, eigenvalues, spectrum.
 
 use super::layout::{Table, cells, row, spread};
 use crate::estimate::Estimate;

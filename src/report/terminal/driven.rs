@@ -40,7 +40,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
         ));
     }
     let left = it.multipliers.first().map(Multiplier::modulus);
-    let memory = left
+    let relaxation = left
         .filter(|it| *it > 0.0 && *it < 1.0)
         .map_or(String::new(), |it| {
             format!(
@@ -49,7 +49,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
             )
         });
     let text = format!(
-        "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{memory}",
+        "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",
         it.phase.len(),
         brief(drive.amplitude()),
         brief(drive.frequency()),

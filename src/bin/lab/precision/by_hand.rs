@@ -2,7 +2,7 @@
 //! schemes given.
 
 use super::calibration::{self, Calibration, End, Judged, Run};
-use super::truths::Case;
+use super::references::Case;
 use std::fmt::Write;
 use vibroimpact::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use vibroimpact::scene::MethodChoice;
@@ -39,8 +39,8 @@ const ALL: [Given; 8] = [
     }),
 ];
 
-/// The runs of every case by each way to give something that is wanted, after the free ones of `calibration`; `watch` is
-/// told each run.
+/// The runs of every case by each method to give something that is wanted, after the free ones of `calibration`;
+/// `watch` is told each run.
 pub fn by_hand(
     cases: &[Case],
     calibration: &Calibration,
@@ -71,7 +71,7 @@ pub fn count(cases: &[Case]) -> usize {
     ALL.len() * cases.len()
 }
 
-/// Numbers beyond their estimate that are named, of each way.
+/// Numbers beyond their estimate that are named, of each of them.
 const NAMED: usize = 3;
 
 /// The table, and below it the numbers farthest beyond their estimate.
@@ -88,7 +88,7 @@ pub fn table(all: &[(&str, Calibration)]) -> String {
                 .filter(|it| it.counts(TOLERANCE))
         };
         let beyond = numbers().filter(|it| it.too_small()).count();
-        let over = |it: &Judged| (it.error() - it.doubt()) / it.bar;
+        let over = |it: &Judged| (it.error() - it.doubt()) / it.estimate;
         let most = numbers().map(over).fold(0.0, f64::max);
         let answers = it
             .runs

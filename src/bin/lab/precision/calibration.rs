@@ -1,8 +1,8 @@
-//! Are the error bars true? Scenes of every kind at several tolerances, every number held against what it
+//! Are the error estimates true? Scenes of every kind at several tolerances, every number held against what it
 //! is known to be.
 
 use super::clock::Clock;
-use super::truths::{Case, Truth};
+use super::references::{Case, Reference};
 use std::cmp::Ordering::{Equal, Less};
 use std::fmt::{self, Write};
 use vibroimpact::error::Error;
@@ -15,10 +15,10 @@ use vibroimpact::scales::Scales;
 /// Tolerances of the table.
 pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
-/// A truth judges bars of a tolerance if it is ten times as good.
+/// A reference solution judges error estimates of a tolerance if it is ten times as good.
 const TEN: f64 = 10.0;
 
-/// What a truth may be off by, over its stated uncertainty: that is the difference of two resolutions, and
+/// What a reference solution may be off by, over its stated uncertainty: that is the difference of two resolutions, and
 /// of starts that both hold badly it is too small (probabilities of -2.1e-4 ± 0.9e-4 and -4.1e-4 ± 3e-4
 /// that are 0).
 const DOUBT: f64 = 3.0;
@@ -68,57 +68,57 @@ pub struct Run {
     pub planned: f64,
     /// Cells and step of the finest run.
     pub chosen: Option<([usize; 2], f64)>,
-    /// Every number that has a truth.
+    /// Every number that has a reference.
     pub numbers: Vec<Judged>,
 }
 
-/// A number beside its truth.
+/// A number beside its reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Judged {
-    pub truth: Truth,
+    pub reference: Reference,
     pub value: f64,
-    pub bar: f64,
+    pub estimate: f64,
     pub scale: f64,
 }
 
 impl Judged {
     pub fn error(&self) -> f64 {
-        (self.value - self.truth.value).abs()
+        (self.value - self.reference.value).abs()
     }
 
-    /// What its truth may be off by.
+    /// What its reference may be off by.
     pub fn doubt(&self) -> f64 {
-        DOUBT * self.truth.uncertainty
+        DOUBT * self.reference.uncertainty
     }
 
-    /// Whether its truth is good enough to judge bars of this tolerance.
+    /// Whether its reference is good enough to judge error estimates of this tolerance.
     pub fn counts(&self, tolerance: f64) -> bool {
         TEN * self.doubt() <= tolerance * self.scale
     }
 
-    /// Whether the error is above the bar, whatever the truth may be off by.
+    /// Whether the error is above its estimate, whatever the reference may be off by.
     pub fn too_small(&self) -> bool {
-        !within(self.error(), self.bar + self.doubt())
+        !within(self.error(), self.estimate + self.doubt())
     }
 
-    /// Whether the bar is above the tolerance.
+    /// Whether the error estimate is above the tolerance.
     pub fn beyond(&self, tolerance: f64) -> bool {
-        // A bar of the tolerance itself is within it, last digit or not.
-        !within(self.bar, (1.0 + 1e-9) * tolerance * self.scale)
+        // An estimate of the tolerance itself is within it, last digit or not.
+        !within(self.estimate, (1.0 + 1e-9) * tolerance * self.scale)
     }
 
-    /// Whether the error is above the bar, the reference solution taken for exact.
+    /// Whether the error is above its estimate, the reference solution taken for exact.
     pub fn too_small_bare(&self) -> bool {
-        !within(self.error(), self.bar)
+        !within(self.error(), self.estimate)
     }
 
-    /// Bar over true error, where the truth can tell the error.
+    /// Error estimate over true error, where the reference can tell the error.
     pub fn ratio(&self) -> Option<f64> {
-        (self.error() > self.doubt()).then(|| self.bar / self.error())
+        (self.error() > self.doubt()).then(|| self.estimate / self.error())
     }
 
     pub fn name(&self) -> &'static str {
-        Moment::ALL[self.truth.index].name()
+        Moment::ALL[self.reference.index].name()
     }
 }
 
@@ -132,15 +132,15 @@ pub struct Verdict {
     pub stopped: usize,
     pub refused: usize,
     pub numbers: usize,
-    /// Numbers whose truth is not good enough for this tolerance.
+    /// Numbers whose reference is not good enough for this tolerance.
     pub left_out: usize,
-    /// Numbers whose true error is above the bar.
+    /// Numbers whose true error is above its estimate.
     pub too_small: usize,
     /// The same, the reference solutions taken for exact.
     pub too_small_bare: usize,
-    /// Numbers whose bar is above the tolerance while the run says that it is met.
+    /// Numbers whose error estimate is above the tolerance while the run says that it is met.
     pub unsaid: usize,
-    /// Median of bar over true error; 0 without any.
+    /// Median of error estimate over true error; 0 without any.
     pub median: f64,
     /// Answered scenes whose time is within a factor of [`FORESEEN`] of their plan's.
     pub foreseen: usize,
@@ -148,7 +148,7 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Share of numbers whose true error is above the bar.
+    /// Share of numbers whose true error is above its estimate.
     pub fn share(&self) -> f64 {
         self.too_small as f64 / self.numbers.max(1) as f64
     }
@@ -246,7 +246,7 @@ impl Calibration {
         }
     }
 
-    /// Numbers whose bar is too small, worst first: by how much, as error over bar.
+    /// Numbers whose error estimate is too small, worst first: by how much, as error over estimate.
     pub fn wrong(&self) -> Vec<(&Run, &Judged)> {
         let numbers = self
             .runs
@@ -255,12 +255,12 @@ impl Calibration {
         let mut it: Vec<_> = numbers
             .filter(|(run, it)| it.counts(run.tolerance) && it.too_small())
             .collect();
-        let by = |it: &Judged| it.error() / it.bar.max(f64::MIN_POSITIVE);
+        let by = |it: &Judged| it.error() / it.estimate.max(f64::MIN_POSITIVE);
         it.sort_by(|a, b| by(b.1).total_cmp(&by(a.1)));
         it
     }
 
-    /// Every number with its truth, as a file.
+    /// Every number with its reference, as a file.
     pub fn csv(&self) -> File {
         let mut text = String::from(
             "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run;\n\
@@ -285,18 +285,18 @@ impl Calibration {
                 let _ = writeln!(text, "{head},,,,,,,");
             }
             for it in &run.numbers {
-                let Truth {
+                let Reference {
                     t,
                     value,
                     uncertainty,
                     ..
-                } = it.truth;
+                } = it.reference;
                 let _ = writeln!(
                     text,
                     "{head},{t},{},{:e},{:e},{value:e},{uncertainty:e},{:e}",
                     it.name(),
                     it.value,
-                    it.bar,
+                    it.estimate,
                     it.scale
                 );
             }
@@ -372,17 +372,17 @@ fn judge(case: &Case, results: &Results) -> Vec<Judged> {
     };
     let scales = Scales::of(&case.scene.oscillator);
     let mut judged = Vec::new();
-    for truth in &case.truths {
-        let Some(k) = transient.times.iter().position(|t| *t == truth.t) else {
+    for reference in &case.references {
+        let Some(k) = transient.times.iter().position(|t| *t == reference.t) else {
             continue;
         };
         let moments = &transient.moments[k];
-        if let Some(number) = moments.named()[truth.index].1 {
+        if let Some(number) = moments.named()[reference.index].1 {
             judged.push(Judged {
-                truth: *truth,
+                reference: *reference,
                 value: number.value,
-                bar: number.error,
-                scale: scales.each(moments)[truth.index],
+                estimate: number.error,
+                scale: scales.each(moments)[reference.index],
             });
         }
     }
@@ -402,31 +402,31 @@ fn median(mut of: Vec<f64>) -> f64 {
 /// A number of a run beside what is known of it.
 pub fn line(run: &Run, it: &Judged) -> String {
     format!(
-        "  scene {}, tolerance {:.0e}, {} at t = {}: {:.7e} ± {:.1e}, true {:.7e} ± {:.0e}, error/bar {:.1}",
+        "  scene {}, tolerance {:.0e}, {} at t = {}: {:.7e} ± {:.1e}, true {:.7e} ± {:.0e}, error/estimate {:.1}",
         run.scene,
         run.tolerance,
         it.name(),
-        it.truth.t,
+        it.reference.t,
         it.value,
-        it.bar,
-        it.truth.value,
-        it.truth.uncertainty,
-        it.error() / it.bar
+        it.estimate,
+        it.reference.value,
+        it.reference.uncertainty,
+        it.error() / it.estimate
     )
 }
 
-/// The table, and below it the bars that are too small.
+/// The table, and below it the error estimates that are too small.
 impl fmt::Display for Calibration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "tolerance  scenes  short  stopped  refused  numbers  left out  error > bar      bare  bar > tolerance  \
-             median bar/error  processor s  foreseen"
+            "tolerance  scenes  short  stopped  refused  numbers  left out  error > estimate     bare  \
+             estimate > tolerance  median estimate/error  processor s  foreseen"
         )?;
         for it in self.verdicts() {
             writeln!(
                 f,
-                "{:<9.0e}  {:>6}  {:>5}  {:>7}  {:>7}  {:>7}  {:>8}  {:>4} = {:>5.2} %  {:>4}  {:>8} unsaid  {:>16.1}  \
+                "{:<9.0e}  {:>6}  {:>5}  {:>7}  {:>7}  {:>7}  {:>8}  {:>7} = {:>5.2} %  {:>6}  {:>13} unsaid  {:>21.1}  \
                  {:>11.1}  {:>8}",
                 it.tolerance,
                 it.answered,
@@ -446,9 +446,9 @@ impl fmt::Display for Calibration {
         }
         writeln!(
             f,
-            "error > bar: by more than {DOUBT} times what the reference solution may be off by; bare: by anything\n\
-             goals: error > bar in at most {} %, at most {} bars above the tolerance unsaid (exit status 3 says \
-             it), median at most {}; foreseen: within a factor {FORESEEN} of the time planned",
+            "error > estimate: by more than {DOUBT} times what the reference solution may be off by; bare: by anything\n\
+             goals: error > estimate in at most {} %, at most {} estimates above the tolerance unsaid (exit status 3 \
+             says it), median at most {}; foreseen: within a factor {FORESEEN} of the time planned",
             100.0 * GOALS.too_small,
             GOALS.unsaid,
             GOALS.median
@@ -477,24 +477,24 @@ impl fmt::Display for Calibration {
     }
 }
 
-/// Bars too small that are printed.
+/// Error estimates too small that are printed.
 const WORST: usize = 20;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn number(value: f64, bar: f64, uncertainty: f64) -> Judged {
-        let truth = Truth {
+    fn number(value: f64, estimate: f64, uncertainty: f64) -> Judged {
+        let reference = Reference {
             t: 1.0,
             index: 0,
             value: 0.0,
             uncertainty,
         };
         Judged {
-            truth,
+            reference,
             value,
-            bar,
+            estimate,
             scale: 2.0,
         }
     }
@@ -513,7 +513,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_are_judged_by_truths_that_are_ten_times_as_good() {
+    fn estimates_are_judged_by_references_that_are_ten_times_as_good() {
         let it = Calibration {
             tolerances: vec![1e-3],
             runs: vec![
@@ -522,7 +522,7 @@ mod tests {
                     vec![
                         number(1e-4, 1e-3, 1e-6),
                         number(2e-4, 1e-4, 1e-6),
-                        // Wrong by less than the truth may be.
+                        // Wrong by less than the reference may be.
                         number(1.5e-4, 1e-4, 3e-5),
                         // Not judged, whatever its error.
                         number(1.0, 1e-4, 1e-3),

@@ -60,7 +60,7 @@ pub fn cases() -> Result<Vec<Case>> {
             ([1.0, 0.0], [0.4; 2]),
             20.0,
         )?,
-        // What hand-written programs are held against: from near rest, half a memory long.
+        // What hand-written programs are held against: from near rest, half a correlation time long.
         Case::new(
             "half-memory",
             "Hertz, h = 2e-3, zeta = 0.005, from (0, 0) with deviation 0.3, t = 50",

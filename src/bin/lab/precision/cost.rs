@@ -136,7 +136,8 @@ fn cost(case: &Case, scheme: Option<(Drift, TimeScheme)>, n: usize) -> Result<(f
     let clock = Instant::now();
     let mesh = square(case, drift, n)?;
     let generator = Generator::new(oscillator, &mesh, drift)?;
-    let mut march = transient::march(oscillator, &generator, time, 1e-5, None, 20.0);
+    let mut integration =
+        transient::time_integration(oscillator, &generator, time, 1e-5, None, 20.0);
     let mut density = Density::start(&generator, &case.initial)?;
     // Some steps each, and not many where they are short: explicit steps shrink as 1/n.
     let unit = match time {
@@ -145,9 +146,9 @@ fn cost(case: &Case, scheme: Option<(Drift, TimeScheme)>, n: usize) -> Result<(f
         _ => (1e4 / (n * n) as f64).clamp(0.05, 1.0),
     };
     let all = &mut |_: f64, _: &Density| Ok(true);
-    march.advance(&mut density, unit, all)?;
+    integration.advance(&mut density, unit, all)?;
     let first = clock.elapsed().as_secs_f64();
-    let again = seconds(|| march.advance(&mut density, unit, all).map(|_| ()))?;
+    let again = seconds(|| integration.advance(&mut density, unit, all).map(|_| ()))?;
     Ok(((first - again).max(0.0), again / unit, memory))
 }
 
@@ -166,7 +167,7 @@ fn flow_map(case: &Case, n: usize) -> Result<(f64, f64, u64)> {
     Ok(((first - again).max(0.0), again / unit, memory))
 }
 
-/// n x n cells in the box of the tolerance 1e-3.
+/// n x n cells in the truncated domain of the tolerance 1e-3.
 fn square(case: &Case, drift: Drift, n: usize) -> Result<Mesh> {
     let settings = Settings {
         cells: Some([n, n]),

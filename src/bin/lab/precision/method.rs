@@ -41,7 +41,7 @@ impl fmt::Display for Method {
 pub struct Level {
     /// Cells over those of the automatic mesh, in either direction.
     pub finer: f64,
-    /// L1 error aimed at by the steps; the box leaves out a twentieth of it.
+    /// L1 error aimed at by the steps; the domain-truncation error is a twentieth of it.
     pub tolerance: f64,
     pub paths: u64,
 }
@@ -76,7 +76,7 @@ impl Method {
     }
 
     /// Whether both are the same in space, so that neither may judge the other.
-    pub(super) fn is_kin(self, other: Self) -> bool {
+    pub(super) fn is_same_family(self, other: Self) -> bool {
         match (self, other) {
             (Self::Volumes { drift: a, .. }, Self::Volumes { drift: b, .. }) => a == b,
             (Self::FlowMap { .. }, Self::FlowMap { .. }) => true,

@@ -1,5 +1,5 @@
 //! Error against run time: every scheme on every case, against closed forms or against a finer run of
-//! another method, with set-up included in every time. And error bars against stored truths:
+//! another method, with set-up included in every time. And error estimates against stored reference solutions:
 //! [`calibration`].
 
 pub mod by_hand;
@@ -11,7 +11,7 @@ pub mod entry;
 pub mod method;
 pub mod rates;
 mod reference;
+pub mod references;
 mod solve;
 mod space;
 pub mod table;
-pub mod truths;

@@ -156,7 +156,7 @@ impl Reference {
     /// The errors of an answer, judged by another method than its own.
     pub(super) fn errors(&self, method: Method, answer: &Answer) -> Errors {
         let judge = match &self.second {
-            Some((own, second)) if own.is_kin(method) => second,
+            Some((own, second)) if own.is_same_family(method) => second,
             _ => &self.first,
         };
         self.against(judge, answer)
@@ -180,14 +180,14 @@ impl Reference {
     }
 
     fn numbers(&self, judge: &Answers, numbers: &Numbers, l1: Option<f64>) -> Errors {
-        let truth = &judge.numbers;
-        let energy = numbers.energy - truth.energy;
+        let expected = &judge.numbers;
+        let energy = numbers.energy - expected.energy;
         Errors {
             l1,
-            square_speed: (numbers.square_speed - truth.square_speed).abs() / self.temperature,
+            square_speed: (numbers.square_speed - expected.square_speed).abs() / self.temperature,
             energy: energy.abs() / self.temperature,
-            loss: numbers.loss.zip(truth.loss).map(|(a, b)| (a - b).abs()),
-            diffusion: energy / (truth.energy - self.start_energy),
+            loss: numbers.loss.zip(expected.loss).map(|(a, b)| (a - b).abs()),
+            diffusion: energy / (expected.energy - self.start_energy),
         }
     }
 }
@@ -205,7 +205,7 @@ fn closed_form(case: &Case, law: &Gaussian) -> Numbers {
     }
 }
 
-/// The L1 distance of a density to a reference, at the cell centres; beyond its box it is 0.
+/// The L1 distance of a density to a reference, at the cell centres; beyond its truncated domain it is 0.
 fn l1(reference: &Shape, density: &Density) -> f64 {
     let mesh = density.mesh();
     let (q, v) = (&mesh.q, &mesh.v);

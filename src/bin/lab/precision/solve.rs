@@ -32,14 +32,14 @@ impl Answer {
 /// Part of the error aimed at that the start and the stationary law may leave outside the truncated domain.
 /// It does not bound the error of the truncated domain: of the linear case, at order 8 and 1e-6, 5e-8 outside
 /// make an L1 error of 2.4e-6, 1e-10 one of 1.6e-7. See [`super::space`].
-const BOX: f64 = 0.05;
+const DOMAIN_SHARE: f64 = 0.05;
 
 /// Part of it that the steps may make.
 const STEPS: f64 = 0.3;
 
 pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
     let settings = Settings {
-        neglected: Some((BOX * level.tolerance).min(5e-4)),
+        neglected: Some((DOMAIN_SHARE * level.tolerance).min(5e-4)),
         ..Settings::default()
     };
     transient::mesh(
@@ -97,16 +97,17 @@ pub(super) fn volumes_on(
 ) -> Result<Answer> {
     let oscillator = &case.oscillator;
     let generator = Generator::new(oscillator, mesh, drift)?;
-    let mut march = transient::march(oscillator, &generator, time, tolerance, None, case.until);
+    let mut integration =
+        transient::time_integration(oscillator, &generator, time, tolerance, None, case.until);
     let mut density = Density::start(&generator, &case.initial)?;
-    march.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
+    integration.advance(&mut density, case.until, &mut |_, _| Ok(true))?;
     let observables = Observables::new(oscillator, mesh, drift, generator.weights())?;
     Ok(Answer {
         moments: observables
             .raw(&density.ratio(&generator))
             .moments(oscillator.contact()),
         unknowns: generator.unknowns(),
-        steps: march.steps(),
+        steps: integration.steps(),
         memory: budget::memory(mesh.cells(), drift, Factors::of(time)),
         density: Some(density),
     })

@@ -33,7 +33,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Whether the user has an answer, or the scene is one that has none, and was told the truth.
+    /// Whether the user has an answer, or the scene is one that has none, and was told so.
     pub fn honest(self) -> bool {
         matches!(
             self,
@@ -71,7 +71,7 @@ pub struct Row {
     pub what: String,
     pub against: String,
     pub verdict: Verdict,
-    /// Largest error measured, in natural scales; None without numbers.
+    /// Largest error measured, over the normalisation; None without numbers.
     pub error: Option<f64>,
     /// Largest ratio of a measured error to its estimate, of the numbers that no warning names as not known; and the
     /// number and time it is of.
@@ -155,9 +155,11 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
         .iter()
         .partition(|it| declared_unknown(&results, &it.name));
     measure(&mut row, &results, &known);
-    let missing = |it: &Check| !it.value.is_finite() || !it.bar.is_finite();
+    let missing = |it: &Check| !it.value.is_finite() || !it.estimate.is_finite();
     let outside = known.iter().any(|it| it.ratio() > 1.0);
-    let mass_wrong = row.mass_error.is_some_and(|it| it > mass_bar(&results));
+    let mass_wrong = row
+        .mass_error
+        .is_some_and(|it| it > mass_tolerance(&results));
     let unsaid = |it: &str| !warnings.iter().any(|warning| warning.contains(it));
     row.verdict = if checks.is_empty() || known.iter().any(|it| missing(it)) {
         Verdict::Silent
@@ -196,8 +198,8 @@ fn declared_unknown(results: &Results, name: &str) -> bool {
         .any(|it| it == name)
 }
 
-/// Part by which an error estimate over the tolerance may exceed what is said of the worst of its stage: the natural
-/// scales of two answers differ a little.
+/// Part by which an error estimate over the tolerance may exceed what is said of the worst of its stage: the
+/// normalisations of two answers differ a little.
 const ROUNDED: f64 = 1.1;
 
 /// The largest error estimate over the tolerance that a stage admits.
@@ -211,8 +213,8 @@ fn run_seconds(results: &Results) -> f64 {
     results.run.wall_seconds
 }
 
-/// What the mass may be off by: what the box leaves out, and rounding over the steps.
-fn mass_bar(results: &Results) -> f64 {
+/// What the mass may be off by: the domain-truncation error, and rounding over the steps.
+fn mass_tolerance(results: &Results) -> f64 {
     let Some(it) = &results.transient else {
         return f64::INFINITY;
     };
@@ -225,7 +227,7 @@ impl Check {
     fn ratio(&self) -> f64 {
         let error = (self.value - self.reference).abs();
         let allowed = if self.sampled { SIGMAS } else { 1.0 };
-        let ratio = error / (allowed * self.bar + self.reference_error);
+        let ratio = error / (allowed * self.estimate + self.reference_error);
         if error == 0.0 { 0.0 } else { ratio }
     }
 
@@ -234,7 +236,7 @@ impl Check {
         if self.sampled {
             return 0.0;
         }
-        self.bar / (self.tolerance * self.scale * (1.0 + 1e-9))
+        self.estimate / (self.tolerance * self.scale * (1.0 + 1e-9))
     }
 }
 

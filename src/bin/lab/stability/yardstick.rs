@@ -28,7 +28,7 @@ pub(super) struct Check {
     pub(super) name: String,
     pub(super) value: f64,
     /// Its error estimate; one standard error if `sampled`.
-    pub(super) bar: f64,
+    pub(super) estimate: f64,
     pub(super) sampled: bool,
     pub(super) reference: f64,
     pub(super) reference_error: f64,
@@ -140,7 +140,7 @@ impl Comparison {
                 stage,
                 name: t.map_or(name.clone(), |t| name_at(&name, t)),
                 value: value.value,
-                bar: value.error,
+                estimate: value.error,
                 sampled,
                 reference: reference.value,
                 // Rounding of the closed form, which adds terms of the size of the scale.
@@ -216,7 +216,7 @@ impl Comparison {
             stage: Part::Transient.name(),
             name: "E[H] gained".into(),
             value: last.mean_energy.value - first.mean_energy.value,
-            bar: energies,
+            estimate: energies,
             sampled: false,
             reference: gained,
             reference_error: speeds + quadrature,
@@ -237,7 +237,7 @@ impl Comparison {
             stage: Part::Steady.name(),
             name: "L1 error".into(),
             value: it.l1_error.value,
-            bar: it.l1_error.error,
+            estimate: it.l1_error.error,
             sampled: false,
             reference: 0.0,
             // The number is itself an error, and may be as large as the tolerance.
@@ -325,7 +325,7 @@ fn flight_tail(oscillator: &Oscillator, results: &Results) -> Vec<Check> {
         stage: Part::Stationary.name(),
         name: name.into(),
         value: number.value,
-        bar: number.error,
+        estimate: number.error,
         sampled: false,
         reference,
         reference_error: 1e-13 * reference.abs(),
@@ -377,11 +377,11 @@ fn linear_rates(scene: &Scene, results: &Results) -> Vec<Check> {
     };
     let exact = exact_rates(scene.oscillator.zeta());
     let away = |exact: &[f64; 2], rate: &DecayRate| (exact[0] - rate.re).hypot(exact[1] - rate.im);
-    let check = |name: String, value: f64, bar: f64, scale: f64| Check {
+    let check = |name: String, value: f64, estimate: f64, scale: f64| Check {
         stage: Part::DecayRates.name(),
         name,
         value,
-        bar,
+        estimate,
         sampled: false,
         reference: 0.0,
         reference_error: 1e-12,

@@ -251,7 +251,7 @@ pub fn bootstrap(list: &[Measured], rig: &Rig, quantile: f64) -> Result<Estimate
     };
     let mut resamples: Vec<(f64, f64, Vec<u32>)> = multisets(levels.len())
         .into_iter()
-        .map(|times| (best(&times), ways(&times), times))
+        .map(|times| (best(&times), arrangements(&times), times))
         .collect();
     resamples.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = resamples.iter().map(|it| it.1).sum();
@@ -300,7 +300,7 @@ fn multisets(n: usize) -> Vec<Vec<u32>> {
 }
 
 /// In how many orders that draw comes: n! over the product of the factorials.
-fn ways(times: &[u32]) -> f64 {
+fn arrangements(times: &[u32]) -> f64 {
     let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
     factorial(times.iter().sum()) / times.iter().map(|n| factorial(*n)).product::<f64>()
 }
@@ -488,6 +488,6 @@ mod tests {
         assert!((low - 0.002).abs() < 1e-8 && (high - 0.0037).abs() < 1e-8);
         let all = multisets(3);
         assert_eq!(all.len(), 10);
-        assert_eq!(all.iter().map(|it| ways(it)).sum::<f64>(), 27.0);
+        assert_eq!(all.iter().map(|it| arrangements(it)).sum::<f64>(), 27.0);
     }
 }

@@ -1,8 +1,8 @@
-//! The truths of the calibration (validation/precision): how its scenes were drawn, and the methods
+//! The reference solutions of the calibration (validation/precision): how its scenes were drawn, and the methods
 //! their numbers come from, none of them one of the program's own. To make them again:
 //!
 //! ```text
-//! cargo test --release --test truths write_truths -- --ignored --nocapture
+//! cargo test --release --test references write_references -- --ignored --nocapture
 //! ```
 //!
 //! with SCENES="3 17" for some scenes only; the others keep what is stored.
@@ -38,7 +38,7 @@ struct Case {
 }
 
 /// A number of scene, time and name, with what it may be off by and where it comes from.
-struct Truth {
+struct Reference {
     t: f64,
     name: &'static str,
     value: f64,
@@ -184,7 +184,7 @@ fn drawn() -> Vec<Case> {
                 () if weak => draw.between(3.0, 7.0),
                 () => draw.decades(3.5, 10.0 + 2.0 * zeta),
             });
-            // The stationary law is the truth: slow modes have left less than e^-20.
+            // The stationary law is the reference: slow modes have left less than e^-20.
             if confining && (0.003..1.0).contains(&zeta) && k % 2 == 0 {
                 times.push(20.0 / zeta);
             }
@@ -270,7 +270,7 @@ impl Case {
         ]
     }
 
-    /// The differences of two answers over the natural scales, of the numbers both have.
+    /// The differences of two answers over the normalisations, of the numbers both have.
     fn differences(&self, x: &Moments, y: &Moments) -> Vec<f64> {
         let scales = Scales::of(&self.oscillator).each(x);
         let pairs = x.named().into_iter().zip(y.named()).zip(scales);
@@ -314,7 +314,7 @@ impl Case {
             let law = law.after(it, t).unwrap();
             return Some((moments_of(&law, it.contact()), "gaussian"));
         }
-        // Where friction and noise act on a flight, its way down has a continuous spectrum from
+        // Where friction and noise act on a flight, its fall has a continuous spectrum from
         // 1/(8 zeta T) on, that of overdamped motion under a constant force.
         let down = 8.0 * it.zeta() * it.temperature();
         let settled = it.zeta() < 1.0 && t >= 19.9 * down.max(1.0 / it.zeta());
@@ -322,7 +322,7 @@ impl Case {
             .then(|| (Stationary::of(it).unwrap().moments(), "stationary"))
     }
 
-    fn truths(&self) -> Vec<Truth> {
+    fn references(&self) -> Vec<Reference> {
         let open: Vec<f64> = self
             .times
             .iter()
@@ -351,7 +351,7 @@ impl Case {
         };
         let [fine, coarse] = self.resolutions();
         let (numbers, checks) = (run(fine), run(coarse));
-        // A narrow start is held in its own frame as long as it stays near a Gaussian there.
+        // A concentrated initial condition is resolved in its own frame as long as it stays near a Gaussian there.
         let framed = |n: usize| -> Vec<Moments> {
             let mut it = Moving::new(&self.oscillator, &self.excitation, &self.initial, n);
             let held = self.is_narrow() && self.oscillator.is_viscous();
@@ -364,12 +364,12 @@ impl Case {
                 .collect()
         };
         let (framed, framed_checks) = (framed(MOVING), framed(MOVING * 2 / 3));
-        let mut truths = Vec::new();
+        let mut references = Vec::new();
         let mut add = |t: f64, moments: &Moments, check: Option<&Moments>, method: &str| {
             let scales = Scales::of(&self.oscillator).each(moments);
             let checks = check.unwrap_or(moments).named();
-            // A basis that holds a narrow start badly errs everywhere: a difference far below the others passes
-            // through zero.
+            // A basis that resolves a concentrated initial condition badly errs everywhere: a difference far below the
+            // others passes through zero.
             let badly = self.is_narrow() && method.starts_with("hermite");
             let middle = if badly {
                 self.middle(moments, check.unwrap_or(moments))
@@ -384,7 +384,7 @@ impl Case {
                 let floor = middle.max(1e-10) * scales[k];
                 let uncertainty = (number.value - check.value).abs().max(floor);
                 if number.value.is_finite() && uncertainty <= KNOWN * scales[k] {
-                    truths.push(Truth {
+                    references.push(Reference {
                         t,
                         name,
                         value: number.value,
@@ -417,11 +417,11 @@ impl Case {
                 }
             }
         }
-        truths
+        references
     }
 }
 
-/// Moments of a Gaussian law under G = q or G = -1; shapes of a constant force do not exist.
+/// Moments of a Gaussian law under G = q or G = -1; a constant force has no skewness and no kurtosis.
 fn moments_of(law: &Gaussian, contact: &ContactLaw) -> Moments {
     let ([q, v], [[qq, qv], [_, vv]]) = (law.mean, law.covariance);
     let linear = matches!(contact, ContactLaw::Linear);
@@ -459,24 +459,25 @@ fn moments_of(law: &Gaussian, contact: &ContactLaw) -> Moments {
     it
 }
 
-/// What is known less well than this, in natural scales, judges no bar and is not stored.
+/// What is known less well than this, over the normalisation, judges no error estimate and is not stored.
 const KNOWN: f64 = 1e-3;
 
 const ABOUT: &str = "\
-# Truths of the calibration: cargo run --release --bin lab -- precision --calibrate judges error bars by them.
-# Made by: cargo test --release --test truths write_truths -- --ignored --nocapture
+# References of the calibration: cargo run --release --bin lab -- precision --calibrate judges error estimates by them.
+# Made by: cargo test --release --test references write_references -- --ignored --nocapture
 # scene: a line of scenes.csv, or from 49 on an entry of contacts.toml.
 # method: \"gaussian\" and \"stationary\" are closed forms; \"hermite ExP N\" is E spectral elements of degree P in q
-# times N Hermite functions in v (tests/hermite), \"moving N\" N by N Hermite functions in the frame of a narrow start
-# (tests/moving): whichever of the two is less uncertain.
+# times N Hermite functions in v (tests/hermite), \"moving N\" N by N Hermite functions in the frame of a
+# concentrated initial condition (tests/moving): whichever of the two is less uncertain.
 # uncertainty: the difference to a second run with 3/4 of the elements, 7/10 of the functions and a
-# smaller box, or 2/3 of the functions, never below 1e-10 of the natural scale, nor, of a narrow start in the
-# fixed basis, below the median of its time; above 1e-3 of it a number is left out. Dimensionless.
+# smaller truncated domain, or 2/3 of the functions, never below 1e-10 of the normalisation, nor, of a concentrated
+# initial condition in the fixed basis, below the median of its time; above 1e-3 of it a number is left out.
+# Dimensionless.
 scene,t,name,value,uncertainty,method
 ";
 
 const ABOUT_SCENES: &str = "\
-# Scenes of the calibration, drawn in tests/truths.rs; times are dimensionless.
+# Scenes of the calibration, drawn in tests/references.rs; times are dimensionless.
 scene,contact,zeta,h,start,mean_q,mean_v,deviation_q,deviation_v,times
 ";
 
@@ -486,7 +487,7 @@ fn folder() -> PathBuf {
 
 /// The stored lines of every scene.
 fn stored() -> BTreeMap<usize, String> {
-    let text = fs::read_to_string(folder().join("truths.csv")).unwrap_or_default();
+    let text = fs::read_to_string(folder().join("references.csv")).unwrap_or_default();
     let mut it = BTreeMap::<usize, String>::new();
     for line in text.lines() {
         if let Some(scene) = line.split(',').next().and_then(|it| it.parse().ok()) {
@@ -499,8 +500,8 @@ fn stored() -> BTreeMap<usize, String> {
 }
 
 #[test]
-#[ignore = "minutes: makes the stored truths again"]
-fn write_truths() {
+#[ignore = "minutes: makes the stored references again"]
+fn write_references() {
     let cases = cases();
     let scenes: String = (1..).zip(&drawn()).map(|(k, it)| it.csv(k)).collect();
     fs::write(
@@ -519,23 +520,23 @@ fn write_truths() {
     let work = || {
         while let Some(&number) = wanted.get(next.fetch_add(1, Ordering::Relaxed)) {
             let (clock, case) = (Instant::now(), &cases[number - 1]);
-            let truths = case.truths();
+            let references = case.references();
             let mut text = String::new();
-            for it in &truths {
+            for it in &references {
                 let _ = writeln!(
                     text,
                     "{number},{},{},{:.12e},{:.1e},{}",
                     it.t, it.name, it.value, it.uncertainty, it.method
                 );
             }
-            let scale = |it: &&Truth| it.uncertainty;
-            let worst = truths.iter().map(|it| scale(&it)).fold(0.0, f64::max);
+            let scale = |it: &&Reference| it.uncertainty;
+            let worst = references.iter().map(|it| scale(&it)).fold(0.0, f64::max);
             print!("{}", case.csv(number));
             println!("    {worst:.1e} {:.1} s", clock.elapsed().as_secs_f64());
             let mut lines = lines.lock().unwrap();
             lines.insert(number, text);
             let all: String = lines.values().map(String::as_str).collect();
-            fs::write(folder().join("truths.csv"), ABOUT.to_owned() + &all).unwrap();
+            fs::write(folder().join("references.csv"), ABOUT.to_owned() + &all).unwrap();
         }
     };
     std::thread::scope(|scope| {

@@ -1,4 +1,5 @@
-//! Starts that no mesh can hold: at rest, and dropped from a point. Each test prints what it measured.
+//! Concentrated initial conditions, which no mesh resolves: at rest, and dropped from a point. Each test prints what it
+//! measured.
 
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{Settings, TimeScheme, Transient, TransientMethod, transient};
@@ -17,7 +18,7 @@ fn dropped(q: f64) -> Initial {
 }
 
 fn to(it: &Oscillator, start: &Initial, times: &[f64], tolerance: f64) -> Transient {
-    // The shapes of a force that hardly varies would be refined without end, and are not looked at here. A
+    // Skewness and kurtosis of a force that hardly varies would be refined without end, and are not looked at here. A
     // limit of memory stops at the same mesh on any machine.
     let settings = Settings {
         tolerance,
@@ -47,7 +48,10 @@ fn from_rest_the_reference_values_hold_to_2e_6() {
     let it = to(&paper(), &Initial::Rest, &times, 1e-4);
     let [zero, one, fifty] = [0, 1, 2].map(|k| it.moments[k]);
     assert_eq!((zero.var_q.value, zero.mean_energy.value), (0.0, 0.0));
-    assert!(zero.skewness_force.value.is_nan(), "a point has no shape");
+    assert!(
+        zero.skewness_force.value.is_nan(),
+        "a point has no skewness"
+    );
     let square = |m: &Moments| m.var_v.value + m.mean_v.value.powi(2);
     // An independent solver on a sinh-graded mesh, handed over from the linearised Gaussian.
     let known = [
@@ -72,7 +76,7 @@ fn from_rest_the_reference_values_hold_to_2e_6() {
 }
 
 #[test]
-fn a_looser_tolerance_stays_inside_its_bars() {
+fn a_looser_tolerance_stays_inside_its_error_estimates() {
     let it = paper();
     for (name, start) in [
         ("rest", Initial::Rest),
@@ -92,7 +96,7 @@ fn a_looser_tolerance_stays_inside_its_bars() {
                 .filter(|e| e.is_finite())
                 .fold(0.0, f64::max);
             println!(
-                "{name}, t = {t}: {ratio:.2} of the bars ({number}), bars up to {largest:.0e}"
+                "{name}, t = {t}: {ratio:.2} of the estimates ({number}), estimates up to {largest:.0e}"
             );
             assert!(ratio < 1.0, "{name}, t = {t}: {number}");
         }
@@ -100,7 +104,7 @@ fn a_looser_tolerance_stays_inside_its_bars() {
 }
 
 #[test]
-fn linear_and_free_oscillators_from_rest_keep_their_closed_form_inside_the_bar() {
+fn linear_and_free_oscillators_from_rest_keep_their_closed_form_inside_the_error_estimate() {
     for (law, zeta, times) in [
         (ContactLaw::Linear, 0.005, [0.01, 1.0, 30.0]),
         (ContactLaw::Linear, 0.2, [0.01, 1.0, 8.0]),
@@ -131,7 +135,7 @@ fn linear_and_free_oscillators_from_rest_keep_their_closed_form_inside_the_bar()
 }
 
 #[test]
-fn finite_volumes_take_over_from_the_same_packet() {
+fn finite_volumes_take_over_from_the_same_local_grid() {
     let it = Oscillator::new(ContactLaw::Hertz, 0.2, 0.08).unwrap();
     for start in [Initial::Rest, dropped(-3.0)] {
         let answer = |method, time| {
@@ -150,16 +154,16 @@ fn finite_volumes_take_over_from_the_same_packet() {
         assert!(map.method.name.contains("flow map"));
         for (a, b) in map.moments.iter().zip(&volumes.moments) {
             let (ratio, number) = worst(a, b);
-            println!("{start:?}: {ratio:.2} of the bars, in {number}");
-            // Bars hold for all but one number in a hundred (tests/lab/calibration.rs): E[N] at t = 10 from q = -3
-            // differs by as much as they say, a little more or less.
+            println!("{start:?}: {ratio:.2} of the estimates, in {number}");
+            // Error estimates hold for all but one number in a hundred (tests/lab/calibration.rs): E[N] at t = 10 from
+            // q = -3 differs by as much as they say, a little more or less.
             assert!(ratio < 1.1, "{number}: {a:?} {b:?}");
         }
     }
 }
 
 #[test]
-fn densities_of_a_packet_are_arrays_about_it_and_none_of_a_point() {
+fn densities_of_a_local_grid_are_arrays_about_the_mean_and_none_of_a_point() {
     let settings = Settings::default();
     let it = paper();
     let run = |at: f64| {
@@ -260,6 +264,7 @@ fn moments_from_rest_and_from_dropped_points_agree_with_ten_million_paths() {
         }
     }
     println!("{pairs} numbers, worst by {worst:.2} standard errors");
-    // Of 120 independent normals the largest is above 1.5 but for a chance of 1e-7; bars of the solver on top.
+    // Of 120 independent normals the largest is above 1.5 but for a chance of 1e-7; error estimates of the solver on
+    // top.
     assert!(worst > 1.0, "errors are far too large: {worst}");
 }

@@ -1,5 +1,5 @@
-//! The scenes of the calibration and the truths their error bars are judged by, as stored in
-//! validation/precision and built into the program. tests/truths.rs makes them.
+//! The scenes of the calibration and the reference solutions their error estimates are judged by, as stored in
+//! validation/precision and built into the program. tests/references.rs makes them.
 
 use crate::rows::{Row, rows};
 use toml::{Table, Value};
@@ -10,7 +10,7 @@ use vibroimpact::scene::text::SceneText;
 
 const SCENES: &str = include_str!("../../../../validation/precision/scenes.csv");
 const CONTACTS: &str = include_str!("../../../../validation/precision/contacts.toml");
-const TRUTHS: &str = include_str!("../../../../validation/precision/truths.csv");
+const REFERENCES: &str = include_str!("../../../../validation/precision/references.csv");
 
 /// A scene that asks for transient moments alone, and what they are.
 #[derive(Debug, Clone)]
@@ -20,11 +20,11 @@ pub struct Case {
     /// The scene, with the program's default accuracy.
     pub scene: Scene,
     /// What is known, ordered by time, then as [`Moment::ALL`].
-    pub truths: Vec<Truth>,
+    pub references: Vec<Reference>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Truth {
+pub struct Reference {
     pub t: f64,
     /// Its place in [`Moment::ALL`].
     pub index: usize,
@@ -33,13 +33,13 @@ pub struct Truth {
     pub uncertainty: f64,
 }
 
-/// Every stored scene with its truths, by number.
+/// Every stored scene with its reference solutions, by number.
 pub fn cases() -> Result<Vec<Case>> {
-    read(SCENES, CONTACTS, TRUTHS)
+    read(SCENES, CONTACTS, REFERENCES)
 }
 
-/// The scenes and truths of tables in the form of those stored.
-fn read(scenes: &str, contacts: &str, truths: &str) -> Result<Vec<Case>> {
+/// The scenes and references of tables in the form of those stored.
+fn read(scenes: &str, contacts: &str, references: &str) -> Result<Vec<Case>> {
     let scenes = rows("validation/precision/scenes.csv", scenes, ',');
     let mut cases: Vec<Case> = scenes.map(|row| case(&row)).collect::<Result<_>>()?;
     let wrong =
@@ -54,16 +54,16 @@ fn read(scenes: &str, contacts: &str, truths: &str) -> Result<Vec<Case>> {
             cases.push(Case {
                 number,
                 scene: text.scene().clone(),
-                truths: Vec::new(),
+                references: Vec::new(),
             });
         }
     }
-    for row in rows("validation/precision/truths.csv", truths, ',') {
+    for row in rows("validation/precision/references.csv", references, ',') {
         let number: usize = row.get(0)?;
-        let truth = truth(&row)?;
+        let reference = reference(&row)?;
         let case = cases.iter_mut().find(|case| case.number == number);
         let case = case.ok_or_else(|| row.wrong("a scene of scenes.csv"))?;
-        case.truths.push(truth);
+        case.references.push(reference);
     }
     Ok(cases)
 }
@@ -89,16 +89,16 @@ fn case(row: &Row<'_>) -> Result<Case> {
             .map_err(|it| row.wrong(it.to_string()))?
             .scene()
             .clone(),
-        truths: Vec::new(),
+        references: Vec::new(),
     })
 }
 
-fn truth(row: &Row<'_>) -> Result<Truth> {
+fn reference(row: &Row<'_>) -> Result<Reference> {
     let names = Moment::ALL.map(Moment::name);
     let index = names
         .iter()
         .position(|name| row.fields.get(2) == Some(name));
-    Ok(Truth {
+    Ok(Reference {
         t: row.get(1)?,
         index: index.ok_or_else(|| row.wrong("the name of a moment in field 3"))?,
         value: row.get(3)?,
@@ -111,14 +111,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_stored_scene_reads_and_every_one_of_its_times_has_truths() {
+    fn every_stored_scene_reads_and_every_one_of_its_times_has_references() {
         let cases = cases().unwrap();
         assert!(cases.len() > 48);
         for case in &cases {
             case.scene.check().unwrap();
             for t in case.scene.outputs.moments_at.list() {
-                let here = case.truths.iter().filter(|it| it.t == t).count();
-                assert!(here >= 6, "scene {}, t = {t}: {here} truths", case.number);
+                let here = case.references.iter().filter(|it| it.t == t).count();
+                assert!(
+                    here >= 6,
+                    "scene {}, t = {t}: {here} references",
+                    case.number
+                );
             }
         }
     }
@@ -126,11 +130,11 @@ mod tests {
     #[test]
     fn a_line_that_does_not_read_is_named() {
         let scenes = "scene,...\n1,hertz,0.1,0.01,rest,,,,,1 2\n";
-        let message = |truths: &str| {
-            let truths = format!("scene,...\n{truths}");
-            read(scenes, "", &truths).unwrap_err().to_string()
+        let message = |references: &str| {
+            let references = format!("scene,...\n{references}");
+            read(scenes, "", &references).unwrap_err().to_string()
         };
-        assert!(message("1,1,mean_x,0,0,m").contains("truths.csv line 2"));
+        assert!(message("1,1,mean_x,0,0,m").contains("references.csv line 2"));
         assert!(message("#\n2,1,mean_q,0,0,m").contains("a scene of scenes.csv"));
         assert!(message("1,1,mean_q,zero,0,m").contains("field 4"));
         assert!(read(&scenes.replace("hertz", "steel"), "", "").is_err());
@@ -138,6 +142,6 @@ mod tests {
         let wrong = read(scenes, steel, "").unwrap_err().to_string();
         assert!(wrong.contains("scene 2"), "{wrong}");
         let good = read(scenes, "", "scene,...\n1,2,var_q,0.5,1e-9,m\n").unwrap();
-        assert_eq!(good[0].truths[0].index, 1);
+        assert_eq!(good[0].references[0].index, 1);
     }
 }

@@ -1,4 +1,4 @@
-//! The house rules that a compiler does not keep: who may import whom, and which crate has which door.
+//! The house rules that a compiler does not keep: who may import whom, and which module alone uses which crate.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,8 +42,8 @@ fn module(file: &str) -> &str {
     first.strip_suffix(".rs").unwrap_or(first)
 }
 
-/// The floor of a module; lib.rs only lists modules, the two programs stand on top.
-fn floor(module: &str) -> usize {
+/// The layer of a module; lib.rs only lists modules, the two programs stand on top.
+fn layer(module: &str) -> usize {
     match module {
         "budget" | "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "format"
         | "matrix" | "roots" => 0,
@@ -55,7 +55,7 @@ fn floor(module: &str) -> usize {
         "map" => 5,
         "cli" => 6,
         "main" | "bin" => 7,
-        other => panic!("{other} has no floor: give it one here and in the architecture"),
+        other => panic!("{other} has no layer: give it one here and in the architecture"),
     }
 }
 
@@ -92,7 +92,7 @@ fn imports(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_file_imports_only_from_lower_floors_or_its_own_folder() {
+fn a_file_imports_only_from_lower_layers_or_its_own_folder() {
     let mut checked = 0;
     for (file, text) in sources() {
         let own = module(&file);
@@ -107,13 +107,13 @@ fn a_file_imports_only_from_lower_floors_or_its_own_folder() {
         let reaches = |line: &str| line.contains("#[path") && line.contains("bin/");
         assert!(own == "bin" || !text.lines().any(reaches), "src/{file}");
         for name in imports(&text) {
-            let higher = floor(&name) > floor(own);
-            // Floor 3 reads downwards too: plan knows results and scene, results knows scene.
+            let higher = layer(&name) > layer(own);
+            // Layer 3 reads downwards too: plan knows results and scene, results knows scene.
             let order = ["scene", "results", "plan"];
             let place = |name: &str| order.iter().position(|it| *it == name);
             let sideways = match (place(&name), place(own)) {
                 (Some(theirs), Some(ours)) => theirs > ours,
-                _ => floor(own) == 2 && floor(&name) == 2 && name != own,
+                _ => layer(own) == 2 && layer(&name) == 2 && name != own,
             };
             assert!(!higher && !sideways, "src/{file} imports {name}");
             checked += 1;
@@ -124,15 +124,15 @@ fn a_file_imports_only_from_lower_floors_or_its_own_folder() {
 }
 
 #[test]
-fn a_crate_that_would_spread_has_one_door() {
-    for (door, names) in [
+fn a_crate_that_would_spread_is_used_by_one_module() {
+    for (users, names) in [
         ("sparse.rs", &["faer"][..]),
         ("monte_carlo/signal.rs or spectrum.rs", &["rustfft"]),
         ("report/plot/canvas.rs", &["plotters"]),
         ("report/data.rs", &["ndarray_npy"]),
         ("scene/text/section.rs", &["strsim"]),
         (
-            "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs or bin/lab/precision/truths.rs",
+            "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs or bin/lab/precision/references.rs",
             &["toml"],
         ),
         ("cli.rs or bin/lab/main.rs", &["clap"]),
@@ -140,7 +140,7 @@ fn a_crate_that_would_spread_has_one_door() {
     ] {
         for (file, text) in sources()
             .iter()
-            .filter(|(file, _)| !door.split(" or ").any(|door| file == door))
+            .filter(|(file, _)| !users.split(" or ").any(|it| file == it))
         {
             for line in code_lines(text) {
                 for name in names {
@@ -307,23 +307,23 @@ impl Tree {
     /// A circle of files, each of which imports the next.
     fn circle(&self) -> Option<Vec<&str>> {
         let graph: Vec<Vec<usize>> = (0..self.files.len()).map(|it| self.imports(it)).collect();
-        // The shortest way from every file back to itself.
+        // The shortest path from every file back to itself.
         let back = |start: usize| {
-            let mut ways = vec![vec![start]];
+            let mut paths = vec![vec![start]];
             let mut seen = vec![false; graph.len()];
-            while !ways.is_empty() {
+            while !paths.is_empty() {
                 let mut next = Vec::new();
-                for way in &ways {
-                    for to in &graph[way[way.len() - 1]] {
+                for path in &paths {
+                    for to in &graph[path[path.len() - 1]] {
                         if *to == start {
-                            return Some(way.clone());
+                            return Some(path.clone());
                         }
                         if !std::mem::replace(&mut seen[*to], true) {
-                            next.push([&way[..], &[*to]].concat());
+                            next.push([&path[..], &[*to]].concat());
                         }
                     }
                 }
-                ways = next;
+                paths = next;
             }
             None
         };

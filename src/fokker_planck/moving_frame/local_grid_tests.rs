@@ -1,9 +1,9 @@
-//! Orders and errors of a packet.
+//! Orders and errors of a local grid.
 
 use super::*;
 use crate::gaussian::Gaussian;
 
-fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> Packet {
+fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> LocalGrid {
     let fineness = Fineness {
         cell: 0.25,
         reach: 7.5,
@@ -11,18 +11,18 @@ fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> Packet 
         step,
         beside: 1.0,
     };
-    let mut packet = Packet::new(oscillator, initial, 0.02, fineness).unwrap();
-    packet.open(t);
-    let left = t - packet.time();
-    let steps = packet.divide(left);
+    let mut grid = LocalGrid::new(oscillator, initial, 0.02, fineness).unwrap();
+    grid.leave_point(t);
+    let left = t - grid.time();
+    let steps = grid.divide(left);
     for _ in 0..steps {
-        packet.advance(left / steps as f64);
+        grid.advance(left / steps as f64);
     }
-    packet
+    grid
 }
 
 #[test]
-fn the_steps_of_a_packet_are_of_order_six_and_under_strong_damping_of_order_four() {
+fn the_steps_of_a_local_grid_are_of_order_six_and_under_strong_damping_of_order_four() {
     for (zeta, t, steps, order) in [
         (0.005, 10.0, [0.8, 0.4], 5.0),
         (0.2, 5.0, [0.4, 0.2], 3.5),
@@ -33,11 +33,11 @@ fn the_steps_of_a_packet_are_of_order_six_and_under_strong_damping_of_order_four
         let exact = Gaussian::of(&it, &Initial::Rest).unwrap();
         let [[qq, _], [_, vv]] = exact.after(&it, t).unwrap().covariance;
         let errors = steps.map(|step| {
-            let packet = run(&it, &Initial::Rest, t, step);
-            let got = packet.moments();
+            let grid = run(&it, &Initial::Rest, t, step);
+            let got = grid.moments();
             let wrong = |x: f64, y: f64| (x / y - 1.0).abs();
             let error = wrong(got.var_q.value, qq).max(wrong(got.var_v.value, vv));
-            assert!(error < packet.step_error() + 1e-9, "{zeta}: {error:e}");
+            assert!(error < grid.step_error() + 1e-9, "{zeta}: {error:e}");
             error
         });
         let seen = (errors[0] / errors[1]).log2();
@@ -58,15 +58,15 @@ fn the_errors_of_the_steps_are_below_what_is_said_of_them_at_any_time() {
         for steps in [1, 2, 3, 5, 8, 12, 20, 40] {
             let t = step * f64::from(steps);
             let [[qq, qv], [_, vv]] = exact.after(&it, t).unwrap().covariance;
-            let packet = run(&it, &Initial::Rest, t, step);
-            let got = packet.moments();
+            let grid = run(&it, &Initial::Rest, t, step);
+            let got = grid.moments();
             let errors = [
                 got.var_q.value / qq - 1.0,
                 got.var_v.value / vv - 1.0,
                 (got.cov_qv.value - qv) / (qq * vv).sqrt(),
             ];
             let error = errors.into_iter().fold(0.0, |a: f64, e| a.max(e.abs()));
-            worst = worst.max(error / (packet.step_error() + 1e-9));
+            worst = worst.max(error / (grid.step_error() + 1e-9));
         }
         println!("tau = {step}: {worst:.2} of it");
         assert!(worst < 1.0 && worst > 0.1, "{step}: {worst}");
@@ -74,7 +74,7 @@ fn the_errors_of_the_steps_are_below_what_is_said_of_them_at_any_time() {
 }
 
 #[test]
-fn a_packet_through_the_loss_of_contact_keeps_the_energy_law() {
+fn a_local_grid_through_the_loss_of_contact_keeps_the_energy_law() {
     // d/dt E[H] = pi h - 2 zeta E[v^2], by Simpson's rule over steps that fall on it.
     let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
     let start = Initial::gaussian([-3.0, 0.0], [1e-3; 2]).unwrap();

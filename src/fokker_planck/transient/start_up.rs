@@ -1,5 +1,5 @@
-//! The first part of a run whose start no mesh of the plane can hold: a packet in its own frame, until
-//! it is wide enough to be handed over.
+//! The start-up phase of a run whose initial condition no mesh of the plane resolves: a local grid in its own frame,
+//! until the density is wide enough to be handed over.
 
 use super::propagator::Propagator;
 use super::recipe::{FirstGrid, REFINED, Rung, START};
@@ -10,31 +10,31 @@ use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::hermite::{Column, Kept, SAFETY, Settled};
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
-use crate::fokker_planck::moving_frame::packet::{Fineness, Packet, STRONG};
+use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid, STRONG_DAMPING_ERROR};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
 use std::cell::RefCell;
 
-/// A packet on its way to a mesh.
-pub(super) struct Opening<'a> {
+/// The start-up phase: a local grid, before a mesh takes over.
+pub(super) struct StartUp<'a> {
     oscillator: &'a Oscillator,
     /// The stationary law, where it is not exp(-H/T)/Z.
     law: Option<&'a Settled>,
     rung: &'a Rung,
-    packet: Packet,
+    grid: LocalGrid,
     /// The cells there would be without regard to the initial condition; None for a law that leaves every domain,
     /// which stays in the frame for good.
     goal: Option<Mesh>,
-    /// Widths of cells below which no mesh is refined for the packet's sake alone.
+    /// Widths of cells below which no mesh is refined for the initial condition alone.
     finest: [f64; 2],
 }
 
-/// What a narrow start has cost.
+/// What a concentrated initial condition has cost.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Loss {
-    /// Of the packet's size, relative to it.
+    /// Of the size of the density, relative to it.
     pub(super) spread: f64,
     /// Probability, of the tails.
     pub(super) tail: f64,
@@ -71,7 +71,7 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// What a packet says at an output time.
+/// What a local grid says at an output time.
 pub(super) struct Look {
     pub(super) moments: Moments,
     pub(super) lowest: f64,
@@ -85,24 +85,25 @@ pub(super) struct Look {
 /// Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the
 /// order of h t^3, so its velocity by h t^4 = 2e-7 h.
 const EARLY: f64 = 0.02;
-/// What rounding leaves of a packet's moments, the motion being known to 1e-12: 3e-10 of themselves for
+/// What rounding leaves of a local grid's moments, the motion being known to 1e-12: 3e-10 of themselves for
 /// the linear law, whose covariance is known.
 const ROUNDING: f64 = 1e-9;
-/// What cells may do to a packet alike in both runs, over the tolerance that chose them.
+/// What cells may do to a local grid alike in both runs, over the tolerance that chose them.
 const CELLS: f64 = 2e-6;
-/// Part of the error of the steps that stays in the bar beside the difference of two runs: that shows five to ten
-/// times the error, the steps of one being 1.5 times as long, but may pass through zero.
+/// Part of the error of the steps that stays in the error estimate beside the difference of two runs: that shows five
+/// to ten times the error, the steps of one being 1.5 times as long, but may pass through zero.
 const HIDDEN: f64 = 0.25;
-/// The part of the tolerance that the changes of the packet's mass may add up to: it then no longer fits
-/// its frame, and a finer mesh takes over. A kurtosis weighs them ten times ([`TAIL`](super::bars::TAIL)).
-const TORN: f64 = 0.03;
+/// Loss of resolution: the part of the tolerance that the changes of the local grid's mass may add up to. The density
+/// then no longer fits its frame, and a finer mesh takes over. A kurtosis weighs them ten times
+/// ([`TAIL`](super::error_estimate::TAIL)).
+const MASS_DEFECT_ABORT: f64 = 0.03;
 /// Cells of the scene per deviation of what is handed over to them, at least.
 const GIVEN: f64 = 1.9;
 
-/// Cells, reach and step of a packet for a tolerance. Measured for the Hertz law from rest and from
+/// Cells, reach and step of a local grid for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
-/// damping is strong steps err by [`STRONG`] zeta^3 tau^4, and get a five-thousandth of the tolerance: they are
-/// few, and two runs share the error.
+/// damping is strong steps err by [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, and get a five-thousandth of the tolerance:
+/// they are few, and two runs share the error.
 fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let tolerance = rung.tolerance;
     let zeta = oscillator.zeta();
@@ -114,7 +115,7 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     } else {
         (0.25 * relative.cbrt(), 1.0)
     };
-    let strong = (2e-4 * tolerance / (STRONG * zeta.powi(3))).powf(0.25);
+    let strong = (2e-4 * tolerance / (STRONG_DAMPING_ERROR * zeta.powi(3))).powf(0.25);
     // A drive asks no more of these steps than of those on a mesh, which are of lower order.
     let driven = match &rung.forcing {
         Some(_) => rung.flow_map().step,
@@ -130,12 +131,12 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     }
 }
 
-/// P on the border of a packet's square over the tolerance, above which there is more beyond the border
+/// P on the border of a local grid's square over the tolerance, above which there is more beyond the border
 /// than a kurtosis can bear: tails that were cut weighed two hundred times in it (a point dropped at q = 1,
 /// t = 12).
 const BORDER: f64 = 1e-6;
 
-/// What an opening will take.
+/// What a start-up phase will take.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Bill {
     /// Seconds on one core.
@@ -148,15 +149,15 @@ pub(super) struct Bill {
     pub(super) alone: Option<usize>,
 }
 
-/// What the opening of a run will take on one core, if it has one. The packet is as wide as a mesh needs once the
-/// noise has added that variance.
+/// What the start-up phase of a run will take on one core, if it has one. The density is as wide as a mesh needs once
+/// the noise has added that variance.
 pub(super) fn cost(
     rung: &Rung,
     oscillator: &Oscillator,
     initial: &Initial,
     until: f64,
 ) -> Option<Bill> {
-    if !rung.opens_on_moving_grid() {
+    if !rung.starts_on_moving_grid() {
         return None;
     }
     let fineness = fineness(oscillator, rung);
@@ -184,22 +185,22 @@ pub(super) fn cost(
     })
 }
 
-impl<'a> Opening<'a> {
-    /// The opening of a run, if it has one.
+impl<'a> StartUp<'a> {
+    /// The start-up phase of a run, if it has one.
     pub(super) fn of(
         rung: &'a Rung,
         oscillator: &'a Oscillator,
         initial: &Initial,
         law: Option<&'a Settled>,
     ) -> Result<Option<Self>> {
-        if !rung.opens_on_moving_grid() {
+        if !rung.starts_on_moving_grid() {
             return Ok(None);
         }
         let later = (rung.tolerance / 1e-3).cbrt();
         let early = EARLY * later / (1.0 + oscillator.zeta());
         let fineness = fineness(oscillator, rung);
-        let packet = Packet::new(oscillator, initial, early, fineness)?;
-        let packet = packet.forced(oscillator, rung.forcing.clone());
+        let grid = LocalGrid::new(oscillator, initial, early, fineness)?;
+        let grid = grid.forced(oscillator, rung.forcing.clone());
         let goal = (rung.first_grid != FirstGrid::MovingForGood)
             .then(|| rung.mesh(oscillator))
             .transpose()?;
@@ -211,25 +212,25 @@ impl<'a> Opening<'a> {
             oscillator,
             law,
             rung,
-            packet,
+            grid,
             goal,
             finest,
         }))
     }
 
-    /// The packet.
-    pub(super) fn packet(&self) -> &Packet {
-        &self.packet
+    /// The local grid.
+    pub(super) fn grid(&self) -> &LocalGrid {
+        &self.grid
     }
 
-    /// What the packet has cost so far; a point has cost nothing.
+    /// What the local grid has cost so far; a point has cost nothing.
     pub(super) fn loss(&self) -> Loss {
-        if self.packet.is_point() {
+        if self.grid.is_point() {
             return Loss::default();
         }
         Loss {
-            spread: ROUNDING + CELLS * self.rung.tolerance + HIDDEN * self.packet.step_error(),
-            tail: self.packet.defect(),
+            spread: ROUNDING + CELLS * self.rung.tolerance + HIDDEN * self.grid.step_error(),
+            tail: self.grid.defect(),
         }
     }
 
@@ -240,25 +241,25 @@ impl<'a> Opening<'a> {
         t: f64,
         watch: &mut dyn FnMut(f64) -> Result<()>,
     ) -> Result<bool> {
-        let left = t - self.packet.time();
+        let left = t - self.grid.time();
         if left <= 0.0 {
             return Ok(true);
         }
-        self.packet.open(left);
-        if t - self.packet.time() <= 0.0 {
+        self.grid.leave_point(left);
+        if t - self.grid.time() <= 0.0 {
             return Ok(true);
         }
-        for stop in self.rung.stops(self.packet.time(), t) {
-            let left = stop - self.packet.time();
-            let steps = self.packet.divide(left);
+        for stop in self.rung.stops(self.grid.time(), t) {
+            let left = stop - self.grid.time();
+            let steps = self.grid.divide(left);
             for _ in 0..steps {
                 if self.is_wide() {
                     return Ok(false);
                 }
-                self.packet.advance(left / steps as f64);
-                watch(self.packet.time())?;
+                self.grid.advance(left / steps as f64);
+                watch(self.grid.time())?;
             }
-            self.packet.arrive(stop);
+            self.grid.arrive(stop);
         }
         Ok(true)
     }
@@ -270,7 +271,7 @@ impl<'a> Opening<'a> {
         };
         let enough = START * self.rung.per_deviation;
         let (enough, widths) = if self.rung.layout.is_given() {
-            // The scene's own cells, the widest near the packet: no finer rung tells what too few of them do.
+            // The scene's own cells, the widest near the density: no finer rung tells what too few of them do.
             (enough.max(GIVEN), self.widest(mesh))
         } else {
             (enough, self.finest)
@@ -280,27 +281,27 @@ impl<'a> Opening<'a> {
             .into_iter()
             .all(|(deviation, width)| deviation >= enough * width);
         if let FirstGrid::Falling(most) = self.rung.first_grid {
-            return self.is_torn() || (wide && self.amplitude() <= most);
+            return self.is_unresolved() || (wide && self.amplitude() <= most);
         }
-        wide || self.is_torn()
+        wide || self.is_unresolved()
     }
 
-    /// The amplitude of the packet over that of the edge of the domain that the stationary law needs.
+    /// The amplitude of the density over that of the edge of the domain that the stationary law needs.
     fn amplitude(&self) -> f64 {
-        let frame = self.packet.frame();
+        let frame = self.grid.frame();
         self.rung
             .amplitude(self.oscillator, frame.mean, frame.deviation())
     }
 
-    /// Whether the packet no longer fits its frame.
-    fn is_torn(&self) -> bool {
-        self.packet.defect() > TORN * self.rung.tolerance
+    /// Whether the local grid no longer resolves the density: it does not fit its frame.
+    fn is_unresolved(&self) -> bool {
+        self.grid.defect() > MASS_DEFECT_ABORT * self.rung.tolerance
     }
 
     /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
     /// motion turns it before friction stops it, what is narrow in one is soon narrow in the other.
     fn narrowest(&self) -> [f64; 2] {
-        let frame = self.packet.frame();
+        let frame = self.grid.frame();
         if self.oscillator.zeta() < 1.0 {
             [frame.narrowest(); 2]
         } else {
@@ -310,7 +311,7 @@ impl<'a> Opening<'a> {
 
     /// The widest cells of a mesh within three deviations.
     fn widest(&self, mesh: &Mesh) -> [f64; 2] {
-        let frame = self.packet.frame();
+        let frame = self.grid.frame();
         let near = |axis: &Axis, mean: f64, deviation: f64| {
             [-3.0, 0.0, 3.0]
                 .map(|k| axis.at(axis.locate(mean + k * deviation)).1)
@@ -327,7 +328,7 @@ impl<'a> Opening<'a> {
     /// The mesh that takes over.
     ///
     /// # Errors
-    /// [`Error::Mesh`] if the cells of the scene are too wide for a packet that does not keep its shape.
+    /// [`Error::Mesh`] if the cells of the scene are too wide for a density that does not stay near a Gaussian.
     pub(super) fn mesh(&self) -> Result<Mesh> {
         let Some(mesh) = &self.goal else {
             return self.own_mesh();
@@ -341,7 +342,7 @@ impl<'a> Opening<'a> {
                         what: format!(
                             "at t = {:.2} the density is {:.2} cells wide in {name} and no longer \
                              fits a moving frame; {} cells are needed",
-                            self.packet.time(),
+                            self.grid.time(),
                             deviation / width,
                             Density::NARROWEST
                         ),
@@ -354,22 +355,22 @@ impl<'a> Opening<'a> {
         let start = narrowest.map(|deviation| deviation / (START * self.rung.per_deviation));
         let mut layout = self.rung.layout.narrowed(start);
         if let FirstGrid::Falling(most) = self.rung.first_grid {
-            // Torn before it was in.
+            // Resolution was lost before it was in.
             let more = (self.amplitude() / most).max(1.0);
             layout.domain = layout.domain.enlarged(self.oscillator, more);
         }
         layout.mesh(self.oscillator, 1.0)
     }
 
-    /// The packet's own cells on the axes of q and v, for a run that never leaves it.
+    /// The local grid's own cells on the axes of q and v, for a run that never leaves it.
     pub(super) fn own_mesh(&self) -> Result<Mesh> {
-        let frame = self.packet.frame();
-        let reach = self.packet.reach();
+        let frame = self.grid.frame();
+        let reach = self.grid.reach();
         let axis = |mean: f64, deviation: f64| {
             Axis::uniform(
                 mean - reach * deviation,
                 mean + reach * deviation,
-                self.packet.cells(),
+                self.grid.cells(),
             )
         };
         let [q, v] = frame.deviation();
@@ -393,7 +394,7 @@ impl<'a> Opening<'a> {
 
     /// The density on the mesh of a propagator, scaled to probability 1, with what that changed.
     pub(super) fn density(&self, propagator: &Propagator) -> (Density, f64) {
-        let mut density = propagator.sampled(&|points| self.packet.density(points));
+        let mut density = propagator.sampled(&|points| self.grid.density(points));
         let mass = density.mass();
         for p in density.cells_mut() {
             *p /= mass;
@@ -403,7 +404,7 @@ impl<'a> Opening<'a> {
 
     /// The numbers of an output.
     pub(super) fn look(&self) -> Look {
-        let packet = &self.packet;
+        let grid = &self.grid;
         let law = self.oscillator.displacement_law().ok();
         let temperature = self.oscillator.temperature();
         let solved = self.law.map(|it| [&it.law, &it.coarser].map(Columns::of));
@@ -416,8 +417,8 @@ impl<'a> Opening<'a> {
                 law.density(q) * (-0.5 * v * v / temperature).exp() / scale
             })
         };
-        let moments = packet.moments();
-        if packet.is_point() {
+        let moments = grid.moments();
+        if grid.is_point() {
             return Look {
                 moments,
                 lowest: 0.0,
@@ -429,9 +430,9 @@ impl<'a> Opening<'a> {
         }
         Look {
             moments,
-            lowest: packet.lowest(),
-            negative: packet.sum(|_, p| (-p).max(0.0)),
-            entropy: packet.sum(|x, p| {
+            lowest: grid.lowest(),
+            negative: grid.sum(|_, p| (-p).max(0.0)),
+            entropy: grid.sum(|x, p| {
                 let reference = stationary(x);
                 if p > 0.0 && reference > 0.0 {
                     p * (p / reference).ln()
@@ -439,13 +440,13 @@ impl<'a> Opening<'a> {
                     0.0
                 }
             }),
-            // Both integrals are 1: |p - p_s| is twice its positive part, which lies in the packet.
-            distance: 2.0 * packet.sum(|x, p| (p - stationary(x)).max(0.0)),
+            // Both integrals are 1: |p - p_s| is twice its positive part, which lies in the local grid.
+            distance: 2.0 * grid.sum(|x, p| (p - stationary(x)).max(0.0)),
             doubt: solved
                 .as_ref()
                 .zip(self.law)
                 .map_or([0.0; 2], |(both, law)| {
-                    let apart = packet.sum(|[q, v], p| {
+                    let apart = grid.sum(|[q, v], p| {
                         entropy_apart(p, both.each_ref().map(|it| it.density(q, v)))
                     });
                     [SAFETY * apart, law.error]
@@ -453,12 +454,12 @@ impl<'a> Opening<'a> {
         }
     }
 
-    /// The density on equal cells about the packet.
+    /// The density on equal cells about its mean.
     ///
     /// # Errors
     /// [`Error::Invalid`] while it is a point.
     pub(super) fn snapshot(&self) -> Result<Snapshot> {
-        if self.packet.is_point() {
+        if self.grid.is_point() {
             let accepted = "times after 0: at rest all probability is in one point";
             return Err(Error::invalid("outputs.density_at", 0, accepted));
         }
@@ -468,9 +469,9 @@ impl<'a> Opening<'a> {
             .iter()
             .flat_map(|q| v.iter().map(move |v| [*q, *v]))
             .collect();
-        let p = self.packet.density(&points);
+        let p = self.grid.density(&points);
         Ok(Snapshot {
-            t: self.packet.time(),
+            t: self.grid.time(),
             q: Array1::from_vec(q.to_vec()),
             v: Array1::from_vec(v.to_vec()),
             p: Array2::from_shape_fn((q.len(), v.len()), |(i, j)| p[i * v.len() + j]),

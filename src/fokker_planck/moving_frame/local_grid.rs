@@ -40,10 +40,10 @@ use crate::quadrature::KronrodNodes;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// How finely a packet is held.
+/// How fine a local grid is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Fineness {
-    /// Width of a cell, in deviations of the packet.
+    /// Width of a cell, in deviations of the density.
     pub(crate) cell: f64,
     /// Half the side of the square, in deviations.
     pub(crate) reach: f64,
@@ -56,9 +56,9 @@ pub(crate) struct Fineness {
     pub(crate) beside: f64,
 }
 
-/// A narrow density in its own frame.
+/// A concentrated density on its own grid in its own frame.
 #[derive(Debug, Clone)]
-pub(crate) struct Packet {
+pub(crate) struct LocalGrid {
     contact: ContactLaw,
     zeta: f64,
     temperature: f64,
@@ -91,10 +91,10 @@ const C1: f64 = 0.112_701_665_379_258_3;
 const C2: f64 = 0.5 - C1;
 /// The error of a variance under strong damping over zeta^3 tau^4, relative to it: three times the 1.1e-2
 /// measured from rest (linear law, zeta = 0.2 to 5), for other starts and times.
-pub(crate) const STRONG: f64 = 3.3e-2;
+pub(crate) const STRONG_DAMPING_ERROR: f64 = 3.3e-2;
 /// The same under an envelope, over zeta tau^4 and the change of the factor over its integral: twice the 1.9e-3 measured
 /// for one that falls to 0 (linear law, zeta = 0.005 to 0.3, steps of 0.35 to 0.9).
-const BENT: f64 = 4e-3;
+const ENVELOPE_ERROR: f64 = 4e-3;
 /// Deviations beyond which a square is widened no more: twice what a Gaussian needs at 1e-5, four times the
 /// cells.
 const FARTHEST: f64 = 18.0;
@@ -106,9 +106,9 @@ const STANDARD: Frame = Frame {
     lower: [1.0, 0.0, 1.0],
 };
 
-impl Packet {
-    /// The packet of a Gaussian start, or of a point at rest. The point's first step, of `early` at most,
-    /// is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
+impl LocalGrid {
+    /// The local grid of a Gaussian initial condition, or of a point at rest. The point's first step, of `early` at
+    /// most, is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
     ///
     /// # Errors
     /// [`Error::NotAvailable`] for a stationary start.
@@ -230,7 +230,7 @@ impl Packet {
     }
 
     /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most.
-    pub(crate) fn open(&mut self, left: f64) {
+    pub(crate) fn leave_point(&mut self, left: f64) {
         let Some((mut linear, early)) = self.linear.take() else {
             return;
         };
@@ -264,8 +264,9 @@ impl Packet {
 
     /// What the steps so far may have done to a variance, relative to it. The noise of a step is put 1.5e-5 tau^6 of
     /// it wrong on a weakly damped orbit: counted as noise grows, more in q while a start from rest spreads along v
-    /// alone, and less once many steps have turned their errors against each other. Strong damping adds [`STRONG`]
-    /// zeta^3 tau^4, an envelope [`BENT`] zeta tau^4 of its relative change. All measured with the linear law, from rest.
+    /// alone, and less once many steps have turned their errors against each other. Strong damping adds
+    /// [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, an envelope [`ENVELOPE_ERROR`] zeta tau^4 of its relative change. All
+    /// measured with the linear law, from rest.
     pub(crate) fn step_error(&self) -> f64 {
         let (tau, time) = (self.longest, self.time);
         if tau == 0.0 {
@@ -283,8 +284,8 @@ impl Packet {
         let part = noise / (noise + self.start).max(f64::MIN_POSITIVE);
         let turned = (6.0 * tau / t).min(1.0);
         let orbit = 1.5e-5 * part * turned * tau.powi(6) * (1.0 + 3.0 / (t * t));
-        let bent = BENT * self.zeta * part * change / dose;
-        orbit + (STRONG * self.zeta.powi(3) + bent) * tau.powi(4)
+        let envelope = ENVELOPE_ERROR * self.zeta * part * change / dose;
+        orbit + (STRONG_DAMPING_ERROR * self.zeta.powi(3) + envelope) * tau.powi(4)
     }
 
     /// Sets the time to `t`, where the steps led but for rounding.
@@ -338,7 +339,7 @@ impl Packet {
         largest(&mut first_and_last.chain(sides))
     }
 
-    /// More cells around the square, an eighth of those there are: a displaced packet bends along its orbit,
+    /// More cells around the square, an eighth of those there are: a displaced density bends along its orbit,
     /// and its tails curl out of a square that follows mean and deviations.
     fn widen(&mut self) {
         let (n, cell) = (self.axis.len(), self.fineness.cell);
@@ -509,7 +510,7 @@ impl Packet {
                 [xy / m - x * y, yy / m - y * y],
             ],
         );
-        // A packet torn to pieces has no frame; its defect says so.
+        // A density that the grid does not resolve has no frame; the mass defect says so.
         if law.lower.iter().all(|l| l.is_finite()) && law.area() > 0.1 {
             law
         } else {
@@ -545,7 +546,7 @@ impl Packet {
             * cell
     }
 
-    /// Moments, taken about the mean so that a narrow packet keeps its digits. Functions of q are
+    /// Moments, taken about the mean so that those of a narrow density keep their digits. Functions of q are
     /// integrated against the spline of the marginal of xi_1, the loss of contact between two panels.
     pub(crate) fn moments(&self) -> Moments {
         let n = self.axis.len();
@@ -634,5 +635,5 @@ impl Packet {
 }
 
 #[cfg(test)]
-#[path = "packet_tests.rs"]
+#[path = "local_grid_tests.rs"]
 mod tests;
