@@ -264,6 +264,21 @@ pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Ve
             }
         }
     }
+    // From where it was found it goes on to the neighbouring frequencies.
+    let onward: Vec<f64> = frequencies
+        .iter()
+        .chain(frequencies.iter().rev())
+        .copied()
+        .collect();
+    for pair in onward.windows(2) {
+        let unstable = |it: &&(f64, Orbit)| it.0 == pair[0] && it.1.multiplier > 1.0;
+        let known = found.iter().find(unstable).map(|it| it.1.start);
+        if let (Some(guess), Ok(drive)) = (known, drive.at(pair[1]))
+            && let Ok(it) = orbit(oscillator, &drive, guess)
+        {
+            put(&mut found, pair[1], it);
+        }
+    }
     found
 }
 

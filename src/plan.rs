@@ -13,8 +13,8 @@ use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::{
-    self, Eigenvalues, FirstPassage, PeriodicLaw, Reach, Recipe, Resolvent, ResponseCurve,
-    Settings, StationaryState, SteadyState,
+    self, Eigenvalues, FirstPassage, Periodic, PeriodicLaw, Reach, Recipe, Resolvent,
+    ResponseCurve, Settings, StationaryState, SteadyState,
 };
 use crate::format::{brief, num};
 pub use crate::format::{bytes, seconds};
@@ -295,7 +295,7 @@ impl Plan {
             Part::Reach => self.reach_cost()?,
             Part::Periodic => {
                 let phases = self.scene.outputs.periodic.unwrap_or(0);
-                let recipe = PeriodicLaw::of(oscillator, phases, &self.settings, true)?;
+                let recipe = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), &self.settings)?;
                 let cost = (recipe.cost(), recipe.words());
                 self.recipes.periodic = Some(recipe);
                 cost

@@ -333,7 +333,7 @@ fn a_weak_drive_is_answered_as_the_fluctuations_say() {
 
 #[test]
 fn over_a_period_the_drive_and_the_noise_bring_what_friction_takes() {
-    let (it, excitation) = (hertz(0.005, 2e-3), driven(0.2, 0.9, 0.3));
+    let (it, excitation) = (hertz(0.02, 2e-3), driven(0.1, 0.9, 0.3));
     let got = periodic(&it, 32, &settings(&excitation, 1e-3), &|_| ()).unwrap();
     let drive = excitation.drive.unwrap();
     let n = got.phase.len() as f64;

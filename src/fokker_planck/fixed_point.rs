@@ -25,7 +25,7 @@ pub(super) struct Fixed {
     pub(super) residual: f64,
     /// The modulus of the largest eigenvalue but 1.
     pub(super) slowest: f64,
-    /// The largest eigenvalues but 1, where they are asked for, the largest first; of a complex pair the one with the positive imaginary part.
+    /// The largest eigenvalues but 1, the largest first; of a complex pair the one with the positive imaginary part.
     pub(super) eigenvalues: Vec<Ritz>,
     /// Times the map was applied.
     pub(super) maps: usize,
@@ -36,10 +36,8 @@ pub(super) struct Fixed {
 pub(super) struct Goal {
     /// Error of the fixed point in L1: its residual over 1 less the largest eigenvalue.
     pub(super) error: f64,
-    /// Error of that eigenvalue, relative to it; infinite where none is asked for.
+    /// Error of that eigenvalue, relative to it.
     pub(super) eigenvalue: f64,
-    /// A modulus that the largest eigenvalue is known not to be below: a start near the fixed point shows little of it.
-    pub(super) slowest: f64,
     /// Vectors that may be held.
     pub(super) vectors: usize,
 }
@@ -76,7 +74,7 @@ pub(super) fn solve(
         .collect();
     let mut fixed = Fixed {
         residual: f64::INFINITY,
-        slowest: goal.slowest,
+        slowest: 0.0,
         eigenvalues: Vec::new(),
         maps: 0,
     };
@@ -105,12 +103,12 @@ pub(super) fn solve(
             let full = last || columns >= goal.vectors;
             let left = arnoldi.residual();
             if left <= FIRST_LOOK * goal.error && columns.is_multiple_of(LOOK) || full {
-                fixed.slowest = arnoldi.slowest()?.max(goal.slowest);
+                fixed.slowest = arnoldi.slowest()?.max(fixed.slowest);
                 target = (0.5 * goal.error * (1.0 - fixed.slowest)).max(ROUNDING);
             }
             if left <= target && target.is_finite() {
                 let since = columns - *there.get_or_insert(columns);
-                if goal.eigenvalue.is_infinite() || since > BEYOND {
+                if since > BEYOND {
                     break;
                 }
                 if since.is_multiple_of(2 * LOOK) {
@@ -125,7 +123,7 @@ pub(super) fn solve(
                 break;
             }
         }
-        if goal.eigenvalue.is_finite() && fixed.eigenvalues.is_empty() {
+        if fixed.eigenvalues.is_empty() {
             fixed.eigenvalues = arnoldi.eigenvalues()?;
         }
         arnoldi.correct(x);
@@ -321,7 +319,6 @@ mod tests {
         let goal = Goal {
             error: 1e-9,
             eigenvalue: 1e-9,
-            slowest: 0.0,
             vectors: 60,
         };
         let fixed = solve(&mut x, &weights, goal, &mut map).unwrap();

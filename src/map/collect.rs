@@ -376,6 +376,10 @@ fn called(name: &str, place: Option<usize>, times: Option<Vec<f64>>) -> String {
             Some(k) if k > 0 => format!("Re \u{3bb}{}", k + 1),
             _ => "Re \u{3bb} of the slowest eigenvalue".into(),
         },
+        None if name == "spectrum.peaks.half_power_width" => match place {
+            Some(k) if k > 0 => format!("half-power width of peak {}", k + 1),
+            _ => "half-power width of the highest peak".into(),
+        },
         None => shown(name, place),
     }
 }

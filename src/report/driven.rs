@@ -73,6 +73,7 @@ pub(super) fn response(results: &Results) -> Vec<File> {
     if let Some(lost) = &it.contact_loss_probability {
         add("P(loss) averaged over the phase", "1", lost);
     }
+    add("modulus of the slowest multiplier", "1", &it.multiplier);
     if let Some(rig) = &results.scene.rig {
         let hertz = it.frequency.iter().map(|w| rig.hertz(*w)).collect();
         table = table.bare("frequency", "Hz", hertz);

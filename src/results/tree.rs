@@ -280,6 +280,7 @@ fn response(it: &Response) -> Value {
         "mean_q_1": full_curve(&it.mean_q_1),
         "mean_q_2": full_curve(&it.mean_q_2),
         "mean_force_1": full_curve(&it.mean_force_1),
+        "multiplier": full_curve(&it.multiplier),
     });
     let lost = it.contact_loss_probability.as_deref().map(full_curve);
     all["contact_loss_probability"] = json!(lost);

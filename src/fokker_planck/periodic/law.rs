@@ -49,27 +49,37 @@ pub struct Periodic {
 pub(crate) struct PeriodicLaw {
     recipe: Recipe,
     times: Vec<f64>,
+    /// Those at which the density is kept.
+    maps: Vec<f64>,
 }
 
 impl PeriodicLaw {
-    /// The recipe for the periodic law at so many phases under the drive of the settings.
+    /// The recipe for the periodic law at so many phases under the drive of the settings, with so many densities at most.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] without a drive, and for settings that no periodic law can be computed with.
     pub(crate) fn of(
         oscillator: &Oscillator,
-        phases: usize,
+        (phases, maps): (usize, usize),
         settings: &Settings,
-        multipliers: bool,
     ) -> Result<Self> {
         let period = settings.excitation.drive.map_or(0.0, |it| it.period());
         let times: Vec<f64> = (0..phases)
             .map(|k| period * k as f64 / phases as f64)
             .collect();
         Ok(Self {
-            recipe: Recipe::lasting(oscillator, &times, settings, multipliers)?,
+            recipe: Recipe::lasting(oscillator, &times, settings)?,
+            maps: (0..maps.min(phases))
+                .map(|k| times[k * phases / maps.min(phases)])
+                .collect(),
             times,
         })
+    }
+
+    /// Whether two orbits last without noise.
+    pub(super) fn has_rivals(&self) -> bool {
+        let forcing = self.recipe.forcing.as_ref();
+        forcing.is_some_and(|it| it.orbits().len() > 1)
     }
 
     pub(crate) fn cost(&self) -> Cost {
@@ -95,23 +105,13 @@ impl PeriodicLaw {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Periodic> {
         let question = (oscillator, &Initial::Stationary);
-        let maps = if self.recipe.multipliers {
-            Periodic::MAPS.min(self.times.len())
-        } else {
-            0
-        };
-        let shown: Vec<f64> = (0..maps)
-            .map(|k| self.times[k * self.times.len() / maps])
-            .collect();
-        let it = self
-            .recipe
-            .solve(question, (&self.times, &shown), limits, progress)?;
+        let times = (&self.times[..], &self.maps[..]);
+        let it = self.recipe.solve(question, times, limits, progress)?;
         let mut law = Periodic::of(it);
-        if let Some(slowest) = law.multipliers.first()
-            && let Some(forcing) = &self.recipe.forcing
-            && forcing.orbits().len() > 1
+        if self.has_rivals()
+            && let Some(slowest) = law.multipliers.first()
         {
-            let periods = -1.0 / slowest.re.hypot(slowest.im).ln();
+            let periods = -1.0 / slowest.modulus().ln();
             law.warnings.push(format!(
                 "two orbits last without noise: the law holds both, each with its probability, and takes some {periods:.0} \
                  periods to form; over shorter times a motion shows the one that it began near"
@@ -183,7 +183,7 @@ pub fn periodic(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Periodic> {
-    let recipe = PeriodicLaw::of(oscillator, phases, settings, true)?;
+    let recipe = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), settings)?;
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     recipe.solve(oscillator, &limits, progress)
 }

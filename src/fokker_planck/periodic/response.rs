@@ -3,7 +3,7 @@
 use super::harmonics::Harmonic;
 use super::law::{Periodic, PeriodicLaw};
 use crate::error::Result;
-use crate::estimate::{Estimate, Shortfall};
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::excitation::Excitation;
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::settings::Settings;
@@ -28,6 +28,9 @@ pub struct Response {
     pub mean_force_1: Vec<Estimate>,
     /// Probability to be out of contact, averaged over the phase; None for a law that cannot lose contact.
     pub contact_loss_probability: Option<Vec<Estimate>>,
+    /// Modulus of the slowest Floquet multiplier: what is left of a deviation a period later. Near 1 the noise takes as long
+    /// from one of two orbits to the other, and a sweep that does not wait so long shows hysteresis.
+    pub multiplier: Vec<Estimate>,
     /// What the tolerance asked for and was not reached, at the worst frequency.
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
@@ -67,7 +70,7 @@ impl ResponseCurve {
             };
             Ok((
                 *frequency,
-                PeriodicLaw::of(oscillator, PHASES, &settings, false)?,
+                PeriodicLaw::of(oscillator, (PHASES, 0), &settings)?,
             ))
         };
         let points: Result<Vec<_>> = frequencies.par_iter().map(point).collect();
@@ -95,6 +98,18 @@ impl ResponseCurve {
     pub(crate) fn words(&self) -> String {
         let each = self.points.first().map_or(String::new(), |it| it.1.words());
         format!("{} frequencies; {each}", self.points.len())
+    }
+
+    /// What is to be said of frequencies at which two orbits last without noise.
+    fn rivals(&self) -> Option<String> {
+        let both = self.points.iter().filter(|(_, law)| law.has_rivals());
+        let at: Vec<f64> = both.map(|it| it.0).collect();
+        let (first, last) = at.first().zip(at.last())?;
+        Some(format!(
+            "two orbits last without noise at {} of the frequencies, {first} to {last}: the law holds both; the multiplier says \
+             how long it takes to form",
+            at.len()
+        ))
     }
 
     /// The curve. The points do not know of each other: the same bits for any number of threads.
@@ -125,6 +140,12 @@ impl ResponseCurve {
         };
         let lost: Option<Vec<Estimate>> =
             laws.iter().map(|it| it.contact_loss_probability).collect();
+        let unknown = Estimate::new(f64::NAN, f64::NAN, Origin::Space);
+        let slowest = |law: &Periodic| {
+            law.multipliers.first().map_or(unknown, |it| {
+                Estimate::new(it.modulus(), it.error, Origin::Space)
+            })
+        };
         let short = laws.iter().zip(&self.points);
         let short = short.filter_map(|(law, (w, _))| Some((w, law.shortfall.clone()?)));
         let shortfall = short
@@ -139,7 +160,12 @@ impl ResponseCurve {
             mean_q_2: harmonic(|it| &it.mean_q, 2),
             mean_force_1: harmonic(|it| &it.mean_force, 1),
             contact_loss_probability: lost,
-            warnings: shortfall.iter().map(Shortfall::to_string).collect(),
+            multiplier: laws.iter().map(slowest).collect(),
+            warnings: shortfall
+                .iter()
+                .map(Shortfall::to_string)
+                .chain(self.rivals())
+                .collect(),
             shortfall,
         })
     }

@@ -89,8 +89,7 @@ impl Recipe {
         question.recipe()
     }
 
-    /// The recipe for the law that lasts under the drive of the settings, at `times` within its period; with its
-    /// multipliers or without.
+    /// The recipe for the law that lasts under the drive of the settings, at `times` within its period.
     ///
     /// # Errors
     /// As [`Recipe::of`]; [`Error::Invalid`] without a drive.
@@ -98,7 +97,6 @@ impl Recipe {
         oscillator: &Oscillator,
         times: &[f64],
         settings: &Settings,
-        multipliers: bool,
     ) -> Result<Self> {
         let Some(drive) = settings.excitation.drive else {
             let accepted = "a drive: without one the law that lasts is the stationary one";
@@ -114,11 +112,7 @@ impl Recipe {
             forcing: forcing.as_ref(),
             period: Some(drive.period()),
         };
-        let recipe = question.recipe()?;
-        Ok(Self {
-            multipliers,
-            ..recipe
-        })
+        question.recipe()
     }
 }
 
@@ -138,7 +132,6 @@ impl Question<'_> {
             first_grid,
             forcing: self.forcing.cloned(),
             period: self.period,
-            multipliers: false,
             expected: self.last_rung(&layout)?,
             layout,
             neglected: self.settings.neglected,

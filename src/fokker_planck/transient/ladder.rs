@@ -229,10 +229,7 @@ impl Question for Ladder<'_> {
         let times = self.task.times;
         let run = match recipe.period {
             None => self.task.run(&rung, times, progress),
-            Some(period) => {
-                let before = self.runs.last();
-                self.task.lasting(&rung, period, (times, before), progress)
-            }
+            Some(period) => self.task.lasting(&rung, period, times, progress),
         };
         let run = match run {
             Err(error) if self.skips(&error) => return Ok(()),

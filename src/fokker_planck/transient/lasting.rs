@@ -7,10 +7,9 @@ use super::start_up::Loss;
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
-use crate::fokker_planck::difference::lagrange;
 use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
 use crate::fokker_planck::integrators::Late;
-use crate::fokker_planck::mesh::{Axis, Mesh};
+use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use std::sync::Arc;
 
@@ -22,13 +21,13 @@ const VECTORS: usize = 240;
 const MEMORY: f64 = 0.5;
 
 impl Task<'_> {
-    /// One run of a recipe for a lasting law of this period; `times` are those of its phases, from 0 on. It begins with the
-    /// law of the run before, if there is one; where multipliers are asked for, with something of every slow mode.
+    /// One run of a recipe for a lasting law of this period; `times` are those of its phases, from 0 on. It begins with
+    /// something of every slow mode.
     pub(super) fn lasting(
         &self,
         rung: &Rung,
         period: f64,
-        (times, before): (&[f64], Option<&Run>),
+        times: &[f64],
         progress: &dyn Fn(f64),
     ) -> Result<Run> {
         let (oscillator, limits) = (self.oscillator, self.limits);
@@ -44,43 +43,30 @@ impl Task<'_> {
             .as_ref()
             .map_or(oscillator, |it| it.reference());
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
-        let known = before.and_then(|it| Some((&it.mesh, it.floquet.as_ref()?)));
-        let slowest = known.map_or(0.0, |it| it.1.slowest);
-        let mut density = match known.filter(|_| !self.recipe.multipliers) {
-            Some((coarse, floquet)) => carried(&propagator, &mesh, (coarse, &floquet.ratio)),
-            None => {
-                // About the motions without noise: from elsewhere GMRES has many more modes to find, and of two orbits
-                // the way from one to the other is the slowest.
-                let orbits = rung.forcing.as_ref();
-                let orbits = orbits.map_or(&[[0.0; 2]][..], |it| it.orbits());
-                let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
-                for about in orbits {
-                    let mut one = propagator.stationary(oscillator, *about)?;
-                    tilt(&mut one, &mesh, *about, oscillator.temperature().sqrt());
-                    for (p, one) in density.cells_mut().iter_mut().zip(one.cells()) {
-                        *p += one / orbits.len() as f64;
-                    }
-                }
-                density
+        // About the motions without noise: from elsewhere GMRES has many more modes to find, and of two orbits the way from
+        // one to the other is the slowest.
+        let orbits = rung.forcing.as_ref();
+        let orbits = orbits.map_or(&[[0.0; 2]][..], |it| it.orbits());
+        let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
+        for about in orbits {
+            let mut one = propagator.stationary(oscillator, *about)?;
+            tilt(&mut one, &mesh, *about, oscillator.temperature().sqrt());
+            for (p, one) in density.cells_mut().iter_mut().zip(one.cells()) {
+                *p += one / orbits.len() as f64;
             }
-        };
+        }
         let each = 8 * mesh.len() as u64;
         let room = (MEMORY * limits.memory as f64) as u64 / each.max(1);
         let goal = Goal {
             error: SHARE * rung.tolerance,
-            eigenvalue: if self.recipe.multipliers {
-                self.recipe.tolerance
-            } else {
-                f64::INFINITY
-            },
-            slowest,
+            eigenvalue: self.recipe.tolerance,
             vectors: VECTORS.min(room as usize).max(8),
         };
         let fixed = periods(&mut propagator, &mut density, period, goal)?;
         progress(0.9);
         // In L1, of the law itself.
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
-        let (steps, ratio) = (propagator.steps(), propagator.ratio(&density));
+        let steps = propagator.steps();
         propagator.set_time(0.0);
         let mut outputs: Vec<Output> = Vec::with_capacity(times.len());
         let mut now = 0.0;
@@ -110,49 +96,10 @@ impl Task<'_> {
             floquet: Some(Floquet {
                 multipliers: fixed.eigenvalues,
                 residual: fixed.residual,
-                slowest: fixed.slowest,
-                ratio,
             }),
             mesh,
         })
     }
-}
-
-/// The density whose ratio was known on another mesh, by cubic interpolation.
-fn carried(propagator: &Propagator, mesh: &Mesh, (coarse, ratio): (&Mesh, &[f64])) -> Density {
-    const POINTS: usize = 4;
-    let places = |from: &Axis, to: &Axis| -> Vec<(usize, [f64; POINTS])> {
-        let last = from.len() - 1;
-        let place = |x: &f64| {
-            let xi = (from.locate(*x) - 0.5).clamp(0.0, last as f64);
-            let first = (xi.floor() as usize)
-                .saturating_sub(1)
-                .min(last + 1 - POINTS);
-            let mut weights = [0.0; POINTS];
-            lagrange(first as f64, xi, &mut weights);
-            (first, weights)
-        };
-        to.centres().iter().map(place).collect()
-    };
-    let (q, v) = (places(&coarse.q, &mesh.q), places(&coarse.v, &mesh.v));
-    let (weights, nv) = (propagator.weights(), coarse.v.len());
-    let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
-    let rows = density.cells_mut().chunks_exact_mut(mesh.v.len());
-    for ((row, (i, a)), wq) in rows.zip(&q).zip(&weights.q) {
-        for ((p, (j, b)), wv) in row.iter_mut().zip(&v).zip(&weights.v) {
-            let line = |k: usize| -> f64 {
-                let values = &ratio[(i + k) * nv + j..][..POINTS];
-                values.iter().zip(b).map(|(g, b)| g * b).sum()
-            };
-            let g: f64 = a.iter().enumerate().map(|(k, a)| a * line(k)).sum();
-            *p = g * wq * wv;
-        }
-    }
-    let mass = density.mass();
-    for p in density.cells_mut() {
-        *p /= mass;
-    }
-    density
 }
 
 /// Makes a density that has something of every slow mode: the fixed point does not depend on it, and what is not in it has

@@ -65,10 +65,6 @@ pub(super) struct Floquet {
     pub(super) multipliers: Vec<Ritz>,
     /// Change of the law over a period, in L1.
     pub(super) residual: f64,
-    /// The modulus of the slowest of them.
-    pub(super) slowest: f64,
-    /// The law at phase 0 over the law that densities are taken against, cell by cell.
-    pub(super) ratio: Vec<f64>,
 }
 
 /// A transient to be computed, and how.

@@ -64,7 +64,7 @@ pub(super) fn response(table: &mut Table, results: &Results) {
     let Some(it) = &results.response else {
         return;
     };
-    let heads = ["|E[q]| 1", "|E[N]| 1", "P(loss)"];
+    let heads = ["|E[q]| 1", "|E[N]| 1", "P(loss)", "multiplier"];
     let head = heads.map(|it| format!("{it:>18}")).concat();
     table.heading(format!("{:<26}{head}", "RESPONSE, frequency"));
     let count = it.frequency.len();
@@ -79,7 +79,13 @@ pub(super) fn response(table: &mut Table, results: &Results) {
     for k in shown {
         let top = if Some(k) == highest { "  highest" } else { "" };
         let lost = it.contact_loss_probability.as_ref().map(|it| it[k]);
-        let numbers = [Some(it.mean_q_1[k]), Some(it.mean_force_1[k]), lost];
+        let slowest = Some(it.multiplier[k]);
+        let numbers = [
+            Some(it.mean_q_1[k]),
+            Some(it.mean_force_1[k]),
+            lost,
+            slowest,
+        ];
         let name = format!("{}{top}", brief(it.frequency[k]));
         table.line(row(&name, &numbers, false));
     }

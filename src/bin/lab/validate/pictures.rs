@@ -361,14 +361,13 @@ fn resonance(runs: &[Run]) -> Vec<Chart> {
             .filter(|(_, it)| (it.multiplier < 1.0) == stable);
         these.map(|(w, it)| (*w, it.amplitude)).collect()
     };
-    let lines = |number: fn(&Response) -> Option<&[Estimate]>| -> Vec<Curve> {
+    let lines = |number: fn(&Response, usize) -> Option<f64>| -> Vec<Curve> {
         let line = |(k, (run, it)): (usize, &(&Run, &Response))| {
-            let numbers = number(it).unwrap_or_default();
-            let points = it.frequency.iter().zip(numbers);
-            let points = points.map(|(w, it)| (*w, it.value)).collect();
+            let points = it.frequency.iter().enumerate();
+            let points = points.filter_map(|(k, w)| Some((*w, number(it, k)?)));
             let ink = [Ink::Blue, Ink::Vermilion, Ink::Green][k % 3];
             let stroke = [Stroke::Line, Stroke::Dashes][k / 3 % 2];
-            Curve::new(&run.label, ink, stroke, points)
+            Curve::new(&run.label, ink, stroke, points.collect())
         };
         levels.iter().enumerate().map(line).collect()
     };
@@ -376,10 +375,11 @@ fn resonance(runs: &[Run]) -> Vec<Chart> {
         Curve::new("no noise, stable", Ink::Black, Stroke::Circles, of(true)),
         Curve::new("unstable", Ink::Grey, Stroke::Circles, of(false)),
     ];
-    amplitudes.extend(lines(|it| Some(&it.mean_q_1)));
-    let losses = lines(|it| it.contact_loss_probability.as_deref());
+    amplitudes.extend(lines(|it, k| Some(it.mean_q_1[k].value)));
+    let losses = lines(|it, k| Some(it.contact_loss_probability.as_ref()?[k].value));
+    let lives = lines(|it, k| Some((-1.0 / it.multiplier[k].value.ln()).log10()));
     let ends = curve.frequency.first().zip(curve.frequency.last());
-    let chart = |title: &str, y_label: &str, curves: Vec<Curve>| {
+    let chart = |title: &str, y_label: &str, log: bool, curves: Vec<Curve>| {
         let points = curves.iter().flat_map(|it| &it.points);
         let highest = points.map(|it| it.1).fold(0.0, f64::max);
         Chart {
@@ -388,13 +388,14 @@ fn resonance(runs: &[Run]) -> Vec<Chart> {
             y_label: y_label.into(),
             x: ends.map_or((0.0, 1.0), |(a, b)| (*a, *b)),
             y: (0.0, 1.08 * highest),
-            log: false,
+            log,
             curves,
         }
     };
     vec![
-        chart("first harmonic of E[q]", "amplitude", amplitudes),
-        chart("contact lost", "P(q < -3/2), mean", losses),
+        chart("first harmonic of E[q]", "amplitude", false, amplitudes),
+        chart("contact lost", "P(q < -3/2), mean", false, losses),
+        chart("slowest deviation", "life in periods", true, lives),
     ]
 }
 

@@ -59,7 +59,10 @@ impl Scale {
 
     pub(super) fn title(&self, field: &Field) -> String {
         if self.negative {
-            format!("|{}|", field.label)
+            match field.label.split_once(" [") {
+                Some((name, unit)) => format!("|{name}| [{unit}"),
+                None => format!("|{}|", field.label),
+            }
         } else {
             field.label.clone()
         }
