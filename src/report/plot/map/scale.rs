@@ -32,12 +32,12 @@ impl Scale {
         let log = one_sided && high / low.max(f64::MIN_POSITIVE) > DECADES;
         let range = if log {
             let top = magnitudes().fold(0.0, f64::max).log10();
-            let bottom = magnitudes().fold(f64::INFINITY, f64::min).log10();
-            // Below the largest error of a number that is less than its error nothing is told apart.
+            // Numbers that are less than their error are not told apart.
             let pairs = field.values.iter().zip(&field.errors);
-            let unknown = pairs.filter(|(x, error)| x.abs() < **error);
-            let unknown = unknown.map(|(_, error)| *error).fold(0.0, f64::max).log10();
-            (bottom.max(top - DEEPEST).max(unknown.min(top - 1.0)), top)
+            let known = pairs.filter(|(x, error)| x.abs() > 0.0 && x.abs() >= **error);
+            let known = known.map(|(x, _)| x.abs());
+            let bottom = known.fold(top, |low, x| low.min(x.log10()));
+            (bottom.max(top - DEEPEST), top)
         } else {
             range(there(), 0.0)?
         };
