@@ -69,9 +69,9 @@ fn chosen_scenes() {
 }
 
 #[test]
-fn every_estimate_holds_over_ten_of_the_thirty_oscillators() {
+fn every_estimate_holds_over_six_of_the_thirty_oscillators() {
     // All of them: lab precision --calibrate.
-    let all = Rates::calibrate(3).unwrap();
+    let all = Rates::calibrate(5).unwrap();
     for it in &all.judged {
         println!(
             "{} {:e}: {:?}, error {:.1e}",
@@ -80,7 +80,7 @@ fn every_estimate_holds_over_ten_of_the_thirty_oscillators() {
     }
     println!("{all}");
     assert!(
-        all.judged.len() > 70 && all.missed().is_empty(),
+        all.judged.len() > 42 && all.missed().is_empty(),
         "{:?}",
         all.missed()
     );

@@ -120,7 +120,9 @@ fn errors_fall_with_the_mesh_and_with_the_paths() {
         .into_iter()
         .find(|it| it.name == "linear")
         .unwrap();
-    let methods = Method::all(&linear);
+    let mut methods = Method::all(&linear);
+    // Its factorisations take half of the time; it differs from the others in time alone, which tests/time.rs looks at.
+    methods.retain(|it| !it.to_string().ends_with("implicit"));
     let survey = survey(&linear, &methods, Effort::Quick, &|_| ()).unwrap();
     for (method, why) in &survey.failures {
         println!("{method}: {why}");
