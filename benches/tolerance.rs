@@ -7,7 +7,11 @@
 use std::io::Write;
 use std::time::Instant;
 use vibroimpact::contact::ContactLaw::{self, Bilinear, Hertz};
-use vibroimpact::fokker_planck::{Settings, Transient, transient, transient_cost, uncertified};
+use vibroimpact::estimate::Shortfall;
+use vibroimpact::excitation::{Drive, Excitation};
+use vibroimpact::fokker_planck::{
+    Settings, periodic, response, transient, transient_cost, uncertified, uncertified_periodic,
+};
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moment, Moments};
 use vibroimpact::oscillator::Oscillator;
@@ -100,11 +104,94 @@ const SCENES: [Case; 10] = [
     ),
 ];
 
+/// Name, contact, zeta, h, amplitude and frequencies of a drive: the periodic law at one, a response curve over several.
+type Driven = (&'static str, ContactLaw, f64, f64, f64, &'static [f64]);
+
+const DRIVEN: [Driven; 3] = [
+    ("periodic", Hertz, 0.005, 2e-3, 0.02, &[0.95]),
+    ("loud drive", Hertz, 0.05, 2e-2, 0.5, &[0.8]),
+    (
+        "response",
+        Hertz,
+        0.005,
+        2e-3,
+        0.02,
+        &[0.8, 0.9, 0.95, 1.0, 1.1],
+    ),
+];
+
+/// What is asked.
+enum Asked {
+    Transient(Initial, &'static [f64]),
+    /// All moments at so many phases, with the multipliers.
+    Periodic(usize, Drive),
+    /// Harmonics of E[q] and E[N] and the probability of a loss at these frequencies.
+    Response(Vec<Drive>),
+}
+
 struct Scene {
     oscillator: Oscillator,
-    initial: Initial,
-    times: &'static [f64],
-    reference: Vec<Moments>,
+    asked: Asked,
+    reference: Vec<Scaled>,
+}
+
+/// A number with its normalisation.
+type Scaled = (f64, f64);
+
+/// What the program says.
+struct Answer {
+    numbers: Vec<f64>,
+    /// None for a curve, every point of which has its own.
+    method: Option<([usize; 2], f64)>,
+    shortfall: Option<Shortfall>,
+}
+
+/// All numbers there are.
+fn all(scales: &Scales, moments: &[Moments]) -> Vec<Scaled> {
+    let values = |it: &Moments| {
+        let scales = scales.each(it);
+        Moment::ALL.map(|moment| Some((it.get(moment)?.value, scales[moment as usize])))
+    };
+    moments.iter().flat_map(values).flatten().collect()
+}
+
+/// Phases of a point of a response curve.
+const PHASES: usize = 16;
+
+/// The numbers of a point of a response curve: harmonics 1 and 2 of E[q], 1 of E[N], the mean of P(loss).
+fn harmonics(scales: &Scales, moments: &[Moments]) -> [Scaled; 4] {
+    let n = moments.len() as f64;
+    let scales = scales.each(&moments[0]);
+    let [q, force] = [Moment::MeanQ, Moment::MeanForce].map(|it| scales[it as usize]);
+    let value = |it: &Moments, moment| it.get(moment).map_or(0.0, |it| it.value);
+    let amplitude = |moment: Moment, number: f64| {
+        let (mut cosine, mut sine) = (0.0, 0.0);
+        for (k, it) in moments.iter().enumerate() {
+            let angle = std::f64::consts::TAU * number * k as f64 / n;
+            cosine += value(it, moment) * angle.cos() * 2.0 / n;
+            sine += value(it, moment) * angle.sin() * 2.0 / n;
+        }
+        f64::hypot(cosine, sine)
+    };
+    let lost = moments
+        .iter()
+        .map(|it| value(it, Moment::ContactLossProbability));
+    [
+        (amplitude(Moment::MeanQ, 1.0), q),
+        (amplitude(Moment::MeanQ, 2.0), q),
+        (amplitude(Moment::MeanForce, 1.0), force),
+        (lost.sum::<f64>() / n, 1.0),
+    ]
+}
+
+fn under(drive: Drive, settings: &Settings) -> Settings {
+    Settings {
+        excitation: Excitation {
+            drive: Some(drive),
+            envelope: None,
+        },
+        ..settings.clone()
+    }
 }
 
 /// The least milliseconds of the runs that fit in some seconds, or of one.
@@ -122,50 +209,125 @@ fn time<T>(run: impl Fn() -> T, seconds: f64) -> (T, f64) {
 }
 
 impl Scene {
-    fn once(&self, settings: &Settings) -> Option<Vec<Moments>> {
-        uncertified(&self.oscillator, &self.initial, self.times, settings).ok()
+    /// The numbers of one run.
+    fn once(&self, settings: &Settings) -> Option<Vec<Scaled>> {
+        let (it, scales) = (&self.oscillator, Scales::of(&self.oscillator));
+        match &self.asked {
+            Asked::Transient(initial, times) => {
+                let moments = uncertified(it, initial, times, settings).ok()?;
+                Some(all(&scales, &moments))
+            }
+            Asked::Periodic(phases, drive) => {
+                let settings = under(*drive, settings);
+                let moments = uncertified_periodic(it, *phases, &settings).ok()?;
+                Some(all(&scales, &moments))
+            }
+            Asked::Response(drives) => {
+                let point = |drive: &Drive| {
+                    let settings = under(*drive, settings);
+                    uncertified_periodic(it, PHASES, &settings).ok()
+                };
+                let points: Option<Vec<_>> = drives.iter().map(point).collect();
+                Some(
+                    points?
+                        .iter()
+                        .flat_map(|it| harmonics(&scales, it))
+                        .collect(),
+                )
+            }
+        }
     }
 
-    fn program(&self, settings: &Settings) -> Option<Transient> {
-        transient(
-            &self.oscillator,
-            &self.initial,
-            self.times,
-            &[],
-            settings,
-            &|_| (),
-        )
-        .ok()
+    fn program(&self, settings: &Settings) -> Option<Answer> {
+        let (it, quiet) = (&self.oscillator, &|_| ());
+        let scales = Scales::of(it);
+        let plain = |moments: &[Moments]| all(&scales, moments).iter().map(|it| it.0).collect();
+        Some(match &self.asked {
+            Asked::Transient(initial, times) => {
+                let it = transient(it, initial, times, &[], settings, quiet).ok()?;
+                Answer {
+                    numbers: plain(&it.moments),
+                    method: Some((it.method.cells, it.method.step)),
+                    shortfall: it.shortfall,
+                }
+            }
+            Asked::Periodic(phases, drive) => {
+                let it = periodic(it, *phases, &under(*drive, settings), quiet).ok()?;
+                Answer {
+                    numbers: plain(&it.moments),
+                    method: Some((it.method.cells, it.method.step)),
+                    shortfall: it.shortfall,
+                }
+            }
+            Asked::Response(drives) => {
+                let frequencies: Vec<f64> = drives.iter().map(Drive::frequency).collect();
+                let it = response(it, &frequencies, &under(drives[0], settings), quiet).ok()?;
+                let lost = it.contact_loss_probability.as_ref()?;
+                let point =
+                    |k: usize| [it.mean_q_1[k], it.mean_q_2[k], it.mean_force_1[k], lost[k]];
+                let points = (0..frequencies.len()).flat_map(point);
+                Answer {
+                    numbers: points.map(|it| it.value).collect(),
+                    method: None,
+                    shortfall: it.shortfall,
+                }
+            }
+        })
+    }
+
+    /// What [`Scene::candidates`] are made from: the cells of a tolerance that is tight, and the milliseconds of a plan.
+    fn planned(&self, settings: &Settings) -> ([usize; 2], f64) {
+        match &self.asked {
+            Asked::Transient(initial, times) => {
+                let (cost, ms) = time(
+                    || transient_cost(&self.oscillator, initial, times, settings),
+                    0.3,
+                );
+                (cost.expect("its cells").0.cells, ms)
+            }
+            // Of the law at rest, which has the domain but for the drive's swing.
+            Asked::Periodic(..) | Asked::Response(_) => {
+                let initial = Initial::Stationary;
+                let (cost, ms) = time(
+                    || transient_cost(&self.oscillator, &initial, &[1.0], settings),
+                    0.3,
+                );
+                (cost.expect("its cells").0.cells, ms)
+            }
+        }
+    }
+
+    /// Times at which steps end.
+    fn stops(&self) -> Vec<f64> {
+        match &self.asked {
+            Asked::Transient(_, times) => times.to_vec(),
+            Asked::Periodic(_, drive) => vec![drive.period()],
+            Asked::Response(drives) => vec![drives[0].period()],
+        }
     }
 
     /// The largest true error over the normalisation.
-    fn error(&self, moments: &[Moments]) -> f64 {
-        let scales = Scales::of(&self.oscillator);
+    fn error(&self, numbers: impl IntoIterator<Item = f64>) -> f64 {
         let mut worst = 0.0_f64;
-        for (it, known) in moments.iter().zip(&self.reference) {
-            for (moment, scale) in Moment::ALL.into_iter().zip(scales.each(known)) {
-                if let (Some(it), Some(known)) = (it.get(moment), known.get(moment)) {
-                    let error = (it.value - known.value).abs() / scale;
-                    worst = if error.is_nan() {
-                        f64::INFINITY
-                    } else {
-                        worst.max(error)
-                    };
-                }
-            }
+        for (it, (known, scale)) in numbers.into_iter().zip(&self.reference) {
+            let error = (it - known).abs() / scale;
+            worst = if error.is_nan() {
+                f64::INFINITY
+            } else {
+                worst.max(error)
+            };
         }
         worst
     }
 
     /// Runs of fixed cells, step and domain, the cheapest first.
     fn candidates(&self, cells: [usize; 2]) -> Vec<(f64, Settings)> {
-        let mut all = Vec::new();
+        let (mut all, stops) = (Vec::new(), self.stops());
         for k in 0..22 {
             let cells = cells.map(|n| 2 * ((0.12 * n as f64 * 1.15_f64.powi(k)) as usize / 2));
             for step in [1.5, 1.1, 0.8, 0.6, 0.42, 0.3, 0.2, 0.14, 0.1] {
                 for neglected in [1e-4, 1e-5, 1e-6, 1e-8] {
-                    let steps: f64 = self
-                        .times
+                    let steps: f64 = stops
                         .iter()
                         .fold((0.0, 0.0), |(sum, last), t| {
                             (sum + ((t - last) / step).ceil(), *t)
@@ -203,7 +365,7 @@ const MARGIN: f64 = 2.0;
 fn survey(
     name: &str,
     scene: &Scene,
-    candidates: &[(f64, Settings)],
+    (candidates, tolerances): (&[(f64, Settings)], &[f64]),
     ratios: &mut Vec<f64>,
     line: &mut dyn FnMut(String),
 ) {
@@ -211,7 +373,7 @@ fn survey(
     let one = one.expect("one thread");
     let mut untried = candidates.iter();
     let mut tried: Vec<Single> = Vec::new();
-    for tolerance in TOLERANCES {
+    for &tolerance in tolerances {
         let passes = |it: &Single| it.error <= tolerance;
         let enough = |tried: &[Single]| {
             let first = tried.iter().find(|it| passes(it));
@@ -221,10 +383,10 @@ fn survey(
             let Some((work, settings)) = untried.next() else {
                 break;
             };
-            if let Some(moments) = scene.once(settings) {
+            if let Some(numbers) = scene.once(settings) {
                 tried.push(Single {
                     work: *work,
-                    error: scene.error(&moments),
+                    error: scene.error(numbers.iter().map(|it| it.0)),
                     settings,
                     ms: None,
                 });
@@ -241,10 +403,7 @@ fn survey(
             max_seconds: SECONDS,
             ..Settings::default()
         };
-        let (_, planned) = time(
-            || transient_cost(&scene.oscillator, &scene.initial, scene.times, &settings),
-            0.3,
-        );
+        let planned = scene.planned(&settings).1;
         let (answer, ms) = time(|| scene.program(&settings), 0.3);
         let (_, alone) = time(|| one.install(|| scene.program(&settings)), 0.3);
         let Some(it) = answer else {
@@ -253,14 +412,19 @@ fn survey(
             ));
             continue;
         };
-        let last = Settings {
-            cells: Some(it.method.cells),
-            step: Some(it.method.step),
-            ..settings.clone()
+        let (cells, last) = match it.method {
+            None => ("each its own".into(), "-".into()),
+            Some(([q, v], step)) => {
+                let last = Settings {
+                    cells: Some([q, v]),
+                    step: Some(step),
+                    ..settings.clone()
+                };
+                let (_, last) = time(|| scene.once(&last), 0.3);
+                (format!("{q} x {v}"), format!("{last:.1}"))
+            }
         };
-        let (_, last) = time(|| scene.once(&last), 0.3);
-        let error = scene.error(&it.moments);
-        let [q, v] = it.method.cells;
+        let error = scene.error(it.numbers);
         let said = it.shortfall.as_ref().map_or("met".into(), |it| {
             format!("{:.1} times too large", it.ratio)
         });
@@ -282,8 +446,7 @@ fn survey(
             }
         };
         line(format!(
-            "{name:<12}{tolerance:<10.0e} | {found:<35} | {:<11}{ms:>8.1}{alone:>8.1}{planned:>8.1}{last:>7.1}{error:>9.0e} | {ratio}| {said}",
-            format!("{q} x {v}")
+            "{name:<12}{tolerance:<10.0e} | {found:<35} | {cells:<12}{ms:>8.1}{alone:>8.1}{planned:>8.1}{last:>7}{error:>9.0e} | {ratio}| {said}"
         ));
     }
 }
@@ -298,19 +461,36 @@ fn main() {
         let _ = writeln!(out, "{text}");
         let _ = out.flush();
     };
-    line("                       | cheapest run that passes            | program: all threads, one thread, its parts           |       |     ".into());
-    line("scene       tolerance  | cells, step            ms    error  | cells           ms     one  set-up   last    error  | ratio | said".into());
+    line("                       | cheapest run that passes            | program: all threads, one thread, its parts            |       |     ".into());
+    line("scene       tolerance  | cells, step            ms    error  | cells            ms     one  set-up   last    error  | ratio | said".into());
     let mut ratios = Vec::new();
-    for (name, contact, zeta, h, start, times) in SCENES {
+    let oscillator = |contact, zeta, h| Oscillator::new(contact, zeta, h).expect("a level above 0");
+    let transients = SCENES
+        .into_iter()
+        .map(|(name, contact, zeta, h, start, times)| {
+            let initial = start.map_or(Initial::Rest, |(mean, deviation)| {
+                Initial::gaussian(mean, deviation).expect("deviations above 0")
+            });
+            let asked = Asked::Transient(initial, times);
+            (name, oscillator(contact, zeta, h), asked)
+        });
+    let driven = DRIVEN
+        .into_iter()
+        .map(|(name, contact, zeta, h, a, frequencies)| {
+            let drive = |w: &f64| Drive::new(a, *w, 0.0).expect("a frequency above 0");
+            let asked = match frequencies {
+                [w] => Asked::Periodic(32, drive(w)),
+                all => Asked::Response(all.iter().map(drive).collect()),
+            };
+            (name, oscillator(contact, zeta, h), asked)
+        });
+    for (name, oscillator, asked_for) in transients.chain(driven) {
         if !asked.is_empty() && !asked.iter().any(|it| it == name) {
             continue;
         }
         let mut scene = Scene {
-            oscillator: Oscillator::new(contact, zeta, h).expect("a level above 0"),
-            initial: start.map_or(Initial::Rest, |(mean, deviation)| {
-                Initial::gaussian(mean, deviation).expect("deviations above 0")
-            }),
-            times,
+            oscillator,
+            asked: asked_for,
             reference: Vec::new(),
         };
         let finest = Settings {
@@ -318,13 +498,27 @@ fn main() {
             max_seconds: 3.0 * SECONDS,
             ..Settings::default()
         };
-        scene.reference = scene.once(&finest).expect("a reference");
-        let cells = transient_cost(&scene.oscillator, &scene.initial, times, &finest)
-            .expect("its cells")
-            .0
-            .cells;
-        let candidates = scene.candidates(cells);
-        survey(name, &scene, &candidates, &mut ratios, &mut line);
+        // A law that lasts takes sixty periods a run.
+        let fine = Settings {
+            tolerance: match scene.asked {
+                Asked::Transient(..) => 2e-8,
+                _ => 1e-6,
+            },
+            ..finest.clone()
+        };
+        scene.reference = scene.once(&fine).expect("a reference");
+        let candidates = scene.candidates(scene.planned(&finest).0);
+        let tolerances = match scene.asked {
+            Asked::Transient(..) => &TOLERANCES[..],
+            _ => &TOLERANCES[..3],
+        };
+        survey(
+            name,
+            &scene,
+            (&candidates, tolerances),
+            &mut ratios,
+            &mut line,
+        );
     }
     ratios.sort_by(f64::total_cmp);
     if let [.., most] = ratios[..] {

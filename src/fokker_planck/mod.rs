@@ -62,5 +62,7 @@ pub(crate) use plane::{domain, interpolation, mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
-pub use transient::{Multiplier, Reached, Transient, transient, transient_cost, uncertified};
+pub use transient::{
+    Multiplier, Reached, Transient, transient, transient_cost, uncertified, uncertified_periodic,
+};
 pub(crate) use transient::{Reach, Recipe};

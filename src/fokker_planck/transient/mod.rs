@@ -21,4 +21,4 @@ pub use reach::Reached;
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
 pub use report::{Multiplier, Transient};
-pub use solve::{transient, transient_cost, uncertified};
+pub use solve::{transient, transient_cost, uncertified, uncertified_periodic};

@@ -71,19 +71,49 @@ pub fn uncertified(
     settings: &Settings,
 ) -> Result<Vec<Moments>> {
     let recipe = Recipe::of(oscillator, initial, times, settings)?;
+    single(&recipe, (oscillator, initial), times, settings)
+}
+
+/// The same of the law that lasts under the drive of `settings`, at so many phases; as there its multipliers are found too.
+///
+/// # Errors
+/// Those of [`crate::fokker_planck::periodic()`].
+pub fn uncertified_periodic(
+    oscillator: &Oscillator,
+    phases: usize,
+    settings: &Settings,
+) -> Result<Vec<Moments>> {
+    let period = settings.excitation.drive.map_or(0.0, |it| it.period());
+    let times = (0..phases).map(|k| period * k as f64 / phases as f64);
+    let times: Vec<f64> = times.collect();
+    let recipe = Recipe::lasting(oscillator, &times, settings)?;
+    let question = (oscillator, &Initial::Stationary);
+    single(&recipe, question, &times, settings)
+}
+
+/// The rung of a recipe at which its tolerance is expected.
+fn single(
+    recipe: &Recipe,
+    (oscillator, initial): (&Oscillator, &Initial),
+    times: &[f64],
+    settings: &Settings,
+) -> Result<Vec<Moments>> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     let task = Task {
         oscillator,
         initial,
         times,
         density_times: &[],
-        recipe: &recipe,
+        recipe,
         limits: &limits,
         law: None,
     };
     let until = times.last().copied().unwrap_or(0.0);
     let rung = recipe.rung(oscillator, initial, until, recipe.expected)?;
-    let run = task.run(&rung, times, &|_| ())?;
+    let run = match recipe.period {
+        None => task.run(&rung, times, &|_| ())?,
+        Some(period) => task.lasting(&rung, period, times, &|_| ())?,
+    };
     Ok(run.outputs.iter().map(|it| it.moments).collect())
 }
 
