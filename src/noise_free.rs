@@ -65,48 +65,56 @@ pub(crate) fn swing(oscillator: &Oscillator, excitation: &Excitation, until: f64
     beyond.fold(0.0, f64::max)
 }
 
-/// What lasts without noise between two times, the earlier so late that motions have forgotten where they began: the largest
-/// amplitude of those that begin near rest and far outside, and at the earlier time the state of the one from rest, and that
-/// of the largest where it keeps to another orbit. A law that softens may have one that no motion from near rest comes to.
+/// What lasts without noise between two times, the earlier so late that motions have forgotten where they began and a
+/// multiple of the period: the largest amplitude, and the states there on the orbits that motions from near rest and from
+/// far outside come to, two if these are different. A law that softens may have one that no motion from near rest comes to.
 pub(crate) fn lasting(
     oscillator: &Oscillator,
     excitation: &Excitation,
     times: [f64; 2],
 ) -> (f64, Vec<[f64; 2]>) {
-    /// What a motion exceeds another by to be on an orbit of its own and not on its way to the same.
-    const LARGER: f64 = 1.2;
     let settle = |start| {
         let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
         (highest(oscillator, excitation, state, times).0, state)
     };
-    let larger = |a: (f64, [f64; 2]), b: (f64, [f64; 2])| if b.0 > a.0 { b } else { a };
+    let there = |it: &(f64, [f64; 2])| it.1.iter().all(|x| x.is_finite());
     let near: Vec<(f64, [f64; 2])> = starts(oscillator, excitation).map(settle).collect();
-    let Some(&rest) = near.first() else {
-        return (0.0, vec![[0.0; 2]]);
-    };
-    let near = near.into_iter().fold(rest, larger);
     let far = outside(oscillator, excitation).map(settle);
-    let far = far.fold(near, larger);
-    let largest = if far.0 > LARGER * near.0 { far } else { near };
-    let mut orbits = vec![rest.1];
-    if largest.0 > LARGER * rest.0 {
-        orbits.push(largest.1);
+    let all: Vec<(f64, [f64; 2])> = near.iter().copied().chain(far).filter(there).collect();
+    let smallest = all.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    let largest = all.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+    let pair = smallest.zip(largest).zip(excitation.drive);
+    if let Some(((small, large), drive)) = pair {
+        // What has not settled yet comes to the same orbit.
+        let orbit = |it: &(f64, [f64; 2])| orbit(oscillator, &drive, it.1);
+        if let (Ok(a), Ok(b)) = (orbit(small), orbit(large)) {
+            let apart = f64::hypot(a.start[0] - b.start[0], a.start[1] - b.start[1]);
+            let stable = a.multiplier < 1.0 && b.multiplier < 1.0;
+            if stable && apart > 1e-3 * b.start[0].hypot(b.start[1]) {
+                return (large.0, vec![a.start, b.start]);
+            }
+        }
     }
-    (largest.0, orbits)
+    let amplitude = near.iter().map(|it| it.0).fold(0.0, f64::max);
+    let rest = near.first().map_or([0.0; 2], |it| it.1);
+    (amplitude, vec![rest])
 }
 
-/// Where motions begin from outside: no orbit under a cos(W t) has more than a/(2 zeta) as the amplitude of v.
+/// Where motions begin from outside: what the drive brings in a period is at most what friction takes at an rms velocity of
+/// a/(2^(3/2) zeta), the amplitude a/(2 zeta) of a sine.
 fn outside(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Item = [f64; 2]> {
     let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
     let drive = drive.zip(oscillator.contact().equilibrium());
     drive.into_iter().flat_map(move |(drive, rest)| {
         let fastest = drive.amplitude() / (2.0 * oscillator.zeta());
-        [1.0, 0.75, 0.5].into_iter().flat_map(move |part: f64| {
-            let v = part * fastest;
-            let turning = oscillator.contact().turning_points(0.5 * v * v);
-            let (left, right) = turning.unwrap_or((rest, rest));
-            [[rest, v], [rest, -v], [left, 0.0], [right, 0.0]]
-        })
+        [1.25, 1.0, 0.75, 0.5]
+            .into_iter()
+            .flat_map(move |part: f64| {
+                let v = part * fastest;
+                let turning = oscillator.contact().turning_points(0.5 * v * v);
+                let (left, right) = turning.unwrap_or((rest, rest));
+                [[rest, v], [rest, -v], [left, 0.0], [right, 0.0]]
+            })
     })
 }
 

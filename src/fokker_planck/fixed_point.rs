@@ -95,7 +95,8 @@ pub(super) fn solve(
         }
         let mut arnoldi = Arnoldi::new(residual, size);
         target = f64::INFINITY;
-        let mut there = None;
+        // A space that begins near the fixed point shows little of what the one before knew.
+        let (mut there, before) = (None, fixed.slowest);
         loop {
             let last = arnoldi.step(&inverse, map)?;
             fixed.maps += 1;
@@ -103,12 +104,12 @@ pub(super) fn solve(
             let full = last || columns >= goal.vectors;
             let left = arnoldi.residual();
             if left <= FIRST_LOOK * goal.error && columns.is_multiple_of(LOOK) || full {
-                fixed.slowest = arnoldi.slowest()?.max(fixed.slowest);
+                fixed.slowest = arnoldi.slowest()?.max(before);
                 target = (0.5 * goal.error * (1.0 - fixed.slowest)).max(ROUNDING);
             }
             if left <= target && target.is_finite() {
                 let since = columns - *there.get_or_insert(columns);
-                if since > BEYOND {
+                if since > BEYOND || !fixed.eigenvalues.is_empty() && restart > 0 {
                     break;
                 }
                 if since.is_multiple_of(2 * LOOK) {

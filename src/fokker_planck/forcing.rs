@@ -160,8 +160,7 @@ impl Forcing {
         self.swing
     }
 
-    /// The states at phase 0 of the orbits that last without noise: that from rest and, if there is one, a larger one; of
-    /// [`Forcing::lasting`].
+    /// The states at phase 0 of the orbits that last without noise, one or two; of [`Forcing::lasting`].
     pub(crate) fn orbits(&self) -> &[[f64; 2]] {
         &self.orbits
     }

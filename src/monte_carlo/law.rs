@@ -1,4 +1,4 @@
-//! The contact laws as the hot loop wants them: known at compile time and without branches.
+//! The contact laws as the hot loop wants them: those drawn most known at compile time and without branches.
 
 use crate::contact::ContactLaw;
 use crate::damping::Damping;
@@ -14,7 +14,7 @@ pub(super) trait Law: Copy + Send + Sync {
     fn potential(self, q: f64) -> f64;
     /// Below it contact is lost; minus infinity for a law that cannot lose contact.
     fn loss(self) -> f64;
-    /// Whether flight may end on a second wall: it asks.
+    /// Whether flight may end on a second wall: asked at every crossing.
     const WALLED: bool = false;
     /// Below it there is contact again, with the second wall.
     #[inline(always)]

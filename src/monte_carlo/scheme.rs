@@ -152,7 +152,6 @@ impl Coefficients {
     }
 }
 
-// No closures from here on: they would not be compiled for the vectors of the caller.
 #[cfg(test)]
 #[path = "scheme/scheme_tests.rs"]
 mod tests;

@@ -1,7 +1,7 @@
 //! The periodic law at one frequency.
 
 use super::harmonics::{Harmonic, mean};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Shortfall};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::density::Snapshot;
@@ -63,6 +63,10 @@ impl PeriodicLaw {
         (phases, maps): (usize, usize),
         settings: &Settings,
     ) -> Result<Self> {
+        if phases == 0 {
+            let accepted = "at least one phase";
+            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
+        }
         let period = settings.excitation.drive.map_or(0.0, |it| it.period());
         let times: Vec<f64> = (0..phases)
             .map(|k| period * k as f64 / phases as f64)
@@ -80,6 +84,13 @@ impl PeriodicLaw {
     pub(super) fn has_rivals(&self) -> bool {
         let forcing = self.recipe.forcing.as_ref();
         forcing.is_some_and(|it| it.orbits().len() > 1)
+    }
+
+    /// The slowest multiplier, if it is known: between two orbits it is real.
+    pub(super) fn slowest(&self, law: &Periodic) -> Option<Multiplier> {
+        let slowest = law.multipliers.first().copied();
+        let passes = |it: &Multiplier| it.im == 0.0 && it.error < 1.0 - it.re;
+        slowest.filter(|it| !self.has_rivals() || passes(it))
     }
 
     pub(crate) fn cost(&self) -> Cost {
@@ -108,13 +119,15 @@ impl PeriodicLaw {
         let times = (&self.times[..], &self.maps[..]);
         let it = self.recipe.solve(question, times, limits, progress)?;
         let mut law = Periodic::of(it);
-        if self.has_rivals()
-            && let Some(slowest) = law.multipliers.first()
-        {
-            let periods = -1.0 / slowest.modulus().ln();
+        if self.has_rivals() {
+            let periods = self
+                .slowest(&law)
+                .map_or("more periods to form than a run can tell".into(), |it| {
+                    format!("some {:.0} periods to form", -1.0 / it.modulus().ln())
+                });
             law.warnings.push(format!(
-                "two orbits last without noise: the law holds both, each with its probability, and takes some {periods:.0} \
-                 periods to form; over shorter times a motion shows the one that it began near"
+                "two orbits last without noise: the law holds both, each with its probability, and takes {periods}; \
+                 over shorter times a motion shows the one that it began near"
             ));
         }
         Ok(law)

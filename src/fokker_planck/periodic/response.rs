@@ -141,8 +141,8 @@ impl ResponseCurve {
         let lost: Option<Vec<Estimate>> =
             laws.iter().map(|it| it.contact_loss_probability).collect();
         let unknown = Estimate::new(f64::NAN, f64::NAN, Origin::Space);
-        let slowest = |law: &Periodic| {
-            law.multipliers.first().map_or(unknown, |it| {
+        let slowest = |(law, (_, recipe)): (&Periodic, &(f64, PeriodicLaw))| {
+            recipe.slowest(law).map_or(unknown, |it| {
                 Estimate::new(it.modulus(), it.error, Origin::Space)
             })
         };
@@ -160,7 +160,7 @@ impl ResponseCurve {
             mean_q_2: harmonic(|it| &it.mean_q, 2),
             mean_force_1: harmonic(|it| &it.mean_force, 1),
             contact_loss_probability: lost,
-            multiplier: laws.iter().map(slowest).collect(),
+            multiplier: laws.iter().zip(&self.points).map(slowest).collect(),
             warnings: shortfall
                 .iter()
                 .map(Shortfall::to_string)

@@ -48,8 +48,9 @@ impl Task<'_> {
         let orbits = rung.forcing.as_ref();
         let orbits = orbits.map_or(&[[0.0; 2]][..], |it| it.orbits());
         let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
+        let rest = oscillator.contact().equilibrium().unwrap_or(0.0);
         for about in orbits {
-            let mut one = propagator.stationary(oscillator, *about)?;
+            let mut one = propagator.stationary(oscillator, [about[0] - rest, about[1]])?;
             tilt(&mut one, &mesh, *about, oscillator.temperature().sqrt());
             for (p, one) in density.cells_mut().iter_mut().zip(one.cells()) {
                 *p += one / orbits.len() as f64;

@@ -36,6 +36,7 @@ pub(super) trait Kernel: Copy {
     }
 }
 
+// No closures within: they would not be compiled for the vectors of the caller.
 #[inline(always)]
 pub(super) fn kernel_steps<L: Law, K: Kernel, W: Watch>(
     law: L,

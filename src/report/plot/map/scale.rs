@@ -34,10 +34,11 @@ impl Scale {
             let top = magnitudes().fold(0.0, f64::max).log10();
             // Numbers that are less than their error are not told apart.
             let pairs = field.values.iter().zip(&field.errors);
-            let known = pairs.filter(|(x, error)| x.abs() > 0.0 && x.abs() >= **error);
+            let known =
+                pairs.filter(|(x, error)| x.abs() > 0.0 && (error.is_nan() || x.abs() >= **error));
             let known = known.map(|(x, _)| x.abs());
             let bottom = known.fold(top, |low, x| low.min(x.log10()));
-            (bottom.max(top - DEEPEST), top)
+            (bottom.max(top - DEEPEST).min(top - 1.0), top)
         } else {
             range(there(), 0.0)?
         };
