@@ -155,6 +155,15 @@ impl Density {
         self.cells.iter().sum()
     }
 
+    /// Scales it to probability 1 and says what it had.
+    pub(super) fn normalise(&mut self) -> f64 {
+        let mass = self.mass();
+        for p in &mut self.cells {
+            *p /= mass;
+        }
+        mass
+    }
+
     /// Sum of the negative cells, as a positive number.
     pub fn negative_mass(&self) -> f64 {
         self.cells.iter().map(|p| (-p).max(0.0)).sum()

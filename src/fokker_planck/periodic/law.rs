@@ -1,7 +1,7 @@
 //! The periodic law at one frequency.
 
 use super::harmonics::{Harmonic, mean};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::estimate::{Estimate, Shortfall};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::density::Snapshot;
@@ -63,19 +63,11 @@ impl PeriodicLaw {
         (phases, maps): (usize, usize),
         settings: &Settings,
     ) -> Result<Self> {
-        if phases == 0 {
-            let accepted = "at least one phase";
-            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
-        }
-        let period = settings.excitation.drive.map_or(0.0, |it| it.period());
-        let times: Vec<f64> = (0..phases)
-            .map(|k| period * k as f64 / phases as f64)
-            .collect();
+        let (recipe, times) = Recipe::lasting(oscillator, phases, settings)?;
+        let maps = maps.min(phases);
         Ok(Self {
-            recipe: Recipe::lasting(oscillator, &times, settings)?,
-            maps: (0..maps.min(phases))
-                .map(|k| times[k * phases / maps.min(phases)])
-                .collect(),
+            recipe,
+            maps: (0..maps).map(|k| times[k * phases / maps]).collect(),
             times,
         })
     }

@@ -89,30 +89,36 @@ impl Recipe {
         question.recipe()
     }
 
-    /// The recipe for the law that lasts under the drive of the settings, at `times` within its period.
+    /// The recipe for the law that lasts under the drive of the settings, and the times of so many equal phases of its period.
     ///
     /// # Errors
-    /// As [`Recipe::of`]; [`Error::Invalid`] without a drive.
+    /// As [`Recipe::of`]; [`Error::Invalid`] without a drive or a phase.
     pub(crate) fn lasting(
         oscillator: &Oscillator,
-        times: &[f64],
+        phases: usize,
         settings: &Settings,
-    ) -> Result<Self> {
+    ) -> Result<(Self, Vec<f64>)> {
+        if phases == 0 {
+            let accepted = "at least one phase";
+            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
+        }
         let Some(drive) = settings.excitation.drive else {
             let accepted = "a drive: without one the law that lasts is the stationary one";
             return Err(Error::invalid("excitation.drive", "none", accepted));
         };
         check_friction(oscillator)?;
         let forcing = Forcing::lasting(oscillator, &settings.excitation)?.map(Arc::new);
+        let phase = |k: usize| drive.period() * k as f64 / phases as f64;
+        let times: Vec<f64> = (0..phases).map(phase).collect();
         let question = Question {
             oscillator,
             initial: &Initial::Stationary,
-            times,
+            times: &times,
             settings,
             forcing: forcing.as_ref(),
             period: Some(drive.period()),
         };
-        question.recipe()
+        Ok((question.recipe()?, times))
     }
 }
 

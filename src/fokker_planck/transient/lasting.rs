@@ -119,10 +119,7 @@ fn tilt(density: &mut Density, mesh: &Mesh, about: [f64; 2], deviation: f64) {
             }
         }
     }
-    let mass = density.mass();
-    for p in density.cells_mut() {
-        *p /= mass;
-    }
+    density.normalise();
 }
 
 /// Comes to the fixed point of the map over one period from time 0 on.

@@ -114,10 +114,7 @@ impl Propagator {
         let (law, temperature) = (oscillator.displacement_law()?, oscillator.temperature());
         let p = |[q, v]: &[f64; 2]| law.density(*q - by[0]) * maxwell(*v - by[1], temperature);
         let mut density = self.sampled(&|points| points.iter().map(p).collect());
-        let mass = density.mass();
-        for p in density.cells_mut() {
-            *p /= mass;
-        }
+        density.normalise();
         Ok(density)
     }
 

@@ -83,10 +83,7 @@ pub fn uncertified_periodic(
     phases: usize,
     settings: &Settings,
 ) -> Result<Vec<Moments>> {
-    let period = settings.excitation.drive.map_or(0.0, |it| it.period());
-    let times = (0..phases).map(|k| period * k as f64 / phases as f64);
-    let times: Vec<f64> = times.collect();
-    let recipe = Recipe::lasting(oscillator, &times, settings)?;
+    let (recipe, times) = Recipe::lasting(oscillator, phases, settings)?;
     let question = (oscillator, &Initial::Stationary);
     single(&recipe, question, &times, settings)
 }

@@ -395,10 +395,7 @@ impl<'a> StartUp<'a> {
     /// The density on the mesh of a propagator, scaled to probability 1, with what that changed.
     pub(super) fn density(&self, propagator: &Propagator) -> (Density, f64) {
         let mut density = propagator.sampled(&|points| self.grid.density(points));
-        let mass = density.mass();
-        for p in density.cells_mut() {
-            *p /= mass;
-        }
+        let mass = density.normalise();
         (density, (mass - 1.0).abs())
     }
 
