@@ -160,6 +160,16 @@ impl PartialEq for Damping {
     }
 }
 
+/// (1 - e^{-x})/x, the mean of e^{-s} over s from 0 to x: what friction leaves of a constant force; 1 in free flight.
+#[inline(always)]
+pub(crate) fn mean_decay(x: f64) -> f64 {
+    if x.abs() > 1e-300 {
+        -(-x).exp_m1() / x
+    } else {
+        1.0
+    }
+}
+
 /// The stationary law averaged over orbits, C exp(-Psi(H)), on a table of energies.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Averaged {
@@ -230,12 +240,7 @@ impl Averaged {
         let masses: Vec<f64> = rows
             .map(|(psi, area)| {
                 let rise = psi[1] - psi[0];
-                let mean = if rise.abs() < 1e-12 {
-                    1.0
-                } else {
-                    -(-rise).exp_m1() / rise
-                };
-                (lowest - psi[0]).exp() * mean * (area[1] - area[0])
+                (lowest - psi[0]).exp() * mean_decay(rise) * (area[1] - area[0])
             })
             .collect();
         let total: f64 = masses.iter().sum();

@@ -1,4 +1,4 @@
-//! The motion without noise, q'' + 2 zeta q' + G(q) = a cos(W t + phase): paths, and periodic orbits by shooting.
+//! The motion without noise, q'' + c q' + G(q) = a cos(W t + phase): paths, and periodic orbits by shooting.
 
 use crate::error::{Error, Result};
 use crate::excitation::{Drive, Excitation};
@@ -18,13 +18,14 @@ pub(crate) fn path(
     longest: f64,
     watch: &mut dyn FnMut([f64; 2]),
 ) -> [f64; 2] {
-    let (contact, friction) = (oscillator.contact(), 2.0 * oscillator.zeta());
+    let contact = oscillator.contact();
+    let friction = strongest(oscillator, state);
     let frequency = excitation.drive.map_or(1.0, |it| it.frequency().max(1.0));
     let steps = ((end - start) * frequency.max(friction) / longest)
         .ceil()
         .max(1.0);
     let tau = (end - start) / steps;
-    let slope = |[q, v]: [f64; 2], f: f64| [v, f - friction * v - contact.force(q)];
+    let slope = |[q, v]: [f64; 2], f: f64| [v, f - oscillator.friction(q) * v - contact.force(q)];
     let on = |x: [f64; 2], k: [f64; 2], h: f64| [x[0] + h * k[0], x[1] + h * k[1]];
     for n in 0..steps as u64 {
         let t = start + n as f64 * tau;
@@ -40,8 +41,22 @@ pub(crate) fn path(
     state
 }
 
+/// The largest rate of friction where such a motion comes: at its turning points.
+fn strongest(oscillator: &Oscillator, [q, v]: [f64; 2]) -> f64 {
+    let least = 2.0 * oscillator.zeta();
+    if oscillator.is_viscous() {
+        return least;
+    }
+    let contact = oscillator.contact();
+    let lowest = contact.lowest_potential().unwrap_or(0.0);
+    let turning = contact.turning_points(oscillator.energy(q, v) - lowest);
+    let ends = turning.map_or([q; 2], |(left, right)| [left, right]);
+    let rates = ends.into_iter().map(|q| oscillator.friction(q));
+    rates.fold(least, f64::max)
+}
+
 /// The state (q, v) at the second of two times of the motion without noise that has `state` at the first, to about 1e-9 a
-/// unit of time.
+/// unit of time; under friction that jumps at the loss of contact to about 1e-4 a loss.
 pub fn motion(
     oscillator: &Oscillator,
     excitation: &Excitation,
@@ -106,7 +121,7 @@ fn outside(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<It
     let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
     let drive = drive.zip(oscillator.contact().equilibrium());
     drive.into_iter().flat_map(move |(drive, rest)| {
-        let fastest = drive.amplitude() / (2.0 * oscillator.zeta());
+        let fastest = drive.amplitude() / oscillator.reference_friction();
         [1.25, 1.0, 0.75, 0.5]
             .into_iter()
             .flat_map(move |part: f64| {

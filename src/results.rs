@@ -1,11 +1,18 @@
 //! What a run answers: every number with its error, under the names of results.json.
 
+mod agreement;
 pub(crate) mod in_unit;
 mod law;
+mod numbers;
 mod spectrum;
 mod tree;
 
+pub use agreement::Agreement;
+use agreement::common;
+pub(crate) use agreement::distance;
 pub use law::Law;
+pub use numbers::Numbers;
+pub(crate) use numbers::{dimension, entries};
 pub use spectrum::{SampledSpectrum, SpectrumNumbers};
 
 use crate::contact::ContactLaw;
@@ -14,16 +21,11 @@ use crate::fokker_planck::{
     DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Response, SolvedLaw, Steady,
     Transient,
 };
-use crate::moments::{Entry, Moment, Moments};
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
 };
-use crate::quadrature;
 use crate::rig::Rig;
 use crate::scene::{Noise, Scene};
-use crate::stationary::Stationary;
-use serde::Serialize;
-use std::f64::consts::{LN_10, SQRT_2};
 
 /// The answers of a run. What was not asked for is None.
 ///
@@ -81,218 +83,6 @@ pub struct Results {
     pub shortfalls: Vec<(&'static str, Shortfall)>,
     /// How the run went.
     pub run: RunRecord,
-}
-
-/// What stands in results.json beside the moments.
-const BESIDE: [Entry; 5] = [
-    Entry::new(
-        "log10_contact_loss_probability",
-        "log10 P",
-        "its logarithm",
-        "1",
-    ),
-    Entry::new("loss_rate", "nu", "crossing rate", "W"),
-    Entry::new("mean_flight", "P/nu", "mean flight", "1/W"),
-    Entry::new("losses_in_window", "nu t", "in the window", "1"),
-    Entry::new("mean_impact_speed", "E|v|", "speed at return", "u W"),
-];
-
-/// What one of a number is on the rig by its name in results.json; "1" for one that has no entry.
-pub(crate) fn dimension(name: &str) -> &'static str {
-    let entry = entries().find(|it| it.name == name);
-    entry.map_or("1", |it| it.unit)
-}
-
-/// How every number of stationary motion is written, the moments first.
-pub(crate) fn entries() -> impl Iterator<Item = &'static Entry> {
-    Moment::ALL.into_iter().map(Moment::entry).chain(&BESIDE)
-}
-
-/// Numbers of the stationary motion by their names in results.json, in its order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Numbers {
-    named: Vec<(&'static str, Option<Estimate>)>,
-    /// Share of the time out of contact.
-    pub lost_share: Option<Estimate>,
-}
-
-impl Numbers {
-    /// All numbers of a stationary law.
-    pub(crate) fn stationary(law: &Stationary) -> Self {
-        let logarithm = law.log10_contact_loss_probability();
-        Self::law(
-            &law.moments(),
-            logarithm,
-            law.loss_rate(),
-            law.mean_flight(),
-        )
-    }
-
-    /// All numbers of a law that was solved for.
-    pub(crate) fn solved(law: &SolvedLaw) -> Self {
-        Self::law(
-            &law.moments,
-            law.log10_contact_loss_probability(),
-            law.loss_rate,
-            law.mean_flight,
-        )
-    }
-
-    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
-    fn recorded(it: &RecordResult, moments: &Moments) -> Self {
-        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
-        let logarithm = moments.contact_loss_probability.map(log10);
-        let crossings = it.crossings.as_ref();
-        let flight = crossings.map(|it| it.mean_flight);
-        Self::law(
-            moments,
-            logarithm.and_then(happened),
-            crossings.map(|it| it.loss_rate),
-            flight.and_then(happened),
-        )
-    }
-
-    fn law(
-        moments: &Moments,
-        logarithm: Option<Estimate>,
-        rate: Option<Estimate>,
-        flight: Option<Estimate>,
-    ) -> Self {
-        let mut named = moments.named().to_vec();
-        // q and v are independent.
-        named.retain(|(name, _)| *name != Moment::CovQv.name());
-        let more = BESIDE.iter().map(|it| it.name);
-        named.extend(more.zip([logarithm, rate, flight]));
-        Self {
-            named,
-            lost_share: moments.contact_loss_probability,
-        }
-    }
-
-    /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
-    pub(crate) fn crossings(law: &Stationary, time: f64) -> Self {
-        Self {
-            named: vec![
-                ("loss_rate", law.loss_rate()),
-                ("losses_in_window", law.losses_in(time)),
-                ("mean_flight", law.mean_flight()),
-                ("mean_impact_speed", law.mean_impact_speed()),
-            ],
-            lost_share: law.contact_loss_probability(),
-        }
-    }
-
-    /// Losses of contact by the flux through the loss point of a law that was solved for.
-    pub(crate) fn flux(law: &SolvedLaw, time: f64) -> Self {
-        Self {
-            named: vec![
-                ("loss_rate", law.loss_rate),
-                ("losses_in_window", law.losses_in(time)),
-                ("mean_flight", law.mean_flight),
-                ("mean_impact_speed", law.mean_impact_speed),
-            ],
-            lost_share: law.moments.contact_loss_probability,
-        }
-    }
-
-    /// Losses of contact as seen in long records.
-    pub(crate) fn seen(it: &Crossings, time: f64) -> Self {
-        Self {
-            named: vec![
-                ("loss_rate", Some(it.loss_rate)),
-                ("losses_in_window", Some(it.losses_in(time))),
-                ("mean_flight", happened(it.mean_flight)),
-                ("mean_impact_speed", happened(it.mean_impact_speed)),
-            ],
-            lost_share: Some(it.lost_share),
-        }
-    }
-
-    /// Name and number, in the order of results.json; None for a number that does not exist.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
-        self.named.iter().copied()
-    }
-
-    /// The number of that name.
-    pub fn get(&self, name: &str) -> Option<Estimate> {
-        self.named.iter().find(|(it, _)| *it == name)?.1
-    }
-}
-
-/// What never happened has no logarithm and no length.
-fn happened(it: Estimate) -> Option<Estimate> {
-    Some(it).filter(|it| it.value.is_finite())
-}
-
-/// The distance between two independent answers, in units of their errors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Agreement {
-    /// Largest |a - b| / sqrt(error_a^2 + error_b^2) over all names and times both have.
-    pub worst: f64,
-    /// Its name.
-    pub worst_of: &'static str,
-    /// Its time; None for a stationary number.
-    pub t: Option<f64>,
-    /// Expected largest of that many |standard normals|, were they independent.
-    pub expected_worst: f64,
-    /// How many were compared.
-    pub compared: usize,
-}
-
-impl Agreement {
-    /// Agreement of pairs of numbers, each with its name and time.
-    fn over(pairs: impl IntoIterator<Item = Pair>) -> Option<Self> {
-        let mut worst: Option<(f64, &'static str, Option<f64>)> = None;
-        let mut compared = 0;
-        for (name, t, a, b) in pairs {
-            if let Some(z) = distance(a, b) {
-                compared += 1;
-                if worst.is_none_or(|(worst, ..)| z > worst) {
-                    worst = Some((z, name, t));
-                }
-            }
-        }
-        worst.map(|(worst, worst_of, t)| Self {
-            worst,
-            worst_of,
-            t,
-            expected_worst: expected_largest(compared),
-            compared,
-        })
-    }
-}
-
-/// Name, time if it has one, and two answers.
-type Pair = (&'static str, Option<f64>, Estimate, Estimate);
-
-/// Pairs of the times and names both have.
-fn common((times_a, a): (&[f64], &[Moments]), (times_b, b): (&[f64], &[Moments])) -> Vec<Pair> {
-    let mut pairs = Vec::new();
-    for (t, a) in times_a.iter().zip(a) {
-        let same = times_b.iter().position(|it| it == t);
-        let Some(b) = same.and_then(|k| b.get(k)) else {
-            continue;
-        };
-        for ((name, a), (_, b)) in a.named().into_iter().zip(b.named()) {
-            pairs.extend(a.zip(b).map(|(a, b)| (name, Some(*t), a, b)));
-        }
-    }
-    pairs
-}
-
-/// |a - b| / sqrt(error_a^2 + error_b^2); None without an error or a number.
-pub(crate) fn distance(a: Estimate, b: Estimate) -> Option<f64> {
-    let z = (a.value - b.value).abs() / a.error.hypot(b.error);
-    z.is_finite().then_some(z)
-}
-
-/// Expected largest of `n` independent |standard normals|: the integral of 1 - erf(x/sqrt 2)^n.
-pub(crate) fn expected_largest(n: usize) -> f64 {
-    let beyond = |x: f64| 1.0 - libm::erf(x / SQRT_2).powf(n as f64);
-    if n == 0 {
-        return 0.0;
-    }
-    quadrature::integrate(beyond, &[0.0, 1.0, 2.0, 4.0, 6.0, 9.0], 1e-9).value
 }
 
 /// How a run went.
@@ -593,35 +383,4 @@ pub(crate) fn widths(centres: &[f64]) -> Vec<f64> {
 /// Middles of the bins of a histogram.
 pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {
     it.edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_expected_largest_of_many_normals_is_the_known_one() {
-        // E|Z| = sqrt(2/pi), E max(|Z1|, |Z2|) = 2/sqrt(pi); 1000: Gumbel within a few percent.
-        assert!((expected_largest(1) - 0.797_884_560_8).abs() < 1e-8);
-        assert!((expected_largest(2) - 2.0 / std::f64::consts::PI.sqrt()).abs() < 1e-8);
-        let many = expected_largest(1000);
-        assert!((3.3..3.6).contains(&many), "{many}");
-        assert_eq!(expected_largest(0), 0.0);
-    }
-
-    #[test]
-    fn agreement_adds_the_errors_in_quadrature_and_takes_the_worst_over_common_times() {
-        let at = |mean: f64, error: f64| Moments {
-            mean_q: Estimate::new(mean, error, crate::estimate::Origin::Space),
-            ..Moments::default()
-        };
-        let a = [at(0.0, 3.0), at(1.0, 3.0), at(9.0, 3.0)];
-        let b = [at(0.0, 4.0), at(11.0, 4.0)];
-        let it = Agreement::over(common((&[1.0, 2.0, 3.0], &a), (&[1.0, 2.0], &b))).unwrap();
-        assert_eq!(
-            (it.worst, it.worst_of, it.t, it.compared),
-            (2.0, "mean_q", Some(2.0), 2)
-        );
-        assert!(common((&[1.0], &a[..1]), (&[5.0], &b[..1])).is_empty());
-    }
 }

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use vibroimpact::contact::ContactLaw;
+use vibroimpact::damping::Damping;
 use vibroimpact::excitation::{Drive, Envelope, Excitation};
 use vibroimpact::fokker_planck::{Periodic, Settings, periodic, response, spectrum, transient};
 use vibroimpact::gaussian::Gaussian;
@@ -387,8 +388,8 @@ fn where_two_orbits_last_without_noise_the_law_holds_both() {
 fn with_less_and_less_noise_the_law_comes_to_the_orbit_found_by_shooting() {
     let drive = Drive::new(0.05, 1.2, 0.0).unwrap();
     let excitation = driven(0.05, 1.2, 0.0);
-    let off = [4e-5, 1e-5].map(|h| {
-        let it = hertz(0.05, h);
+    let off = |h: f64, damping: &Damping| {
+        let it = hertz(0.05, h).with_damping(damping.clone()).unwrap();
         let orbit: Orbit = noise_free::orbit(&it, &drive, [0.0; 2]).unwrap();
         let got = periodic(&it, 16, &settings(&excitation, 1e-3), &|_| ()).unwrap();
         let first = got.mean_q[0].amplitude;
@@ -400,61 +401,71 @@ fn with_less_and_less_noise_the_law_comes_to_the_orbit_found_by_shooting() {
             orbit.amplitude
         );
         (first.value / orbit.amplitude - 1.0).abs()
-    });
-    println!("off by {:.1e} and {:.1e}", off[0], off[1]);
-    // In proportion to the noise.
-    assert!(off[1] < 2e-3 && off[1] < 0.4 * off[0]);
+    };
+    for damping in [Damping::Viscous, Damping::HuntCrossley] {
+        let off = [4e-5, 1e-5].map(|h| off(h, &damping));
+        println!("{damping:?}: off by {:.1e} and {:.1e}", off[0], off[1]);
+        // In proportion to the noise.
+        assert!(off[1] < 2e-3 && off[1] < 0.4 * off[0]);
+    }
 }
 
 #[test]
-fn paths_agree_with_the_transient_and_with_the_periodic_law() {
-    let it = hertz(0.05, 0.02);
-    let mut worst: (f64, &str, f64) = (0.0, "", 0.0);
-    let mut compare = |sampled: &[Moments], times: &[f64], solved: &[Moments]| {
-        for ((a, t), b) in sampled.iter().zip(times).zip(solved) {
-            let (z, name) = farthest(a, b);
-            if z > worst.0 {
-                worst = (z, name, *t);
-            }
-        }
-    };
-    let sample = |excitation: &Excitation, initial: &Initial, times: &[f64]| {
-        let sampling = Sampling {
-            paths: 40_000,
-            excitation: excitation.clone(),
-            ..Sampling::default()
-        };
-        monte_carlo::run(&it, initial, times, &sampling, &|_| ()).unwrap()
-    };
+fn paths_agree_with_the_transient_and_with_the_periodic_law_under_every_damping() {
     let both = Excitation {
         envelope: Some(Envelope::new(vec![0.0, 3.0, 8.0], vec![0.2, 2.0, 1.0]).unwrap()),
         ..driven(0.3, 0.8, 0.5)
     };
-    let initial = Initial::gaussian([0.5, 0.0], [0.4, 0.4]).unwrap();
-    let times = [1.0, 4.0, 10.0];
-    let solved = transient(&it, &initial, &times, &[], &settings(&both, 1e-3), &|_| ()).unwrap();
-    compare(
-        &sample(&both, &initial, &times).moments,
-        &times,
-        &solved.moments,
-    );
     let drive = driven(0.3, 0.8, 0.5);
-    let law = periodic(&it, 8, &settings(&drive, 1e-3), &|_| ()).unwrap();
-    let period = drive.drive.unwrap().period();
-    // e^{-0.05 t} is then 3e-5.
-    let late: Vec<f64> = (0..8)
-        .map(|k| period * (27.0 + f64::from(k) / 8.0))
-        .collect();
-    compare(
-        &sample(&drive, &initial, &late).moments,
-        &late,
-        &law.moments,
-    );
-    println!(
-        "z up to {:.2}, of {} at t = {:.2}",
-        worst.0, worst.1, worst.2
-    );
-    assert!(worst.0 < 4.0);
+    let displaced = Initial::gaussian([0.5, 0.0], [0.4, 0.4]).unwrap();
+    // Where friction depends on the displacement, from the law solved for and from a point too.
+    let near = Initial::gaussian([0.3, 0.1], [0.05, 0.04]).unwrap();
+    let times = [1.0, 4.0, 10.0];
+    for (damping, tolerance, initials) in [
+        (Damping::Viscous, 1e-3, vec![&displaced]),
+        (
+            Damping::Contact,
+            1e-2,
+            vec![&displaced, &Initial::Stationary],
+        ),
+        (Damping::HuntCrossley, 1e-2, vec![&near, &Initial::Rest]),
+    ] {
+        let it = hertz(0.05, 0.02).with_damping(damping.clone()).unwrap();
+        let mut worst: (f64, &str, f64) = (0.0, "", 0.0);
+        let mut compare = |excitation: &Excitation, initial, times: &[f64], solved: &[Moments]| {
+            let sampling = Sampling {
+                paths: 40_000,
+                excitation: excitation.clone(),
+                ..Sampling::default()
+            };
+            let sampled = monte_carlo::run(&it, initial, times, &sampling, &|_| ()).unwrap();
+            for ((a, t), b) in sampled.moments.iter().zip(times).zip(solved) {
+                let (z, name) = farthest(a, b);
+                if z > worst.0 {
+                    worst = (z, name, *t);
+                }
+            }
+        };
+        for initial in initials {
+            let asked = settings(&both, tolerance);
+            let solved = transient(&it, initial, &times, &[], &asked, &|_| ()).unwrap();
+            assert!(solved.shortfall.is_none(), "{:?}", solved.shortfall);
+            compare(&both, initial, &times, &solved.moments);
+        }
+        let law = periodic(&it, 8, &settings(&drive, tolerance), &|_| ()).unwrap();
+        assert!(law.shortfall.is_none(), "{:?}", law.shortfall);
+        let period = drive.drive.unwrap().period();
+        // e^{-0.05 t} is then 3e-5.
+        let late: Vec<f64> = (0..8)
+            .map(|k| period * (27.0 + f64::from(k) / 8.0))
+            .collect();
+        compare(&drive, &displaced, &late, &law.moments);
+        println!(
+            "{damping:?}: z up to {:.2}, of {} at t = {:.2}",
+            worst.0, worst.1, worst.2
+        );
+        assert!(worst.0 < 4.0);
+    }
 }
 
 #[test]

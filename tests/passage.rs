@@ -267,10 +267,14 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
         Some(Envelope::new(times.to_vec(), factors.to_vec()).unwrap())
     };
     let near = Initial::gaussian([0.3, 0.0], [0.3, 0.3]).unwrap();
-    for (excitation, initial, passage) in [
-        (driven(0.3, 0.8), Initial::Rest, None),
-        (driven(0.1, 0.9), Initial::Stationary, None),
+    let friction = |damping| it.clone().with_damping(damping).unwrap();
+    let in_contact = friction(Damping::Contact);
+    let hunt_crossley = friction(Damping::HuntCrossley);
+    for (it, excitation, initial, passage) in [
+        (&in_contact, driven(0.3, 0.8), Initial::Rest, None),
+        (&it, driven(0.1, 0.9), Initial::Stationary, None),
         (
+            &hunt_crossley,
             Excitation {
                 envelope: rise(&[0.0, 3.0, 15.0], &[0.5, 2.0, 0.2]),
                 ..driven(0.2, 1.1)
@@ -279,6 +283,7 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
             None,
         ),
         (
+            &it,
             Excitation {
                 drive: None,
                 envelope: rise(&[2.0, 12.0], &[0.0, 1.0]),
@@ -286,7 +291,12 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
             Initial::Rest,
             Some((1.0, Side::Above)),
         ),
-        (driven(0.2, 0.9), Initial::Rest, Some((1.3, Side::Either))),
+        (
+            &it,
+            driven(0.2, 0.9),
+            Initial::Rest,
+            Some((1.3, Side::Either)),
+        ),
     ] {
         let asked = Settings {
             excitation: excitation.clone(),
@@ -302,18 +312,18 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
         let quiet: &(dyn Fn(f64) + Sync) = &|_| ();
         let (solved, sampled) = match passage {
             None => {
-                let solved = first_loss(&it, &initial, until, &asked, quiet).unwrap();
+                let solved = first_loss(it, &initial, until, &asked, quiet).unwrap();
                 let times = &solved.times.clone();
-                let sampled = monte_carlo::first_loss(&it, &initial, times, &sampling, quiet);
+                let sampled = monte_carlo::first_loss(it, &initial, times, &sampling, quiet);
                 (solved, sampled.unwrap())
             }
             Some((level, side)) => {
                 let asked_for = (level, side, until);
-                let solved = first_passage(&it, &initial, asked_for, &asked, quiet).unwrap();
+                let solved = first_passage(it, &initial, asked_for, &asked, quiet).unwrap();
                 let level = (level, side);
                 let times = &solved.times.clone();
                 let sampled =
-                    monte_carlo::first_passage(&it, &initial, level, times, &sampling, quiet);
+                    monte_carlo::first_passage(it, &initial, level, times, &sampling, quiet);
                 (solved, sampled.unwrap())
             }
         };

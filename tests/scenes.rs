@@ -1484,11 +1484,6 @@ const BAD: &[(&str, &str)] = &[
          zeta = 0.005\nh = 2e-3",
     ),
     (
-        "drive under damping in contact",
-        "[oscillator]\ndamping = \"contact\"\nzeta = 0.005\nh = 2e-3\n[excitation]\n\
-         drive = { amplitude = 0.02, frequency = 0.9, phase = 0.0 }\n[outputs]\nmoments_at = [1]",
-    ),
-    (
         "passage without side",
         "@[outputs]\nfirst_passage = { level = 3, until = 20 }",
     ),

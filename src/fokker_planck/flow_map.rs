@@ -31,8 +31,10 @@
 //!   q are not damped, and hundreds of such passes let them grow ([`FlowMap::shortest_step`]).
 //! - Sign: no linear scheme of this order is positive. The negative mass is reported.
 
+mod interval;
 mod pass;
 mod rows;
+mod schedule;
 mod settings;
 mod splitting;
 mod tracing;
@@ -45,19 +47,17 @@ use super::flux::{Drift, Measure, Weights};
 use super::forcing::Forcing;
 use super::interpolation::{Filter, MARGIN, PANEL, Spline};
 use super::mesh::Mesh;
-use super::ornstein_uhlenbeck;
-use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
-use pass::{Buffers, Map, Matrix};
-use rayon::prelude::*;
-use rows::{active, frictions};
+use interval::{Leg, Noise, Schedule};
+use pass::{Blocks, Buffers, Map, Matrix};
+use rows::{Rates, active};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Flow maps that are held at once at most.
-pub(super) const HELD: f64 = KEPT as f64 + 5.0;
+/// Flow maps that are held at once at most: an interval has seven, where friction is not the same everywhere.
+pub(super) const HELD: f64 = KEPT as f64 + 7.0;
 
 /// What propagation did so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -73,18 +73,11 @@ pub struct Progress {
     pub negative: f64,
 }
 
-/// Matrices along v, each for some rows.
-type Blocks = Vec<(Range<usize>, Matrix)>;
-
 /// The propagator of an oscillator on a mesh.
 #[derive(Debug, Clone)]
 pub struct FlowMap {
-    contact: ContactLaw,
-    zeta: f64,
-    temperature: f64,
-    /// Rows of equal friction and their rate c, where it depends on the displacement, and pi h.
-    frictions: Vec<(Range<usize>, f64)>,
-    noise: f64,
+    oscillator: Oscillator,
+    rates: Rates,
     /// Whether g is taken against a stationary law, or against area.
     stationary: bool,
     /// What there is beside stationary noise, and 1/T of the law that g is then taken against (0: area).
@@ -101,34 +94,13 @@ pub struct FlowMap {
     offsets: Vec<usize>,
     /// Values to coefficients along v, without noise.
     open: Blocks,
-    /// Flow maps by their time.
-    maps: Vec<(f64, Map)>,
+    /// Flow maps by what they do.
+    maps: Vec<(Leg, Map)>,
     /// Matrices by what they do, each for some rows.
     matrices: Vec<(Noise, Blocks)>,
     schedule: Schedule,
     progress: Progress,
     buffers: Buffers,
-}
-
-/// An interval: H and O in turn, then a last H. Places in the lists of maps and matrices.
-#[derive(Debug, Clone)]
-struct Schedule {
-    duration: f64,
-    /// When it began, where that matters.
-    start: f64,
-    steps: usize,
-    parts: Vec<(usize, usize)>,
-    last: usize,
-}
-
-/// Friction with noise over a time; under a forcing at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Noise {
-    duration: f64,
-    at: f64,
-    /// What the splitting leads by ([`Forcing::shift`]), and a nudge of v.
-    lead: f64,
-    nudge: f64,
 }
 
 /// Widest cell in thermal deviations: the midpoint sum of a Gaussian is then off by
@@ -170,8 +142,10 @@ impl FlowMap {
         }
         let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
         let measure = Measure::of(reference)?;
-        let temperature = oscillator.temperature();
-        let width = mesh.v.at(0.5 * nv as f64).1 / temperature.sqrt();
+        oscillator
+            .damping()
+            .depends_on_displacement("the flow map")?;
+        let width = mesh.v.at(0.5 * nv as f64).1 / oscillator.temperature().sqrt();
         if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
             return Err(Error::Mesh {
                 what: format!("a cell of the {nv} along v is {width:.1} thermal deviations wide"),
@@ -186,8 +160,7 @@ impl FlowMap {
         } else {
             0.0
         };
-        let contact = oscillator.contact().clone();
-        let active = active(&contact, mesh, stationary);
+        let active = active(oscillator.contact(), mesh, stationary);
         let mut offsets = vec![0];
         for range in &active {
             offsets.push(offsets[offsets.len() - 1] + range.len());
@@ -195,11 +168,8 @@ impl FlowMap {
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
         let open = vec![(0..nq, Matrix::new(nv, stride, None))];
         Ok(Self {
-            contact,
-            zeta: oscillator.zeta(),
-            temperature,
-            frictions: frictions(oscillator, mesh)?,
-            noise: oscillator.noise(),
+            oscillator: oscillator.clone(),
+            rates: Rates::of(oscillator, mesh),
             stationary,
             forcing: forcing.map(|it| (it, beta)),
             now: 0.0,
@@ -355,142 +325,6 @@ impl FlowMap {
     /// Whether threads share the work of a stage.
     fn shared(&self) -> bool {
         self.mesh.len() >= SHARED && rayon::current_num_threads() > 1
-    }
-
-    /// The schedule of an interval, and the maps and matrices that it still lacks.
-    fn prepare(&mut self, duration: f64, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
-        let same_time = self.forcing.is_none() || self.schedule.start == self.now;
-        if self.schedule.duration == duration && same_time {
-            return Ok(());
-        }
-        let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
-        let tau = duration / steps;
-        let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
-        // Intervals between output times differ by the rounding of the times: the same maps serve.
-        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * duration;
-        if self.maps.len() > KEPT {
-            self.maps.clear();
-            self.matrices.clear();
-        }
-        if self.forcing.is_some() {
-            // What one node does no other does again.
-            self.matrices.clear();
-        }
-        // Kept: what this interval may use again.
-        let (mut motions, mut noises): (Vec<f64>, Vec<Noise>) = (
-            self.maps.iter().map(|m| m.0).collect(),
-            self.matrices.iter().map(|m| m.0).collect(),
-        );
-        let number = |list: &mut Vec<f64>, time: f64| {
-            let place = list.iter().position(|x| near(*x, time));
-            place.unwrap_or_else(|| {
-                list.push(time);
-                list.len() - 1
-            })
-        };
-        let forced = self.forcing.is_some();
-        let noise_number = |list: &mut Vec<Noise>, noise: Noise| {
-            let same = |x: &Noise| {
-                let rest = |x: &Noise| (x.at, x.lead, x.nudge);
-                near(x.duration, noise.duration) && rest(x) == rest(&noise)
-            };
-            let place = list.iter().position(same);
-            place.unwrap_or_else(|| {
-                list.push(noise);
-                list.len() - 1
-            })
-        };
-        // A rate that changes from place to place has no single lead.
-        let lead = if self.frictions.is_empty() {
-            splitting::lead(&nodes, &weights, steps, self.zeta * tau)
-        } else {
-            0.0
-        };
-        let pace = tau * (1.0 + lead);
-        let nudges = self.nudges(&nodes, (steps, tau), lead);
-        let mut before = 0.0;
-        let mut parts = Vec::with_capacity(nodes.len());
-        for (k, (node, weight)) in nodes.iter().zip(&weights).enumerate() {
-            let motion = number(&mut motions, (node - before) * pace);
-            let noise = Noise {
-                duration: weight * tau,
-                at: if forced { self.now + node * tau } else { 0.0 },
-                lead: if forced { lead } else { 0.0 },
-                nudge: nudges.get(k).copied().unwrap_or(0.0),
-            };
-            parts.push((motion, noise_number(&mut noises, noise)));
-            before = *node;
-        }
-        let last = number(&mut motions, (steps - before) * pace);
-        self.schedule = Schedule {
-            duration,
-            start: self.now,
-            steps: steps as usize,
-            parts,
-            last,
-        };
-        for noise in &noises[self.matrices.len()..] {
-            let matrices = self.averages(noise, late)?;
-            self.matrices.push((*noise, matrices));
-        }
-        let times = &motions[self.maps.len()..];
-        if !times.is_empty() {
-            let maps = self.maps(times, late)?;
-            self.maps.extend(times.iter().copied().zip(maps));
-        }
-        Ok(())
-    }
-
-    /// What to nudge v by at each node of an interval of `steps` steps from now on, for the kicks that a drive asks for where
-    /// it begins and ends ([`Forcing`]): each is shared out between the two nodes next to it so that neither what it does to v
-    /// nor what v then does to q is changed. Empty without a drive.
-    fn nudges(&self, nodes: &[f64], (steps, tau): (f64, f64), lead: f64) -> Vec<f64> {
-        let Some((forcing, _)) = &self.forcing else {
-            return Vec::new();
-        };
-        let n = nodes.len();
-        let mut nudges = vec![0.0; n];
-        let (begin, end) = (self.now, self.now + steps * tau);
-        let [first, last] = [begin, end].map(|t| forcing.ahead(t, lead));
-        if n < 2 {
-            return nudges;
-        }
-        let shares = |near: f64, far: f64| [far / (far - near), near / (near - far)];
-        let at_begin = shares(nodes[0], nodes[1]);
-        let at_end = shares(steps - nodes[n - 1], steps - nodes[n - 2]);
-        nudges[0] -= first * at_begin[0];
-        nudges[1] -= first * at_begin[1];
-        nudges[n - 1] += last * at_end[0];
-        nudges[n - 2] += last * at_end[1];
-        nudges
-    }
-
-    /// Friction with noise over a time, for all rows at once or for those of equal friction.
-    fn averages(&self, what: &Noise, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<Blocks> {
-        let ([nq, n], stride) = (self.mesh.cells(), self.buffers.stride);
-        let (axis, temperature) = (&self.mesh.v, self.temperature);
-        let time = what.duration;
-        if let Some((forcing, beta)) = &self.forcing {
-            let kick = forcing.kick(what.at, time, (what.lead, what.nudge), *beta);
-            let average = kick.average(axis, self.stationary);
-            return Ok(vec![(0..nq, Matrix::new(n, stride, Some(&average)))]);
-        }
-        if self.frictions.is_empty() {
-            let friction = 2.0 * self.zeta * time;
-            let average = ornstein_uhlenbeck::average(axis, friction, temperature, self.stationary);
-            return Ok(vec![(0..nq, Matrix::new(n, stride, Some(&average)))]);
-        }
-        let noise = 2.0 * self.noise * time;
-        let one = |(rows, rate): &(Range<usize>, f64)| {
-            late()?;
-            let average = ornstein_uhlenbeck::average_at(axis, rate * time, noise, temperature);
-            Ok((rows.clone(), Matrix::new(n, stride, Some(&average))))
-        };
-        if rayon::current_num_threads() > 1 {
-            self.frictions.par_iter().map(one).collect()
-        } else {
-            self.frictions.iter().map(one).collect()
-        }
     }
 
     /// The scheduled interval; from values to values.

@@ -10,7 +10,8 @@
 //! force f would lead to, q' = v + e with e = lead f/(2 zeta). The nodes therefore act with the force
 //! (1 - lead) f - 2 e', f' in e' once for q and once for the time that is frozen, and v has a kick of -e where an interval
 //! begins and one of e where it ends. Without that the error is of the order of zeta f tau^2; with it a drive leaves the
-//! order of the splitting as it is (tests/driven.rs).
+//! order of the splitting as it is (tests/driven.rs). Where friction depends on the displacement there is no such part, and
+//! the error stays of that order.
 //!
 //! An envelope f(t) is frozen at the nodes too, and [O, [O, d/dt]] = 4 zeta D' d2/dv2 for the diffusion D = pi h f: beside
 //! the wrong rate of the motion, D is wrong by lead D'/zeta, which is taken off. Without that a variance errs by zeta f'
@@ -33,8 +34,9 @@ use std::f64::consts::PI;
 pub(crate) struct Forcing {
     excitation: Excitation,
     zeta: f64,
-    /// T of the oscillator at factor 1.
+    /// T of the oscillator at factor 1, and its pi h.
     temperature: f64,
+    diffusion: f64,
     noise: Oscillator,
     reference: Oscillator,
     swing: f64,
@@ -70,7 +72,7 @@ impl Forcing {
         if excitation.is_plain() {
             return Ok(None);
         }
-        let end = until.min(LATE / oscillator.zeta()).min(FOLLOWED);
+        let end = until.min(late(oscillator));
         let period = excitation.drive.map_or(0.0, |it| it.period());
         let swing = noise_free::swing(oscillator, excitation, end.max(period.min(until)));
         Self::by(oscillator, initial, excitation, (until, swing)).map(Some)
@@ -88,8 +90,7 @@ impl Forcing {
             return Ok(None);
         }
         let period = excitation.drive.map_or(0.0, |it| it.period());
-        let end = (LATE / oscillator.zeta()).min(FOLLOWED);
-        let end = (end / period).ceil() * period;
+        let end = (late(oscillator) / period).ceil() * period;
         let times = [end, end + BEATS * period];
         let (swing, orbits) = noise_free::lasting(oscillator, excitation, times);
         let it = Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing))?;
@@ -106,28 +107,27 @@ impl Forcing {
         if *initial == Initial::Stationary {
             factor = factor.max(1.0);
         }
-        let at = |temperature: f64| {
-            let h = 2.0 * oscillator.zeta() * temperature / PI;
-            Oscillator::new(oscillator.contact().clone(), oscillator.zeta(), h)
-        };
-        let temperature = oscillator.temperature();
+        let zeta = oscillator.zeta();
+        let under = |h: f64| Oscillator::new(oscillator.contact().clone(), zeta, h);
         // Without any noise until then the initial condition alone is there.
         let factor = if factor > 0.0 { factor } else { 1.0 };
         let noise = if factor == 1.0 {
             oscillator.clone()
         } else {
-            at(factor * temperature)?
+            under(factor * oscillator.h())?.with_damping(oscillator.damping().clone())?
         };
         let reference = if swing > 0.0 && oscillator.contact().is_confining() {
-            at(factor * temperature + 0.5 * swing * swing)?
+            under(2.0 * zeta * (noise.temperature() + 0.5 * swing * swing) / PI)?
         } else {
             noise.clone()
         };
-        let coldest = excitation.coldest(oscillator.zeta(), factor, until);
+        let friction = oscillator.reference_friction().max(2.0 * zeta);
+        let coldest = excitation.coldest(0.5 * friction, factor, until);
         Ok(Self {
             excitation: excitation.clone(),
-            zeta: oscillator.zeta(),
-            temperature,
+            zeta,
+            temperature: oscillator.temperature(),
+            diffusion: oscillator.noise(),
             noise,
             reference,
             swing,
@@ -206,36 +206,23 @@ impl Forcing {
         each.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Friction, noise and drive over a time `tau`, time frozen at `t`, in a splitting with this `lead`, and a nudge of v
-    /// beside it; the density along v taken against e^{-beta v^2/2}.
-    pub(crate) fn kick(&self, t: f64, tau: f64, (lead, nudge): (f64, f64), beta: f64) -> Kick {
-        Kick {
-            decay: (-2.0 * self.zeta * tau).exp(),
-            variance: self.variance(t, tau, lead),
-            shift: self.shift(t, tau, lead) + nudge,
-            beta,
-        }
-    }
-
-    /// By how much the drive shifts v over a time `tau`, in a splitting with this `lead`.
-    pub(crate) fn shift(&self, t: f64, tau: f64, lead: f64) -> f64 {
-        let friction = 2.0 * self.zeta;
-        let drive = &self.excitation;
-        let force = (1.0 - lead) * drive.force(t) - 2.0 * lead * drive.rate(t) / friction;
-        force * -(-friction * tau).exp_m1() / friction
+    /// Friction at a rate c, noise and drive over a time `tau`, time frozen at `t`, in a splitting with this `lead`, 0 where
+    /// the rate is not the same everywhere; the density along v taken against e^{-beta v^2/2}.
+    pub(crate) fn kick(&self, rate: f64, [t, tau]: [f64; 2], lead: f64, beta: f64) -> Kick {
+        let it = &self.excitation;
+        let force = (1.0 - lead) * it.force(t) - lead * it.rate(t) / self.zeta;
+        // An envelope that falls to 0 within less than such a step brings no noise.
+        let factor = (it.factor(t) - lead * it.factor_rate(t) / self.zeta).max(0.0);
+        Kick::new(rate, tau, (factor * self.diffusion, force), beta)
     }
 
     /// How much more than v the rate of q is at time t in a splitting with this `lead`.
     pub(crate) fn ahead(&self, t: f64, lead: f64) -> f64 {
         lead * self.excitation.force(t) / (2.0 * self.zeta)
     }
+}
 
-    /// The variance that noise adds to v over a time `tau`, in a splitting with this `lead`.
-    pub(crate) fn variance(&self, t: f64, tau: f64, lead: f64) -> f64 {
-        let friction = 2.0 * self.zeta * tau;
-        let it = &self.excitation;
-        // An envelope that falls to 0 within less than such a step brings no noise.
-        let factor = (it.factor(t) - lead * it.factor_rate(t) / self.zeta).max(0.0);
-        -factor * self.temperature * (-2.0 * friction).exp_m1()
-    }
+/// How long a motion without noise is followed until it has found its orbit.
+fn late(oscillator: &Oscillator) -> f64 {
+    (2.0 * LATE / oscillator.reference_friction()).min(FOLLOWED)
 }

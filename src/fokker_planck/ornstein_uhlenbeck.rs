@@ -12,6 +12,7 @@
 
 use super::interpolation::{MARGIN, POINTS, Spline};
 use super::mesh::Axis;
+use crate::damping::mean_decay;
 
 /// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
 const REACH: f64 = 8.5;
@@ -26,80 +27,31 @@ const GAUSS: [(f64, f64); 5] = [
     (0.973_906_528_517_171_7, 0.066_671_344_308_688_14),
 ];
 
+/// Friction at a rate c with noise over `tau` is exactly v to v e^{-x}, friction at the rate `base` with the same noise, v to
+/// v e^{-y}, whatever the noise: x and y.
+pub(crate) fn around(rate: f64, base: f64, tau: f64) -> [f64; 2] {
+    let after = 0.5 * (mean_decay(2.0 * base * tau) / mean_decay(2.0 * rate * tau)).ln();
+    [(rate - base) * tau - after, after]
+}
+
 /// The average of a spline along `axis` over each node's Gaussian: from n + 2 margin coefficients to n
 /// values, row-major. `friction` is 2 zeta tau. With `stationary` g continues beyond the nodes as a constant and
 /// the rows are scaled to sum to 1; without, it is 0 there.
 pub(crate) fn average(axis: &Axis, friction: f64, temperature: f64, stationary: bool) -> Vec<f64> {
-    let a = (-friction).exp();
-    let variance = -temperature * (-2.0 * friction).exp_m1();
-    let beta = if stationary { 1.0 / temperature } else { 0.0 };
-    averaged(axis, [a, variance, beta], stationary, stationary)
-}
-
-/// The same for a rate of its own, `friction` = c tau, and the variance that noise alone adds, `noise` = 2 pi h tau, while
-/// g stays the ratio to the Gaussian of variance `temperature`: g = 1 does not stay. In free flight c = 0.
-pub(crate) fn average_at(axis: &Axis, friction: f64, noise: f64, temperature: f64) -> Vec<f64> {
-    let share = if friction > 1e-300 {
-        -(-2.0 * friction).exp_m1() / (2.0 * friction)
-    } else {
-        1.0
+    let kick = Kick {
+        decay: (-friction).exp(),
+        variance: -temperature * (-2.0 * friction).exp_m1(),
+        shift: 0.0,
+        beta: if stationary { 1.0 / temperature } else { 0.0 },
     };
-    let step = [(-friction).exp(), noise * share, 1.0 / temperature];
-    averaged(axis, step, true, false)
-}
-
-/// The average with decay a and variance s^2, of a ratio to e^{-beta v^2/2}; `constant` beyond the nodes or 0, rows
-/// scaled to sum 1 if `kept`.
-fn averaged(axis: &Axis, [a, variance, beta]: [f64; 3], constant: bool, kept: bool) -> Vec<f64> {
-    let n = axis.len();
-    let width = n + 2 * MARGIN;
-    let spline = Spline::new();
-    let spread = 1.0 / (a * a / variance + beta);
-    let deviation = spread.sqrt();
-    let mut matrix = vec![0.0; n * width];
-    // On a symmetric axis the rows of negative v are those of positive v, reversed.
-    let symmetric = (0..n / 2).all(|j| {
-        (axis.centres()[j] + axis.centres()[n - 1 - j]).abs() <= 1e-13 * axis.centres()[n - 1]
-    });
-    let built = if symmetric { n.div_ceil(2) } else { n };
-    for (j, row) in matrix.chunks_exact_mut(width).take(built).enumerate() {
-        let v = axis.centres()[j];
-        let mean = spread * a * v / variance;
-        let exponent = 1.0 / variance - beta - a * a * spread / (variance * variance);
-        let scale = if kept {
-            1.0
-        } else {
-            (deviation / variance.sqrt()) * (-0.5 * exponent * v * v).exp()
-        };
-        pulp::Arch::new().dispatch(Gauss {
-            axis,
-            spline: &spline,
-            mean,
-            deviation,
-            clamped: constant,
-            row,
-        });
-        let sum: f64 = row.iter().sum();
-        let scale = if kept { 1.0 / sum } else { scale };
-        for x in row {
-            *x *= scale;
-        }
-    }
-    for j in built..n {
-        let (below, row) = matrix.split_at_mut(j * width);
-        let mirror = &below[(n - 1 - j) * width..(n - j) * width];
-        for (x, y) in row[..width].iter_mut().zip(mirror.iter().rev()) {
-            *x = *y;
-        }
-    }
-    matrix
+    kick.matrix(axis, stationary, stationary)
 }
 
 /// Friction, noise and a force over a time, on a density taken against e^{-beta v^2/2}: v' = decay v + shift + a normal of
 /// this variance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Kick {
-    /// e^{-2 zeta tau}.
+    /// e^{-c tau}.
     pub(crate) decay: f64,
     /// Of the noise, >= 0.
     pub(crate) variance: f64,
@@ -110,7 +62,18 @@ pub(crate) struct Kick {
 }
 
 impl Kick {
-    /// The average as [`average`] gives it. With u = v' - shift and D = a^2 + beta s^2
+    /// Friction at a rate c, in free flight 0, noise with the diffusion coefficient `noise` and a constant force, over `tau`.
+    pub(crate) fn new(rate: f64, tau: f64, (noise, force): (f64, f64), beta: f64) -> Self {
+        let x = rate * tau;
+        Self {
+            decay: (-x).exp(),
+            variance: 2.0 * noise * tau * mean_decay(2.0 * x),
+            shift: force * tau * mean_decay(x),
+            beta,
+        }
+    }
+
+    /// The average as [`average`] gives it, but that g = 1 does not stay. With u = v' - shift and D = a^2 + beta s^2
     ///
     /// ```text
     /// m = a u/D,   d^2 = s^2/D,   C = D^{-1/2} exp(beta (v'^2 - u^2/D)/2)
@@ -119,6 +82,11 @@ impl Kick {
     /// also without noise, where the average is the value at m. With `clamped` g continues beyond the nodes as a
     /// constant, else it is 0 there.
     pub(crate) fn average(&self, axis: &Axis, clamped: bool) -> Vec<f64> {
+        self.matrix(axis, clamped, false)
+    }
+
+    /// The matrix, its rows scaled to sum to 1 if g = 1 is `kept`.
+    fn matrix(&self, axis: &Axis, clamped: bool, kept: bool) -> Vec<f64> {
         let n = axis.len();
         let width = n + 2 * MARGIN;
         let spline = Spline::new();
@@ -127,11 +95,20 @@ impl Kick {
         let deviation = (self.variance / spread_by).sqrt();
         let centres = axis.centres();
         let narrowest = axis.slopes().iter().copied().fold(f64::INFINITY, f64::min);
-        for (row, v) in matrix.chunks_exact_mut(width).zip(centres) {
+        // On a symmetric axis and without a force the rows of negative v are those of positive v, reversed.
+        let opposite = |j: usize| (centres[j] + centres[n - 1 - j]).abs();
+        let symmetric =
+            self.shift == 0.0 && (0..n / 2).all(|j| opposite(j) <= 1e-13 * centres[n - 1]);
+        let built = if symmetric { n.div_ceil(2) } else { n };
+        let rows = matrix.chunks_exact_mut(width).zip(centres);
+        for (row, v) in rows.take(built) {
             let u = v - self.shift;
             let mean = self.decay * u / spread_by;
-            let exponent = 0.5 * self.beta * (v * v - u * u / spread_by);
-            let scale = exponent.exp() / spread_by.sqrt();
+            let scale = if kept {
+                1.0
+            } else {
+                (0.5 * self.beta * (v * v - u * u / spread_by)).exp() / spread_by.sqrt()
+            };
             if deviation > NO_WIDTH * narrowest {
                 pulp::Arch::new().dispatch(Gauss {
                     axis,
@@ -149,6 +126,13 @@ impl Kick {
             let sum: f64 = if clamped { row.iter().sum() } else { 1.0 };
             for x in row {
                 *x *= scale / sum;
+            }
+        }
+        for j in built..n {
+            let (below, row) = matrix.split_at_mut(j * width);
+            let mirror = &below[(n - 1 - j) * width..(n - j) * width];
+            for (x, y) in row[..width].iter_mut().zip(mirror.iter().rev()) {
+                *x = *y;
             }
         }
         matrix

@@ -30,8 +30,7 @@ pub(crate) struct Walk {
     pub(crate) excitation: Excitation,
     /// Why this scheme and this step.
     pub(crate) reason: String,
-    /// The highest frequency a path meets.
-    frequency: f64,
+    pace: Pace,
 }
 
 /// What a sample will take, as far as can be said without drawing it.
@@ -52,9 +51,9 @@ impl Walk {
     /// [`Error::Invalid`] for a step that is not positive, or a scheme that does not suit the noise.
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
         if it.excitation.is_plain() {
-            let frequency = highest_frequency(oscillator, initial, 0.0);
-            let (scheme, why) = resolve(it.scheme, it.noise, oscillator, frequency)?;
-            return Self::by((scheme, why), oscillator, it, frequency);
+            let pace = Pace::of(oscillator, initial, 0.0);
+            let (scheme, why) = resolve(it.scheme, it.noise, oscillator, pace.frequency)?;
+            return Self::by((scheme, why), oscillator, it, pace);
         }
         // A splitting at any friction: the others know no force in time.
         let scheme = match (it.scheme, it.noise) {
@@ -78,15 +77,15 @@ impl Walk {
                 ));
             }
         };
-        let time = FOLLOWED.min(4.0 / oscillator.zeta());
+        let time = FOLLOWED.min(8.0 / oscillator.reference_friction());
         let swing = noise_free::swing(oscillator, &it.excitation, time);
         let drive = it.excitation.drive.map_or(0.0, |it| it.frequency());
-        let frequency = highest_frequency(oscillator, initial, swing);
+        let pace = Pace::of(oscillator, initial, swing);
         let walk = Self::by(
             (scheme, "it takes the drive with the noise"),
             oscillator,
             it,
-            frequency,
+            pace,
         )?;
         // Its nodes must see the drive turn.
         let longest = walk.step.min(1.0 / drive.max(1.0));
@@ -98,10 +97,10 @@ impl Walk {
         (scheme, why): (Scheme, &str),
         oscillator: &Oscillator,
         it: &Sampling,
-        frequency: f64,
+        pace: Pace,
     ) -> Result<Self> {
         oscillator.damping().depends_on_displacement("sampling")?;
-        let longest = automatic_step(scheme, oscillator, frequency);
+        let longest = automatic_step(scheme, oscillator, pace);
         let (step, how) = match it.step {
             Some(step) => (
                 positive("monte_carlo.step", step)?,
@@ -116,7 +115,7 @@ impl Walk {
             noise: it.noise,
             excitation: it.excitation.clone(),
             reason: format!("{why}, {how}"),
-            frequency,
+            pace,
         })
     }
 
@@ -135,12 +134,12 @@ impl Walk {
             ));
         }
         let walk = if it.excitation.is_plain() {
-            let frequency = highest_frequency(oscillator, initial, 0.0);
+            let pace = Pace::of(oscillator, initial, 0.0);
             let scheme = match it.scheme {
                 Scheme::Auto => (Scheme::Splitting42, "it locates losses at any friction"),
                 scheme => (scheme, "as asked"),
             };
-            Self::by(scheme, oscillator, it, frequency)?
+            Self::by(scheme, oscillator, it, pace)?
         } else {
             Self::of(oscillator, initial, it)?
         };
@@ -154,7 +153,7 @@ impl Walk {
 
     /// The coefficients of a step of this length.
     pub(super) fn coefficients(&self, oscillator: &Oscillator, step: f64) -> Coefficients {
-        Coefficients::new(self.scheme, oscillator, step, self.frequency)
+        Coefficients::new(self.scheme, oscillator, step, self.pace.frequency)
     }
 
     /// Scheme, step and reason.
@@ -198,14 +197,14 @@ impl Walk {
     /// oscillator of the highest frequency of the scene (see [`Scheme`]).
     pub(super) fn bias(&self, oscillator: &Oscillator) -> f64 {
         let (zeta, step) = (oscillator.zeta(), self.step);
-        let turn = step * self.frequency.max(1.0);
+        let turn = step * self.pace.frequency.max(1.0);
         match self.scheme {
             Scheme::CentralDifference => 0.25 * turn * turn + zeta * step,
             Scheme::Baoab => 0.25 * turn * turn,
             Scheme::EulerMaruyama => 0.5 * step / zeta + 0.5 * turn * turn,
             // 1e-4 at the automatic step, of order 2 beyond.
             Scheme::Auto | Scheme::Splitting42 | Scheme::Splitting62 | Scheme::ExponentialHeun => {
-                1e-4 * (step / automatic_step(self.scheme, oscillator, self.frequency)).powi(2)
+                1e-4 * (step / automatic_step(self.scheme, oscillator, self.pace)).powi(2)
             }
         }
     }
@@ -214,7 +213,7 @@ impl Walk {
     pub(super) fn lead(&self) -> f64 {
         match self.scheme {
             Scheme::CentralDifference | Scheme::Baoab => {
-                let frequency = self.frequency.max(1.0);
+                let frequency = self.pace.frequency.max(1.0);
                 (self.step * frequency).powi(2) / 24.0 * frequency
             }
             _ => 0.0,
@@ -373,7 +372,7 @@ fn resolve(
     ))
 }
 
-/// The longest step with which `scheme` is trusted; `frequency` is the highest of the scene.
+/// The longest step with which `scheme` is trusted.
 ///
 /// For the splittings the mean of a linear oscillator then errs by less than 2e-4 of its amplitude and
 /// its variances by less than 1e-4 of theirs, at any time and any zeta (from their exact moments). The
@@ -381,9 +380,10 @@ fn resolve(
 ///
 /// A rate that depends on the displacement counts with the largest that the motion meets, and the step is half as long:
 /// where it jumps each crossing errs by the step, of either sign.
-fn automatic_step(scheme: Scheme, oscillator: &Oscillator, frequency: f64) -> f64 {
+fn automatic_step(scheme: Scheme, oscillator: &Oscillator, pace: Pace) -> f64 {
+    let frequency = pace.frequency;
     if !oscillator.is_viscous() {
-        let zeta = highest_friction(oscillator).max(oscillator.zeta());
+        let zeta = pace.friction.max(oscillator.zeta());
         let frequency = frequency.max(1.0);
         let friction = (zeta * frequency).max(3.0 * zeta * zeta);
         return match scheme {
@@ -415,27 +415,44 @@ fn short(x: f64) -> String {
 
 /// Longest time that a motion without noise is followed for the amplitude of a driven one.
 const FOLLOWED: f64 = 1000.0;
-/// Half the largest rate of friction between the turning points of an energy few paths exceed.
-fn highest_friction(oscillator: &Oscillator) -> f64 {
-    let rise = 5.0 * oscillator.temperature();
-    let (left, right) = oscillator
-        .contact()
-        .turning_points(rise)
-        .unwrap_or((0.0, 0.0));
+
+/// What few paths exceed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pace {
+    /// The highest frequency a path meets.
+    frequency: f64,
+    /// Half the largest rate of friction.
+    friction: f64,
+}
+
+impl Pace {
+    /// Up to an energy of 5 T, to whose amplitude a drive adds its `swing`.
+    fn of(oscillator: &Oscillator, initial: &Initial, swing: f64) -> Self {
+        let mut rise = 5.0 * oscillator.temperature();
+        if swing > 0.0 {
+            rise = 0.5 * ((2.0 * rise).sqrt() + swing).powi(2);
+        }
+        Self {
+            frequency: highest_frequency(oscillator, initial, rise),
+            friction: highest_friction(oscillator, rise),
+        }
+    }
+}
+
+/// Half the largest rate of friction between the turning points of an energy.
+fn highest_friction(oscillator: &Oscillator, rise: f64) -> f64 {
+    let turning = oscillator.contact().turning_points(rise);
+    let (left, right) = turning.unwrap_or((0.0, 0.0));
     let at = |k: i32| left + (right - left) * f64::from(k) / 64.0;
     (0..=64)
         .map(|k| 0.5 * oscillator.friction(at(k)))
         .fold(0.0, f64::max)
 }
 
-/// The highest frequency a path meets: the root of the stiffness at the outer turning point of an
-/// energy few paths exceed, to whose amplitude a drive adds its `swing`.
-fn highest_frequency(oscillator: &Oscillator, initial: &Initial, swing: f64) -> f64 {
+/// The highest frequency of paths up to an energy, and of those that begin higher: the root of the stiffness at the outer
+/// turning point.
+fn highest_frequency(oscillator: &Oscillator, initial: &Initial, mut rise: f64) -> f64 {
     let contact = oscillator.contact();
-    let mut rise = 5.0 * oscillator.temperature();
-    if swing > 0.0 {
-        rise = 0.5 * ((2.0 * rise).sqrt() + swing).powi(2);
-    }
     let mut outer: f64 = 0.0;
     if let Initial::Gaussian { mean, deviation } = initial {
         let (q, v) = (

@@ -22,7 +22,6 @@ impl Scene {
         self.check_initial()?;
         self.check_outputs()?;
         self.check_excitation()?;
-        self.check_damping()?;
         self.check_monte_carlo()?;
         self.check_accuracy()
     }
@@ -161,17 +160,6 @@ impl Scene {
             return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
         }
         Ok(())
-    }
-
-    /// Refuses what no solver has but for viscous damping.
-    fn check_damping(&self) -> Result<()> {
-        if self.oscillator.is_viscous() || self.excitation.is_plain() {
-            return Ok(());
-        }
-        let damping = self.oscillator.damping().name();
-        let key = format!("excitation with oscillator.damping = \"{damping}\"");
-        let instead = "\"viscous\" damping under a drive or an envelope";
-        Err(Error::not_available(key, instead))
     }
 
     fn check_first_loss(&self, until: f64) -> Result<()> {

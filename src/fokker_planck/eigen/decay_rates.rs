@@ -23,19 +23,13 @@
 //! spectrum then reaches 0, and eigenvalues of truncated domains fall as these grow. They are the answer only where the
 //! domain ends short of flight.
 
-use super::arnoldi::{Arnoldi, Mode};
 use crate::error::Result;
 use crate::estimate::Shortfall;
-use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
-use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::hermite::{DEGREE, Hierarchy, REACH, Resolution, work as friction_work};
+use crate::fokker_planck::budget::{Cost, Work, timing};
+use crate::fokker_planck::hermite::{DEGREE, REACH, Resolution, work as friction_work};
 use crate::fokker_planck::settings::Settings;
-use crate::oscillator::{Oscillator, Quantity};
-use num_complex::Complex;
-use rayon::prelude::*;
+use crate::oscillator::Oscillator;
 use std::fmt;
-
-type C = Complex<f64>;
 
 /// An eigenvalue of the generator: a mode decays as e^{re t} and turns at the circular frequency im.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -82,74 +76,35 @@ const KRYLOV: usize = 50;
 const FINER: f64 = 1.4;
 const HIGHER: f64 = 4.0;
 
-/// Resolutions at most; the last has 32 times the unknowns of the first.
-const RESOLUTIONS: usize = 6;
-
-/// Distance of the shifts along the imaginary axis, in frequencies of small motions, and harmonics searched
-/// at most.
-const APART: f64 = 0.25;
-const HARMONICS: usize = 12;
-
-/// A shift beside a mode that no other is near, over the mode.
-const BESIDE: f64 = 0.97;
-
 /// A continuous spectrum this many times faster than the slowest mode leaves room for a real one.
-const FAR_BELOW: f64 = 4.0;
-
-/// Resolutions that may bring nothing before the search ends.
-const STALLS: usize = 2;
-
-/// Share of the tolerance left to the algebraic error.
-const SHARE: f64 = 0.02;
-
-/// An error estimate beyond this, relative to the eigenvalue, makes it unknown.
-const KNOWN: f64 = 0.05;
+pub(super) const FAR_BELOW: f64 = 4.0;
 
 /// Shifts along the imaginary axis that a search begins with: up to the second harmonic.
-const SHIFTS: usize = 9;
+pub(super) const SHIFTS: usize = 9;
 
 /// Vectors of a shift over those it begins with, at most.
-const MOST_VECTORS: usize = 3;
+pub(super) const MOST_VECTORS: usize = 3;
 
 /// How eigenvalues will be computed: resolutions, shifts, what must be found, and the foreseen cost.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Eigenvalues {
     /// How many are asked for.
-    count: usize,
+    pub(super) count: usize,
     /// The coarsest resolution.
-    first: Resolution,
+    pub(super) first: Resolution,
     /// Whether the scene gave the finest.
-    given: bool,
+    pub(super) given: bool,
     /// Krylov vectors of a shift in the first search.
-    vectors: usize,
+    pub(super) vectors: usize,
     /// Circular frequency of small motions: the shifts lie a quarter of it apart on the imaginary axis.
-    natural: f64,
+    pub(super) natural: f64,
     /// Where the continuous spectrum begins; minus infinity without one.
-    edge: f64,
+    pub(super) edge: f64,
     /// Whether friction depends on the displacement.
-    local: bool,
-    tolerance: f64,
+    pub(super) local: bool,
+    pub(super) tolerance: f64,
     /// What it will take: cells are functions of q and of v, steps the factorisations.
     pub(crate) cost: Cost,
-}
-
-/// The `count` slowest decay rates of an oscillator with a stationary law, each to `settings.tolerance` of its
-/// modulus; `settings.cells` fixes the finest resolution, as functions of q and of v.
-///
-/// # Errors
-/// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Limit`] where `settings.max_seconds` or
-/// `settings.max_memory` do not suffice for a first answer; [`Error::Linear`] if a shift hits an eigenvalue.
-///
-/// [`Error::NoStationaryLaw`]: crate::Error::NoStationaryLaw
-/// [`Error::Limit`]: crate::Error::Limit
-/// [`Error::Linear`]: crate::Error::Linear
-pub fn decay_rates(
-    oscillator: &Oscillator,
-    count: usize,
-    settings: &Settings,
-) -> Result<DecayRates> {
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, &limits, &|_| {})
 }
 
 impl Eigenvalues {
@@ -220,13 +175,13 @@ impl Eigenvalues {
     }
 
     /// A resolution, 0 for the coarsest.
-    fn resolution(&self, level: usize) -> Resolution {
+    pub(super) fn resolution(&self, level: usize) -> Resolution {
         (0..level).fold(self.first, |it, _| finer(it))
     }
 
     /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many
     /// vectors.
-    fn work(&self, level: usize) -> Work {
+    pub(super) fn work(&self, level: usize) -> Work {
         let it = self.resolution(level);
         let (places, vectors) = if level == 0 {
             (SHIFTS, self.vectors)
@@ -250,36 +205,6 @@ impl Eigenvalues {
             memory: (it.memory() + held) * threads as u64,
         }
     }
-
-    /// As [`decay_rates`], by this recipe.
-    ///
-    /// # Errors
-    /// Those of [`decay_rates`].
-    pub(crate) fn solve(
-        &self,
-        oscillator: &Oscillator,
-        limits: &Limits,
-        progress: &(dyn Fn(f64) + Sync),
-    ) -> Result<DecayRates> {
-        if self.edge == 0.0 {
-            return Ok(DecayRates {
-                rates: Vec::new(),
-                continuous_from: Some(0.0),
-                functions: [0; 2],
-                shortfall: None,
-            });
-        }
-        let search = Search {
-            oscillator,
-            recipe: self,
-            limits: limits.clone(),
-            places: Vec::new(),
-            levels: Vec::new(),
-            best: None,
-            stalls: 0,
-        };
-        adaptive::pursue(search, limits, progress)
-    }
 }
 
 /// The coarsest resolution.
@@ -302,375 +227,4 @@ fn first(settings: &Settings) -> Resolution {
 
 fn finer(it: Resolution) -> Resolution {
     it.finer(FINER, HIGHER)
-}
-
-/// What three resolutions say.
-struct Answer {
-    /// Believed eigenvalues above the edge, the slowest first.
-    rates: Vec<DecayRate>,
-    /// Those of the finest resolution among them that are not believed.
-    unknown: Vec<C>,
-    /// How many of those asked for no resolution has found.
-    missing: usize,
-    /// Whether a real one must be there, and none is known.
-    real_missing: bool,
-    /// Functions of q and of v at the finest resolution.
-    functions: [usize; 2],
-}
-
-impl Answer {
-    /// The largest error over the modulus, and one for each eigenvalue that is not known.
-    fn shortage(&self) -> f64 {
-        let relative = |it: &DecayRate| it.error / it.re.hypot(it.im);
-        let worst = self.rates.iter().map(relative).fold(0.0, f64::max);
-        worst + (self.unknown.len() + self.missing + usize::from(self.real_missing)) as f64
-    }
-
-    fn report(self, recipe: &Eigenvalues, stop: Stop) -> DecayRates {
-        let number = if let Some(value) = self.unknown.first() {
-            let near = DecayRate {
-                re: value.re,
-                im: value.im,
-                error: 0.0,
-            };
-            match self.unknown.len() {
-                1 => format!("the eigenvalue near {near}"),
-                n => format!("the eigenvalue near {near}, and of {} more,", n - 1),
-            }
-        } else if self.real_missing {
-            "the slowest real eigenvalue".to_owned()
-        } else if self.missing > 0 {
-            format!("eigenvalue {} of {}", self.rates.len() + 1, recipe.count)
-        } else {
-            "a decay rate".to_owned()
-        };
-        let shortage = self.shortage();
-        let known = shortage < 1.0;
-        let ratio = if known {
-            shortage / recipe.tolerance
-        } else {
-            f64::INFINITY
-        };
-        DecayRates {
-            continuous_from: Some(recipe.edge).filter(|edge| edge.is_finite()),
-            functions: self.functions,
-            shortfall: stop.shortfall(number, ratio, recipe.tolerance),
-            rates: self.rates,
-        }
-    }
-}
-
-/// A point near which eigenvalues are sought, and those that are to converge.
-struct Place {
-    shift: C,
-    targets: Vec<C>,
-}
-
-impl Place {
-    fn at(shift: C) -> Self {
-        let targets = Vec::new();
-        Self { shift, targets }
-    }
-}
-
-struct Search<'a> {
-    oscillator: &'a Oscillator,
-    recipe: &'a Eigenvalues,
-    limits: Limits,
-    /// Where finer resolutions are to look.
-    places: Vec<Place>,
-    /// The modes of each resolution.
-    levels: Vec<Vec<Mode>>,
-    best: Option<Answer>,
-    /// Resolutions that brought nothing.
-    stalls: usize,
-}
-
-/// The question in messages.
-const NAME: &str = "the search for eigenvalues";
-
-impl Question for Search<'_> {
-    type Answer = DecayRates;
-
-    fn name(&self) -> String {
-        NAME.into()
-    }
-
-    fn ratio(&self) -> Option<f64> {
-        let best = self.best.as_ref()?;
-        Some(best.shortage() / self.recipe.tolerance)
-    }
-
-    fn next(&mut self) -> Result<Next> {
-        let done = self.levels.len();
-        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
-        if done >= 3 && self.recipe.given {
-            return stop("its cells are those of the scene".into(), false);
-        }
-        if done == RESOLUTIONS || self.stalls == STALLS {
-            return stop(format!("{done} resolutions did not settle it"), true);
-        }
-        Ok(Next::Run {
-            now: self.recipe.work(done),
-            then: (done < 2).then(|| self.recipe.work(2)),
-        })
-    }
-
-    fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
-        let done = self.levels.len();
-        let resolution = self.recipe.resolution(done);
-        let weighed = self.oscillator.weighed(REACH);
-        let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
-        let mut modes = Vec::new();
-        if done == 0 {
-            self.places = self.sweep(&full, &mut modes)?;
-        } else {
-            self.near(&full, &self.places, self.recipe.vectors / 2, &mut modes)?;
-        }
-        self.levels.push(modes);
-        if let [.., coarse, middle, fine] = &self.levels[..] {
-            // Finer resolutions lose digits of close eigenvalues to rounding.
-            let answer = self.judge([coarse, middle, fine], resolution);
-            match &self.best {
-                Some(best) if best.shortage() <= answer.shortage() => self.stalls += 1,
-                _ => self.best = Some(answer),
-            }
-        }
-        Ok(())
-    }
-
-    fn answer(self, stop: Stop) -> Option<DecayRates> {
-        Some(self.best?.report(self.recipe, stop))
-    }
-}
-
-impl Search<'_> {
-    /// The slowest modes of a list that is sorted by rate: those above the edge, as many as asked for.
-    fn slowest<'b>(&self, modes: &'b [Mode], count: usize) -> &'b [Mode] {
-        let above = modes.partition_point(|it| it.value.re > self.recipe.edge);
-        &modes[..above.min(count)]
-    }
-
-    /// Modes of a coarse operator, and where finer ones are to look. Shifts lie along the imaginary axis, up to
-    /// the first harmonic that has none of the modes asked for, and then where the slowest modes lie far from it.
-    fn sweep(&self, full: &Hierarchy, modes: &mut Vec<Mode>) -> Result<Vec<Place>> {
-        let Eigenvalues {
-            natural,
-            count,
-            vectors,
-            ..
-        } = *self.recipe;
-        let at = |k: usize| C::new(0.0, APART * natural * k as f64);
-        let steps = (1.0 / APART) as usize;
-        let mut shifts: Vec<C> = (0..SHIFTS).map(at).collect();
-        let mut more = shifts.clone();
-        let mut harmonic = 2;
-        while !more.is_empty() && shifts.len() <= 2 * steps * HARMONICS {
-            let places: Vec<Place> = more.iter().map(|shift| Place::at(*shift)).collect();
-            self.near(full, &places, vectors, modes)?;
-            let border = natural * (harmonic as f64 - 0.5);
-            let wanted = self.slowest(modes, count);
-            more = if harmonic < HARMONICS && wanted.iter().any(|it| it.value.im > border) {
-                harmonic += 1;
-                (1..=steps)
-                    .map(|k| at((harmonic - 1) * steps + k))
-                    .collect()
-            } else {
-                harmonic = HARMONICS;
-                let all = self.places(modes, &shifts);
-                let all = all.into_iter().map(|it| it.shift);
-                all.filter(|it| !shifts.contains(it)).collect()
-            };
-            shifts.extend(&more);
-        }
-        Ok(self.places(modes, &shifts))
-    }
-
-    /// For each mode asked for the nearest shift, or a new one beside it if none is near.
-    fn places(&self, modes: &[Mode], shifts: &[C]) -> Vec<Place> {
-        // Real modes always have a place.
-        let mut places = vec![Place::at(C::default())];
-        let mut shifts = shifts.to_vec();
-        // Half as many again: some may turn out not to be eigenvalues of the oscillator.
-        for mode in self.slowest(modes, self.recipe.count * 3 / 2 + 2) {
-            let distance = |shift: &C| (shift - mode.value).norm();
-            let all = shifts.iter().copied();
-            let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            let near = nearest.filter(|it| distance(it) <= 0.5 * self.recipe.natural);
-            let shift = near.unwrap_or_else(|| {
-                let beside = BESIDE * mode.value;
-                shifts.push(beside);
-                beside
-            });
-            match places.iter_mut().find(|it| it.shift == shift) {
-                Some(place) => place.targets.push(mode.value),
-                None => places.push(Place {
-                    shift,
-                    targets: vec![mode.value],
-                }),
-            }
-        }
-        places
-    }
-
-    /// Adds the modes near the places, with as many Krylov vectors as their targets need, so many at a time.
-    fn near(
-        &self,
-        full: &Hierarchy,
-        places: &[Place],
-        vectors: usize,
-        modes: &mut Vec<Mode>,
-    ) -> Result<()> {
-        let late = || {
-            self.limits
-                .in_time(|| "the eigenvalues had not ended".into())
-        };
-        let error = |modes: &[Mode], target: &C| {
-            let distance = |it: &&Mode| (it.value - target).norm();
-            let nearest = modes
-                .iter()
-                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            nearest.map_or(f64::INFINITY, |it| it.error / target.norm())
-        };
-        let found: Vec<Result<Vec<Mode>>> = places
-            .par_iter()
-            .map(|place| {
-                let mut arnoldi = Arnoldi::new(full, place.shift, &late)?;
-                let mut before = f64::INFINITY;
-                loop {
-                    let grown = arnoldi.extend(vectors, &late)?;
-                    let modes = arnoldi.modes()?;
-                    let errors = place.targets.iter().map(|it| error(&modes, it));
-                    let worst = errors.fold(0.0, f64::max);
-                    // Close eigenvalues stay badly known, however many vectors there are.
-                    let enough = worst <= SHARE * self.recipe.tolerance || worst > 0.5 * before;
-                    if enough || !grown || arnoldi.size() >= MOST_VECTORS * self.recipe.vectors {
-                        return Ok(modes);
-                    }
-                    before = worst;
-                }
-            })
-            .collect();
-        for found in found {
-            merge(modes, found?);
-        }
-        Ok(())
-    }
-
-    /// What the last three resolutions, the finest last, say of the modes asked for.
-    fn judge(&self, levels: [&Vec<Mode>; 3], resolution: Resolution) -> Answer {
-        let Eigenvalues {
-            count,
-            edge,
-            tolerance,
-            ..
-        } = *self.recipe;
-        let [coarse, middle, fine] = &levels.map(|it| conjugates(it));
-        let (to_middle, to_coarse) = (partners(fine, middle), partners(middle, coarse));
-        let mut answer = Answer {
-            rates: Vec::new(),
-            unknown: Vec::new(),
-            missing: 0,
-            real_missing: false,
-            functions: [resolution.across(), 2 * resolution.pairs],
-        };
-        let mut real = false;
-        for mode in self.slowest(levels[2], usize::MAX) {
-            let wanted = answer.rates.len() < count || (!real && mode.value.im == 0.0);
-            if !wanted {
-                continue;
-            }
-            let place = fine.iter().position(|it| *it == mode.value);
-            let before = place.and_then(|k| to_middle[k]);
-            let first = before.and_then(|k| to_coarse[k]);
-            let rate = before.zip(first).and_then(|(before, first)| {
-                let path = [coarse[first], middle[before], mode.value];
-                believed(path, mode.error, tolerance)
-            });
-            match rate {
-                Some(rate) => {
-                    real |= rate.im == 0.0;
-                    answer.rates.push(rate);
-                }
-                None => answer.unknown.push(mode.value),
-            }
-        }
-        // Above the edge of a continuous spectrum there may be no more; a real one there is if the edge lies far
-        // below others.
-        if edge == f64::NEG_INFINITY {
-            let found = answer.rates.len() + answer.unknown.len();
-            answer.missing = count.saturating_sub(found);
-        }
-        let slowest = answer.rates.first().map_or(f64::NEG_INFINITY, |it| it.re);
-        answer.real_missing = !real && edge < FAR_BELOW * slowest;
-        answer
-    }
-}
-
-/// An eigenvalue at three resolutions, the finest last, with its estimate; None if it is not known. Changes
-/// that halve at least show its order; where they do not, twice the larger must be within the tolerance.
-fn believed(path: [C; 3], algebraic: f64, tolerance: f64) -> Option<DecayRate> {
-    let [earlier, last] = [(path[1] - path[0]).norm(), (path[2] - path[1]).norm()];
-    let size = path[2].norm();
-    let (change, limit) = if last <= 0.5 * earlier {
-        (last.max(0.25 * earlier), KNOWN)
-    } else {
-        (last.max(earlier), tolerance.min(KNOWN))
-    };
-    let error = 2.0 * change + algebraic;
-    (error <= limit * size).then_some(DecayRate {
-        re: path[2].re,
-        im: path[2].im,
-        error,
-    })
-}
-
-/// The modes and the conjugates of the complex ones.
-fn conjugates(modes: &[Mode]) -> Vec<C> {
-    let pair = |it: &Mode| match it.value {
-        value if value.im > 0.0 => vec![value, value.conj()],
-        value => vec![value],
-    };
-    modes.iter().flat_map(pair).collect()
-}
-
-/// For each of `these` its partner among `those`, each given once, the closest first.
-fn partners(these: &[C], those: &[C]) -> Vec<Option<usize>> {
-    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
-    for (i, a) in these.iter().enumerate() {
-        let near = those.iter().enumerate();
-        let near = near.map(|(j, b)| ((a - b).norm(), i, j));
-        pairs.extend(near.filter(|(distance, ..)| *distance < 0.2 * a.norm()));
-    }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut partner = vec![None; these.len()];
-    let mut taken = vec![false; those.len()];
-    for (_, i, j) in pairs {
-        if partner[i].is_none() && !taken[j] {
-            (partner[i], taken[j]) = (Some(j), true);
-        }
-    }
-    partner
-}
-
-/// Adds the modes of another shift that are not in the list yet, the better known of two alike, and sorts by
-/// rate. Each mode of the list stands for one of the others, so that close eigenvalues stay apart.
-fn merge(list: &mut Vec<Mode>, more: Vec<Mode>) {
-    let mut free = vec![true; list.len()];
-    for mode in more {
-        let same = |other: &Mode| {
-            let apart = (mode.value - other.value).norm();
-            apart < 1e-7 * mode.value.norm() + 2.0 * (mode.error + other.error)
-        };
-        match (0..free.len()).find(|k| free[*k] && same(&list[*k])) {
-            Some(k) => {
-                free[k] = false;
-                if mode.error < list[k].error {
-                    list[k] = mode;
-                }
-            }
-            None => list.push(mode),
-        }
-    }
-    list.sort_by(|a, b| b.value.re.total_cmp(&a.value.re));
 }

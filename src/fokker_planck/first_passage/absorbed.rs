@@ -13,6 +13,7 @@ use super::cut::{between, critical, cuts, from_cut};
 use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
 use crate::error::Result;
+use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use crate::quadrature::gauss;
 use rayon::prelude::*;
 
@@ -422,20 +423,9 @@ impl Absorbed {
 
 /// Decay and deviation of the Ornstein-Uhlenbeck step at a displacement.
 fn kick(region: &Region<'_>, x: f64, step: f64) -> [f64; 2] {
-    let oscillator = region.oscillator;
-    if oscillator.is_viscous() {
-        let rest = (-2.0 * oscillator.zeta() * step).exp();
-        let variance = oscillator.temperature() * -(-4.0 * oscillator.zeta() * step).exp_m1();
-        return [rest, variance.sqrt()];
-    }
-    let friction = region.friction(x) * step;
-    let share = if friction > 1e-300 {
-        -(-2.0 * friction).exp_m1() / (2.0 * friction)
-    } else {
-        1.0
-    };
-    let variance = 2.0 * oscillator.noise() * step * share;
-    [(-friction).exp(), variance.sqrt()]
+    let noise = region.oscillator.noise();
+    let kick = Kick::new(region.friction(x), step, (noise, 0.0), 0.0);
+    [kick.decay, kick.variance.sqrt()]
 }
 
 /// Standard normal density.

@@ -10,6 +10,7 @@ use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::forcing::Forcing;
+use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use rayon::prelude::*;
 
 /// Deviation of a kick over the finest cell along v below which its average is that of three points about its mean: a
@@ -20,14 +21,6 @@ const NEEDLE: f64 = 0.3;
 struct Row {
     points: Vec<(f64, f64)>,
     ends: Vec<Stencil>,
-}
-
-/// One kick.
-#[derive(Clone, Copy)]
-struct Kick {
-    rest: f64,
-    shift: f64,
-    spread: f64,
 }
 
 /// What a row gives on: weights at points after the motion, and what is lost in either half of it.
@@ -93,18 +86,24 @@ impl<'a> Driven<'a> {
     pub(super) fn advance(&mut self, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<[f64; 2]> {
         // Noise and drive gather at the middle of the step.
         let middle = (self.kicks as f64 + 0.5) * self.step;
-        let friction = 2.0 * self.region.oscillator.zeta();
-        let kick = Kick {
-            rest: (-friction * self.step).exp(),
-            shift: self
-                .region
-                .seen_force(self.forcing.shift(middle, self.step, 0.0)),
-            spread: self.forcing.variance(middle, self.step, 0.0).sqrt(),
-        };
         self.kicks += 1;
-        let needle = kick.spread < NEEDLE * self.mesh.finest();
+        let kicks: Vec<Kick> = (0..self.mesh.nodes[0])
+            .map(|i| {
+                let rate = self.region.friction(self.mesh.q(i));
+                let kick = self.forcing.kick(rate, [middle, self.step], 0.0, 0.0);
+                Kick {
+                    shift: self.region.seen_force(kick.shift),
+                    ..kick
+                }
+            })
+            .collect();
+        let spread = kicks.iter().map(|it| it.variance.sqrt());
+        let [narrowest, widest] = spread.fold([f64::INFINITY, 0.0], |[low, high], it| {
+            [f64::min(low, it), f64::max(high, it)]
+        });
+        let needle = narrowest < NEEDLE * self.mesh.finest();
         if !needle {
-            self.lay_out(kick, late)?;
+            self.lay_out([narrowest, widest], late)?;
         }
         let [nq, nv] = self.mesh.nodes;
         let this = &*self;
@@ -120,9 +119,9 @@ impl<'a> Driven<'a> {
                 }
                 late()?;
                 Ok(if needle {
-                    this.by_points(i, weights, kick)
+                    this.by_points(i, weights, kicks[i])
                 } else {
-                    this.by_rule(i, weights, kick)
+                    this.by_rule(i, weights, kicks[i])
                 })
             })
             .collect();
@@ -142,19 +141,23 @@ impl<'a> Driven<'a> {
     }
 
     /// Rules fine enough for a kick. Those at hand serve up to twice their deviation.
-    fn lay_out(&mut self, kick: Kick, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
-        if !self.rows.is_empty() && kick.spread >= self.fit && kick.spread <= 2.0 * self.fit {
+    fn lay_out(
+        &mut self,
+        [narrowest, widest]: [f64; 2],
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<()> {
+        if !self.rows.is_empty() && narrowest >= self.fit && narrowest <= 2.0 * self.fit {
             return Ok(());
         }
         // Noise that fades fits these for some time.
-        self.fit = if self.fit > 0.0 && kick.spread < self.fit {
-            0.5 * kick.spread
+        self.fit = if self.fit > 0.0 && narrowest < self.fit {
+            0.5 * narrowest
         } else {
-            kick.spread
+            narrowest
         };
         let (fit, step, swing) = (self.fit, self.step, self.forcing.excitation());
         let push = swing.drive.map_or(0.0, |it| it.amplitude()) * step;
-        let edge = self.mesh.speed + 2.0 * REACH * fit + push;
+        let edge = self.mesh.speed + 2.0 * REACH * fit.max(widest) + push;
         let (region, mesh, whole) = (self.region, &self.mesh, &self.whole);
         let rows: Result<Vec<Row>> = (0..mesh.nodes[0])
             .into_par_iter()
@@ -207,8 +210,8 @@ impl<'a> Driven<'a> {
             if *weight == 0.0 {
                 continue;
             }
-            let centre = kick.rest * self.mesh.v(j) + kick.shift;
-            let (gone, held) = self.parts(i, centre, kick.spread);
+            let centre = kick.decay * self.mesh.v(j) + kick.shift;
+            let (gone, held) = self.parts(i, centre, kick.variance.sqrt());
             for (sum, part) in lost.iter_mut().zip(gone) {
                 *sum += weight * part;
             }
@@ -220,7 +223,7 @@ impl<'a> Driven<'a> {
     /// A row by its quadrature rule.
     fn by_rule(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
         let row = &self.rows[i];
-        let spread = kick.spread;
+        let spread = kick.variance.sqrt();
         let mut carried = vec![0.0; row.points.len()];
         let mut kernel = Vec::new();
         let lost = self.each_node(i, weights, kick, |centre, weight, held| {
@@ -249,7 +252,7 @@ impl<'a> Driven<'a> {
 
     /// A row node by node: three points of the Gauss-Hermite rule about each mean, or that mean alone.
     fn by_points(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
-        let spread = kick.spread;
+        let spread = kick.variance.sqrt();
         let rule = [
             (-3f64.sqrt(), 1.0 / 6.0),
             (0.0, 2.0 / 3.0),

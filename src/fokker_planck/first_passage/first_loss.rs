@@ -17,7 +17,7 @@ use super::layout::{Asked, Layout};
 use super::mesh::Fineness;
 use super::region::{Barrier, Region};
 use super::run::{NAME, Problem, Run};
-use crate::error::{Error, Result, positive};
+use crate::error::{Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
@@ -136,12 +136,6 @@ impl FirstPassage {
             oscillator.displacement_law()?;
         }
         let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
-        if forcing.is_some() && !oscillator.is_viscous() {
-            return Err(Error::not_available(
-                "a first passage under [excitation] with a damping that is not viscous",
-                "oscillator.damping = \"viscous\"",
-            ));
-        }
         let layout = Layout::of(oscillator, initial, &asked, forcing.as_ref());
         let cost = layout.cost(oscillator);
         Ok(Self {

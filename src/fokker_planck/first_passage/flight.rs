@@ -12,6 +12,7 @@
 //!   after a first have a share of about exp(-3 a^2 t/(16 D)): the cost of a flight of length t that ends
 //!   slowly.
 
+use crate::damping::mean_decay;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::Oscillator;
@@ -251,9 +252,9 @@ struct Free {
 impl Free {
     fn of(flight: &Flight, t: f64) -> Self {
         let g = flight.friction * t;
-        let once = t * one_less(g);
+        let once = t * mean_decay(g);
         let twice = t * t * two_less(g);
-        let var_w = 2.0 * flight.noise * t * one_less(2.0 * g);
+        let var_w = 2.0 * flight.noise * t * mean_decay(2.0 * g);
         let cov = flight.noise * once * once;
         let var_x = 2.0 * flight.noise * t.powi(3) * third(g);
         let slope = cov / var_x;
@@ -285,15 +286,6 @@ fn around(centre: f64, width: f64) -> Vec<f64> {
         .collect();
     breaks.dedup();
     breaks
-}
-
-/// (1 - e^-g)/g.
-fn one_less(g: f64) -> f64 {
-    if g < 1e-8 {
-        1.0 - 0.5 * g
-    } else {
-        -(-g).exp_m1() / g
-    }
 }
 
 /// (g - 1 + e^-g)/g^2.

@@ -93,7 +93,8 @@ impl Layout {
         let zeta = if oscillator.is_viscous() {
             oscillator.zeta()
         } else {
-            0.5 * strongest(&region, rise + t)
+            let fast = (2.0 * (rise + t)).sqrt() + swing;
+            0.5 * strongest(&region, 0.5 * fast * fast)
         };
         let noisy = (6.0 * tolerance * t / zeta).cbrt();
         let damped = (12.0 * tolerance / zeta).sqrt();

@@ -298,6 +298,7 @@ impl Problem<'_> {
             mean_time: f64::NAN,
             rate: f64::NAN,
             over_rice: f64::NAN,
+            total,
             steps,
             ..run
         })

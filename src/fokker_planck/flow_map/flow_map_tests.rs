@@ -1,6 +1,7 @@
 //! What a propagator keeps, and what a step does.
 
 use super::*;
+use crate::contact::ContactLaw;
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::mesh::Axis;
 

@@ -38,6 +38,9 @@ pub(super) struct Matrix {
     pub(super) ranges: Vec<Range<usize>>,
 }
 
+/// Matrices along v, each for some rows.
+pub(super) type Blocks = Vec<(Range<usize>, Matrix)>;
+
 /// Entries of a matrix that count for nothing, over the largest one.
 const NEGLIGIBLE: f64 = 1e-20;
 

@@ -1,28 +1,74 @@
 //! Rows of the mesh: their friction, and the cells that hold unknowns.
 
 use crate::contact::ContactLaw;
-use crate::error::Result;
 use crate::fokker_planck::mesh::Mesh;
 use crate::oscillator::Oscillator;
 use std::ops::Range;
 
-/// Rows of equal friction, with their rate; none where it is the same everywhere.
-pub(super) fn frictions(oscillator: &Oscillator, mesh: &Mesh) -> Result<Vec<(Range<usize>, f64)>> {
-    if oscillator.is_viscous() {
-        return Ok(Vec::new());
+/// The rates of friction that matrices are made for: on either side of the loss of contact what c is there if it jumps,
+/// else the reference rate on both. What c is more or less than these is continuous, and is left to the maps.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rates {
+    loss: f64,
+    flight: f64,
+    contact: f64,
+    /// Whether c is more or less than these anywhere.
+    pub(super) vary: bool,
+}
+
+impl Rates {
+    pub(super) fn of(oscillator: &Oscillator, mesh: &Mesh) -> Self {
+        /// A jump over c that is one, and how close to the loss of contact it shows.
+        const JUMP: f64 = 1e-3;
+        const BESIDE: f64 = 1e-9;
+        let everywhere = oscillator.reference_friction();
+        let mut it = Self {
+            loss: oscillator
+                .contact()
+                .loss_point()
+                .unwrap_or(f64::NEG_INFINITY),
+            flight: everywhere,
+            contact: everywhere,
+            vary: false,
+        };
+        if it.loss.is_finite() {
+            let [below, above] = [-BESIDE, BESIDE].map(|x| oscillator.friction(it.loss + x));
+            if (above - below).abs() > JUMP * above.max(below)
+                && (above - below).abs() > JUMP * oscillator.zeta()
+            {
+                (it.flight, it.contact) = (below, above);
+            }
+        }
+        let rows = mesh.q.centres().iter();
+        it.vary = rows
+            .into_iter()
+            .any(|q| (oscillator.friction(*q) - it.at(*q)).abs() > 1e-12 * oscillator.zeta());
+        it
     }
-    oscillator
-        .damping()
-        .depends_on_displacement("the flow map")?;
-    let mut all: Vec<(Range<usize>, f64)> = Vec::new();
-    for (i, q) in mesh.q.centres().iter().enumerate() {
-        let rate = oscillator.friction(*q);
-        match all.last_mut() {
-            Some((rows, last)) if *last == rate => rows.end = i + 1,
-            _ => all.push((i..i + 1, rate)),
+
+    /// That at a displacement.
+    pub(super) fn at(&self, q: f64) -> f64 {
+        if q < self.loss {
+            self.flight
+        } else {
+            self.contact
         }
     }
-    Ok(all)
+
+    /// Rows of one rate.
+    pub(super) fn blocks(&self, mesh: &Mesh) -> Vec<(Range<usize>, f64)> {
+        let (all, lost) = (
+            mesh.q.len(),
+            mesh.q.centres().partition_point(|q| *q < self.loss),
+        );
+        let blocks = if self.flight == self.contact {
+            [0..0, 0..all]
+        } else {
+            [0..lost, lost..all]
+        };
+        let both = blocks.into_iter().zip([self.flight, self.contact]);
+        both.filter(|(rows, _)| !rows.is_empty()).collect()
+    }
 }
 
 /// Per q row the cells on orbits that stay within the outermost centres; at least the two slowest.

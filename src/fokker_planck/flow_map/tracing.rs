@@ -1,10 +1,12 @@
 //! Where the cells come from: departure points of the undamped motion, and the stencils about them.
 
 use super::FlowMap;
+use super::interval::Leg;
 use super::pass::{Map, STENCIL};
 use crate::error::Result;
 use crate::fokker_planck::interpolation::{POINTS, Spline};
 use crate::fokker_planck::mesh::Axis;
+use crate::fokker_planck::ornstein_uhlenbeck::around;
 use crate::fokker_planck::trajectory::Motion;
 use rayon::prelude::*;
 
@@ -12,10 +14,10 @@ use rayon::prelude::*;
 type Part<'a> = (&'a mut [u32], &'a mut [f64]);
 
 impl FlowMap {
-    /// The flow maps of several times.
+    /// The flow maps of several legs.
     pub(super) fn maps(
         &self,
-        times: &[f64],
+        legs: &[Leg],
         late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Vec<Map>> {
         /// Rows of cells traced together.
@@ -23,10 +25,12 @@ impl FlowMap {
         let [nq, _] = self.mesh.cells();
         let total = self.offsets[nq];
         let stencil = STENCIL;
-        let mut sorted: Vec<usize> = (0..times.len()).collect();
-        sorted.sort_by(|a, b| times[*a].total_cmp(&times[*b]));
-        let ascending: Vec<f64> = sorted.iter().map(|k| times[*k]).collect();
-        let mut maps: Vec<Map> = times
+        let mut sorted: Vec<usize> = (0..legs.len()).collect();
+        sorted.sort_by(|a, b| {
+            let by_friction = legs[*a].friction[1].total_cmp(&legs[*b].friction[1]);
+            by_friction.then(legs[*a].time.total_cmp(&legs[*b].time))
+        });
+        let mut maps: Vec<Map> = legs
             .iter()
             .map(|_| Map {
                 places: vec![0; total],
@@ -48,28 +52,37 @@ impl FlowMap {
                 parts.push((p, w));
             }
         }
-        let motion = Motion::new(&self.contact);
+        let motion = Motion::new(self.oscillator.contact());
         let trace = |(row, parts): &mut (usize, Vec<Part>)| {
-            late()?;
             let end = (*row + ROWS).min(nq);
             let centres = (self.mesh.q.centres(), self.mesh.v.centres());
-            let starts: Vec<[f64; 2]> = (*row..end)
+            let cells: Vec<[f64; 2]> = (*row..end)
                 .flat_map(|i| {
                     self.active[i]
                         .clone()
                         .map(move |j| [centres.0[i], centres.1[j]])
                 })
                 .collect();
-            let mut ends = vec![[0.0; 2]; starts.len() * ascending.len()];
-            motion.before(&starts, &ascending, &mut ends);
-            for (ends, k) in ends.chunks_exact(starts.len()).zip(&sorted) {
-                let (places, weights) = &mut parts[*k];
-                pulp::Arch::new().dispatch(Locate {
-                    it: self,
-                    ends,
-                    places,
-                    weights,
-                });
+            // Legs that end alike are traced together.
+            for alike in sorted.chunk_by(|a, b| legs[*a].friction[1] == legs[*b].friction[1]) {
+                late()?;
+                let (mut starts, mut into) = (cells.clone(), vec![1.0; cells.len()]);
+                self.faster(legs[alike[0]].friction[1], 0, &mut starts, &mut into);
+                let times: Vec<f64> = alike.iter().map(|k| legs[*k].time).collect();
+                let mut ends = vec![[0.0; 2]; starts.len() * times.len()];
+                motion.before(&starts, &times, &mut ends);
+                for (ends, k) in ends.chunks_exact_mut(starts.len()).zip(alike) {
+                    let mut factors = into.clone();
+                    self.faster(legs[*k].friction[0], 1, ends, &mut factors);
+                    let (places, weights) = &mut parts[*k];
+                    pulp::Arch::new().dispatch(Locate {
+                        it: self,
+                        ends,
+                        factors: &factors,
+                        places,
+                        weights,
+                    });
+                }
             }
             Ok(())
         };
@@ -80,12 +93,37 @@ impl FlowMap {
         }
         Ok(maps)
     }
+
+    /// Takes points back over what a kick of this time does beside its matrix, before that (0) or after it (1), v to v e^x;
+    /// g there is to be multiplied by these factors.
+    fn faster(&self, time: f64, side: usize, points: &mut [[f64; 2]], factors: &mut [f64]) {
+        /// A factor that counts for nothing, as an exponent.
+        const NOTHING: f64 = -80.0;
+        if time == 0.0 {
+            return;
+        }
+        let beta = match &self.forcing {
+            Some((_, beta)) => *beta,
+            None => 1.0 / self.oscillator.temperature(),
+        };
+        for ([q, v], factor) in points.iter_mut().zip(factors) {
+            let x = around(self.oscillator.friction(*q), self.rates.at(*q), time)[side];
+            let exponent = x - 0.5 * beta * *v * *v * (2.0 * x).exp_m1();
+            if exponent > NOTHING {
+                *factor *= exponent.exp();
+                *v *= x.exp();
+            } else {
+                *factor = 0.0;
+            }
+        }
+    }
 }
 
 /// Stencils of departure points.
 struct Locate<'a> {
     it: &'a FlowMap,
     ends: &'a [[f64; 2]],
+    factors: &'a [f64],
     places: &'a mut [u32],
     weights: &'a mut [f64],
 }
@@ -99,8 +137,8 @@ impl pulp::WithSimd for Locate<'_> {
         let [nq, nv] = it.mesh.cells();
         let stride = it.buffers.stride;
         let (q_axis, v_axis) = (Coordinate::of(&it.mesh.q), Coordinate::of(&it.mesh.v));
-        let cells = self.ends.iter().zip(self.places);
-        for ((end, place), weights) in cells.zip(self.weights.chunks_exact_mut(STENCIL)) {
+        let cells = self.ends.iter().zip(self.factors).zip(self.places);
+        for (((end, factor), place), weights) in cells.zip(self.weights.chunks_exact_mut(STENCIL)) {
             let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
             let (iq, fq) = Spline::place(xi, nq);
             let (iv, fv) = Spline::place(eta, nv);
@@ -108,7 +146,8 @@ impl pulp::WithSimd for Locate<'_> {
             let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
             if it.stationary || (inside(xi, nq) && inside(eta, nv)) {
                 weights[..POINTS].copy_from_slice(&it.spline.weights(fq));
-                weights[POINTS..].copy_from_slice(&it.spline.weights(fv));
+                let along = it.spline.weights(fv).map(|w| w * factor);
+                weights[POINTS..].copy_from_slice(&along);
             }
         }
     }

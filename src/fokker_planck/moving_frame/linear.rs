@@ -1,4 +1,4 @@
-//! How a point begins to spread: the linear oscillator at q = 0.
+//! How a point begins to spread: the linear oscillator about it.
 
 use super::frame::Frame;
 use crate::fokker_planck::forcing::Forcing;
@@ -7,11 +7,11 @@ use crate::oscillator::Oscillator;
 use crate::quadrature::KronrodNodes;
 use std::sync::Arc;
 
-/// q'' + 2 zeta q' + k q = -G(0) + sqrt(2 pi h) noise, k = G'(0): the oscillator at q = 0.
+/// q'' + c q' + k q = -G(0) + sqrt(2 pi h) noise, c = 2 zeta and k = G' at the point: the oscillator about q = 0.
 #[derive(Debug, Clone)]
 pub(super) struct Linear {
     zeta: f64,
-    pub(super) stiffness: f64,
+    stiffness: f64,
     drive: f64,
     noise: f64,
     /// The oscillator with what there is beside stationary noise.
@@ -27,6 +27,12 @@ impl Linear {
             noise: oscillator.noise(),
             forced: None,
         }
+    }
+
+    /// Takes the friction and the stiffness of a point elsewhere.
+    pub(super) fn moved(&mut self, oscillator: &Oscillator, q: f64) {
+        self.zeta = 0.5 * oscillator.friction(q);
+        self.stiffness = oscillator.contact().stiffness(q);
     }
 
     /// The Gaussian a short time t after the point (q, v) at time `begin`: its mean is the motion without noise.

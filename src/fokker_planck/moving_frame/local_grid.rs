@@ -30,7 +30,7 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::interpolation::{MARGIN, reflected};
 use crate::fokker_planck::mesh::Axis;
-use crate::fokker_planck::ornstein_uhlenbeck::average;
+use crate::fokker_planck::ornstein_uhlenbeck::{Kick, around, average};
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::moments::{Moments, RawMoments};
@@ -61,7 +61,8 @@ pub(crate) struct Fineness {
 pub(crate) struct LocalGrid {
     contact: ContactLaw,
     zeta: f64,
-    temperature: f64,
+    /// pi h.
+    noise: f64,
     /// What there is beside stationary noise.
     forcing: Option<Arc<Forcing>>,
     /// Where friction depends on the displacement.
@@ -155,7 +156,7 @@ impl LocalGrid {
         let mut it = Self {
             contact: oscillator.contact().clone(),
             zeta: oscillator.zeta(),
-            temperature: oscillator.temperature(),
+            noise: oscillator.noise(),
             forcing: None,
             local: (!oscillator.is_viscous()).then(|| oscillator.clone()),
             fineness,
@@ -252,7 +253,7 @@ impl LocalGrid {
                 .bends(begin, begin + first)
                 .next()
                 .map_or(first, |t| t - begin);
-            linear.stiffness = oscillator.contact().stiffness(self.frame.mean[0]);
+            linear.moved(&oscillator, self.frame.mean[0]);
             self.frame = linear.forced_after(self.frame.mean, begin, first);
             self.time = begin + first;
         } else {
@@ -280,7 +281,7 @@ impl LocalGrid {
             return 0.0;
         }
         let t = time - begin;
-        let noise = 4.0 * self.zeta * self.temperature * dose;
+        let noise = 2.0 * self.noise * dose;
         let part = noise / (noise + self.start).max(f64::MIN_POSITIVE);
         let turned = (6.0 * tau / t).min(1.0);
         let orbit = 1.5e-5 * part * turned * tau.powi(6) * (1.0 + 3.0 / (t * t));
@@ -402,32 +403,27 @@ impl LocalGrid {
         self.interpolate();
     }
 
-    /// O over `duration`, time frozen at `t`, in steps with this `lead`. Where friction depends on the displacement, that at the mean between two halves of what it is
-    /// more elsewhere: of second order in the difference.
+    /// O over `duration`, time frozen at `t`, in steps with this `lead`. Where friction depends on the displacement, that at
+    /// the mean between what it is more elsewhere.
     fn spread(&mut self, t: f64, duration: f64, lead: f64) {
-        let Some(oscillator) = self.local.take() else {
-            let friction = 2.0 * self.zeta * duration;
-            // T (1 - a^2), also where zeta is so small that T overflows what is left of 1 - a^2.
-            let variance = match &self.forcing {
-                None => -self.temperature * (-2.0 * friction).exp_m1(),
-                Some(it) => it.variance(t, duration, lead),
-            };
-            let shift = self.forcing.as_ref();
-            let shift = shift.map(|it| it.shift(t, duration, lead));
-            return self.spread_by(friction, variance, shift);
+        let local = self.local.take();
+        let mean = self.frame.mean[0];
+        let rate = local
+            .as_ref()
+            .map_or(2.0 * self.zeta, |it| it.friction(mean));
+        let kick = match &self.forcing {
+            Some(it) => it.kick(rate, [t, duration], lead, 0.0),
+            None => Kick::new(rate, duration, (self.noise, 0.0), 0.0),
         };
-        let at_mean = oscillator.friction(self.frame.mean[0]);
-        let friction = at_mean * duration;
-        let share = if friction > 1e-300 {
-            -(-2.0 * friction).exp_m1() / (2.0 * friction)
+        if let Some(oscillator) = &local {
+            let more = |q: f64| around(oscillator.friction(q), rate, duration);
+            self.slow(|q| more(q)[0]);
+            self.spread_by(kick);
+            self.slow(|q| more(q)[1]);
         } else {
-            1.0
-        };
-        let more = |q: f64| 0.5 * duration * (oscillator.friction(q) - at_mean);
-        self.slow(more);
-        self.spread_by(friction, 2.0 * oscillator.noise() * duration * share, None);
-        self.slow(more);
-        self.local = Some(oscillator);
+            self.spread_by(kick);
+        }
+        self.local = local;
     }
 
     /// Velocities over e^x, x a function of the displacement.
@@ -453,20 +449,16 @@ impl LocalGrid {
         self.interpolate();
     }
 
-    /// O with this friction, this variance of the noise and what a drive adds to v.
-    fn spread_by(&mut self, friction: f64, variance: f64, shift: Option<f64>) {
+    fn spread_by(&mut self, kick: Kick) {
         let n = self.axis.len();
-        let a = (-friction).exp();
+        let (a, variance) = (kick.decay, kick.variance);
         let [qq, vq, vv] = self.frame.lower;
         let widened = (a * a * vv * vv + variance).sqrt();
-        self.frame.mean[1] *= a;
+        self.frame.mean[1] = a * self.frame.mean[1] + kick.shift;
         self.frame.lower = [qq, a * vq, widened];
-        if let Some(shift) = shift {
-            self.frame.mean[1] += shift;
-            if variance == 0.0 {
-                // The frame contracts, and P in it stays.
-                return;
-            }
+        if variance == 0.0 {
+            // The frame contracts, and P in it stays.
+            return;
         }
         // rho = a L_vv/L_vv' = e^{-rate}.
         let rate = 0.5 * (variance / (a * a * vv * vv)).ln_1p();

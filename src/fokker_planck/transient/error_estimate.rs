@@ -39,7 +39,7 @@ const SAFETY: f64 = 3.0;
 const CARRIED: f64 = 0.2;
 
 /// The error that all rungs share, over what the last one aims at: rounding, and what passes through zero more than once.
-const SHARED: f64 = 3e-5;
+const SHARED: f64 = 5e-4;
 
 /// The part of the splitting error of a flow map that runs with as many steps do not show.
 const UNSEEN: f64 = 0.5;

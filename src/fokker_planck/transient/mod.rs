@@ -6,15 +6,17 @@ mod error_estimate;
 mod ladder;
 mod lasting;
 mod propagator;
+mod question;
 mod reach;
 mod recipe;
 mod report;
 mod run;
 mod solve;
 mod start_up;
+mod time_scheme;
 
-pub use decide::{mesh, time_scheme};
 pub use propagator::time_integration;
+pub use question::mesh;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
 #[cfg(test)]
@@ -22,3 +24,4 @@ pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
 pub use report::{Multiplier, Transient};
 pub use solve::{transient, transient_cost, uncertified, uncertified_periodic};
+pub use time_scheme::time_scheme;

@@ -241,11 +241,11 @@ impl Recipe {
                 let aim = SPLITTING * tolerance;
                 let driven = self.forcing.as_ref();
                 let driven = driven.map_or(f64::INFINITY, |it| it.longest_step(aim));
-                // Friction that is not constant is frozen in each step: an error of order 2, which rungs show one another.
+                // Friction that is not constant splits to order 2 alone; its error falls as that of the rest.
                 let frozen = if oscillator.is_viscous() {
                     f64::INFINITY
                 } else {
-                    flow_map::Settings::LONGEST * RATIO.powf(-r)
+                    flow_map::Settings::LONGEST * (tolerance / COARSEST).sqrt()
                 };
                 let step = flow_map::Settings::to(aim, oscillator)?.step;
                 Some(step.min(driven).min(frozen))

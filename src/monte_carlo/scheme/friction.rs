@@ -1,5 +1,6 @@
 //! Friction with noise over a time: the exact Ornstein-Uhlenbeck step.
 
+use crate::damping::mean_decay;
 use crate::oscillator::Oscillator;
 
 /// exp(-2 zeta time) and sqrt(T (1 - exp(-4 zeta time))): the exact Ornstein-Uhlenbeck step of v.
@@ -12,6 +13,7 @@ pub(super) fn ornstein_uhlenbeck(oscillator: &Oscillator, time: f64) -> (f64, f6
 /// The exact Ornstein-Uhlenbeck step of v where the rate depends on the displacement, which it leaves alone.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Local {
+    time: f64,
     /// 2 zeta times the time.
     exponent: f64,
     /// Variance that noise alone adds, 2 pi h times the time.
@@ -21,6 +23,7 @@ pub(super) struct Local {
 impl Local {
     pub(super) fn new(oscillator: &Oscillator, time: f64) -> Self {
         Self {
+            time,
             exponent: 2.0 * oscillator.zeta() * time,
             variance: 2.0 * oscillator.noise() * time,
         }
@@ -30,11 +33,13 @@ impl Local {
     #[inline(always)]
     pub(super) fn at(self, friction: f64) -> (f64, f64) {
         let x = friction * self.exponent;
-        let share = if x > 1e-300 {
-            -(-2.0 * x).exp_m1() / (2.0 * x)
-        } else {
-            1.0
-        };
-        ((-x).exp(), (self.variance * share).sqrt())
+        let spread = (self.variance * mean_decay(2.0 * x)).sqrt();
+        ((-x).exp(), spread)
+    }
+
+    /// What a force of 1 does to v where c/(2 zeta) is `friction`.
+    #[inline(always)]
+    pub(super) fn impulse(self, friction: f64) -> f64 {
+        self.time * mean_decay(friction * self.exponent)
     }
 }

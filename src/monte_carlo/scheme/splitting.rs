@@ -21,9 +21,7 @@ pub(in crate::monte_carlo) struct Splitting {
     pub(super) joint: Flow,
     /// Decay and spread of each Ornstein-Uhlenbeck step.
     pub(super) friction: [(f64, f64); MOST],
-    /// What a force of 1 does to v in each of them.
-    pub(super) impulse: [f64; MOST],
-    /// The same where the rate depends on the displacement.
+    /// The same where the rate depends on the displacement; what a force does.
     pub(super) local: [Local; MOST],
 }
 
@@ -43,10 +41,6 @@ impl Splitting {
             inner,
             joint,
             friction: weights.map(|w: f64| ornstein_uhlenbeck(oscillator, w * step)),
-            impulse: weights.map(|w| {
-                let friction = 2.0 * oscillator.zeta();
-                -(-friction * w * step).exp_m1() / friction
-            }),
             local: weights.map(|w| Local::new(oscillator, w * step)),
         }
     }
@@ -67,7 +61,8 @@ impl Splitting {
         for lane in 0..LANES {
             force[lane] = law.force(q[lane]);
         }
-        let push = group.push.clone();
+        // Before time 0 paths are run in to the stationary law.
+        let push = group.push.clone().filter(|_| now >= 0.0);
         let mut streams = group.streams.clone();
         let (mut normal, mut spare) = ([0.0; LANES], [0.0; LANES]);
         let (mut now, mut have_spare) = (now, false);
@@ -86,17 +81,24 @@ impl Splitting {
                     streams.normals(&mut normal, &mut spare);
                 }
                 have_spare = !have_spare;
-                if !L::VISCOUS {
-                    for lane in 0..LANES {
-                        let (decay, spread) = self.local[stage].at(law.friction(q[lane]));
-                        v[lane] = decay * v[lane] + spread * normal[lane];
-                    }
-                } else if let Some(push) = &push {
+                let local = self.local[stage];
+                if let Some(push) = &push {
                     // Time stands still within it.
-                    let shift = push.force(now) * self.impulse[stage];
-                    let spread = push.factor(now).sqrt() * spread;
+                    let (drive, factor) = (push.force(now), push.factor(now).sqrt());
+                    let mut step = (decay, spread, local.impulse(1.0));
                     for lane in 0..LANES {
-                        v[lane] = decay * v[lane] + spread * normal[lane] + shift; // O with the drive
+                        if !L::VISCOUS {
+                            let friction = law.friction(q[lane]);
+                            let (decay, spread) = local.at(friction);
+                            step = (decay, spread, local.impulse(friction));
+                        }
+                        let (decay, spread, shift) = (step.0, step.1, drive * step.2);
+                        v[lane] = decay * v[lane] + factor * spread * normal[lane] + shift; // O with the drive
+                    }
+                } else if !L::VISCOUS {
+                    for lane in 0..LANES {
+                        let (decay, spread) = local.at(law.friction(q[lane]));
+                        v[lane] = decay * v[lane] + spread * normal[lane];
                     }
                 } else {
                     for lane in 0..LANES {

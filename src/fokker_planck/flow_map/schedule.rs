@@ -1,0 +1,163 @@
+//! The schedule of an interval between outputs, and the flow maps and matrices that it still lacks.
+
+use super::interval::{Leg, Noise, Schedule};
+use super::pass::{Blocks, Matrix};
+use super::{FlowMap, KEPT, splitting};
+use crate::error::Result;
+use crate::fokker_planck::ornstein_uhlenbeck::{self, Kick};
+use rayon::prelude::*;
+
+impl FlowMap {
+    /// The schedule of an interval, and the maps and matrices that it still lacks.
+    pub(super) fn prepare(
+        &mut self,
+        duration: f64,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<()> {
+        let same_time = self.forcing.is_none() || self.schedule.start == self.now;
+        if self.schedule.duration == duration && same_time {
+            return Ok(());
+        }
+        let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
+        let tau = duration / steps;
+        let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
+        // Intervals between output times differ by the rounding of the times: the same maps serve.
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * duration;
+        if self.maps.len() > KEPT {
+            self.maps.clear();
+            self.matrices.clear();
+        }
+        if self.forcing.is_some() {
+            // What one node does no other does again.
+            self.matrices.clear();
+        }
+        // Kept: what this interval may use again.
+        let (mut legs, mut noises): (Vec<Leg>, Vec<Noise>) = (
+            self.maps.iter().map(|m| m.0).collect(),
+            self.matrices.iter().map(|m| m.0).collect(),
+        );
+        let number = |list: &mut Vec<Leg>, leg: Leg| {
+            let place = list.iter().position(|it| it.is(&leg, near));
+            place.unwrap_or_else(|| {
+                list.push(leg);
+                list.len() - 1
+            })
+        };
+        let forced = self.forcing.is_some();
+        let noise_number = |list: &mut Vec<Noise>, noise: Noise| {
+            let same = |x: &Noise| {
+                let rest = |x: &Noise| (x.at, x.lead, x.nudge);
+                near(x.duration, noise.duration) && rest(x) == rest(&noise)
+            };
+            let place = list.iter().position(same);
+            place.unwrap_or_else(|| {
+                list.push(noise);
+                list.len() - 1
+            })
+        };
+        // A rate that changes from place to place has no single lead.
+        let lead = if self.oscillator.is_viscous() {
+            let x = self.oscillator.zeta() * tau;
+            splitting::lead(&nodes, &weights, steps, x)
+        } else {
+            0.0
+        };
+        // What it is more than the matrices know acts before and after.
+        let beyond = if self.rates.vary { tau } else { 0.0 };
+        let pace = tau * (1.0 + lead);
+        let nudges = self.nudges(&nodes, (steps, tau), lead);
+        let (mut before, mut left) = (0.0, 0.0);
+        let mut parts = Vec::with_capacity(nodes.len());
+        for (k, (node, weight)) in nodes.iter().zip(&weights).enumerate() {
+            let leg = Leg {
+                time: (node - before) * pace,
+                friction: [left, beyond * weight],
+            };
+            let noise = Noise {
+                duration: weight * tau,
+                at: if forced { self.now + node * tau } else { 0.0 },
+                lead: if forced { lead } else { 0.0 },
+                nudge: nudges.get(k).copied().unwrap_or(0.0),
+            };
+            parts.push((number(&mut legs, leg), noise_number(&mut noises, noise)));
+            (before, left) = (*node, beyond * weight);
+        }
+        let last = Leg {
+            time: (steps - before) * pace,
+            friction: [left, 0.0],
+        };
+        let last = number(&mut legs, last);
+        self.schedule = Schedule {
+            duration,
+            start: self.now,
+            steps: steps as usize,
+            parts,
+            last,
+        };
+        let new = &noises[self.matrices.len()..];
+        let one = |noise: &Noise| late().map(|()| (*noise, self.average(noise)));
+        let matrices: Result<Vec<_>> = if self.shared() {
+            new.par_iter().map(one).collect()
+        } else {
+            new.iter().map(one).collect()
+        };
+        self.matrices.extend(matrices?);
+        let new = &legs[self.maps.len()..];
+        if !new.is_empty() {
+            let maps = self.maps(new, late)?;
+            self.maps.extend(new.iter().copied().zip(maps));
+        }
+        Ok(())
+    }
+
+    /// What to nudge v by at each node of an interval of `steps` steps from now on, for the kicks that a drive asks for where
+    /// it begins and ends ([`Forcing`]): each is shared out between the two nodes next to it so that neither what it does to v
+    /// nor what v then does to q is changed. Empty without a drive.
+    fn nudges(&self, nodes: &[f64], (steps, tau): (f64, f64), lead: f64) -> Vec<f64> {
+        let Some((forcing, _)) = &self.forcing else {
+            return Vec::new();
+        };
+        let n = nodes.len();
+        let mut nudges = vec![0.0; n];
+        let (begin, end) = (self.now, self.now + steps * tau);
+        let [first, last] = [begin, end].map(|t| forcing.ahead(t, lead));
+        if n < 2 {
+            return nudges;
+        }
+        let shares = |near: f64, far: f64| [far / (far - near), near / (near - far)];
+        let at_begin = shares(nodes[0], nodes[1]);
+        let at_end = shares(steps - nodes[n - 1], steps - nodes[n - 2]);
+        nudges[0] -= first * at_begin[0];
+        nudges[1] -= first * at_begin[1];
+        nudges[n - 1] += last * at_end[0];
+        nudges[n - 2] += last * at_end[1];
+        nudges
+    }
+
+    /// Friction with noise over a time.
+    fn average(&self, what: &Noise) -> Blocks {
+        let (axis, it) = (&self.mesh.v, &self.oscillator);
+        let [temperature, noise] = [it.temperature(), it.noise()];
+        let average = |rate: f64| {
+            let kick = match &self.forcing {
+                None if rate == it.reference_friction() => {
+                    let friction = rate * what.duration;
+                    return ornstein_uhlenbeck::average(
+                        axis,
+                        friction,
+                        temperature,
+                        self.stationary,
+                    );
+                }
+                None => Kick::new(rate, what.duration, (noise, 0.0), 1.0 / temperature),
+                Some((it, beta)) => it.kick(rate, [what.at, what.duration], what.lead, *beta),
+            };
+            let shift = kick.shift + what.nudge;
+            Kick { shift, ..kick }.average(axis, self.stationary)
+        };
+        let (n, stride) = (axis.len(), self.buffers.stride);
+        let blocks = self.rates.blocks(&self.mesh).into_iter();
+        let matrix = |rate| Matrix::new(n, stride, Some(&average(rate)));
+        blocks.map(|(rows, rate)| (rows, matrix(rate))).collect()
+    }
+}

@@ -1,0 +1,149 @@
+//! The numbers of stationary motion, by their names in results.json.
+
+use crate::estimate::Estimate;
+use crate::fokker_planck::SolvedLaw;
+use crate::moments::{Entry, Moment, Moments};
+use crate::monte_carlo::{Crossings, RecordResult};
+use crate::stationary::Stationary;
+use std::f64::consts::LN_10;
+
+/// What stands in results.json beside the moments.
+const BESIDE: [Entry; 5] = [
+    Entry::new(
+        "log10_contact_loss_probability",
+        "log10 P",
+        "its logarithm",
+        "1",
+    ),
+    Entry::new("loss_rate", "nu", "crossing rate", "W"),
+    Entry::new("mean_flight", "P/nu", "mean flight", "1/W"),
+    Entry::new("losses_in_window", "nu t", "in the window", "1"),
+    Entry::new("mean_impact_speed", "E|v|", "speed at return", "u W"),
+];
+
+/// What one of a number is on the rig by its name in results.json; "1" for one that has no entry.
+pub(crate) fn dimension(name: &str) -> &'static str {
+    let entry = entries().find(|it| it.name == name);
+    entry.map_or("1", |it| it.unit)
+}
+
+/// How every number of stationary motion is written, the moments first.
+pub(crate) fn entries() -> impl Iterator<Item = &'static Entry> {
+    Moment::ALL.into_iter().map(Moment::entry).chain(&BESIDE)
+}
+
+/// Numbers of the stationary motion by their names in results.json, in its order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers {
+    pub(super) named: Vec<(&'static str, Option<Estimate>)>,
+    /// Share of the time out of contact.
+    pub lost_share: Option<Estimate>,
+}
+
+impl Numbers {
+    /// All numbers of a stationary law.
+    pub(crate) fn stationary(law: &Stationary) -> Self {
+        let logarithm = law.log10_contact_loss_probability();
+        Self::law(
+            &law.moments(),
+            logarithm,
+            law.loss_rate(),
+            law.mean_flight(),
+        )
+    }
+
+    /// All numbers of a law that was solved for.
+    pub(crate) fn solved(law: &SolvedLaw) -> Self {
+        Self::law(
+            &law.moments,
+            law.log10_contact_loss_probability(),
+            law.loss_rate,
+            law.mean_flight,
+        )
+    }
+
+    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
+    pub(super) fn recorded(it: &RecordResult, moments: &Moments) -> Self {
+        let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
+        let logarithm = moments.contact_loss_probability.map(log10);
+        let crossings = it.crossings.as_ref();
+        let flight = crossings.map(|it| it.mean_flight);
+        Self::law(
+            moments,
+            logarithm.and_then(happened),
+            crossings.map(|it| it.loss_rate),
+            flight.and_then(happened),
+        )
+    }
+
+    fn law(
+        moments: &Moments,
+        logarithm: Option<Estimate>,
+        rate: Option<Estimate>,
+        flight: Option<Estimate>,
+    ) -> Self {
+        let mut named = moments.named().to_vec();
+        // q and v are independent.
+        named.retain(|(name, _)| *name != Moment::CovQv.name());
+        let more = BESIDE.iter().map(|it| it.name);
+        named.extend(more.zip([logarithm, rate, flight]));
+        Self {
+            named,
+            lost_share: moments.contact_loss_probability,
+        }
+    }
+
+    /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
+    pub(crate) fn crossings(law: &Stationary, time: f64) -> Self {
+        Self {
+            named: vec![
+                ("loss_rate", law.loss_rate()),
+                ("losses_in_window", law.losses_in(time)),
+                ("mean_flight", law.mean_flight()),
+                ("mean_impact_speed", law.mean_impact_speed()),
+            ],
+            lost_share: law.contact_loss_probability(),
+        }
+    }
+
+    /// Losses of contact by the flux through the loss point of a law that was solved for.
+    pub(crate) fn flux(law: &SolvedLaw, time: f64) -> Self {
+        Self {
+            named: vec![
+                ("loss_rate", law.loss_rate),
+                ("losses_in_window", law.losses_in(time)),
+                ("mean_flight", law.mean_flight),
+                ("mean_impact_speed", law.mean_impact_speed),
+            ],
+            lost_share: law.moments.contact_loss_probability,
+        }
+    }
+
+    /// Losses of contact as seen in long records.
+    pub(crate) fn seen(it: &Crossings, time: f64) -> Self {
+        Self {
+            named: vec![
+                ("loss_rate", Some(it.loss_rate)),
+                ("losses_in_window", Some(it.losses_in(time))),
+                ("mean_flight", happened(it.mean_flight)),
+                ("mean_impact_speed", happened(it.mean_impact_speed)),
+            ],
+            lost_share: Some(it.lost_share),
+        }
+    }
+
+    /// Name and number, in the order of results.json; None for a number that does not exist.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, Option<Estimate>)> + '_ {
+        self.named.iter().copied()
+    }
+
+    /// The number of that name.
+    pub fn get(&self, name: &str) -> Option<Estimate> {
+        self.named.iter().find(|(it, _)| *it == name)?.1
+    }
+}
+
+/// What never happened has no logarithm and no length.
+fn happened(it: Estimate) -> Option<Estimate> {
+    Some(it).filter(|it| it.value.is_finite())
+}
