@@ -36,7 +36,7 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
         (3.2e-3, gaussian),
     ] {
         let it = hertz(0.005, h);
-        let exact = survive(&it, &initial, 100.0, 0.5);
+        let exact = survive(&it, &initial, 60.0, 0.5);
         let settings = Sampling {
             paths: 150_000,
             ..Sampling::default()
@@ -57,7 +57,7 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
             paths.survival.last().unwrap(),
         );
         println!(
-            "h = {h}, {}: S(100) {a}, paths {b}; worst {worst:.2}, largest error {largest:.1e}",
+            "h = {h}, {}: S(60) {a}, paths {b}; worst {worst:.2}, largest error {largest:.1e}",
             initial.name()
         );
         assert!(worst < 3.0 && largest < 5e-4);
