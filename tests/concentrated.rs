@@ -110,7 +110,7 @@ fn linear_and_free_oscillators_from_rest_keep_their_closed_form_inside_the_error
         (ContactLaw::Linear, 0.2, [0.01, 1.0, 8.0]),
         (ContactLaw::Linear, 5.0, [0.01, 0.5, 4.0]),
         (ContactLaw::Free, 0.005, [0.01, 1.0, 20.0]),
-        (ContactLaw::Free, 1.0, [0.01, 1.0, 5.0]),
+        (ContactLaw::Free, 1.0, [0.01, 1.0, 3.0]),
     ] {
         let it = Oscillator::new(law, zeta, 2e-3).unwrap();
         let answer = to(&it, &Initial::Rest, &times, 1e-4);

@@ -1,5 +1,6 @@
 //! Damping that depends on the state: the stationary law that no closed form gives, and the approach to it.
 
+use std::sync::LazyLock;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{
@@ -32,6 +33,15 @@ fn solved(it: &Oscillator, tolerance: f64) -> SolvedLaw {
     let law = stationary_law(it, &settings(tolerance)).unwrap();
     assert!(law.shortfall.is_none(), "{:?}", law.shortfall);
     law
+}
+
+/// The laws of both dampings of the reference oscillator.
+static LAWS: LazyLock<[SolvedLaw; 2]> = LazyLock::new(|| {
+    [Damping::Contact, Damping::HuntCrossley].map(|it| solved(&oscillator(it), 1e-3))
+});
+
+fn law(damping: &Damping) -> &'static SolvedLaw {
+    &LAWS[usize::from(*damping == Damping::HuntCrossley)]
 }
 
 /// Largest |a - b| over the joint error, and whose it is.
@@ -114,7 +124,7 @@ fn damping_in_contact_alone_shakes_harder_than_hunt_and_crossley_s_as_monte_carl
     ];
     for (damping, numbers, force) in known {
         let it = oscillator(damping.clone());
-        let law = solved(&it, 1e-3);
+        let law = law(&damping);
         let moments = &law.moments;
         let lost = moments.contact_loss_probability.unwrap();
         let mine = [moments.var_v, moments.var_q, lost];
@@ -155,7 +165,7 @@ fn damping_in_contact_alone_shakes_harder_than_hunt_and_crossley_s_as_monte_carl
 #[test]
 fn transients_of_both_methods_agree_with_paths() {
     let initial = Initial::gaussian([0.5, 0.5], [0.5, 0.5]).unwrap();
-    let times = [2.0, 10.0, 40.0];
+    let times = [2.0, 8.0, 20.0];
     for damping in [Damping::Contact, Damping::HuntCrossley] {
         let it = oscillator(damping.clone());
         let sampling = Sampling {
@@ -168,7 +178,7 @@ fn transients_of_both_methods_agree_with_paths() {
         for method in [TransientMethod::FlowMap, TransientMethod::FiniteVolume] {
             let settings = Settings {
                 method: Some(method),
-                ..settings(1e-3)
+                ..settings(2e-3)
             };
             let course = transient(&it, &initial, &times, &[], &settings, &|_| ()).unwrap();
             println!(
@@ -303,7 +313,7 @@ fn a_constant_rate_given_as_a_function_gives_the_spectrum_of_viscous_damping() {
 fn the_spectrum_under_hunt_and_crossley_s_damping_has_the_variance_of_the_law_as_its_integral() {
     let damping = Damping::HuntCrossley;
     let it = oscillator(damping.clone());
-    let law = solved(&it, 1e-3);
+    let law = law(&damping);
     let omegas: Vec<f64> = (0..=600).map(|k| 0.02 * f64::from(k)).collect();
     for quantity in [Quantity::Force, Quantity::Displacement] {
         let found = spectrum(&it, quantity, &omegas, &settings(2e-3), &|_| ()).unwrap();
@@ -362,7 +372,7 @@ fn first_losses_from_the_stationary_law_agree_with_paths_that_were_run_in() {
         ),
     ] {
         let more = format!(
-            "[initial]\nkind = \"stationary\"\n[outputs]\n{more}\n[monte_carlo]\npaths = 20_000\nseed = 7\n"
+            "[initial]\nkind = \"stationary\"\n[outputs]\n{more}\n[monte_carlo]\npaths = 10_000\nseed = 7\n"
         );
         let agreement = run_to(2e-2, damping, &more).agreement.unwrap();
         println!("{damping}: {agreement:?}");
@@ -374,7 +384,7 @@ fn first_losses_from_the_stationary_law_agree_with_paths_that_were_run_in() {
 fn what_starts_in_the_stationary_law_stays_there_and_so_do_paths() {
     for damping in ["contact", "hunt_crossley"] {
         let more = "[initial]\nkind = \"stationary\"\n[outputs]\nstationary = true\nmoments_at = [0, 2, 20]\n\
-                    [monte_carlo]\npaths = 30_000\nseed = 5\n";
+                    [monte_carlo]\npaths = 15_000\nseed = 5\n";
         let results = run(damping, more);
         let agreement = results.agreement.as_ref().unwrap();
         println!("{damping}: {agreement:?}");
@@ -399,7 +409,7 @@ fn what_starts_in_the_stationary_law_stays_there_and_so_do_paths() {
 #[test]
 fn a_part_of_the_stationary_loss_probability_is_reached_when_the_course_says() {
     for damping in ["contact", "hunt_crossley"] {
-        let more = "[outputs]\nstationary = true\nreach = { quantity = \"mean_energy\", fraction = 0.6 }\n";
+        let more = "[outputs]\nstationary = true\nreach = { quantity = \"mean_energy\", fraction = 0.5 }\n";
         let results = run(damping, more);
         let reached = results.reach.as_ref().unwrap().t.unwrap();
         let law = results.solved.as_ref().unwrap().moments.mean_energy;
@@ -414,12 +424,12 @@ fn a_part_of_the_stationary_loss_probability_is_reached_when_the_course_says() {
         let course =
             transient(&it, &Initial::Rest, &around, &[], &settings(1e-3), &|_| ()).unwrap();
         let energy = [0, 1].map(|k: usize| course.moments[k].mean_energy);
-        let level = 0.6 * law.value;
+        let level = 0.5 * law.value;
         println!(
             "{damping}: at {reached} of {level:.6}: {} to {}",
             energy[0], energy[1]
         );
-        let slack = energy[0].error + energy[1].error + 0.6 * law.error;
+        let slack = energy[0].error + energy[1].error + 0.5 * law.error;
         assert!(energy[0].value - slack < level && level < energy[1].value + slack);
         assert!(reached.error < 3e-3 * reached.value);
     }
@@ -429,7 +439,7 @@ fn a_part_of_the_stationary_loss_probability_is_reached_when_the_course_says() {
 fn the_steady_state_on_the_mesh_is_the_solved_law_within_both_errors() {
     for damping in [Damping::Contact, Damping::HuntCrossley] {
         let it = oscillator(damping.clone());
-        let law = solved(&it, 1e-3);
+        let law = law(&damping);
         let found = steady(&it, &settings(1e-3)).unwrap();
         let l1 = found.l1_error;
         println!("{damping:?}: L1 {l1}, shortfall {:?}", found.shortfall);

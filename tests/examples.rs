@@ -1,5 +1,6 @@
 //! Every example runs, and what it asserts holds.
 
+use rayon::prelude::*;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -28,7 +29,7 @@ fn every_example_runs_and_is_short() {
     }
     names.sort();
     assert!(names.len() >= 8, "{names:?}");
-    for name in names {
+    names.into_par_iter().for_each(|name| {
         let program = built()
             .join(&name)
             .with_extension(std::env::consts::EXE_EXTENSION);
@@ -45,6 +46,6 @@ fn every_example_runs_and_is_short() {
             "{name}\n{said}{wrong}"
         );
         println!("{name}\n{said}");
-    }
+    });
     assert!(room.join("snapshots.svg").is_file());
 }

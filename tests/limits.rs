@@ -53,12 +53,12 @@ const SCENES: [(&str, &str, &str); 16] = [
     (
         "steady state, upwind",
         "zeta = 0.005\nh = 2e-3\n",
-        "[outputs]\nsteady = true\n[method]\ncells = [600, 450]\n[accuracy]\n",
+        "[outputs]\nsteady = true\n[method]\ncells = [450, 340]\n[accuracy]\n",
     ),
     (
         "steady state, order 8",
         "zeta = 0.005\nh = 2e-3\n",
-        "[outputs]\nsteady = true\n[method]\ndrift = 8\ncells = [240, 180]\n[accuracy]\n",
+        "[outputs]\nsteady = true\n[method]\ndrift = 8\ncells = [180, 135]\n[accuracy]\n",
     ),
     (
         "decay rates, a tolerance out of reach",
@@ -78,7 +78,7 @@ const SCENES: [(&str, &str, &str); 16] = [
     (
         "spectrum at a fine resolution",
         "zeta = 0.005\nh = 2e-3\n",
-        "[outputs]\nspectrum = { until = 4.0 }\n[method]\ncells = [500, 300]\n[accuracy]\n",
+        "[outputs]\nspectrum = { until = 4.0 }\n[method]\ncells = [400, 250]\n[accuracy]\n",
     ),
     (
         "first passage, a tolerance out of reach",
@@ -97,8 +97,8 @@ fn a_run_of_any_question_ends_within_its_seconds() {
     let folder = std::env::temp_dir().join(format!("vibroimpact-limits-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let mut late = Vec::new();
-    // Each at one second, some at three too.
-    for (limit, every) in [(1.0, 1), (3.0, 5)] {
+    // Each at half a second, some at two too.
+    for (limit, every) in [(0.5, 1), (2.0, 5)] {
         for (name, oscillator, asked) in SCENES.into_iter().step_by(every) {
             let text = format!("{HERTZ}{oscillator}{asked}max_seconds = {limit:.1}\n");
             let scene = folder.join("scene.toml");

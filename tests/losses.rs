@@ -36,9 +36,9 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
         (3.2e-3, gaussian),
     ] {
         let it = hertz(0.005, h);
-        let exact = survive(&it, &initial, 100.0, 0.5);
+        let exact = survive(&it, &initial, 60.0, 0.5);
         let settings = Sampling {
-            paths: 300_000,
+            paths: 150_000,
             ..Sampling::default()
         };
         let paths =
@@ -57,7 +57,7 @@ fn survival_agrees_with_paths_from_rest_from_the_stationary_law_and_from_a_gauss
             paths.survival.last().unwrap(),
         );
         println!(
-            "h = {h}, {}: S(100) {a}, paths {b}; worst {worst:.2}, largest error {largest:.1e}",
+            "h = {h}, {}: S(60) {a}, paths {b}; worst {worst:.2}, largest error {largest:.1e}",
             initial.name()
         );
         assert!(worst < 3.0 && largest < 5e-4);
@@ -97,7 +97,7 @@ fn survival_converges_with_at_least_second_order_in_the_step() {
             cells: Some([118, 168]),
             ..Settings::default()
         };
-        first_loss(&it, &Initial::Stationary, 40.0, &settings, &|_| {}).unwrap()
+        first_loss(&it, &Initial::Stationary, 10.0, &settings, &|_| {}).unwrap()
     };
     let (a, b, c) = (at(1.0), at(0.5), at(0.25));
     let rate = |x: &FirstLoss| x.rate.value;
@@ -147,7 +147,7 @@ fn the_rate_of_rare_losses_is_rice_s_times_the_share_that_is_not_a_repetition() 
             tolerance: 1e-2,
             ..Settings::default()
         };
-        let got = first_loss(&it, &Initial::Stationary, 60.0, &settings, &|_| {}).unwrap();
+        let got = first_loss(&it, &Initial::Stationary, 10.0, &settings, &|_| {}).unwrap();
         assert!(got.shortfall.is_none());
         let rice = Stationary::of(&it).unwrap().loss_rate().unwrap().value;
         let (delta, factor) = melnikov(&it);
@@ -219,20 +219,20 @@ fn the_two_laws_of_flight_meet_and_short_flights_are_mckean_s() {
 
 #[test]
 fn a_long_time_is_continued_in_closed_form() {
-    let it = hertz(0.005, 3.2e-3);
+    let it = hertz(0.02, 1.28e-2);
     let initial = Initial::Rest;
-    let short = survive(&it, &initial, 1500.0, 0.5);
-    let long = survive(&it, &initial, 3e6, 0.5);
+    let short = survive(&it, &initial, 375.0, 0.5);
+    let long = survive(&it, &initial, 7.5e5, 0.5);
     let over = |it: &FirstLoss| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
     println!("over the tolerance: {} and {}", over(&short), over(&long));
     assert!(over(&short).max(over(&long)) < 3.0);
     assert!(long.method.steps < 20_000, "{}", long.method.steps);
     // The whole time integration against the one that ends when the hazard is constant.
     let (last, rate) = (short.survival.last().unwrap(), short.rate.value);
-    let near = survive(&it, &initial, 1200.0, 0.5);
-    let expected = near.survival.last().unwrap().value * (-rate * 300.0).exp();
+    let near = survive(&it, &initial, 300.0, 0.5);
+    let expected = near.survival.last().unwrap().value * (-rate * 75.0).exp();
     println!(
-        "{}: S(1500) {last}, from S(1200) {expected:.6e}",
+        "{}: S(375) {last}, from S(300) {expected:.6e}",
         initial.name()
     );
     assert!((last.value - expected).abs() <= last.error);
@@ -254,7 +254,7 @@ fn three_meshes_show_the_order_in_space_at_the_singular_point() {
         got.survival.last().unwrap().value
     };
     // Against a mesh whose own error is far below.
-    let exact = at(220);
+    let exact = at(160);
     let errors: Vec<f64> = [40, 60, 90]
         .map(at)
         .iter()

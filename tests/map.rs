@@ -391,7 +391,7 @@ fn a_folder_belongs_to_one_map() {
 fn a_line_holds_the_numbers_of_a_run_and_curves_that_are_asked_for() {
     let room = room("numbers");
     let scene = "[oscillator]\nzeta = 0.05\nh = 1e-2\n[outputs]\nstationary = true\ndecay_rates = 2\n\
-        spectrum = { until = 2.0 }\nfirst_loss = { until = 20 }\n";
+        spectrum = { until = 2.0 }\nfirst_loss = { until = 20 }\n[accuracy]\ntolerance = 1e-2\n";
     fs::write(room.join("scene.toml"), scene).unwrap();
     let map = "map scene.toml --over oscillator.h=[1e-2]";
     run(&room, &format!("{map} --out a"), 0);

@@ -64,7 +64,7 @@ fn a_linear_oscillator_from_rest_passes_two_and_three_deviations_as_its_paths_do
         (1.0, Side::Either),
         (1.5, Side::Either),
     ] {
-        let (solved, z) = beside_paths(&it, &Initial::Rest, (level, side, 60.0), (1e-3, 60_000));
+        let (solved, z) = beside_paths(&it, &Initial::Rest, (level, side, 60.0), (3e-3, 60_000));
         let last = solved.survival[solved.survival.len() - 1];
         println!(
             "{side:?} {level}: S(60) = {last}, mean time {}, rate {}; worst z of {} times {z:.1}",
@@ -120,9 +120,9 @@ fn the_rate_tends_to_rice_s_as_the_level_rises() {
     let deviation = it.temperature().sqrt();
     let mut apart = Vec::new();
     for level in [2.0, 3.0, 5.0] {
-        let passage = (level * deviation, Side::Above, 50.0);
+        let passage = (level * deviation, Side::Above, 10.0);
         let solved =
-            first_passage(&it, &Initial::Stationary, passage, &settings(2e-3), &|_| ()).unwrap();
+            first_passage(&it, &Initial::Stationary, passage, &settings(3e-3), &|_| ()).unwrap();
         println!(
             "{level} deviations: rate over Rice's {}",
             solved.rate_over_rice
@@ -300,7 +300,7 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
     ] {
         let asked = Settings {
             excitation: excitation.clone(),
-            ..settings(3e-3)
+            ..settings(4e-3)
         };
         let sampling = Sampling {
             paths: 40_000,

@@ -1049,9 +1049,9 @@ fn records_and_paths_stop_at_the_limit_of_time_and_leave_whole_files() {
     ] {
         let start = Instant::now();
         let file = format!("{scene}.toml");
-        let limit = "accuracy.max_seconds=2";
+        let limit = "accuracy.max_seconds=1";
         let (_, err) = expect(3, &room, &["run", &file, "--set", size, "--set", limit]);
-        assert!(err.contains("accuracy.max_seconds = 2.0"), "{err}");
+        assert!(err.contains("accuracy.max_seconds = 1.0"), "{err}");
         assert!(
             start.elapsed() < Duration::from_secs(30),
             "{:?}",
@@ -1817,7 +1817,7 @@ fn entry() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 3500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn random_values_for_any_keys_give_a_plan_or_a_message(
@@ -1855,7 +1855,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn whatever_is_planned_runs_a_second_at_most_to_files_or_a_message(

@@ -163,12 +163,12 @@ fn the_spectrum_of_the_force_integrates_to_its_variance_at_every_level_of_the_pa
 #[test]
 fn the_resolvent_agrees_with_the_correlation_function_of_the_flow_map() {
     let it = hertz(2e-3);
-    let (step, count) = (0.25, 6000);
+    let (step, count) = (0.25, 4500);
     let domain = Domain::closed(&it, &Initial::Stationary, 1e-11).unwrap();
     let law = it.contact();
     let mesh = Mesh {
-        q: Axis::displacement(law, it.temperature(), domain.q, 120, 1).unwrap(),
-        v: Axis::velocity(domain.v[1], 100, 1).unwrap(),
+        q: Axis::displacement(law, it.temperature(), domain.q, 112, 1).unwrap(),
+        v: Axis::velocity(domain.v[1], 92, 1).unwrap(),
     };
     let settings = flow_map::Settings {
         step,
