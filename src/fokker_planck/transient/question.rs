@@ -204,7 +204,7 @@ impl Question<'_> {
 /// on a moving local grid, the mesh that takes over without regard to how narrow it is.
 ///
 /// # Errors
-/// Those of the domain and of the axes; [`Error::Mesh`] and [`Error::Invalid`] for cells beyond what can be
+/// Those of the domain and of the axes; [`Error::Mesh`](crate::Error::Mesh) and [`Error::Invalid`](crate::Error::Invalid) for cells beyond what can be
 /// meant or held.
 pub fn mesh(
     oscillator: &Oscillator,
