@@ -56,7 +56,7 @@ fn strongest(oscillator: &Oscillator, [q, v]: [f64; 2]) -> f64 {
 }
 
 /// The state (q, v) at the second of two times of the motion without noise that has `state` at the first, to about 1e-9 a
-/// unit of time; under friction that jumps at the loss of contact to about 1e-4 a loss.
+/// unit of time; under friction that jumps at the loss of contact to some 1e-3 a loss.
 pub fn motion(
     oscillator: &Oscillator,
     excitation: &Excitation,
