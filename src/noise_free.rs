@@ -19,7 +19,11 @@ pub(crate) fn path(
     watch: &mut dyn FnMut([f64; 2]),
 ) -> [f64; 2] {
     let contact = oscillator.contact();
-    let friction = strongest(oscillator, state);
+    let lowest = contact.lowest_potential().unwrap_or(0.0);
+    let rise = oscillator.energy(state[0], state[1]) - lowest;
+    let friction = oscillator
+        .highest_friction(rise)
+        .max(2.0 * oscillator.zeta());
     let frequency = excitation.drive.map_or(1.0, |it| it.frequency().max(1.0));
     let steps = ((end - start) * frequency.max(friction) / longest)
         .ceil()
@@ -39,20 +43,6 @@ pub(crate) fn path(
         watch(state);
     }
     state
-}
-
-/// The largest rate of friction where such a motion comes: at its turning points.
-fn strongest(oscillator: &Oscillator, [q, v]: [f64; 2]) -> f64 {
-    let least = 2.0 * oscillator.zeta();
-    if oscillator.is_viscous() {
-        return least;
-    }
-    let contact = oscillator.contact();
-    let lowest = contact.lowest_potential().unwrap_or(0.0);
-    let turning = contact.turning_points(oscillator.energy(q, v) - lowest);
-    let ends = turning.map_or([q; 2], |(left, right)| [left, right]);
-    let rates = ends.into_iter().map(|q| oscillator.friction(q));
-    rates.fold(least, f64::max)
 }
 
 /// The state (q, v) at the second of two times of the motion without noise that has `state` at the first, to about 1e-9 a

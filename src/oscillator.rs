@@ -136,6 +136,22 @@ impl Oscillator {
         2.0 * self.zeta * self.damping.factor(&self.contact, q, v)
     }
 
+    /// The largest c that a motion meets whose energy is so much above the lowest.
+    pub(crate) fn highest_friction(&self, rise: f64) -> f64 {
+        if self.is_viscous() {
+            return 2.0 * self.zeta;
+        }
+        let turning = self.contact.turning_points(rise);
+        let (left, right) = turning.unwrap_or((0.0, 0.0));
+        self.highest_friction_between([left, right])
+    }
+
+    /// The largest c on a sample of points between two displacements.
+    pub(crate) fn highest_friction_between(&self, [from, to]: [f64; 2]) -> f64 {
+        let at = |k: i32| from + (to - from) * f64::from(k) / 64.0;
+        (0..=64).map(|k| self.friction(at(k))).fold(0.0, f64::max)
+    }
+
     /// The rate at which noise alone would keep the reference temperature, pi h/T: 2 zeta under viscous damping.
     pub(crate) fn reference_friction(&self) -> f64 {
         if self.is_viscous() {

@@ -99,7 +99,8 @@ impl Iterator for KronrodNodes {
 
 /// Integral of `f` over the intervals between neighbouring `breaks` (ascending), bisected where the
 /// Gauss and Kronrod rules differ most, until their difference is below `relative` times the
-/// integral of `|f|`. Put kinks of `f` among the breaks: the rule has degree 23 only between them.
+/// integral of `|f|` or bisection brings nothing more. Put kinks of `f` among the breaks: the rule has degree 23 only
+/// between them.
 ///
 /// The error adds the difference of the two rules over all intervals (a bound far above the true
 /// error of the Kronrod value where `f` is smooth) and the rounding of the sum.

@@ -80,8 +80,10 @@ pub struct FlowMap {
     rates: Rates,
     /// Whether g is taken against a stationary law, or against area.
     stationary: bool,
-    /// What there is beside stationary noise, and 1/T of the law that g is then taken against (0: area).
-    forcing: Option<(Arc<Forcing>, f64)>,
+    /// 1/T of the law that g is taken against; 0 for area.
+    beta: f64,
+    /// What there is beside stationary noise.
+    forcing: Option<Arc<Forcing>>,
     /// The time.
     now: f64,
     mesh: Mesh,
@@ -171,7 +173,8 @@ impl FlowMap {
             oscillator: oscillator.clone(),
             rates: Rates::of(oscillator, mesh),
             stationary,
-            forcing: forcing.map(|it| (it, beta)),
+            beta,
+            forcing,
             now: 0.0,
             mesh: mesh.clone(),
             weights,

@@ -73,6 +73,11 @@ impl Kick {
         }
     }
 
+    /// The deviation of the noise.
+    pub(crate) fn deviation(&self) -> f64 {
+        self.variance.sqrt()
+    }
+
     /// The average as [`average`] gives it, but that g = 1 does not stay. With u = v' - shift and D = a^2 + beta s^2
     ///
     /// ```text

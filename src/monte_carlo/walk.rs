@@ -434,19 +434,9 @@ impl Pace {
         }
         Self {
             frequency: highest_frequency(oscillator, initial, rise),
-            friction: highest_friction(oscillator, rise),
+            friction: 0.5 * oscillator.highest_friction(rise),
         }
     }
-}
-
-/// Half the largest rate of friction between the turning points of an energy.
-fn highest_friction(oscillator: &Oscillator, rise: f64) -> f64 {
-    let turning = oscillator.contact().turning_points(rise);
-    let (left, right) = turning.unwrap_or((0.0, 0.0));
-    let at = |k: i32| left + (right - left) * f64::from(k) / 64.0;
-    (0..=64)
-        .map(|k| 0.5 * oscillator.friction(at(k)))
-        .fold(0.0, f64::max)
 }
 
 /// The highest frequency of paths up to an energy, and of those that begin higher: the root of the stiffness at the outer

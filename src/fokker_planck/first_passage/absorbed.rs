@@ -79,17 +79,12 @@ impl Absorbed {
         late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
         let mesh = Contact::new(region, fineness)?;
-        let oscillator = region.oscillator;
         let step = fineness.step;
         // Decay and deviation of the Ornstein-Uhlenbeck step, row by row where friction depends on the displacement.
         let noise: Vec<[f64; 2]> = (0..fineness.nodes[0])
             .map(|i| kick(region, mesh.q(i), step))
             .collect();
-        let spread = if oscillator.is_viscous() {
-            noise[0][1]
-        } else {
-            noise.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min)
-        };
+        let spread = noise.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min);
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
         let [nq, nv] = mesh.nodes;
         let rows: Result<Vec<Row>> = (0..nq)
@@ -425,7 +420,7 @@ impl Absorbed {
 fn kick(region: &Region<'_>, x: f64, step: f64) -> [f64; 2] {
     let noise = region.oscillator.noise();
     let kick = Kick::new(region.friction(x), step, (noise, 0.0), 0.0);
-    [kick.decay, kick.variance.sqrt()]
+    [kick.decay, kick.deviation()]
 }
 
 /// Standard normal density.

@@ -97,7 +97,7 @@ impl<'a> Driven<'a> {
                 }
             })
             .collect();
-        let spread = kicks.iter().map(|it| it.variance.sqrt());
+        let spread = kicks.iter().map(Kick::deviation);
         let [narrowest, widest] = spread.fold([f64::INFINITY, 0.0], |[low, high], it| {
             [f64::min(low, it), f64::max(high, it)]
         });
@@ -205,13 +205,13 @@ impl<'a> Driven<'a> {
         kick: Kick,
         mut pass: impl FnMut(f64, f64, f64),
     ) -> [f64; 2] {
-        let mut lost = [0.0; 2];
+        let (mut lost, spread) = ([0.0; 2], kick.deviation());
         for (j, weight) in weights.iter().enumerate() {
             if *weight == 0.0 {
                 continue;
             }
             let centre = kick.decay * self.mesh.v(j) + kick.shift;
-            let (gone, held) = self.parts(i, centre, kick.variance.sqrt());
+            let (gone, held) = self.parts(i, centre, spread);
             for (sum, part) in lost.iter_mut().zip(gone) {
                 *sum += weight * part;
             }
@@ -223,7 +223,7 @@ impl<'a> Driven<'a> {
     /// A row by its quadrature rule.
     fn by_rule(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
         let row = &self.rows[i];
-        let spread = kick.variance.sqrt();
+        let spread = kick.deviation();
         let mut carried = vec![0.0; row.points.len()];
         let mut kernel = Vec::new();
         let lost = self.each_node(i, weights, kick, |centre, weight, held| {
@@ -252,7 +252,7 @@ impl<'a> Driven<'a> {
 
     /// A row node by node: three points of the Gauss-Hermite rule about each mean, or that mean alone.
     fn by_points(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
-        let spread = kick.variance.sqrt();
+        let spread = kick.deviation();
         let rule = [
             (-3f64.sqrt(), 1.0 / 6.0),
             (0.0, 2.0 / 3.0),

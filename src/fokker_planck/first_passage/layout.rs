@@ -242,7 +242,6 @@ fn bounce(region: &Region<'_>, speed: f64) -> f64 {
 fn strongest(region: &Region<'_>, rise: f64) -> f64 {
     let low = region.barrier.low;
     let high = region.barrier.high.or(region.turning_point(rise));
-    let high = high.unwrap_or(low);
-    let at = |k: i32| low + (high - low) * f64::from(k) / 64.0;
-    (0..=64).map(|k| region.friction(at(k))).fold(0.0, f64::max)
+    let ends = [low, high.unwrap_or(low)].map(|x| region.q(x));
+    region.oscillator.highest_friction_between(ends)
 }

@@ -113,7 +113,7 @@ impl<'a> Region<'a> {
     }
 
     /// Displacement at x.
-    fn q(&self, x: f64) -> f64 {
+    pub(crate) fn q(&self, x: f64) -> f64 {
         self.barrier.sign * x
     }
 

@@ -21,6 +21,13 @@ pub(super) struct Noise {
     pub(super) nudge: f64,
 }
 
+impl Noise {
+    pub(super) fn is(&self, other: &Self, near: impl Fn(f64, f64) -> bool) -> bool {
+        let rest = |it: &Self| (it.at, it.lead, it.nudge);
+        near(self.duration, other.duration) && rest(self) == rest(other)
+    }
+}
+
 /// The motion between two kicks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Leg {

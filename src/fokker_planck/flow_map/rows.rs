@@ -33,16 +33,13 @@ impl Rates {
         };
         if it.loss.is_finite() {
             let [below, above] = [-BESIDE, BESIDE].map(|x| oscillator.friction(it.loss + x));
-            if (above - below).abs() > JUMP * above.max(below)
-                && (above - below).abs() > JUMP * oscillator.zeta()
-            {
+            if (above - below).abs() > JUMP * above.max(below).max(oscillator.zeta()) {
                 (it.flight, it.contact) = (below, above);
             }
         }
-        let rows = mesh.q.centres().iter();
-        it.vary = rows
-            .into_iter()
-            .any(|q| (oscillator.friction(*q) - it.at(*q)).abs() > 1e-12 * oscillator.zeta());
+        let beyond = |q: &f64| (oscillator.friction(*q) - it.at(*q)).abs();
+        let rounding = 1e-12 * oscillator.zeta();
+        it.vary = mesh.q.centres().iter().any(|q| beyond(q) > rounding);
         it
     }
 

@@ -7,6 +7,14 @@ use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::{self, Kick};
 use rayon::prelude::*;
 
+/// Where in a list the same stands; at its end, if nowhere yet.
+fn place<T>(list: &mut Vec<T>, it: T, same: impl Fn(&T) -> bool) -> usize {
+    list.iter().position(same).unwrap_or_else(|| {
+        list.push(it);
+        list.len() - 1
+    })
+}
+
 impl FlowMap {
     /// The schedule of an interval, and the maps and matrices that it still lacks.
     pub(super) fn prepare(
@@ -27,7 +35,8 @@ impl FlowMap {
             self.maps.clear();
             self.matrices.clear();
         }
-        if self.forcing.is_some() {
+        let forced = self.forcing.is_some();
+        if forced {
             // What one node does no other does again.
             self.matrices.clear();
         }
@@ -36,25 +45,6 @@ impl FlowMap {
             self.maps.iter().map(|m| m.0).collect(),
             self.matrices.iter().map(|m| m.0).collect(),
         );
-        let number = |list: &mut Vec<Leg>, leg: Leg| {
-            let place = list.iter().position(|it| it.is(&leg, near));
-            place.unwrap_or_else(|| {
-                list.push(leg);
-                list.len() - 1
-            })
-        };
-        let forced = self.forcing.is_some();
-        let noise_number = |list: &mut Vec<Noise>, noise: Noise| {
-            let same = |x: &Noise| {
-                let rest = |x: &Noise| (x.at, x.lead, x.nudge);
-                near(x.duration, noise.duration) && rest(x) == rest(&noise)
-            };
-            let place = list.iter().position(same);
-            place.unwrap_or_else(|| {
-                list.push(noise);
-                list.len() - 1
-            })
-        };
         // A rate that changes from place to place has no single lead.
         let lead = if self.oscillator.is_viscous() {
             let x = self.oscillator.zeta() * tau;
@@ -79,14 +69,15 @@ impl FlowMap {
                 lead: if forced { lead } else { 0.0 },
                 nudge: nudges.get(k).copied().unwrap_or(0.0),
             };
-            parts.push((number(&mut legs, leg), noise_number(&mut noises, noise)));
+            let motion = place(&mut legs, leg, |it| it.is(&leg, near));
+            parts.push((motion, place(&mut noises, noise, |it| it.is(&noise, near))));
             (before, left) = (*node, beyond * weight);
         }
         let last = Leg {
             time: (steps - before) * pace,
             friction: [left, 0.0],
         };
-        let last = number(&mut legs, last);
+        let last = place(&mut legs, last, |it| it.is(&last, near));
         self.schedule = Schedule {
             duration,
             start: self.now,
@@ -114,7 +105,7 @@ impl FlowMap {
     /// it begins and ends ([`Forcing`]): each is shared out between the two nodes next to it so that neither what it does to v
     /// nor what v then does to q is changed. Empty without a drive.
     fn nudges(&self, nodes: &[f64], (steps, tau): (f64, f64), lead: f64) -> Vec<f64> {
-        let Some((forcing, _)) = &self.forcing else {
+        let Some(forcing) = &self.forcing else {
             return Vec::new();
         };
         let n = nodes.len();
@@ -137,20 +128,15 @@ impl FlowMap {
     /// Friction with noise over a time.
     fn average(&self, what: &Noise) -> Blocks {
         let (axis, it) = (&self.mesh.v, &self.oscillator);
-        let [temperature, noise] = [it.temperature(), it.noise()];
         let average = |rate: f64| {
             let kick = match &self.forcing {
                 None if rate == it.reference_friction() => {
-                    let friction = rate * what.duration;
-                    return ornstein_uhlenbeck::average(
-                        axis,
-                        friction,
-                        temperature,
-                        self.stationary,
-                    );
+                    let (friction, temperature) = (rate * what.duration, it.temperature());
+                    let stationary = self.stationary;
+                    return ornstein_uhlenbeck::average(axis, friction, temperature, stationary);
                 }
-                None => Kick::new(rate, what.duration, (noise, 0.0), 1.0 / temperature),
-                Some((it, beta)) => it.kick(rate, [what.at, what.duration], what.lead, *beta),
+                None => Kick::new(rate, what.duration, (it.noise(), 0.0), self.beta),
+                Some(it) => it.kick(rate, [what.at, what.duration], what.lead, self.beta),
             };
             let shift = kick.shift + what.nudge;
             Kick { shift, ..kick }.average(axis, self.stationary)

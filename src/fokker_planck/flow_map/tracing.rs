@@ -102,13 +102,9 @@ impl FlowMap {
         if time == 0.0 {
             return;
         }
-        let beta = match &self.forcing {
-            Some((_, beta)) => *beta,
-            None => 1.0 / self.oscillator.temperature(),
-        };
         for ([q, v], factor) in points.iter_mut().zip(factors) {
             let x = around(self.oscillator.friction(*q), self.rates.at(*q), time)[side];
-            let exponent = x - 0.5 * beta * *v * *v * (2.0 * x).exp_m1();
+            let exponent = x - 0.5 * self.beta * *v * *v * (2.0 * x).exp_m1();
             if exponent > NOTHING {
                 *factor *= exponent.exp();
                 *v *= x.exp();

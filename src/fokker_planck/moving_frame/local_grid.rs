@@ -449,6 +449,7 @@ impl LocalGrid {
         self.interpolate();
     }
 
+    /// O at one rate.
     fn spread_by(&mut self, kick: Kick) {
         let n = self.axis.len();
         let (a, variance) = (kick.decay, kick.variance);
