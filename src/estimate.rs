@@ -157,6 +157,7 @@ impl fmt::Display for Warning {
 }
 
 /// A number's name with its time, as warnings and tables write it.
+#[doc(hidden)]
 pub fn name_at(name: &str, t: f64) -> String {
     format!("{name} at t = {}", time_shown(t))
 }

@@ -43,13 +43,14 @@
 //! | Signs, units, one- and two-sided | [`conventions`] |
 //! | What an error is, and relative to what | [`estimate`], [`scales`] |
 //! | Tables, files, pictures | [`report`] |
-//! | The program, from code | [`cli`] |
 //!
 //! The paper number by number, error against run time and the stiff and extreme scenes are a program of their own:
-//! `cargo run --release --bin lab -- --help`.
+//! `cargo run --release --bin lab -- --help`. What only that, the program and the Python package use of the library is not
+//! on these pages, and may change.
 
 mod budget;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 pub mod clock;
 pub mod contact;
@@ -70,13 +71,16 @@ pub mod monte_carlo;
 pub mod noise_free;
 pub mod oscillator;
 pub mod plan;
+#[doc(hidden)]
 pub mod quadrature;
 pub mod report;
 pub mod results;
 pub mod rig;
+#[doc(hidden)]
 pub mod roots;
 pub mod scales;
 pub mod scene;
+#[doc(hidden)]
 pub mod sparse;
 pub mod spectrum;
 pub mod stationary;

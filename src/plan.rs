@@ -17,6 +17,7 @@ use crate::fokker_planck::{
     ResponseCurve, Settings, StationaryState, SteadyState,
 };
 use crate::format::{brief, num};
+#[doc(hidden)]
 pub use crate::format::{bytes, seconds};
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};

@@ -381,6 +381,7 @@ pub(crate) fn widths(centres: &[f64]) -> Vec<f64> {
 }
 
 /// Middles of the bins of a histogram.
+#[doc(hidden)]
 pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {
     it.edges.windows(2).map(|ends| 0.5 * (ends[0] + ends[1]))
 }

@@ -1,7 +1,8 @@
 //! Spectra: against closed forms, against the flow map, against sampling.
 
 use num_complex::Complex;
-use rustfft::FftPlanner;
+use rustfft::algorithm::Radix4;
+use rustfft::{Fft, FftDirection};
 use std::f64::consts::{PI, TAU};
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::flow_map::{self, FlowMap};
@@ -28,9 +29,7 @@ fn of_correlation(correlation: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
     for (k, r) in correlation.iter().enumerate() {
         terms[k].re = if k == 0 { 0.5 * r } else { *r };
     }
-    FftPlanner::new()
-        .plan_fft_forward(length)
-        .process(&mut terms);
+    Radix4::new(length, FftDirection::Forward).process(&mut terms);
     let omega = |k: usize| 2.0 * PI * k as f64 / (step * length as f64);
     let half = 0..=length / 2;
     let density = half.clone().map(|k| 2.0 / PI * step * terms[k].re);

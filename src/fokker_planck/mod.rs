@@ -16,6 +16,7 @@
 //! ```
 
 mod adaptive;
+#[doc(hidden)]
 pub mod budget;
 mod density;
 mod eigen;
@@ -41,15 +42,17 @@ pub mod transient;
 
 pub use budget::Cost;
 pub use density::{Density, Snapshot};
-pub use eigen::{
-    DecayRate, DecayRates, SolvedLaw, Steady, decay_rates, null_vector, stationary_law, steady,
-};
+#[doc(hidden)]
+pub use eigen::null_vector;
+pub use eigen::{DecayRate, DecayRates, SolvedLaw, Steady, decay_rates, stationary_law, steady};
 pub(crate) use eigen::{Eigenvalues, StationaryState, SteadyState};
 pub(crate) use first_passage::first_loss::FirstPassage;
 pub use first_passage::first_loss::{FirstLoss, first_loss, first_passage};
 pub use first_passage::flight::{Flight, FlightLaw, flight_law};
 pub use first_passage::impact::{ImpactLaw, impact_law};
-pub use flux::{Drift, MassFlux, Measure, maxwell};
+pub use flux::Drift;
+#[doc(hidden)]
+pub use flux::{MassFlux, Measure, maxwell};
 pub use generator::Generator;
 pub use integrators::{
     Additive, BackwardEuler, Chebyshev, Integrator, Radau, Solver, TimeIntegration,
@@ -57,12 +60,14 @@ pub use integrators::{
 pub use observables::Observables;
 pub use periodic::{Harmonic, Periodic, Response, periodic, response};
 pub(crate) use periodic::{PeriodicLaw, ResponseCurve};
-pub use plane::{difference, domain::Domain, mesh::Axis, mesh::Mesh};
+#[doc(hidden)]
+pub use plane::difference;
 pub(crate) use plane::{domain, interpolation, mesh};
+pub use plane::{domain::Domain, mesh::Axis, mesh::Mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
-pub use transient::{
-    Multiplier, Reached, Transient, transient, transient_cost, uncertified, uncertified_periodic,
-};
+pub use transient::{Multiplier, Reached, Transient, transient};
 pub(crate) use transient::{Reach, Recipe};
+#[doc(hidden)]
+pub use transient::{transient_cost, uncertified, uncertified_periodic};

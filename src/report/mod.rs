@@ -10,6 +10,7 @@ mod losses;
 mod manifest;
 mod page;
 #[cfg(feature = "plots")]
+#[doc(hidden)]
 pub mod plot;
 mod run;
 mod tables;
@@ -20,5 +21,6 @@ pub(crate) use csv::spelled;
 pub use file::File;
 #[cfg(feature = "cli")]
 pub(crate) use html::{escaped, html};
+#[doc(hidden)]
 pub use manifest::{after, all, at_the_end, fragment};
 pub use run::run_into;

@@ -15,7 +15,9 @@ mod solve;
 mod start_up;
 mod time_scheme;
 
+#[doc(hidden)]
 pub use propagator::time_integration;
+#[doc(hidden)]
 pub use question::mesh;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
@@ -23,5 +25,8 @@ pub use reach::Reached;
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
 pub use report::{Multiplier, Transient};
-pub use solve::{transient, transient_cost, uncertified, uncertified_periodic};
+pub use solve::transient;
+#[doc(hidden)]
+pub use solve::{transient_cost, uncertified, uncertified_periodic};
+#[doc(hidden)]
 pub use time_scheme::time_scheme;
