@@ -508,17 +508,28 @@ fn main() {
         };
         scene.reference = scene.once(&fine).expect("a reference");
         let candidates = scene.candidates(scene.planned(&finest).0);
-        let tolerances = match scene.asked {
-            Asked::Transient(..) => &TOLERANCES[..],
-            _ => &TOLERANCES[..3],
+        // A fixed point is found as well as its row asks: each has its own runs.
+        let rows: Vec<&[f64]> = match scene.asked {
+            Asked::Transient(..) => vec![&TOLERANCES],
+            _ => TOLERANCES[..3].chunks(1).collect(),
         };
-        survey(
-            name,
-            &scene,
-            (&candidates, tolerances),
-            &mut ratios,
-            &mut line,
-        );
+        for tolerances in rows {
+            let mut candidates = candidates.clone();
+            if let (Asked::Periodic(..) | Asked::Response(_), [tolerance]) =
+                (&scene.asked, tolerances)
+            {
+                for (_, settings) in &mut candidates {
+                    settings.tolerance = *tolerance;
+                }
+            }
+            survey(
+                name,
+                &scene,
+                (&candidates, tolerances),
+                &mut ratios,
+                &mut line,
+            );
+        }
     }
     ratios.sort_by(f64::total_cmp);
     if let [.., most] = ratios[..] {

@@ -144,7 +144,9 @@ fn upwind_of_p(it: &Oscillator, [low, high, reach]: [f64; 3], [nq, nv]: [usize; 
     for _ in 0..4 {
         lu.solve(&mut p).unwrap();
         let sum: f64 = p.iter().sum();
-        p.iter_mut().for_each(|p| *p /= sum);
+        for p in &mut p {
+            *p /= sum;
+        }
     }
     p.iter()
         .enumerate()

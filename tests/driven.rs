@@ -4,7 +4,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::damping::Damping;
 use vibroimpact::excitation::{Drive, Envelope, Excitation};
-use vibroimpact::fokker_planck::{Periodic, Settings, periodic, response, spectrum, transient};
+use vibroimpact::fokker_planck::{
+    MetastableLaw, Periodic, Settings, periodic, response, spectrum, transient,
+};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::{Moment, Moments};
@@ -395,6 +397,67 @@ fn where_two_orbits_last_without_noise_the_law_holds_both() {
     // Above it there is one orbit.
     let got = periodic(&it, 4, &above, &|_| ()).unwrap();
     assert!(got.warnings.is_empty(), "{:?}", got.warnings);
+}
+
+#[test]
+fn motions_that_begin_near_either_orbit_show_its_metastable_law_until_noise_takes_them_to_the_other()
+ {
+    let (it, excitation) = (hertz(0.02, 5e-4), driven(0.08, 0.91, 0.0));
+    let drive = excitation.drive.unwrap();
+    let got = periodic(&it, 4, &settings(&excitation, 1e-3), &|_| ()).unwrap();
+    let sides = got.metastable.as_ref().unwrap();
+    // As many periods as leave 2e-4 of what fades near an orbit; the laws are those of twice its relaxation time.
+    let periods = 60;
+    let [passage, other] = [0, 1].map(|k| got.multipliers[k].modulus().ln());
+    let left = (passage * (f64::from(periods) + 2.0 / other)).exp();
+    let sum = sides[0].probability.value + sides[1].probability.value;
+    assert!((sum - 1.0).abs() < 1e-9);
+    let swept: Vec<f64> = (80..=100).map(|k| 0.01 * f64::from(k)).collect();
+    let stable = noise_free::orbits(&it, &drive, &swept);
+    let stable: Vec<_> = stable
+        .iter()
+        .filter(|it| (it.0 - drive.frequency()).abs() < 1e-9 && it.1.multiplier < 1.0)
+        .collect();
+    assert_eq!(stable.len(), 2);
+    for (_, orbit) in stable {
+        let near = |it: &&MetastableLaw| (it.mean_q[0].amplitude.value - orbit.amplitude).abs();
+        let side = sides.iter().min_by(|a, b| near(a).total_cmp(&near(b)));
+        let side = side.unwrap().contact_loss_probability.unwrap();
+        let begun = Initial::gaussian(orbit.start, [0.1, 0.1]).unwrap();
+        let quarter = 0.25 * drive.period();
+        let times = [0.0, 1.0, 2.0, 3.0].map(|k| (4.0 * f64::from(periods) + k) * quarter);
+        let asked = Settings {
+            moments: Some(vec![Moment::ContactLossProbability]),
+            ..settings(&excitation, 1e-3)
+        };
+        let shown = transient(&it, &begun, &times, &[], &asked, &|_| ()).unwrap();
+        let mean = |all: &[Moments]| {
+            let lost = all.iter().filter_map(|it| it.contact_loss_probability);
+            lost.map(|it| it.value).sum::<f64>() / 4.0
+        };
+        let law = mean(&got.moments);
+        let expected = law + left * (side.value - law);
+        println!(
+            "amplitude {:.2}: P(loss) {side:.6}, after {periods} periods {expected:.6}, by the transient {:.6}",
+            orbit.amplitude,
+            mean(&shown.moments)
+        );
+        assert!(side.error < 1e-4 && (mean(&shown.moments) - expected).abs() < 4e-4);
+    }
+    // A sweep up stays on the smaller orbit, one down on the larger; where there is one law they agree.
+    let asked = settings(&excitation, 1e-2);
+    let curve = response(&it, &[0.88, 0.91, 0.925, 0.95], &asked, &|_| ()).unwrap();
+    let [up, down] = curve.sweeps.as_ref().unwrap();
+    for (k, law) in curve.mean_q_1.iter().enumerate() {
+        let [up, down] = [up, down].map(|it| it.mean_q_1[k].value);
+        println!("W = {}: {up:.3}, {law:.4}, {down:.3}", curve.frequency[k]);
+        match k {
+            1 | 2 => assert!(up < 0.7 && down > 1.4 && law.value < down),
+            _ => assert!(up == law.value && down == law.value),
+        }
+    }
+    let alike = |it: &MetastableLaw| it.mean_q[0].amplitude.value;
+    assert!((up.mean_q_1[1].value - alike(&sides[0]).min(alike(&sides[1]))).abs() < 1e-3);
 }
 
 #[test]

@@ -27,8 +27,28 @@ pub(super) struct Fixed {
     pub(super) slowest: f64,
     /// The largest eigenvalues but 1, the largest first; of a complex pair the one with the positive imaginary part.
     pub(super) eigenvalues: Vec<Ritz>,
+    /// What the start has of the eigenvector of the first of them beside the fixed point, where that is real.
+    pub(super) slow: Option<Vec<f64>>,
     /// Times the map was applied.
     pub(super) maps: usize,
+}
+
+/// How much more slowly than all else the slowest mode fades where it is the passage from one orbit to another.
+const SLOWER: f64 = 10.0;
+
+/// What begins about an orbit is a law of its own once all else has fallen by e so many times.
+const SETTLED: f64 = 2.0;
+
+impl Fixed {
+    /// Where the slowest mode is real and stands apart from the others: what is left of it once they have faded.
+    pub(super) fn settled(&self) -> Option<f64> {
+        let [slowest, next, ..] = &self.eigenvalues[..] else {
+            return None;
+        };
+        let [slow, fast] = [slowest, next].map(|it| it.value.norm().ln());
+        let apart = slowest.value.im == 0.0 && slow < 0.0 && SLOWER * slow > fast;
+        apart.then(|| (-SETTLED * slow / fast).exp())
+    }
 }
 
 /// What is sought.
@@ -76,6 +96,7 @@ pub(super) fn solve(
         residual: f64::INFINITY,
         slowest: 0.0,
         eigenvalues: Vec::new(),
+        slow: None,
         maps: 0,
     };
     let mut target = f64::INFINITY;
@@ -113,7 +134,7 @@ pub(super) fn solve(
                     break;
                 }
                 if since.is_multiple_of(2 * LOOK) {
-                    fixed.eigenvalues = arnoldi.eigenvalues()?;
+                    (fixed.eigenvalues, fixed.slow) = arnoldi.eigenvalues()?;
                     let first = fixed.eigenvalues.first();
                     if first.is_none_or(|it| it.error <= goal.eigenvalue * it.value.norm()) {
                         break;
@@ -125,9 +146,11 @@ pub(super) fn solve(
             }
         }
         if fixed.eigenvalues.is_empty() {
-            fixed.eigenvalues = arnoldi.eigenvalues()?;
+            (fixed.eigenvalues, fixed.slow) = arnoldi.eigenvalues()?;
         }
-        arnoldi.correct(x);
+        for (x, d) in x.iter_mut().zip(arnoldi.combined(&arnoldi.solution())) {
+            *x += d;
+        }
         fixed.residual = arnoldi.residual();
     }
     if fixed.residual > 1e-3 || !fixed.residual.is_finite() {
@@ -234,8 +257,8 @@ impl Arnoldi {
         Ok(last)
     }
 
-    /// Adds the correction to `x`.
-    fn correct(&self, x: &mut [f64]) {
+    /// The coefficients of the correction: the least-squares solution so far.
+    fn solution(&self) -> Vec<f64> {
         let m = self.columns.len();
         let mut y = self.right[..m].to_vec();
         for k in (0..m).rev() {
@@ -245,11 +268,7 @@ impl Arnoldi {
                 *y -= part * h;
             }
         }
-        for (y, v) in y.iter().zip(&self.basis) {
-            for (x, v) in x.iter_mut().zip(v) {
-                *x += y * v;
-            }
-        }
+        y
     }
 
     /// The modulus of the largest Ritz value of P, at most 1.
@@ -265,14 +284,16 @@ impl Arnoldi {
             .min(1.0))
     }
 
-    /// Ritz values of P with their errors, the largest first.
-    fn eigenvalues(&self) -> Result<Vec<Ritz>> {
+    /// Ritz values of P with their errors, the largest first, and what the start has of the Ritz vector of that one, where it is
+    /// real.
+    fn eigenvalues(&self) -> Result<(Vec<Ritz>, Option<Vec<f64>>)> {
         let m = self.columns.len();
         let entry = |i: usize, j: usize| self.columns[j].get(i).copied().unwrap_or(0.0);
         let hessenberg = Array2::from_shape_fn((m, m), |(i, j)| Complex::from(entry(i, j)));
         let (values, vectors) = eigen(&hessenberg)?;
         let left = DenseLu::factor(&vectors.t().to_owned())?;
         let over = entry(m, m - 1);
+        let solution = self.solution();
         let mut found = Vec::new();
         for (k, value) in values.iter().enumerate() {
             let mut value = 1.0 - value;
@@ -291,11 +312,28 @@ impl Arnoldi {
                 Err(_) => f64::INFINITY,
             };
             let error = over * vectors[[m - 1, k]].norm() * condition;
-            found.push(Ritz { value, error });
+            let part: Complex<f64> = row.iter().zip(&solution).map(|(a, y)| a * y).sum();
+            found.push((Ritz { value, error }, k, part));
         }
-        found.sort_by(|a, b| b.value.norm().total_cmp(&a.value.norm()));
+        found.sort_by(|(a, ..), (b, ..)| b.value.norm().total_cmp(&a.value.norm()));
         found.truncate(EIGENVALUES);
-        Ok(found)
+        let real = found.first().filter(|(it, ..)| it.value.im == 0.0);
+        let slow = real.map(|(_, k, part)| {
+            let column: Vec<f64> = vectors.column(*k).iter().map(|z| -(z * part).re).collect();
+            self.combined(&column)
+        });
+        Ok((found.into_iter().map(|it| it.0).collect(), slow))
+    }
+
+    /// The sum of the basis vectors times their parts.
+    fn combined(&self, parts: &[f64]) -> Vec<f64> {
+        let mut sum = vec![0.0; self.basis[0].len()];
+        for (part, v) in parts.iter().zip(&self.basis) {
+            for (sum, v) in sum.iter_mut().zip(v) {
+                *sum += part * v;
+            }
+        }
+        sum
     }
 }
 

@@ -58,7 +58,7 @@ pub use integrators::{
     Additive, BackwardEuler, Chebyshev, Integrator, Radau, Solver, TimeIntegration,
 };
 pub use observables::Observables;
-pub use periodic::{Harmonic, Periodic, Response, periodic, response};
+pub use periodic::{Harmonic, MetastableLaw, Periodic, Response, Sweep, periodic, response};
 pub(crate) use periodic::{PeriodicLaw, ResponseCurve};
 #[doc(hidden)]
 pub use plane::difference;
@@ -67,7 +67,7 @@ pub use plane::{domain::Domain, mesh::Axis, mesh::Mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
-pub use transient::{Multiplier, Reached, Transient, transient};
+pub use transient::{Metastable, Multiplier, Reached, Transient, transient};
 pub(crate) use transient::{Reach, Recipe};
 #[doc(hidden)]
 pub use transient::{transient_cost, uncertified, uncertified_periodic};

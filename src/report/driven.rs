@@ -74,6 +74,25 @@ pub(super) fn response(results: &Results) -> Vec<File> {
         add("P(loss) averaged over the phase", "1", lost);
     }
     add("modulus of the slowest multiplier", "1", &it.multiplier);
+    for (way, sweep) in ["up", "down"].into_iter().zip(it.sweeps.iter().flatten()) {
+        add(
+            &format!("first harmonic of E[q], sweep {way}"),
+            "u",
+            &sweep.mean_q_1,
+        );
+        add(
+            &format!("first harmonic of E[N], sweep {way}"),
+            "F",
+            &sweep.mean_force_1,
+        );
+        if let Some(lost) = &sweep.contact_loss_probability {
+            add(
+                &format!("P(loss) averaged over the phase, sweep {way}"),
+                "1",
+                lost,
+            );
+        }
+    }
     if let Some(rig) = &results.scene.rig {
         let hertz = it.frequency.iter().map(|w| rig.hertz(*w)).collect();
         table = table.bare("frequency", "Hz", hertz);

@@ -2,7 +2,9 @@
 
 use super::{Numbers, Results, SpectrumNumbers, centres};
 use crate::estimate::Estimate;
-use crate::fokker_planck::{FirstLoss, Harmonic, Periodic, Response, Transient};
+use crate::fokker_planck::{
+    FirstLoss, Harmonic, MetastableLaw, Periodic, Response, Sweep, Transient,
+};
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{Crossings, FirstLossResult};
 use crate::rig::Rig;
@@ -266,12 +268,36 @@ fn periodic(it: &Periodic) -> Value {
     for (name, value) in [
         ("harmonics", harmonics),
         ("multipliers", json!(it.multipliers)),
+        (
+            "metastable",
+            json!(
+                it.metastable
+                    .as_ref()
+                    .map(|it| it.each_ref().map(metastable))
+            ),
+        ),
         ("residual", json!(it.residual)),
         ("method", json!(it.method)),
     ] {
         all.insert(name.into(), value);
     }
     all.into()
+}
+
+fn metastable(it: &MetastableLaw) -> Value {
+    json!({
+        "probability": it.probability,
+        "harmonics": {"mean_q": it.mean_q, "mean_force": it.mean_force},
+        "contact_loss_probability": it.contact_loss_probability.map(known),
+    })
+}
+
+fn sweep(it: &Sweep) -> Value {
+    json!({
+        "mean_q_1": full_curve(&it.mean_q_1),
+        "mean_force_1": full_curve(&it.mean_force_1),
+        "contact_loss_probability": it.contact_loss_probability.as_deref().map(full_curve),
+    })
 }
 
 fn response(it: &Response) -> Value {
@@ -284,6 +310,9 @@ fn response(it: &Response) -> Value {
     });
     let lost = it.contact_loss_probability.as_deref().map(full_curve);
     all["contact_loss_probability"] = json!(lost);
+    for (k, name) in ["sweep_up", "sweep_down"].into_iter().enumerate() {
+        all[name] = json!(it.sweeps.as_ref().map(|it| sweep(&it[k])));
+    }
     all
 }
 

@@ -6,7 +6,7 @@ use crate::estimate::{Estimate, Shortfall};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::settings::{Method, Settings};
-use crate::fokker_planck::transient::{Multiplier, Recipe, Transient};
+use crate::fokker_planck::transient::{Metastable, Multiplier, Recipe, Transient};
 use crate::initial::Initial;
 use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
@@ -34,6 +34,9 @@ pub struct Periodic {
     pub multipliers: Vec<Multiplier>,
     /// The L1 distance of the law to itself a period later.
     pub residual: f64,
+    /// The two laws that it is made of, where two orbits last without noise and the passage from one to the other is ten times
+    /// slower than anything else: what a motion shows meanwhile.
+    pub metastable: Option<[MetastableLaw; 2]>,
     /// p(q, v) at up to [`Periodic::MAPS`] of these phases, the first at phase 0; t is the time since then.
     pub densities: Vec<Snapshot>,
     /// What it was computed with; `steps` are those of all periods of the finest two runs.
@@ -42,6 +45,43 @@ pub struct Periodic {
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
     pub warnings: Vec<String>,
+}
+
+/// What a motion shows that began near one of two orbits, until noise takes it to the other: when all but that passage has
+/// fallen by e^2, less what there is of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MetastableLaw {
+    /// Its part of the law that lasts.
+    pub probability: Estimate,
+    /// Harmonics of E\[q\] in it, the first first.
+    pub mean_q: Vec<Harmonic>,
+    /// Harmonics of E\[N\].
+    pub mean_force: Vec<Harmonic>,
+    /// The probability to be out of contact, averaged over the phase; None for a law that cannot lose contact.
+    pub contact_loss_probability: Option<Estimate>,
+}
+
+impl MetastableLaw {
+    fn of(it: &Metastable) -> Self {
+        let harmonics = |moment| Harmonic::of(&curve(&it.moments, moment), HARMONICS);
+        Self {
+            probability: it.probability,
+            mean_q: harmonics(Moment::MeanQ),
+            mean_force: harmonics(Moment::MeanForce),
+            contact_loss_probability: lost(&it.moments),
+        }
+    }
+}
+
+/// One number over the phase.
+fn curve(moments: &[Moments], moment: Moment) -> Vec<Estimate> {
+    moments.iter().filter_map(|at| at.get(moment)).collect()
+}
+
+/// P(loss) averaged over the phase.
+fn lost(moments: &[Moments]) -> Option<Estimate> {
+    let lost = curve(moments, Moment::ContactLossProbability);
+    (!lost.is_empty()).then(|| mean(&lost))
 }
 
 /// How a periodic law will be computed.
@@ -132,17 +172,17 @@ impl Periodic {
 
     fn of(it: Transient) -> Self {
         let n = it.times.len();
-        let curve = |moment: Moment| -> Vec<Estimate> {
-            it.moments.iter().filter_map(|at| at.get(moment)).collect()
-        };
-        let harmonics = |moment| Harmonic::of(&curve(moment), HARMONICS);
-        let lost = curve(Moment::ContactLossProbability);
+        let harmonics = |moment| Harmonic::of(&curve(&it.moments, moment), HARMONICS);
         Self {
             phase: (0..n).map(|k| TAU * k as f64 / n as f64).collect(),
             mean_q: harmonics(Moment::MeanQ),
             mean_v: harmonics(Moment::MeanV),
             mean_force: harmonics(Moment::MeanForce),
-            contact_loss_probability: (!lost.is_empty()).then(|| mean(&lost)),
+            contact_loss_probability: lost(&it.moments),
+            metastable: it
+                .metastable
+                .as_ref()
+                .map(|it| [0, 1].map(|k| MetastableLaw::of(&it[k]))),
             moments: it.moments,
             multipliers: it.multipliers,
             residual: it.residual,

@@ -7,6 +7,6 @@ mod response;
 
 pub use harmonics::Harmonic;
 pub(crate) use law::PeriodicLaw;
-pub use law::{Periodic, periodic};
+pub use law::{MetastableLaw, Periodic, periodic};
 pub(crate) use response::ResponseCurve;
-pub use response::{Response, response};
+pub use response::{Response, Sweep, response};

@@ -1,7 +1,7 @@
 //! The periodic law over the frequency of the drive.
 
 use super::harmonics::Harmonic;
-use super::law::{Periodic, PeriodicLaw};
+use super::law::{MetastableLaw, Periodic, PeriodicLaw};
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::excitation::Excitation;
@@ -31,10 +31,71 @@ pub struct Response {
     /// Modulus of the slowest Floquet multiplier: what is left of a deviation a period later. Near 1 the noise takes as long
     /// from one of two orbits to the other, and a sweep that does not wait so long shows hysteresis.
     pub multiplier: Vec<Estimate>,
+    /// What a slow sweep shows that goes up, and one that goes down, where at some frequency two laws are metastable
+    /// ([`Periodic::metastable`]): slower than a motion settles, faster than noise takes it from one to the other.
+    pub sweeps: Option<[Sweep; 2]>,
     /// What the tolerance asked for and was not reached, at the worst frequency.
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
     pub warnings: Vec<String>,
+}
+
+/// A response curve on which every point keeps to the law nearest to the one before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// Amplitude of the first harmonic of E\[q\], at the frequencies in ascending order.
+    pub mean_q_1: Vec<Estimate>,
+    /// Of E\[N\].
+    pub mean_force_1: Vec<Estimate>,
+    /// Probability to be out of contact, averaged over the phase; None for a law that cannot lose contact.
+    pub contact_loss_probability: Option<Vec<Estimate>>,
+}
+
+impl Sweep {
+    /// In the order of the sweep. It begins with the more probable law.
+    fn through<'a>(laws: impl Iterator<Item = &'a Periodic>) -> Self {
+        let mut last: Option<f64> = None;
+        let points = laws.map(|law| {
+            let sides = law.metastable.as_ref().map_or(&[][..], |it| it);
+            let far = |it: &MetastableLaw| match last {
+                Some(last) => (it.mean_q[0].amplitude.value - last).abs(),
+                None => -it.probability.value,
+            };
+            let near = sides.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+            let (q, force, lost) = near.map_or(
+                (&law.mean_q, &law.mean_force, law.contact_loss_probability),
+                |it| (&it.mean_q, &it.mean_force, it.contact_loss_probability),
+            );
+            last = Some(q[0].amplitude.value);
+            ((q[0].amplitude, force[0].amplitude), lost)
+        });
+        let (amplitudes, lost): (Vec<_>, Vec<Option<Estimate>>) = points.unzip();
+        let (mean_q_1, mean_force_1) = amplitudes.into_iter().unzip();
+        Self {
+            mean_q_1,
+            mean_force_1,
+            contact_loss_probability: lost.into_iter().collect(),
+        }
+    }
+
+    /// The same with its frequencies in the other order.
+    fn reversed(mut self) -> Self {
+        self.mean_q_1.reverse();
+        self.mean_force_1.reverse();
+        if let Some(lost) = &mut self.contact_loss_probability {
+            lost.reverse();
+        }
+        self
+    }
+
+    /// Up and down, where they differ.
+    fn both(laws: &[Periodic]) -> Option<[Self; 2]> {
+        let apart = laws.iter().any(|it| it.metastable.is_some());
+        apart.then(|| {
+            let down = Self::through(laws.iter().rev()).reversed();
+            [Self::through(laws.iter()), down]
+        })
+    }
 }
 
 /// How a response curve will be computed: the periodic law at every frequency, each for itself.
@@ -161,6 +222,7 @@ impl ResponseCurve {
             mean_force_1: harmonic(|it| &it.mean_force, 1),
             contact_loss_probability: lost,
             multiplier: laws.iter().zip(&self.points).map(slowest).collect(),
+            sweeps: Sweep::both(&laws),
             warnings: shortfall
                 .iter()
                 .map(Shortfall::to_string)
@@ -172,7 +234,7 @@ impl ResponseCurve {
 }
 
 /// The response curve at `frequencies`, the drive of `settings.excitation` giving amplitude and phase: every point the
-/// periodic law of its own frequency, the only one there is. `progress` is told the part done, 0 to 1.
+/// periodic law of its own frequency, the only one there is; where two laws are metastable, both sweeps beside it. `progress` is told the part done, 0 to 1.
 ///
 /// # Errors
 /// Those of [`super::periodic()`].

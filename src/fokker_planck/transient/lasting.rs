@@ -2,7 +2,7 @@
 
 use super::propagator::{self, Propagator};
 use super::recipe::Rung;
-use super::run::{Floquet, Output, Run, Task, believable};
+use super::run::{Floquet, Output, Run, Side, Task, believable};
 use super::start_up::Loss;
 use crate::error::Result;
 use crate::fokker_planck::budget;
@@ -47,11 +47,19 @@ impl Task<'_> {
         // one to the other is the slowest.
         let orbits = rung.forcing.as_ref();
         let orbits = orbits.map_or(&[[0.0; 2]][..], |it| it.orbits());
-        let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
         let rest = oscillator.contact().equilibrium().unwrap_or(0.0);
-        for about in orbits {
+        let begin = |about: &[f64; 2]| -> Result<Density> {
             let mut one = propagator.stationary(oscillator, [about[0] - rest, about[1]])?;
-            tilt(&mut one, &mesh, *about, oscillator.temperature().sqrt());
+            // Of two, each with little of the other's: half the deviation.
+            let narrower = if orbits.len() > 1 { 1.5 } else { 0.0 };
+            let deviation = oscillator.temperature().sqrt();
+            tilt(&mut one, &mesh, *about, (deviation, narrower));
+            Ok(one)
+        };
+        let starts: Result<Vec<Density>> = orbits.iter().map(begin).collect();
+        let starts = starts?;
+        let mut density = propagator.sampled(&|points| vec![0.0; points.len()]);
+        for one in &starts {
             for (p, one) in density.cells_mut().iter_mut().zip(one.cells()) {
                 *p += one / orbits.len() as f64;
             }
@@ -65,6 +73,7 @@ impl Task<'_> {
         };
         let fixed = periods(&mut propagator, &mut density, period, goal)?;
         progress(0.9);
+        let law = density.clone();
         // In L1, of the law itself.
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
         let steps = propagator.steps();
@@ -85,6 +94,14 @@ impl Task<'_> {
                 ..self.observe(t, &propagator, &observables, (&density, None))
             });
         }
+        let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
+            ([start, _], Some(slow), Some(left)) => {
+                let goal = (period, goal);
+                let beside = (&law, (&slow[..], left), start);
+                self.metastable((&mut propagator, &observables), beside, goal, times)?
+            }
+            _ => None,
+        };
         let (step, domain) = (propagator.step(), rung.layout.domain);
         believable(&outputs, step, &domain, oscillator.temperature(), &mesh)?;
         Ok(Run {
@@ -97,25 +114,69 @@ impl Task<'_> {
             floquet: Some(Floquet {
                 multipliers: fixed.eigenvalues,
                 residual: fixed.residual,
+                metastable,
             }),
             mesh,
         })
+    }
+
+    /// The two laws that `law` is made of, from what half of either start has of the slow mode and the first start by itself:
+    /// what each start comes to once all else has faded, when so much of the mode is `left`.
+    fn metastable(
+        &self,
+        (propagator, observables): (&mut Propagator, &Observables),
+        (law, (half, left), start): (&Density, (&[f64], f64), &Density),
+        (period, goal): (f64, Goal),
+        times: &[f64],
+    ) -> Result<Option<[Side; 2]>> {
+        let Some(one) = periods(propagator, &mut start.clone(), period, goal)?.slow else {
+            return Ok(None);
+        };
+        let pairs = half.iter().zip(&one);
+        let other: Vec<f64> = pairs.map(|(half, one)| 2.0 * half - one).collect();
+        // The law has nothing of the mode: its parts are as what the other has of it.
+        let dot = |a: &[f64]| a.iter().zip(&one).map(|(a, b)| a * b).sum::<f64>();
+        let ratio = -dot(&other) / dot(&one);
+        let mut side = |probability: f64, slow: &[f64]| -> Result<Side> {
+            let mut density = law.clone();
+            for (p, slow) in density.cells_mut().iter_mut().zip(slow) {
+                *p += left * slow;
+            }
+            propagator.set_time(0.0);
+            let (mut now, mut moments) = (0.0, Vec::with_capacity(times.len()));
+            for &t in times {
+                if t > now {
+                    propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
+                    now = t;
+                }
+                let output = self.observe(t, propagator, observables, (&density, None));
+                moments.push(output.moments);
+            }
+            Ok(Side {
+                probability,
+                moments,
+            })
+        };
+        let sides = [
+            side(ratio / (1.0 + ratio), &one)?,
+            side(1.0 / (1.0 + ratio), &other)?,
+        ];
+        Ok(Some(sides).filter(|_| ratio > 0.0))
     }
 }
 
 /// Makes a density that has something of every slow mode: the fixed point does not depend on it, and what is not in it has
 /// no eigenvalue.
-fn tilt(density: &mut Density, mesh: &Mesh, about: [f64; 2], deviation: f64) {
+fn tilt(density: &mut Density, mesh: &Mesh, about: [f64; 2], (deviation, narrower): (f64, f64)) {
     let (q, v) = (mesh.q.centres(), mesh.v.centres());
     let mut cells = density.cells_mut().iter_mut();
     for q in q {
         for v in v {
             if let Some(p) = cells.next() {
                 let (x, y) = ((q - about[0]) / deviation, (v - about[1]) / deviation);
-                *p *= 1.0
-                    + 0.3 * x.tanh()
-                    + 0.2 * y.tanh()
-                    + 0.1 * ((x * x + y * y) / 4.0 - 1.0).tanh();
+                let square = x * x + y * y;
+                *p *= (-narrower * square).exp()
+                    * (1.0 + 0.3 * x.tanh() + 0.2 * y.tanh() + 0.1 * (square / 4.0 - 1.0).tanh());
             }
         }
     }

@@ -24,7 +24,7 @@ pub use reach::Reached;
 #[cfg(test)]
 pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
-pub use report::{Multiplier, Transient};
+pub use report::{Metastable, Multiplier, Transient};
 pub use solve::transient;
 #[doc(hidden)]
 pub use solve::{transient_cost, uncertified, uncertified_periodic};

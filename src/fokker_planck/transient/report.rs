@@ -35,6 +35,9 @@ pub struct Transient {
     pub multipliers: Vec<Multiplier>,
     /// Of the same: the L1 distance to itself a period later.
     pub residual: f64,
+    /// Of the same: the two laws that it is made of, where noise passes from one orbit to the other ten times more slowly
+    /// than anything else fades.
+    pub metastable: Option<[Metastable; 2]>,
     /// What the tolerance asked for and was not reached.
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
@@ -59,10 +62,57 @@ impl Multiplier {
     }
 }
 
+/// What noise makes of one of two orbits under a drive, for as long as it leaves a motion there. The tolerance does not bind
+/// it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Metastable {
+    /// Its part of the law that lasts.
+    pub probability: Estimate,
+    /// Moments at the times of that law.
+    pub moments: Vec<Moments>,
+}
+
+/// The metastable laws of the finer of two runs. Their errors are what the mode of the passage lacks, and the change from the
+/// coarser run, twice, as with the multipliers.
+fn metastable(fine: &Run, coarse: &Run) -> Option<[Metastable; 2]> {
+    let (fine, coarse) = (fine.floquet.as_ref()?, coarse.floquet.as_ref()?);
+    let [slowest, next, ..] = &fine.multipliers[..] else {
+        return None;
+    };
+    let [slow, fast] = [slowest, next].map(|it| it.value.norm());
+    let mixed = slowest.error / (slow - fast);
+    let (sides, before) = (fine.metastable.as_ref()?, coarse.metastable.as_ref()?);
+    let joined = |k: usize| {
+        let (side, before, other) = (&sides[k], &before[k], &sides[1 - k]);
+        let error = |value: f64, before: f64, other: f64| {
+            let error = SAFETY * (value - before).abs() + mixed * (value - other).abs();
+            Estimate::new(value, error, Origin::Space)
+        };
+        let moments = side.moments.iter().zip(&before.moments).zip(&other.moments);
+        let moments = moments.map(|((here, before), other)| {
+            let mut here = *here;
+            let others = before.named().into_iter().zip(other.named());
+            for (number, ((_, before), (_, other))) in here.each_mut().into_iter().zip(others) {
+                if let (Some(number), Some(before), Some(other)) = (number, before, other) {
+                    *number = error(number.value, before.value, other.value);
+                }
+            }
+            here
+        });
+        Metastable {
+            probability: error(side.probability, before.probability, other.probability),
+            moments: moments.collect(),
+        }
+    };
+    Some([joined(0), joined(1)])
+}
+
+/// Two runs differ by at least half of what the finer one errs: order 2 or more.
+const SAFETY: f64 = 2.0;
+
 /// The multipliers of the finer of two runs: their errors are those of the Krylov space and the distance to the nearest one
 /// of the coarser run, twice, which is of order 2 or more.
 fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
-    const SAFETY: f64 = 2.0;
     let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
         return Vec::new();
     };
@@ -76,8 +126,8 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
             error: it.error + SAFETY * nearest,
         }
     };
-    // One that is not known to a tenth is not known.
-    let known = |it: &Multiplier| it.error < 0.1;
+    // One that is not known to a tenth is not known, and one beyond 1 is a wave of the mesh's.
+    let known = |it: &Multiplier| it.error < 0.1 && it.modulus() - it.error < 1.0;
     fine.multipliers
         .iter()
         .map(multiplier)
@@ -171,6 +221,7 @@ impl Task<'_> {
             },
             multipliers: multipliers(&fine, coarse),
             residual: fine.floquet.as_ref().map_or(0.0, |it| it.residual),
+            metastable: metastable(&fine, coarse),
             shortfall,
             densities: fine
                 .outputs

@@ -65,6 +65,17 @@ pub(super) struct Floquet {
     pub(super) multipliers: Vec<Ritz>,
     /// Change of the law over a period, in L1.
     pub(super) residual: f64,
+    /// The two laws that it is made of where noise seldom passes from one orbit to the other.
+    pub(super) metastable: Option<[Side; 2]>,
+}
+
+/// What noise makes of one of two orbits, for as long as it leaves a motion there.
+#[derive(Debug, Clone)]
+pub(super) struct Side {
+    /// Its part of the law that lasts.
+    pub(super) probability: f64,
+    /// Its moments at the output times.
+    pub(super) moments: Vec<Moments>,
 }
 
 /// A transient to be computed, and how.

@@ -3,6 +3,7 @@
 use super::canvas::{BLUE, GREY, INK, Mark, Panel, Points, TITLE, legend, picture, range, write};
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::fokker_planck::Sweep;
 use crate::moments::Moment;
 use crate::noise_free;
 use crate::report::File;
@@ -82,13 +83,26 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
     else {
         return Ok(Vec::new());
     };
+    // Of every curve: what both sweeps show.
+    let swept = |of: fn(&Sweep) -> Option<&Vec<Estimate>>| -> Vec<&Vec<Estimate>> {
+        it.sweeps.iter().flatten().filter_map(of).collect()
+    };
     let mut curves = vec![
-        ("|E[q]|, first harmonic", &it.mean_q_1),
-        ("|E[q]|, second harmonic", &it.mean_q_2),
-        ("|E[N]|, first harmonic", &it.mean_force_1),
+        (
+            "|E[q]|, first harmonic",
+            &it.mean_q_1,
+            swept(|it| Some(&it.mean_q_1)),
+        ),
+        ("|E[q]|, second harmonic", &it.mean_q_2, Vec::new()),
+        (
+            "|E[N]|, first harmonic",
+            &it.mean_force_1,
+            swept(|it| Some(&it.mean_force_1)),
+        ),
     ];
     let lost = it.contact_loss_probability.as_ref();
-    curves.extend(lost.map(|it| ("P(contact lost), mean", it)));
+    let sweeps = swept(|it| it.contact_loss_probability.as_ref());
+    curves.extend(lost.map(|it| ("P(contact lost), mean", it, sweeps)));
     let drive = results.scene.excitation.drive;
     let orbits = drive.map_or(Vec::new(), |drive| {
         noise_free::orbits(&results.scene.oscillator, &drive, &it.frequency)
@@ -97,8 +111,9 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     picture("response.svg", (958, 640), |area| {
-        for (k, (label, curve)) in curves.into_iter().enumerate() {
-            let ends = curve.iter().map(|y| y.value + y.error).chain([0.0]);
+        for (k, (label, curve, sweeps)) in curves.into_iter().enumerate() {
+            let ends = curve.iter().chain(sweeps.iter().copied().flatten());
+            let ends = ends.map(|y| y.value + y.error).chain([0.0]);
             let free = orbits.iter().filter(|_| k == 0).map(|(_, it)| it.amplitude);
             let Some((_, high)) = range(ends.chain(free), 0.08) else {
                 continue;
@@ -109,6 +124,10 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
                 let stable = orbit.multiplier < 1.0;
                 let colour = if stable { INK } else { GREY };
                 panel.dot(area, (*w, orbit.amplitude), colour, 1.5)?;
+            }
+            for sweep in sweeps {
+                let (line, _) = band(&it.frequency, sweep);
+                panel.dashes(area, &line, BLUE, 1.2)?;
             }
             let (line, band) = band(&it.frequency, curve);
             panel.band(area, &band, BLUE)?;
@@ -129,7 +148,11 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
             GREY,
             Mark::Dot,
             "without noise, unstable",
-        )
+        )?;
+        match it.sweeps {
+            Some(_) => legend(area, (700.0, 20.0), BLUE, Mark::Dashes, "sweeps up, down"),
+            None => Ok(()),
+        }
     })
     .map(|it| vec![it])
 }

@@ -39,6 +39,16 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
             multiplier.error
         ));
     }
+    if let Some(laws) = &it.metastable {
+        let heads = ["probability", "|E[q]| 1", "P(loss)"];
+        let head = heads.map(|it| format!("{it:>18}")).concat();
+        table.heading(format!("{:<26}{head}", "METASTABLE LAWS"));
+        for law in laws {
+            let first = law.mean_q.first().map(|it| it.amplitude);
+            let numbers = [Some(law.probability), first, law.contact_loss_probability];
+            table.line(row("about one of two orbits", &numbers, false));
+        }
+    }
     let left = it.multipliers.first().map(Multiplier::modulus);
     let relaxation = left
         .filter(|it| *it > 0.0 && *it < 1.0)
@@ -89,7 +99,12 @@ pub(super) fn response(table: &mut Table, results: &Results) {
         let name = format!("{}{top}", brief(it.frequency[k]));
         table.line(row(&name, &numbers, false));
     }
-    table.line(format!(
-        "{count} frequencies; the whole curve is in response.csv"
-    ));
+    let sweeps = it.sweeps.as_ref().map_or(
+        "",
+        |_| "; two laws are metastable at some: sweeps up and down differ",
+    );
+    table.paragraph(
+        "",
+        &format!("{count} frequencies{sweeps}; the whole curve is in response.csv"),
+    );
 }

@@ -151,8 +151,32 @@ impl Comparison {
         }
     }
 
-    fn paths(&self, results: &Results) -> Vec<Check> {
+    /// The law that lasts against paths that have run for long, at the times of its phases.
+    fn lasting(&self, results: &Results) -> Vec<Check> {
         let mut all = Vec::new();
+        let (Some(law), Some(paths)) = (&results.periodic, &results.monte_carlo) else {
+            return all;
+        };
+        let Some(drive) = results.scene.excitation.drive else {
+            return all;
+        };
+        let n = law.phase.len() as f64;
+        for (t, sampled) in paths.times.iter().zip(&paths.moments) {
+            let turns = t / drive.period();
+            let k = n * (turns - turns.floor());
+            if (k - k.round()).abs() < 1e-6 {
+                let (moments, reference) = (
+                    law.moments[k.round() as usize % law.phase.len()],
+                    bounded(*sampled),
+                );
+                self.moments(&mut all, Some(*t), &moments, &reference, Part::Periodic);
+            }
+        }
+        all
+    }
+
+    fn paths(&self, results: &Results) -> Vec<Check> {
+        let mut all = self.lasting(results);
         let (Some(mesh), Some(paths)) = (&results.transient, &results.monte_carlo) else {
             return all;
         };
