@@ -34,7 +34,7 @@ pub(crate) fn path(
     // From t on by h, with the friction that is between two displacements.
     let step = |state: [f64; 2], t: f64, h: f64, side: [f64; 2]| {
         let slope = |[q, v]: [f64; 2], f: f64| {
-            let friction = oscillator.friction(q.clamp(side[0], side[1]));
+            let friction = oscillator.friction(q.max(side[0]).min(side[1]));
             [v, f - friction * v - contact.force(q)]
         };
         let force = [0.0, 0.5, 1.0].map(|part| excitation.force(t + part * h));
@@ -83,7 +83,7 @@ pub(crate) fn path(
 const CROSSINGS: usize = 4;
 
 /// The state (q, v) at the second of two times of the motion without noise that has `state` at the first, to about 1e-9 a
-/// unit of time and 1e-6 a loss of contact.
+/// unit of time and 1e-6 a loss of a Hertzian contact.
 pub fn motion(
     oscillator: &Oscillator,
     excitation: &Excitation,

@@ -45,7 +45,8 @@ impl Fixed {
         let [slowest, next, ..] = &self.eigenvalues[..] else {
             return None;
         };
-        let [slow, fast] = [slowest, next].map(|it| it.value.norm().ln());
+        let slow = slowest.value.re.ln();
+        let fast = (next.value.norm() + next.error).ln();
         let apart = slowest.value.im == 0.0 && slow < 0.0 && SLOWER * slow > fast;
         apart.then(|| (-SETTLED * slow / fast).exp())
     }
@@ -114,6 +115,8 @@ pub(super) fn solve(
         if size <= f64::MIN_POSITIVE || (restart > 0 && (size <= 2.0 * target || stalled)) {
             break;
         }
+        // What the space before knew of the start was not all.
+        fixed.slow = None;
         let mut arnoldi = Arnoldi::new(residual, size);
         target = f64::INFINITY;
         // A space that begins near the fixed point shows little of what the one before knew.

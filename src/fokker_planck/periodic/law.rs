@@ -47,8 +47,8 @@ pub struct Periodic {
     pub warnings: Vec<String>,
 }
 
-/// What a motion shows that began near one of two orbits, until noise takes it to the other: when all but that passage has
-/// fallen by e^2, less what there is of it.
+/// What a motion shows that began near one of two orbits, until noise takes it to the other: at a time when all but that passage
+/// has fallen by e^2, and without that rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MetastableLaw {
     /// Its part of the law that lasts.

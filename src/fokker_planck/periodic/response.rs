@@ -54,11 +54,19 @@ pub struct Sweep {
 impl Sweep {
     /// In the order of the sweep. It begins with the more probable law.
     fn through<'a>(laws: impl Iterator<Item = &'a Periodic>) -> Self {
-        let mut last: Option<f64> = None;
+        // The first harmonic as a point of the plane: the branches differ in phase too.
+        let point = |it: &Harmonic| {
+            let (sine, cosine) = it.phase.value.sin_cos();
+            [it.amplitude.value * cosine, it.amplitude.value * sine]
+        };
+        let mut last: Option<[f64; 2]> = None;
         let points = laws.map(|law| {
             let sides = law.metastable.as_ref().map_or(&[][..], |it| it);
             let far = |it: &MetastableLaw| match last {
-                Some(last) => (it.mean_q[0].amplitude.value - last).abs(),
+                Some(last) => {
+                    let [x, y] = point(&it.mean_q[0]);
+                    f64::hypot(x - last[0], y - last[1])
+                }
                 None => -it.probability.value,
             };
             let near = sides.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
@@ -66,7 +74,7 @@ impl Sweep {
                 (&law.mean_q, &law.mean_force, law.contact_loss_probability),
                 |it| (&it.mean_q, &it.mean_force, it.contact_loss_probability),
             );
-            last = Some(q[0].amplitude.value);
+            last = Some(point(&q[0]));
             ((q[0].amplitude, force[0].amplitude), lost)
         });
         let (amplitudes, lost): (Vec<_>, Vec<Option<Estimate>>) = points.unzip();
@@ -88,7 +96,7 @@ impl Sweep {
         self
     }
 
-    /// Up and down, where they differ.
+    /// Up and down, where two laws are metastable at any of the frequencies, which ascend.
     fn both(laws: &[Periodic]) -> Option<[Self; 2]> {
         let apart = laws.iter().any(|it| it.metastable.is_some());
         apart.then(|| {
@@ -233,7 +241,7 @@ impl ResponseCurve {
     }
 }
 
-/// The response curve at `frequencies`, the drive of `settings.excitation` giving amplitude and phase: every point the
+/// The response curve at `frequencies`, ascending, the drive of `settings.excitation` giving amplitude and phase: every point the
 /// periodic law of its own frequency, the only one there is; where two laws are metastable, both sweeps beside it. `progress` is told the part done, 0 to 1.
 ///
 /// # Errors

@@ -95,10 +95,14 @@ impl Task<'_> {
             });
         }
         let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
-            ([start, _], Some(slow), Some(left)) => {
+            ([one, other], Some(slow), Some(left)) => {
+                let law = (&law, &fixed, &slow[..], left);
+                let starts = [one, other];
                 let goal = (period, goal);
-                let beside = (&law, (&slow[..], left), start);
-                self.metastable((&mut propagator, &observables), beside, goal, times)?
+                // An answer is not lost to what is told beside it.
+                let beside = (&mut propagator, &observables);
+                self.metastable(beside, law, starts, goal, times)
+                    .unwrap_or(None)
             }
             _ => None,
         };
@@ -120,24 +124,38 @@ impl Task<'_> {
         })
     }
 
-    /// The two laws that `law` is made of, from what half of either start has of the slow mode and the first start by itself:
-    /// what each start comes to once all else has faded, when so much of the mode is `left`.
+    /// The two laws that `law` is made of: what a motion comes to about either orbit once all else has faded, when so much of
+    /// the slow mode is `left`. `half` is what half of either start has of that mode; the start of the less probable law, by
+    /// itself, has nearly all that there is of it.
     fn metastable(
         &self,
         (propagator, observables): (&mut Propagator, &Observables),
-        (law, (half, left), start): (&Density, (&[f64], f64), &Density),
+        (law, fixed, half, left): (&Density, &Fixed, &[f64], f64),
+        starts: [&Density; 2],
         (period, goal): (f64, Goal),
         times: &[f64],
     ) -> Result<Option<[Side; 2]>> {
-        let Some(one) = periods(propagator, &mut start.clone(), period, goal)?.slow else {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let rare = usize::from(dot(half, starts[1].cells()) > dot(half, starts[0].cells()));
+        let mut own = starts[rare].clone();
+        let again = periods(propagator, &mut own, period, goal)?;
+        let (Some(slow), [a, ..], [b, ..]) =
+            (&again.slow, &fixed.eigenvalues[..], &again.eigenvalues[..])
+        else {
             return Ok(None);
         };
-        let pairs = half.iter().zip(&one);
-        let other: Vec<f64> = pairs.map(|(half, one)| 2.0 * half - one).collect();
-        // The law has nothing of the mode: its parts are as what the other has of it.
-        let dot = |a: &[f64]| a.iter().zip(&one).map(|(a, b)| a * b).sum::<f64>();
-        let ratio = -dot(&other) / dot(&one);
-        let mut side = |probability: f64, slow: &[f64]| -> Result<Side> {
+        let pairs = half.iter().zip(slow);
+        let other: Vec<f64> = pairs.map(|(half, slow)| 2.0 * half - slow).collect();
+        // The law has nothing of the mode: its parts are as what the other has of it. Both solutions must mean one mode.
+        let ratio = -dot(&other, slow) / dot(slow, slow);
+        let apart: Vec<f64> = other.iter().zip(slow).map(|(o, s)| o + ratio * s).collect();
+        let alike = dot(&apart, &apart) < SAME * SAME * dot(slow, slow);
+        let same =
+            (a.value - b.value).norm() <= a.error + b.error + goal.eigenvalue * (1.0 - a.value.re);
+        if !(alike && same && ratio > 0.0) {
+            return Ok(None);
+        }
+        let mut side = |probability: f64, law: &Density, slow: &[f64]| -> Result<Side> {
             let mut density = law.clone();
             for (p, slow) in density.cells_mut().iter_mut().zip(slow) {
                 *p += left * slow;
@@ -157,13 +175,17 @@ impl Task<'_> {
                 moments,
             })
         };
-        let sides = [
-            side(ratio / (1.0 + ratio), &one)?,
-            side(1.0 / (1.0 + ratio), &other)?,
+        let mut sides = [
+            side(ratio / (1.0 + ratio), &own, slow)?,
+            side(1.0 / (1.0 + ratio), law, &other)?,
         ];
-        Ok(Some(sides).filter(|_| ratio > 0.0))
+        sides.rotate_left(rare);
+        Ok(Some(sides))
     }
 }
+
+/// Two solutions mean one mode if what they say of it differs by less than this part.
+const SAME: f64 = 0.05;
 
 /// Makes a density that has something of every slow mode: the fixed point does not depend on it, and what is not in it has
 /// no eigenvalue.

@@ -56,7 +56,7 @@ pub struct Multiplier {
 }
 
 impl Multiplier {
-    /// |re + i im|, below 1.
+    /// |re + i im|, below 1 but for its error.
     pub fn modulus(&self) -> f64 {
         self.re.hypot(self.im)
     }
@@ -72,9 +72,9 @@ pub struct Metastable {
     pub moments: Vec<Moments>,
 }
 
-/// The metastable laws of the finer of two runs. Their errors are what the mode of the passage lacks, and the change from the
-/// coarser run, twice, as with the multipliers.
-fn metastable(fine: &Run, coarse: &Run) -> Option<[Metastable; 2]> {
+/// The metastable laws of the finer of two runs. Their errors are those of the law that they make up, what the mode of the
+/// passage lacks, and the change from the coarser run, twice, as with the multipliers.
+fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 2]> {
     let (fine, coarse) = (fine.floquet.as_ref()?, coarse.floquet.as_ref()?);
     let [slowest, next, ..] = &fine.multipliers[..] else {
         return None;
@@ -84,23 +84,30 @@ fn metastable(fine: &Run, coarse: &Run) -> Option<[Metastable; 2]> {
     let (sides, before) = (fine.metastable.as_ref()?, coarse.metastable.as_ref()?);
     let joined = |k: usize| {
         let (side, before, other) = (&sides[k], &before[k], &sides[1 - k]);
-        let error = |value: f64, before: f64, other: f64| {
-            let error = SAFETY * (value - before).abs() + mixed * (value - other).abs();
+        let error = |value: f64, before: f64, apart: f64, own: f64| {
+            let error = own + SAFETY * (value - before).abs() + mixed * apart.abs();
             Estimate::new(value, error, Origin::Space)
         };
-        let moments = side.moments.iter().zip(&before.moments).zip(&other.moments);
-        let moments = moments.map(|((here, before), other)| {
+        let rows = side.moments.iter().zip(&before.moments);
+        let rows = rows.zip(other.moments.iter().zip(law));
+        let moments = rows.map(|((here, before), (other, law))| {
             let mut here = *here;
             let others = before.named().into_iter().zip(other.named());
-            for (number, ((_, before), (_, other))) in here.each_mut().into_iter().zip(others) {
-                if let (Some(number), Some(before), Some(other)) = (number, before, other) {
-                    *number = error(number.value, before.value, other.value);
+            let others = others.zip(law.named());
+            let numbers = here.each_mut().into_iter().zip(others);
+            for (number, (((_, before), (_, other)), (_, law))) in numbers {
+                if let (Some(number), Some(before), Some(other), Some(law)) =
+                    (number, before, other, law)
+                {
+                    let apart = number.value - other.value;
+                    *number = error(number.value, before.value, apart, law.error);
                 }
             }
             here
         });
+        let share = side.probability;
         Metastable {
-            probability: error(side.probability, before.probability, other.probability),
+            probability: error(share, before.probability, share * (1.0 - share), 0.0),
             moments: moments.collect(),
         }
     };
@@ -158,6 +165,16 @@ impl Task<'_> {
         let mut moments: Vec<Moments> = fine.outputs.iter().map(|it| it.moments).collect();
         for (k, moments) in moments.iter_mut().enumerate() {
             errors.write(k, moments);
+        }
+        let metastable = metastable(&fine, coarse, &moments);
+        let beyond = fine.floquet.iter().flat_map(|it| &it.multipliers);
+        if let Some(it) = beyond
+            .map(|it| it.value.norm() - it.error)
+            .find(|it| *it > 1.0)
+        {
+            warnings.push(format!(
+                "waves of the mesh grow by {it:.2} in a period: the law is its fixed point, but it has no multipliers to tell"
+            ));
         }
         let (worst, k, i) = errors.worst(&fine);
         let tolerance = self.recipe.tolerance;
@@ -221,7 +238,7 @@ impl Task<'_> {
             },
             multipliers: multipliers(&fine, coarse),
             residual: fine.floquet.as_ref().map_or(0.0, |it| it.residual),
-            metastable: metastable(&fine, coarse),
+            metastable,
             shortfall,
             densities: fine
                 .outputs

@@ -1,8 +1,9 @@
 //! Charts of curves, side by side, with linear or logarithmic axes: for surveys and the paper.
 
-use super::canvas::{
-    BLUE, Colour, GREEN, GREY, Hang, INK, Mark, Panel, VERMILION, legend, picture, typeset, write,
-};
+use super::canvas::{BLUE, Colour, GREEN, GREY, Hang, INK, VERMILION, picture, write};
+use super::legend::{Mark, legend};
+use super::panel::Panel;
+use super::ticks::typeset;
 use crate::error::Result;
 use crate::report::File;
 

@@ -1,8 +1,9 @@
 //! A number over a plane: filled levels, and lines of one level.
 
-use super::canvas::{Area, Colour, Drawn, Panel, rectangle};
+use super::canvas::{Area, Colour, Drawn, rectangle};
 #[cfg(feature = "cli")]
 use super::canvas::{Points, line};
+use super::panel::Panel;
 
 /// Fills a panel with the colours of levels, light to dark: `values` is asked of the middle of each row of pixels, its
 /// share of the height from the top, for the number at each pixel's edge from the left to the right. What is no number

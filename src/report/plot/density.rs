@@ -1,10 +1,12 @@
 //! The density p(q, v) with its marginals, snapshots on one sheet, the steady state.
 
 use super::canvas::{
-    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Mark, Panel, Points, TITLE, dashed,
-    legend, picture, range, rectangle, write,
+    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Points, TITLE, dashed, picture,
+    rectangle, write,
 };
 use super::contours::{self, between, locate};
+use super::legend::{Mark, legend};
+use super::panel::{Panel, range};
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
 use crate::format::bare;

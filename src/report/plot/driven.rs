@@ -1,6 +1,8 @@
 //! What lasts under a drive: the periodic law over the phase, and the response curve.
 
-use super::canvas::{BLUE, GREY, INK, Mark, Panel, Points, TITLE, legend, picture, range, write};
+use super::canvas::{BLUE, GREY, INK, Points, TITLE, picture, write};
+use super::legend::{Mark, legend};
+use super::panel::{Panel, range};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::Sweep;

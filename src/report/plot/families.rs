@@ -1,9 +1,12 @@
 //! Error against cost, one row of panels a family of methods: small multiples that can be read without colour.
 
 use super::canvas::{
-    Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, HALO, Hang, INK, Mark, Panel, Points, Shape,
-    VERMILION, WORDS, legend, line, picture, range, superscript, write,
+    Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, HALO, Hang, INK, Points, VERMILION, WORDS,
+    line, picture, write,
 };
+use super::legend::{Mark, Shape, legend};
+use super::panel::{Panel, range};
+use super::ticks::superscript;
 use crate::error::Result;
 use crate::report::File;
 

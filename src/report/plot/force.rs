@@ -1,10 +1,9 @@
 //! The density of the force, linear and logarithmic, with its Dirac mass.
 
-use super::canvas::{
-    Area, BLUE, Drawn, INK, Mark, NOTE, Panel, Points, TITLE, VERMILION, legend, line, picture,
-    range, write,
-};
+use super::canvas::{Area, BLUE, Drawn, INK, NOTE, Points, TITLE, VERMILION, line, picture, write};
 use super::density::Sheet;
+use super::legend::{Mark, legend};
+use super::panel::{Panel, range};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::format::bare;

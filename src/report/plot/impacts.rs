@@ -1,9 +1,9 @@
 //! The law of an impact: time of flight and speed at the return together, the speed, the peak force.
 
-use super::canvas::{
-    Area, BLUE, Drawn, INK, LEVELS, Mark, Panel, Points, TITLE, VERMILION, legend, picture, write,
-};
+use super::canvas::{Area, BLUE, Drawn, INK, LEVELS, Points, TITLE, VERMILION, picture, write};
 use super::contours::{self, between, locate};
+use super::legend::{Mark, legend};
+use super::panel::Panel;
 use crate::error::Result;
 use crate::fokker_planck::ImpactLaw;
 use crate::report::File;

@@ -1,8 +1,8 @@
 //! Survival until the first loss of contact, and times of flight.
 
-use super::canvas::{
-    BLUE, INK, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
-};
+use super::canvas::{BLUE, INK, Points, TITLE, VERMILION, picture, write};
+use super::legend::{Mark, legend};
+use super::panel::{Panel, range};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;

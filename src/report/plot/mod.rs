@@ -12,10 +12,13 @@ mod driven;
 mod families;
 mod force;
 mod impacts;
+mod legend;
 mod losses;
 #[cfg(feature = "cli")]
 mod map;
+mod panel;
 mod spectrum;
+mod ticks;
 mod transient;
 
 pub use charts::{Chart, Curve, Ink, Stroke, charts};

@@ -1,8 +1,8 @@
 //! Spectra.
 
-use super::canvas::{
-    BLUE, GREY, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
-};
+use super::canvas::{BLUE, GREY, Points, TITLE, VERMILION, picture, write};
+use super::legend::{Mark, legend};
+use super::panel::{Panel, range};
 use crate::error::Result;
 use crate::oscillator::Quantity;
 use crate::report::File;

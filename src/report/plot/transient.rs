@@ -1,8 +1,8 @@
 //! Moments against time, and the approach to the stationary law.
 
-use super::canvas::{
-    BLUE, GREEN, INK, Mark, Panel, Points, TITLE, VERMILION, legend, picture, range, write,
-};
+use super::canvas::{BLUE, GREEN, INK, Points, TITLE, VERMILION, picture, write};
+use super::legend::{Mark, legend};
+use super::panel::{Panel, range};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRates;

@@ -10,9 +10,9 @@ pub(crate) use ruler::Ruler;
 
 use crate::error::Result;
 use crate::report::File;
-use crate::report::plot::canvas::{
-    BLUE, Hang, INK, Mark, Panel, Points, VERMILION, legend, picture, range, write,
-};
+use crate::report::plot::canvas::{BLUE, Hang, INK, Points, VERMILION, picture, write};
+use crate::report::plot::legend::{Mark, legend};
+use crate::report::plot::panel::{Panel, range};
 use plane::{Sheet, plane};
 use ruler::axes;
 use scale::Scale;

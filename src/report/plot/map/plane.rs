@@ -6,10 +6,10 @@ use crate::error::Result;
 use crate::format::bare;
 use crate::report::File;
 use crate::report::plot::canvas::{
-    Area, Colour, Drawn, FAINT, GREY, Hang, INK, Panel, TITLE, VERMILION, line, picture, rectangle,
-    write,
+    Area, Colour, Drawn, FAINT, GREY, Hang, INK, TITLE, VERMILION, line, picture, rectangle, write,
 };
 use crate::report::plot::contours::{self, between, level_line, locate};
+use crate::report::plot::panel::Panel;
 
 /// One panel of contours.
 pub(super) struct Sheet<'a> {

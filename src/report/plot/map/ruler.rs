@@ -1,9 +1,9 @@
 //! An axis of a map: where its points stand, what is written along it.
 
 use crate::format::{bare, rounded};
-use crate::report::plot::canvas::{
-    Area, CENTRED, Drawn, FAINT, Hang, INK, Panel, line, range, superscript, ticks, write,
-};
+use crate::report::plot::canvas::{Area, CENTRED, Drawn, FAINT, Hang, INK, line, write};
+use crate::report::plot::panel::{Panel, range};
+use crate::report::plot::ticks::{superscript, ticks};
 
 /// An axis as it is drawn.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,7 +2,8 @@
 
 use super::field::Field;
 use super::ruler::{digits, marks};
-use crate::report::plot::canvas::{Colour, LEVELS, range};
+use crate::report::plot::canvas::{Colour, LEVELS};
+use crate::report::plot::panel::range;
 
 /// A scale that spans this factor is logarithmic.
 const DECADES: f64 = 100.0;

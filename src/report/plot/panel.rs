@@ -1,0 +1,338 @@
+//! Panels: axes that know their range, and what is drawn in them.
+
+use super::canvas::{
+    Area, CENTRED, Drawn, FAINT, FINE, Hang, INK, Points, VERMILION, dashed, fine, line, styled,
+    write,
+};
+use super::legend::{Shape, shape};
+use super::ticks::{superscript, ticks};
+use crate::estimate::Estimate;
+use crate::monte_carlo::Histogram;
+use crate::results::centres;
+use plotters::prelude::*;
+
+/// A range that holds every finite number, widened by a share of it; None without two different ones.
+pub(super) fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64, f64)> {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for x in numbers {
+        if x.is_finite() {
+            (low, high) = (low.min(x), high.max(x));
+        }
+    }
+    if low > high {
+        return None;
+    }
+    // Numbers that differ by rounding alone make a flat curve, not a noisy one.
+    let size = low.abs().max(high.abs());
+    let least = if size > 0.0 { 1e-9 * size } else { 0.5 };
+    let margin = (share * (high - low)).max(least);
+    let out = (low - margin, high + margin);
+    (out.0.is_finite() && out.1.is_finite()).then_some(out)
+}
+
+/// Axes: a rectangle in pixels and what it shows.
+#[derive(Debug, Clone)]
+pub(super) struct Panel {
+    pub(super) left: f64,
+    pub(super) top: f64,
+    pub(super) width: f64,
+    pub(super) height: f64,
+    pub(super) x: (f64, f64),
+    pub(super) y: (f64, f64),
+    /// y is a decimal logarithm.
+    pub(super) log: bool,
+}
+
+impl Panel {
+    /// Linear axes at [left, top, width, height].
+    pub(super) fn new(place: [f64; 4], x: (f64, f64), y: (f64, f64)) -> Self {
+        let [left, top, width, height] = place;
+        Self {
+            left,
+            top,
+            width,
+            height,
+            x,
+            y,
+            log: false,
+        }
+    }
+
+    /// The same with decimal logarithms for y, if so.
+    pub(super) fn logarithmic(self, log: bool) -> Self {
+        Self { log, ..self }
+    }
+
+    pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
+        let part = |x: f64, (low, high): (f64, f64)| (x - low) / (high - low);
+        (
+            self.left + self.width * part(x, self.x),
+            self.top + self.height * (1.0 - part(y, self.y)),
+        )
+    }
+
+    pub(super) fn bottom(&self) -> f64 {
+        self.top + self.height
+    }
+
+    pub(super) fn right(&self) -> f64 {
+        self.left + self.width
+    }
+
+    pub(super) fn y_ticks(&self) -> Vec<(f64, String)> {
+        if !self.log {
+            return ticks(self.y, (self.height / 42.0).clamp(2.0, 6.0) as usize);
+        }
+        let (low, high) = (self.y.0.ceil() as i64, self.y.1.floor() as i64);
+        let most = (self.height / 26.0).max(2.0) as i64;
+        let each = (high - low).div_euclid(most) + 1;
+        (low..=high)
+            .filter(|k| k.rem_euclid(each) == 0)
+            .map(|k| (k as f64, format!("10{}", superscript(k))))
+            .collect()
+    }
+
+    /// Grid, frame, numbers and labels. An empty label leaves that axis without numbers.
+    pub(super) fn axes(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
+        let count = (self.width / 60.0).clamp(2.0, 8.0) as usize;
+        for (x, text) in ticks(self.x, count) {
+            let (px, _) = self.at(x, self.y.0);
+            line(area, &[(px, self.top), (px, self.bottom())], FAINT, 0.75)?;
+            if !x_label.is_empty() {
+                line(
+                    area,
+                    &[(px, self.bottom()), (px, self.bottom() + 4.0)],
+                    INK,
+                    1.0,
+                )?;
+                write(area, &text, (px, self.bottom() + 13.0), CENTRED)?;
+            }
+        }
+        for (y, text) in self.y_ticks() {
+            let (_, py) = self.at(self.x.0, y);
+            line(area, &[(self.left, py), (self.right(), py)], FAINT, 0.75)?;
+            if !y_label.is_empty() {
+                line(area, &[(self.left - 4.0, py), (self.left, py)], INK, 1.0)?;
+                write(area, &text, (self.left - 7.0, py), (13.0, Hang::Right, INK))?;
+            }
+        }
+        self.labels(area, x_label, y_label)
+    }
+
+    /// Words below and left of it.
+    pub(super) fn labels(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
+        let middle = self.left + 0.5 * self.width;
+        write(
+            area,
+            x_label,
+            (middle, self.bottom() + 32.0),
+            (15.5, Hang::Middle, INK),
+        )?;
+        let at = (self.left - 64.0, self.top + 0.5 * self.height);
+        styled(
+            area,
+            y_label,
+            at,
+            (15.5, Hang::Middle, INK),
+            FontTransform::Rotate270,
+        )
+    }
+
+    pub(super) fn frame(&self, area: &Area<'_>) -> Drawn {
+        let (l, t, r, b) = (self.left, self.top, self.right(), self.bottom());
+        line(area, &[(l, t), (r, t), (r, b), (l, b), (l, t)], INK, 1.0)
+    }
+
+    /// The pieces of a curve that lie within the panel, in pixels.
+    pub(super) fn clipped(&self, points: &[(f64, f64)]) -> Vec<Points> {
+        let mut pieces: Vec<Points> = Vec::new();
+        let mut open = false;
+        for pair in points.windows(2) {
+            let Some((a, b)) = self.clip(pair[0], pair[1]) else {
+                open = false;
+                continue;
+            };
+            let (a, b) = (self.at(a.0, a.1), self.at(b.0, b.1));
+            match pieces
+                .last_mut()
+                .filter(|piece| open && piece.last() == Some(&a))
+            {
+                Some(piece) => piece.push(b),
+                None => pieces.push(vec![a, b]),
+            }
+            open = true;
+        }
+        pieces
+    }
+
+    /// The part of a segment within the panel (Liang and Barsky).
+    pub(super) fn clip(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
+        if ![a.0, a.1, b.0, b.1].iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let (mut from, mut to) = (0.0f64, 1.0f64);
+        for (p, q) in [
+            (-dx, a.0 - self.x.0),
+            (dx, self.x.1 - a.0),
+            (-dy, a.1 - self.y.0),
+            (dy, self.y.1 - a.1),
+        ] {
+            if p == 0.0 && q < 0.0 {
+                return None;
+            }
+            if p < 0.0 {
+                from = from.max(q / p);
+            } else if p > 0.0 {
+                to = to.min(q / p);
+            }
+        }
+        // The ends themselves stay as they are, so that pieces join.
+        let start = if from == 0.0 {
+            a
+        } else {
+            (a.0 + from * dx, a.1 + from * dy)
+        };
+        let end = if to == 1.0 {
+            b
+        } else {
+            (a.0 + to * dx, a.1 + to * dy)
+        };
+        (from <= to).then_some((start, end))
+    }
+
+    pub(super) fn curve(
+        &self,
+        area: &Area<'_>,
+        points: &[(f64, f64)],
+        colour: RGBColor,
+        width: f64,
+    ) -> Drawn {
+        for piece in self.clipped(points) {
+            line(area, &piece, colour, width)?;
+        }
+        Ok(())
+    }
+
+    /// The band between two curves over the same abscissae.
+    pub(super) fn band(
+        &self,
+        area: &Area<'_>,
+        points: &[(f64, f64, f64)],
+        colour: RGBColor,
+    ) -> Drawn {
+        let inside = |y: f64| y.clamp(self.y.0, self.y.1);
+        let finite = points
+            .iter()
+            .filter(|(x, low, high)| (x + low + high).is_finite());
+        let (mut upper, mut lower) = (Vec::new(), Vec::new());
+        for (x, low, high) in finite {
+            upper.push(self.at(*x, inside(*high)));
+            lower.push(self.at(*x, inside(*low)));
+        }
+        upper.extend(lower.into_iter().rev());
+        let corners: Vec<(i32, i32)> = upper.into_iter().map(fine).collect();
+        if corners.len() > 3 {
+            area.draw(&Polygon::new(corners, colour.mix(0.22).filled()))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn dot(
+        &self,
+        area: &Area<'_>,
+        (x, y): (f64, f64),
+        colour: RGBColor,
+        radius: f64,
+    ) -> Drawn {
+        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
+        if within {
+            let (at, radius) = (fine(self.at(x, y)), (radius * FINE) as i32);
+            area.draw(&Circle::new(at, radius, colour.filled()))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn circle(&self, area: &Area<'_>, (x, y): (f64, f64), colour: RGBColor) -> Drawn {
+        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
+        if within {
+            let at = fine(self.at(x, y));
+            let style = colour.stroke_width(FINE as u32);
+            area.draw(&Circle::new(at, (2.5 * FINE) as i32, style))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn mark(
+        &self,
+        area: &Area<'_>,
+        (x, y): (f64, f64),
+        colour: RGBColor,
+        it: Shape,
+    ) -> Drawn {
+        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
+        if within {
+            shape(area, self.at(x, y), colour, it)?;
+        }
+        Ok(())
+    }
+
+    /// A histogram as dots in the middle of its bins, with a band of 95 %.
+    pub(super) fn histogram(&self, area: &Area<'_>, it: &Histogram) -> Drawn {
+        let height = |p: f64| match (self.log, p > 0.0) {
+            (false, _) => p,
+            (true, true) => p.log10(),
+            (true, false) => f64::NEG_INFINITY,
+        };
+        let all: Vec<(f64, Estimate)> = centres(it).zip(it.density.iter().copied()).collect();
+        let seen = || {
+            all.iter()
+                .filter(|(x, p)| *x >= self.x.0 && *x <= self.x.1 && p.value > 0.0)
+        };
+        let band: Vec<(f64, f64, f64)> = seen()
+            .map(|(x, p)| {
+                let [low, high] = [-1.96, 1.96].map(|z| height(p.value + z * p.error));
+                (*x, low.max(self.y.0), high)
+            })
+            .collect();
+        self.band(area, &band, VERMILION)?;
+        for (x, p) in seen() {
+            self.dot(area, (*x, height(p.value)), VERMILION, 1.75)?;
+        }
+        Ok(())
+    }
+
+    /// A point with its error bar.
+    pub(super) fn point(&self, area: &Area<'_>, x: f64, y: Estimate, colour: RGBColor) -> Drawn {
+        let bar = [(x, y.value - y.error), (x, y.value + y.error)];
+        self.curve(area, &bar, colour, 1.25)?;
+        self.dot(area, (x, y.value), colour, 1.75)
+    }
+
+    /// A dashed curve.
+    pub(super) fn dashes(
+        &self,
+        area: &Area<'_>,
+        points: &[(f64, f64)],
+        colour: RGBColor,
+        width: f64,
+    ) -> Drawn {
+        for piece in self.clipped(points) {
+            dashed(area, &piece, colour, width)?;
+        }
+        Ok(())
+    }
+
+    /// A dashed line at one height.
+    pub(super) fn level(&self, area: &Area<'_>, y: f64, colour: RGBColor) -> Drawn {
+        if y > self.y.0 && y < self.y.1 {
+            dashed(
+                area,
+                &[self.at(self.x.0, y), self.at(self.x.1, y)],
+                colour,
+                1.25,
+            )?;
+        }
+        Ok(())
+    }
+}
