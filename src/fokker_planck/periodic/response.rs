@@ -241,8 +241,9 @@ impl ResponseCurve {
     }
 }
 
-/// The response curve at `frequencies`, ascending, the drive of `settings.excitation` giving amplitude and phase: every point the
-/// periodic law of its own frequency, the only one there is; where two laws are metastable, both sweeps beside it. `progress` is told the part done, 0 to 1.
+/// The response curve at `frequencies`, ascending, the drive of `settings.excitation` giving amplitude and phase: every
+/// point the periodic law of its own frequency, the only one there is; where two laws are metastable, both sweeps beside
+/// it. `progress` is told the part done, 0 to 1.
 ///
 /// # Errors
 /// Those of [`super::periodic()`].

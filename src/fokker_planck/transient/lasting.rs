@@ -77,22 +77,12 @@ impl Task<'_> {
         // In L1, of the law itself.
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
         let steps = propagator.steps();
-        propagator.set_time(0.0);
-        let mut outputs: Vec<Output> = Vec::with_capacity(times.len());
-        let mut now = 0.0;
-        for &t in times {
-            if t > now {
-                propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
-                now = t;
-            }
-            outputs.push(Output {
-                steps: propagator.steps(),
-                start_up: Loss {
-                    tail: left,
-                    ..Loss::default()
-                },
-                ..self.observe(t, &propagator, &observables, (&density, None))
-            });
+        let mut outputs = self.through(&mut propagator, &observables, density, times)?;
+        for output in &mut outputs {
+            output.start_up = Loss {
+                tail: left,
+                ..Loss::default()
+            };
         }
         let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
             ([one, other], Some(slow), Some(left)) => {
@@ -122,6 +112,29 @@ impl Task<'_> {
             }),
             mesh,
         })
+    }
+
+    /// What a density at time 0 becomes at the times.
+    fn through(
+        &self,
+        propagator: &mut Propagator,
+        observables: &Observables,
+        mut density: Density,
+        times: &[f64],
+    ) -> Result<Vec<Output>> {
+        propagator.set_time(0.0);
+        let mut now = 0.0;
+        let output = |&t: &f64| {
+            if t > now {
+                propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
+                now = t;
+            }
+            Ok(Output {
+                steps: propagator.steps(),
+                ..self.observe(t, propagator, observables, (&density, None))
+            })
+        };
+        times.iter().map(output).collect()
     }
 
     /// The two laws that `law` is made of: what a motion comes to about either orbit once all else has faded, when so much of
@@ -160,19 +173,10 @@ impl Task<'_> {
             for (p, slow) in density.cells_mut().iter_mut().zip(slow) {
                 *p += left * slow;
             }
-            propagator.set_time(0.0);
-            let (mut now, mut moments) = (0.0, Vec::with_capacity(times.len()));
-            for &t in times {
-                if t > now {
-                    propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
-                    now = t;
-                }
-                let output = self.observe(t, propagator, observables, (&density, None));
-                moments.push(output.moments);
-            }
+            let outputs = self.through(propagator, observables, density, times)?;
             Ok(Side {
                 probability,
-                moments,
+                moments: outputs.iter().map(|it| it.moments).collect(),
             })
         };
         let mut sides = [

@@ -60,6 +60,11 @@ impl Multiplier {
     pub fn modulus(&self) -> f64 {
         self.re.hypot(self.im)
     }
+
+    /// What is above 1 by more than its error is a wave of the mesh's, not of the motion's.
+    fn is_beyond_one(&self) -> bool {
+        self.modulus() - self.error >= 1.0
+    }
 }
 
 /// What noise makes of one of two orbits under a drive, for as long as it leaves a motion there. The tolerance does not bind
@@ -133,8 +138,8 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
             error: it.error + SAFETY * nearest,
         }
     };
-    // One that is not known to a tenth is not known, and one beyond 1 is a wave of the mesh's.
-    let known = |it: &Multiplier| it.error < 0.1 && it.modulus() - it.error < 1.0;
+    // One that is not known to a tenth is not known.
+    let known = |it: &Multiplier| it.error < 0.1;
     fine.multipliers
         .iter()
         .map(multiplier)
@@ -167,13 +172,12 @@ impl Task<'_> {
             errors.write(k, moments);
         }
         let metastable = metastable(&fine, coarse, &moments);
-        let beyond = fine.floquet.iter().flat_map(|it| &it.multipliers);
-        if let Some(it) = beyond
-            .map(|it| it.value.norm() - it.error)
-            .find(|it| *it > 1.0)
-        {
+        let (waves, multipliers): (Vec<Multiplier>, _) = multipliers(&fine, coarse)
+            .into_iter()
+            .partition(Multiplier::is_beyond_one);
+        if let Some(it) = waves.first().map(Multiplier::modulus) {
             warnings.push(format!(
-                "waves of the mesh grow by {it:.2} in a period: the law is its fixed point, but it has no multipliers to tell"
+                "waves of the mesh grow {it:.2} times in a period: the law is a fixed point all the same, and these multipliers are left out"
             ));
         }
         let (worst, k, i) = errors.worst(&fine);
@@ -236,7 +240,7 @@ impl Task<'_> {
                 steps: fine.steps + coarse.steps,
                 neglected: outside,
             },
-            multipliers: multipliers(&fine, coarse),
+            multipliers,
             residual: fine.floquet.as_ref().map_or(0.0, |it| it.residual),
             metastable,
             shortfall,

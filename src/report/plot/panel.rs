@@ -71,6 +71,11 @@ impl Panel {
         )
     }
 
+    /// Whether a point lies within the axes.
+    fn shows(&self, x: f64, y: f64) -> bool {
+        x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1
+    }
+
     pub(super) fn bottom(&self) -> f64 {
         self.top + self.height
     }
@@ -245,8 +250,7 @@ impl Panel {
         colour: RGBColor,
         radius: f64,
     ) -> Drawn {
-        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
-        if within {
+        if self.shows(x, y) {
             let (at, radius) = (fine(self.at(x, y)), (radius * FINE) as i32);
             area.draw(&Circle::new(at, radius, colour.filled()))?;
         }
@@ -254,8 +258,7 @@ impl Panel {
     }
 
     pub(super) fn circle(&self, area: &Area<'_>, (x, y): (f64, f64), colour: RGBColor) -> Drawn {
-        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
-        if within {
+        if self.shows(x, y) {
             let at = fine(self.at(x, y));
             let style = colour.stroke_width(FINE as u32);
             area.draw(&Circle::new(at, (2.5 * FINE) as i32, style))?;
@@ -270,8 +273,7 @@ impl Panel {
         colour: RGBColor,
         it: Shape,
     ) -> Drawn {
-        let within = x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1;
-        if within {
+        if self.shows(x, y) {
             shape(area, self.at(x, y), colour, it)?;
         }
         Ok(())
