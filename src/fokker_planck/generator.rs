@@ -31,16 +31,13 @@ use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
 use super::mesh::Mesh;
 use super::radius::{Kind, largest};
 use crate::error::{Error, Result};
+use crate::fokker_planck::policy::{BOUNDARY_RATE, STEEPEST};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
 use std::ops::Range;
 
 /// Diagonal and subdiagonals of friction and diffusion in a column, at the highest order.
 pub(crate) const BANDS: usize = 8;
-
-/// Rate of the exchange between neighbours among the boundary cells: a few times the oscillator's own frequency, so
-/// that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.
-const BOUNDARY_RATE: f64 = 4.0;
 
 /// The generator on a mesh.
 #[derive(Debug, Clone)]
@@ -254,8 +251,10 @@ impl Generator {
                     let other = number[there];
                     if other != usize::MAX && (boundary[number[here]] || boundary[other]) {
                         let smaller = 1.0 / self.inverse[here].max(self.inverse[there]);
-                        self.relaxed.push((here, there, BOUNDARY_RATE * smaller));
-                        self.relaxed.push((there, here, BOUNDARY_RATE * smaller));
+                        self.relaxed
+                            .push((here, there, BOUNDARY_RATE.get() * smaller));
+                        self.relaxed
+                            .push((there, here, BOUNDARY_RATE.get() * smaller));
                     }
                 }
             }
@@ -330,8 +329,7 @@ impl Generator {
 /// within the streamlines. A wide stencil reaches over several such cells: it keeps its stability, but
 /// neither its order nor a useful step (a hundredth of the transport's at e^6 a cell, measured).
 fn check_tail(mesh: &Mesh, weights: &Weights, active: &[Range<usize>], drift: Drift) -> Result<()> {
-    /// Largest change of ln p_s per cell.
-    const STEEPEST: f64 = 3.5;
+    let most = STEEPEST.get();
     let [nq, nv] = mesh.cells();
     let density = |i: usize, j: usize| {
         (weights.q[i] * weights.v[j] / (mesh.q.slopes()[i] * mesh.v.slopes()[j])).ln()
@@ -347,14 +345,14 @@ fn check_tail(mesh: &Mesh, weights: &Weights, active: &[Range<usize>], drift: Dr
             }
         }
     }
-    if steepest.iter().all(|s| *s <= STEEPEST) {
+    if steepest.iter().all(|s| *s <= most) {
         return Ok(());
     }
-    let needed = |n: usize, s: f64| (n as f64 * (1.1 * s / STEEPEST).max(1.0)).ceil();
+    let needed = |n: usize, s: f64| (n as f64 * (1.1 * s / most).max(1.0)).ceil();
     Err(Error::Mesh {
         what: format!(
             "on [{nq}, {nv}] cells ln p_s falls by up to {:.1} per cell along q and {:.1} along v, and drift of \
-             order {} carries {STEEPEST}",
+             order {} carries {most}",
             steepest[0],
             steepest[1],
             drift.order()

@@ -34,6 +34,8 @@ mod observables;
 mod ornstein_uhlenbeck;
 mod periodic;
 mod plane;
+#[doc(hidden)]
+pub mod policy;
 mod radius;
 mod settings;
 mod spectrum;

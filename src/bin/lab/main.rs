@@ -14,6 +14,7 @@ use precision::by_hand;
 use precision::calibration::{self, Calibration};
 use precision::entry::{Effort, survey};
 use precision::method::Method;
+use precision::policy::{self, Policy};
 use precision::rates::Rates;
 use precision::{case, cost, references, table};
 use stability::extreme;
@@ -58,6 +59,9 @@ enum Command {
         #[arg(long)]
         calibrate: bool,
     },
+    /// The numbers that were chosen: what each does to the calibration's runs, a fifth lower and higher
+    #[command(mut_arg("out", |it| it.help(TABLES)))]
+    Policy(Survey),
     /// The stiff and extreme scenes, each against what is known of it
     #[command(mut_arg("out", |it| it.help(TABLES)))]
     Stability(Survey),
@@ -95,6 +99,7 @@ fn main() -> ExitCode {
             calibrate: true,
         } => calibrate(&survey),
         Command::Precision { survey, .. } => precision(&survey),
+        Command::Policy(survey) => policy(&survey),
         Command::Stability(survey) => stability(&survey),
     }))
 }
@@ -132,6 +137,24 @@ fn calibrate(survey: &Survey) -> Outcome {
     }
     let message = format!("goals of the calibration are missed: {}", missed.join("; "));
     Err(Stop::new(1, message, "see the table"))
+}
+
+/// What the numbers that were chosen do, each moved by itself.
+fn policy(survey: &Survey) -> Outcome {
+    let cases = references::cases()?;
+    let folder = survey.output.folder("policy")?;
+    let wants = |name: &str| survey.wants(name);
+    let bar = progress(policy::count(&wants), false);
+    let policy = Policy::of(&cases, &wants, &|name| {
+        bar.set_message(name.to_owned());
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let page = policy.page();
+    print(&String::from_utf8_lossy(&page.bytes))?;
+    folder.write(&[page])?;
+    print(&format!("files: {}\n", folder.path().display()))?;
+    Ok(0)
 }
 
 fn precision(options: &Survey) -> Outcome {

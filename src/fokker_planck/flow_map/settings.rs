@@ -3,6 +3,7 @@
 use super::pass::STENCIL;
 use super::splitting::Splitting;
 use crate::error::{Result, positive};
+use crate::fokker_planck::policy::LONGEST_STEP;
 use crate::oscillator::Oscillator;
 
 /// How to propagate.
@@ -25,10 +26,6 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Longest useful step: a quarter of a period, beyond which the trapezoidal rule no longer sees the
-    /// second harmonic of the motion.
-    pub(crate) const LONGEST: f64 = 1.5;
-
     /// Order 8 and even steps for an L1 error of about `tolerance` from the splitting, at any time, for
     /// a start about as wide as half the stationary law; a narrower start needs a shorter step.
     /// Measured for the linear and the Hertz law, zeta = 1e-4 to 2: below min(0.036 zeta, 6e-4) tau^5 +
@@ -43,13 +40,13 @@ impl Settings {
             .powf(0.2)
             .min((tolerance / second).cbrt());
         Ok(Self {
-            step: step.min(Self::LONGEST),
+            step: step.min(LONGEST_STEP.get()),
             ..Self::default()
         })
     }
 
     /// The L1 error of the splitting with these steps, as [`Settings::to`] takes it; up to
-    /// [`Settings::LONGEST`].
+    /// [`LONGEST_STEP`].
     pub(crate) fn splitting_error(&self, oscillator: &Oscillator) -> f64 {
         let (ends, second) = error_constants(oscillator);
         ends * self.step.powi(5) + second * self.step.powi(3)

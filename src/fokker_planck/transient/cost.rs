@@ -1,13 +1,13 @@
 //! What a transient will take, from the sizes of its mesh alone.
 
 use super::propagator::{self, CHUNK};
-use super::recipe::{RATIO, REFINED, Recipe, Rung, Scheme};
-use super::run::SETTLED;
+use super::recipe::{Recipe, Rung, Scheme};
 use super::start_up;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::flow_map::{HELD, Settings};
 use crate::fokker_planck::generator::Generator;
+use crate::fokker_planck::policy::{LADDER_RATIO, REFINED, SETTLED};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -28,7 +28,7 @@ pub(super) fn foreseen(
     let last = recipe.rung(oscillator, initial, until, recipe.expected)?;
     let last = run(&last, oscillator, initial, times, max_memory)?;
     // The rungs before it.
-    let seconds = last.seconds / (1.0 - RATIO.powi(-3));
+    let seconds = last.seconds / (1.0 - LADDER_RATIO.get().powi(-3));
     Ok(Cost {
         seconds: budget::on_threads(last.cells, seconds),
         ..last
@@ -56,7 +56,7 @@ fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
     if let Some(edge) = oscillator.continuous_from().filter(|edge| *edge < 0.0) {
         slowest = slowest.max(-1.0 / edge);
     }
-    ((2.0 + away.max(0.0).sqrt()) / (SETTLED * tolerance)).ln() * slowest
+    ((2.0 + away.max(0.0).sqrt()) / (SETTLED.get() * tolerance)).ln() * slowest
 }
 
 /// Stages of a Chebyshev series beyond its rate, which each output time asks for anew: those that bring its
@@ -133,7 +133,7 @@ pub(super) fn run(
         *t -= from;
     }
     let until = end.max(from) - from;
-    let finer = start_up.as_ref().map_or(1.0, |_| REFINED);
+    let finer = start_up.as_ref().map_or(1.0, |_| REFINED.get());
     let cells = rung
         .layout
         .count_within(oscillator, finer, Factors::None, max_memory)?;

@@ -11,6 +11,7 @@ use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::layout::{Cells, Layout};
+use crate::fokker_planck::policy::{FIRST_CELLS, LADDER_RATIO};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::format::num;
 use crate::initial::Initial;
@@ -241,7 +242,7 @@ impl Question<'_> {
         let each = cells.into_iter().zip(single);
         let finer = each.map(|(n, single)| inner(n) / inner(single));
         let finer = finer.fold(f64::INFINITY, f64::min);
-        Ok(((finer / recipe::FIRST).ln() / recipe::RATIO.ln()).clamp(0.0, 10.0))
+        Ok(((finer / FIRST_CELLS.get()).ln() / LADDER_RATIO.get().ln()).clamp(0.0, 10.0))
     }
 
     /// The recipe with its foreseen cost.

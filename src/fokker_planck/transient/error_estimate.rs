@@ -4,8 +4,10 @@
 use super::recipe::{Rung, Scheme};
 use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin};
+use crate::fokker_planck::policy::{AS_MANY, CARRIED, CONVERGING, FLOOR, POOLED, SAFETY};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
+use std::f64::consts::FRAC_PI_2;
 
 /// One value per number of [`Moments::named`] and output time.
 pub(super) type Table = Vec<PerMoment<f64>>;
@@ -30,25 +32,6 @@ pub(super) struct Errors {
     rounding: f64,
 }
 
-/// Negative cells of the next rung that weigh less than this are converging to nothing.
-const CONVERGING: f64 = 0.62;
-
-/// The error of a run over its difference to the one before on the ladder, or over [`CARRIED`] of the difference before that
-/// where the last one passes through zero.
-const SAFETY: f64 = 3.0;
-const CARRIED: f64 = 0.2;
-
-/// The error that all rungs share, over what the last one aims at: rounding, and what passes through zero more than once.
-const SHARED: f64 = 5e-4;
-
-/// The part of the splitting error of a flow map that runs with as many steps do not show.
-const UNSEEN: f64 = 0.5;
-
-/// A difference that passes through zero, from one output to the next or beside those of the other numbers, is
-/// not taken for less than this part of theirs.
-const NEIGHBOURS: f64 = 0.5;
-const OTHERS: f64 = 0.5;
-
 /// Moments that the motion turns into each other.
 const FAMILIES: [&[Moment]; 2] = [
     &[Moment::MeanQ, Moment::MeanV],
@@ -71,9 +54,8 @@ fn plain(a: &Run, b: &Run) -> Table {
 /// Differences none of which is far below those of its neighbours: the same number at the times within a quarter of a
 /// period, its family and the median of all numbers.
 fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
-    const QUARTER: f64 = 1.6;
     let outputs = &run.outputs;
-    let near = |k: usize, l: usize| (outputs[k].t - outputs[l].t).abs() <= QUARTER;
+    let near = |k: usize, l: usize| (outputs[k].t - outputs[l].t).abs() <= FRAC_PI_2;
     let mut table = plain.clone();
     for (k, row) in table.iter_mut().enumerate() {
         let scale = scales[k];
@@ -82,7 +64,7 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
         for l in before.chain(after) {
             let weights = likeness(&outputs[l].moments, &outputs[k].moments);
             for ((x, neighbour), weight) in row.iter_mut().zip(&plain[l]).zip(weights) {
-                *x = x.max(NEIGHBOURS * weight * neighbour);
+                *x = x.max(POOLED.get() * weight * neighbour);
             }
         }
         // The motion turns what is wrong with q into what is wrong with v.
@@ -93,7 +75,7 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
             let largest = largest.fold(0.0, f64::max);
             for it in family {
                 let i = *it as usize;
-                row[i] = row[i].max(NEIGHBOURS * largest * scale[i]);
+                row[i] = row[i].max(POOLED.get() * largest * scale[i]);
             }
         }
         // N is a function of q, a straight line for small motions.
@@ -104,7 +86,7 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
         sorted.sort_by(f64::total_cmp);
         let middle = sorted[sorted.len() / 2];
         for (x, s) in row.iter_mut().zip(scale) {
-            *x = x.max(OTHERS * middle * s);
+            *x = x.max(POOLED.get() * middle * s);
         }
     }
     table
@@ -129,7 +111,7 @@ pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0
 
 /// How far a mean may still go after a run has settled, over its L1 distance to the stationary law then: from one
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
-const SWING: f64 = 2.5;
+const SWING: f64 = 2.506_628_274_631_000_5;
 
 /// What a concentrated initial condition has cost each number, over the normalisation. A local grid errs in proportion
 /// to its own size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
@@ -170,7 +152,7 @@ fn start_up_cost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
 /// Where they converge the difference of the runs holds what they do; where they stand, both may agree on
 /// what is wrong.
 fn standing(fine: f64, coarse: f64) -> f64 {
-    if fine < CONVERGING * coarse {
+    if fine < CONVERGING.get() * coarse {
         0.0
     } else {
         fine.max(coarse)
@@ -194,7 +176,7 @@ pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
 fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride: f64) -> Table {
     let [mut now, before] = [now, before].map(|table| pooled(fine, table, scales));
     for (now, before) in now.iter_mut().flatten().zip(before.iter().flatten()) {
-        *now = SAFETY / stride * now.max(CARRIED * before);
+        *now = SAFETY.get() / stride * now.max(CARRIED.get() * before);
     }
     now
 }
@@ -224,7 +206,7 @@ impl Errors {
                 let forced = rung.forcing.as_ref();
                 let forced =
                     forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);
-                UNSEEN * (own + forced)
+                own + forced
             }
             Scheme::Volumes(_) => 0.0,
         };
@@ -240,14 +222,14 @@ impl Errors {
                 };
                 // The intervals of an envelope are short: steps that fill them differ by chance.
                 let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
-                let near = uneven || (a.steps as f64) < 1.15 * b.steps as f64;
+                let near = uneven || (a.steps as f64) < AS_MANY.get() * b.steps as f64;
                 let alike = rung.automatic && a.steps > 0 && near;
                 let unseen = if alike {
                     splitting * fading.min(1.0)
                 } else {
                     0.0
                 };
-                SHARED * rung.tolerance + unseen
+                FLOOR.get() * rung.tolerance + unseen
             })
             .collect();
         errors
@@ -305,10 +287,9 @@ impl Errors {
     /// Adds what steps of the scene do, from two runs on one mesh, one with half of them: of order 2 or more, and of order 1
     /// where an output time cuts few of them.
     pub(super) fn with_steps(mut self, run: &Run, halved: &Run) -> Self {
-        const CUT: f64 = 3.0;
         self.time = pooled(run, &plain(run, halved), &self.scales);
         for x in self.time.iter_mut().flatten() {
-            *x *= CUT;
+            *x *= SAFETY.get();
         }
         self
     }

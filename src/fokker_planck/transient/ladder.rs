@@ -11,15 +11,13 @@ use super::run::{Run, Task};
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Work;
+use crate::fokker_planck::policy::{BEST_FALL, STALLED};
 
 /// Rungs that show an error: one difference may pass through zero, two say how it falls.
 const RUNGS: usize = 3;
 
 /// How often rungs below the cells of the scene are brought nearer to them, by half.
 const HALVINGS: usize = 2;
-
-/// What is left of an error from rung to rung at best: order 8.
-const BEST: f64 = 0.1;
 
 /// Solves the task to its tolerance, or as far as its limits allow. Where the method is free, finite volumes take over
 /// from a flow map that does not hold the scene.
@@ -176,7 +174,7 @@ impl<'a> Ladder<'a> {
         let (before, last) = self
             .ratios
             .split_at(self.ratios.len().saturating_sub(RUNGS));
-        !before.is_empty() && least(last) > 0.7 * least(before)
+        !before.is_empty() && least(last) > STALLED.get() * least(before)
     }
 }
 
@@ -215,7 +213,7 @@ impl Question for Ladder<'_> {
         if self.stalled() {
             return stop("finer meshes change it no more", recipe.step.is_none());
         }
-        let more = (ratio.ln() / -BEST.ln()).max(0.0).floor();
+        let more = (ratio.ln() / -BEST_FALL.get().ln()).max(0.0).floor();
         Ok(Next::Run {
             now: self.work((r, halved))?,
             then: Some(self.work((r + more, false))?),

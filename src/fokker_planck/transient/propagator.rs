@@ -14,6 +14,7 @@ use crate::fokker_planck::integrators::{
     never,
 };
 use crate::fokker_planck::mesh::{Axis, Mesh};
+use crate::fokker_planck::policy::{SERIES_SHARE, TIME_SHARE};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -254,17 +255,10 @@ pub(super) fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
     0.4 * cells / (2.0 * oscillator.zeta() * oscillator.temperature().sqrt())
 }
 
-/// Part of a transient's tolerance that the errors of the steps may add up to in the L1 norm: the mesh
-/// and the truncated domain have the rest.
-const TIME_SHARE: f64 = 0.1;
-
-/// The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.
-pub(super) const SERIES_SHARE: f64 = 1e-3;
-
 fn time_share(time: TimeScheme) -> f64 {
     match time {
-        TimeScheme::Explicit => SERIES_SHARE,
-        _ => TIME_SHARE,
+        TimeScheme::Explicit => SERIES_SHARE.get(),
+        _ => TIME_SHARE.get(),
     }
 }
 

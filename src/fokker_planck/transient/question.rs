@@ -8,6 +8,7 @@ use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{self, Cells, Layout};
 use crate::fokker_planck::mesh::{Axis, Mesh};
+use crate::fokker_planck::policy::{FALLING, INITIAL_CELLS, LADDER_RATIO, REFINED};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -69,12 +70,12 @@ impl Question<'_> {
         layout::deviations(forcing.noise()).map(|it| it * forcing.narrowing())
     }
 
-    /// Widths of cells in q and v, one a deviation of the stationary law or [`recipe::START`] of one of the initial condition.
+    /// Widths of cells in q and v, one a deviation of the stationary law or [`INITIAL_CELLS.get()`] of one of the initial condition.
     pub(super) fn widths(&self) -> [f64; 2] {
         let thermal = self.deviations();
         match *self.initial {
             Initial::Gaussian { deviation, .. } => {
-                [0, 1].map(|k| thermal[k].min(deviation[k] / recipe::START))
+                [0, 1].map(|k| thermal[k].min(deviation[k] / INITIAL_CELLS.get()))
             }
             _ => thermal,
         }
@@ -131,7 +132,7 @@ impl Question<'_> {
                     self.is_held(&laid_out(domain, thermal), mean, deviation)?
                 }
                 Initial::Gaussian { .. } => {
-                    let narrow = |(thermal, width): (f64, f64)| width * recipe::REFINED < thermal;
+                    let narrow = |(thermal, width): (f64, f64)| width * REFINED.get() < thermal;
                     !thermal.into_iter().zip(self.widths()).any(narrow)
                 }
             };
@@ -172,14 +173,14 @@ impl Question<'_> {
         let spread = law.expect(|q| (q - centre).powi(2)).value.sqrt();
         let own = [spread, oscillator.temperature().sqrt()];
         let own = domain.amplitude(oscillator, [centre, 0.0], own).max(1.0);
-        let most = recipe::BEYOND * own;
+        let most = FALLING.get() * own;
         let beyond = domain.amplitude(oscillator, mean, deviation) > most;
         Ok(beyond.then_some(FirstGrid::Falling(most)))
     }
 
     /// Whether cells of the scene hold a Gaussian, in the coarse run too.
     fn is_held(&self, layout: &Layout, mean: [f64; 2], deviation: [f64; 2]) -> Result<bool> {
-        let mesh = layout.mesh(self.oscillator, 1.0 / recipe::RATIO.powi(2))?;
+        let mesh = layout.mesh(self.oscillator, 1.0 / LADDER_RATIO.get().powi(2))?;
         let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
         let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
         let narrow = |(d, w): (f64, f64)| d < HELD * w;

@@ -8,6 +8,10 @@ use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{Cells, Layout};
 use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::policy::{
+    COARSEST, FALLING, FIRST_CELLS, LADDER_RATIO, LONGEST_STEP, OUTSIDE, OUTSIDE_FALL, ROOM,
+    SPLITTING,
+};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::moments::Moment;
@@ -104,36 +108,16 @@ pub(crate) struct Rung {
     pub(crate) automatic: bool,
 }
 
-/// Cells and steps of a rung over those of the one before. What converges with order 3, as a kink of the force lets
-/// it, then errs 2.5 times less.
-pub(crate) const RATIO: f64 = 1.35;
-
-/// Cells per deviation of the stationary law on the first rung, where a kernel that knows its error aims at [`COARSEST`].
-pub(crate) const FIRST: f64 = 1.33;
-const COARSEST: f64 = 7.5e-2;
-
-/// The L1 error of the splitting over what a rung aims at. Steps become shorter as slowly as that allows: each pass over
-/// the mesh adds its interpolation error, and steps cut as the cells are (1.35 a rung) took the errors of a kink with
-/// them: order 2 was left of 3.
-const SPLITTING: f64 = 0.013;
-
-/// How many times finer than for the stationary law a mesh may be for the sake of its initial condition: beyond, a
-/// moving local grid carries it until it is wide enough.
-pub(crate) const REFINED: f64 = 2.0;
-
-/// Cells per deviation of an initial condition over those of the stationary law: noise smooths it.
-pub(crate) const START: f64 = 0.6;
-
 impl Rung {
     /// What a kernel that knows its error aims at on rung `r`: order 3, as the rest at worst.
     pub(crate) fn tolerance(r: f64) -> f64 {
-        COARSEST * RATIO.powf(-3.0 * r)
+        COARSEST.get() * LADDER_RATIO.get().powf(-3.0 * r)
     }
 
     /// Probability that the domain of rung `r` leaves out: ten times as much of a variance is lost with it, and a long
     /// flight's tail falls more slowly than the probability beyond it.
     pub(crate) fn neglected(r: f64) -> f64 {
-        1e-4 * 5.0_f64.powf(-r)
+        OUTSIDE.get() * OUTSIDE_FALL.get().powf(-r)
     }
 
     /// How g is carried across faces.
@@ -173,7 +157,7 @@ impl Rung {
         let law = self
             .layout
             .domain
-            .enlarged(oscillator, 1.0 / (ROOM * BEYOND));
+            .enlarged(oscillator, 1.0 / (ROOM.get() * FALLING.get()));
         law.amplitude(oscillator, mean, deviation)
     }
 
@@ -195,7 +179,7 @@ impl Rung {
 impl Recipe {
     /// Cells per deviation of the stationary law on rung `r`.
     fn per_deviation(r: f64) -> f64 {
-        FIRST * RATIO.powf(r)
+        FIRST_CELLS.get() * LADDER_RATIO.get().powf(r)
     }
 
     /// The run of rung `r`.
@@ -225,7 +209,7 @@ impl Recipe {
         let cells = match self.layout.cells {
             Cells::Given(cells) => {
                 let margin = 2 * self.layout.drift.margin();
-                let finer = RATIO.powf(r - self.expected);
+                let finer = LADDER_RATIO.get().powf(r - self.expected);
                 let inner = |n: usize| (n.saturating_sub(margin) as f64 * finer).round() as usize;
                 Cells::Given(cells.map(|n| (margin + inner(n)).min(n)))
             }
@@ -235,17 +219,17 @@ impl Recipe {
         };
         let step = match (self.scheme, self.step) {
             // Beyond the longest useful step the error is not known, and two runs would not show it.
-            (Scheme::FlowMap, Some(step)) => Some(step.min(flow_map::Settings::LONGEST)),
+            (Scheme::FlowMap, Some(step)) => Some(step.min(LONGEST_STEP.get())),
             (Scheme::Volumes(_), Some(step)) => Some(step),
             (Scheme::FlowMap, None) => {
-                let aim = SPLITTING * tolerance;
+                let aim = SPLITTING.get() * tolerance;
                 let driven = self.forcing.as_ref();
                 let driven = driven.map_or(f64::INFINITY, |it| it.longest_step(aim));
                 // Friction that is not constant splits to order 2 alone; its error falls as that of the rest.
                 let frozen = if oscillator.is_viscous() {
                     f64::INFINITY
                 } else {
-                    flow_map::Settings::LONGEST * (tolerance / COARSEST).sqrt()
+                    LONGEST_STEP.get() * (tolerance / COARSEST.get()).sqrt()
                 };
                 let step = flow_map::Settings::to(aim, oscillator)?.step;
                 Some(step.min(driven).min(frozen))
@@ -286,13 +270,6 @@ impl Recipe {
     }
 }
 
-/// Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong friction. At
-/// 2 a mesh takes over earlier, and has three times the cells.
-pub(super) const BEYOND: f64 = 1.25;
-
-/// Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.
-const ROOM: f64 = 1.2;
-
 /// The truncated domain of a run until `until`: under a forcing that of its strongest noise, and farther by as much as the
 /// drive swings.
 ///
@@ -331,7 +308,7 @@ fn unforced(
     }
     let law = Domain::closed(oscillator, &Initial::Rest, neglected)?;
     Ok(match first_grid {
-        FirstGrid::Falling(_) => law.enlarged(oscillator, ROOM * BEYOND),
+        FirstGrid::Falling(_) => law.enlarged(oscillator, ROOM.get() * FALLING.get()),
         _ => law.raised(oscillator, initial, until),
     })
 }

@@ -1,11 +1,12 @@
 //! The answer of a transient: two runs joined, every number with its error.
 
 use super::error_estimate::{Errors, outside};
-use super::run::{Output, Run, SETTLED, Task};
+use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::fixed_point::Ritz;
+use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::Method;
 use crate::moments::Moments;
 
@@ -189,7 +190,7 @@ impl Task<'_> {
             warnings.push(format!(
                 "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: time integration \
                  stopped there, and later times repeat it",
-                SETTLED * self.recipe.tolerance
+                SETTLED.get() * self.recipe.tolerance
             ));
         }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);

@@ -14,6 +14,7 @@ use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
+use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -101,9 +102,6 @@ impl Task<'_> {
         self.oscillator.contact().is_confining() && (closed || self.law.is_some())
     }
 }
-
-/// Distance to the stationary law at which a run stops, over the tolerance.
-pub(super) const SETTLED: f64 = 1e-2;
 
 /// Negative mass beyond which nothing is left of a density.
 const NO_DENSITY: f64 = 1.0;
@@ -205,7 +203,7 @@ impl Task<'_> {
         };
         // What is forced comes to no stationary law.
         let settles = self.knows_law() && rung.forcing.is_none();
-        let close = SETTLED * rung.tolerance;
+        let close = SETTLED.get() * rung.tolerance;
         let mut settled = None;
         // Short steps are not all looked at.
         let every = match rung.scheme {

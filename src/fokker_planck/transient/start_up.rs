@@ -2,7 +2,7 @@
 //! until the density is wide enough to be handed over.
 
 use super::propagator::Propagator;
-use super::recipe::{FirstGrid, REFINED, Rung, START};
+use super::recipe::{FirstGrid, Rung};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
@@ -11,6 +11,10 @@ use crate::fokker_planck::hermite::{Column, Kept, SAFETY, Settled};
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid, STRONG_DAMPING_ERROR};
+use crate::fokker_planck::policy::{
+    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_SHARE,
+    LOCAL_STEP, LOCAL_STEP_FRICTION, MASS_DEFECT, REFINED,
+};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -82,23 +86,9 @@ pub(super) struct Look {
     pub(super) doubt: [f64; 2],
 }
 
-/// Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the
-/// order of h t^3, so its velocity by h t^4 = 2e-7 h.
-const EARLY: f64 = 0.02;
 /// What rounding leaves of a local grid's moments, the motion being known to 1e-12: 3e-10 of themselves for
 /// the linear law, whose covariance is known.
 const ROUNDING: f64 = 1e-9;
-/// What cells may do to a local grid alike in both runs, over the tolerance that chose them.
-const CELLS: f64 = 2e-6;
-/// Part of the error of the steps that stays in the error estimate beside the difference of two runs: that shows five
-/// to ten times the error, the steps of one being 1.5 times as long, but may pass through zero.
-const HIDDEN: f64 = 0.25;
-/// Loss of resolution: the part of the tolerance that the changes of the local grid's mass may add up to. The density
-/// then no longer fits its frame, and a finer mesh takes over. A kurtosis weighs them ten times
-/// ([`TAIL`](super::error_estimate::TAIL)).
-const MASS_DEFECT_ABORT: f64 = 0.03;
-/// Cells of the scene per deviation of what is handed over to them, at least.
-const GIVEN: f64 = 1.9;
 
 /// Cells, reach and step of a local grid for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
@@ -111,30 +101,24 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     // What the splitting of friction that is not constant leaves is known from the difference of two rungs alone: each has
     // steps of its own.
     let (weak, beside) = if oscillator.is_viscous() {
-        (0.57 * relative.powf(1.0 / 6.0), 1.5)
+        (LOCAL_STEP.get() * relative.powf(1.0 / 6.0), 1.5)
     } else {
-        (0.25 * relative.cbrt(), 1.0)
+        (LOCAL_STEP_FRICTION.get() * relative.cbrt(), 1.0)
     };
-    let strong = (2e-4 * tolerance / (STRONG_DAMPING_ERROR * zeta.powi(3))).powf(0.25);
+    let strong = (LOCAL_SHARE.get() * tolerance / (STRONG_DAMPING_ERROR * zeta.powi(3))).powf(0.25);
     // A drive asks no more of these steps than of those on a mesh, which are of lower order.
     let driven = match &rung.forcing {
         Some(_) => rung.flow_map().step,
         None => f64::INFINITY,
     };
     Fineness {
-        cell: 0.4 * relative.powf(0.125).clamp(0.4, 1.6),
-        // Two deviations and a half for tails that are not Gaussian and for the fourth moments, which weigh them.
-        reach: 2.5 + (-2.0 * rung.neglected.ln()).sqrt(),
-        border: BORDER * tolerance,
+        cell: LOCAL_CELL.get() * relative.powf(0.125).clamp(0.4, 1.6),
+        reach: LOCAL_REACH.get() + (-2.0 * rung.neglected.ln()).sqrt(),
+        border: LOCAL_BORDER.get() * tolerance,
         step: weak.min(strong).min(driven).min(1.0),
         beside,
     }
 }
-
-/// P on the border of a local grid's square over the tolerance, above which there is more beyond the border
-/// than a kurtosis can bear: tails that were cut weighed two hundred times in it (a point dropped at q = 1,
-/// t = 12).
-const BORDER: f64 = 1e-6;
 
 /// What a start-up phase will take.
 #[derive(Debug, Clone, Copy)]
@@ -162,7 +146,7 @@ pub(super) fn cost(
     }
     let fineness = fineness(oscillator, rung);
     let widths = layout::deviations(oscillator);
-    let wide = START * widths[0].max(widths[1]) / REFINED;
+    let wide = INITIAL_CELLS.get() * widths[0].max(widths[1]) / REFINED.get();
     let left = 1.0 - (wide * wide / oscillator.temperature()).min(1.0);
     let mut wide = -left.ln() / (2.0 * oscillator.zeta());
     if let (FirstGrid::Falling(most), Initial::Gaussian { mean, deviation }) =
@@ -197,7 +181,7 @@ impl<'a> StartUp<'a> {
             return Ok(None);
         }
         let later = (rung.tolerance / 1e-3).cbrt();
-        let early = EARLY * later / (1.0 + oscillator.zeta());
+        let early = EARLY.get() * later / (1.0 + oscillator.zeta());
         let fineness = fineness(oscillator, rung);
         let grid = LocalGrid::new(oscillator, initial, early, fineness)?;
         let grid = grid.forced(oscillator, rung.forcing.clone());
@@ -205,7 +189,7 @@ impl<'a> StartUp<'a> {
             .then(|| rung.mesh(oscillator))
             .transpose()?;
         let finest = match rung.layout.cells {
-            Cells::Widths(widths) => widths.map(|width| width / REFINED),
+            Cells::Widths(widths) => widths.map(|width| width / REFINED.get()),
             Cells::Given(_) => [0.0; 2],
         };
         Ok(Some(Self {
@@ -229,7 +213,7 @@ impl<'a> StartUp<'a> {
             return Loss::default();
         }
         Loss {
-            spread: ROUNDING + CELLS * self.rung.tolerance + HIDDEN * self.grid.step_error(),
+            spread: ROUNDING + self.grid.step_error(),
             tail: self.grid.defect(),
         }
     }
@@ -269,10 +253,10 @@ impl<'a> StartUp<'a> {
         let Some(mesh) = &self.goal else {
             return false;
         };
-        let enough = START * self.rung.per_deviation;
+        let enough = INITIAL_CELLS.get() * self.rung.per_deviation;
         let (enough, widths) = if self.rung.layout.is_given() {
             // The scene's own cells, the widest near the density: no finer rung tells what too few of them do.
-            (enough.max(GIVEN), self.widest(mesh))
+            (enough.max(GIVEN_CELLS.get()), self.widest(mesh))
         } else {
             (enough, self.finest)
         };
@@ -295,7 +279,7 @@ impl<'a> StartUp<'a> {
 
     /// Whether the local grid no longer resolves the density: it does not fit its frame.
     fn is_unresolved(&self) -> bool {
-        self.grid.defect() > MASS_DEFECT_ABORT * self.rung.tolerance
+        self.grid.defect() > MASS_DEFECT.get() * self.rung.tolerance
     }
 
     /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
@@ -352,7 +336,8 @@ impl<'a> StartUp<'a> {
             }
             return Ok(mesh.clone());
         }
-        let start = narrowest.map(|deviation| deviation / (START * self.rung.per_deviation));
+        let start =
+            narrowest.map(|deviation| deviation / (INITIAL_CELLS.get() * self.rung.per_deviation));
         let mut layout = self.rung.layout.narrowed(start);
         if let FirstGrid::Falling(most) = self.rung.first_grid {
             // Resolution was lost before it was in.

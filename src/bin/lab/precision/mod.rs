@@ -9,6 +9,7 @@ mod clock;
 pub mod cost;
 pub mod entry;
 pub mod method;
+pub mod policy;
 pub mod rates;
 mod reference;
 pub mod references;

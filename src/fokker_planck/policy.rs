@@ -1,0 +1,112 @@
+//! Numbers of a transient that were chosen and not derived, in one table: each trades time for accuracy, or one kind of
+//! error estimate for another. `cargo run --release --bin lab -- policy` moves each by a fifth, up and down, over the
+//! scenes of the calibration, and prints what that changes: validation/precision/policy.md.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// A number that was chosen.
+#[derive(Debug)]
+pub struct Chosen {
+    /// Its name here.
+    pub name: &'static str,
+    /// What it is, and what more or less of it costs.
+    pub trades: &'static str,
+    value: f64,
+    /// The bits of what it is multiplied by.
+    factor: AtomicU64,
+}
+
+impl Chosen {
+    const fn new(name: &'static str, value: f64, trades: &'static str) -> Self {
+        Self {
+            name,
+            trades,
+            value,
+            factor: AtomicU64::new(1.0_f64.to_bits()),
+        }
+    }
+
+    /// Its value.
+    pub fn get(&self) -> f64 {
+        self.value * f64::from_bits(self.factor.load(Relaxed))
+    }
+
+    /// Multiplies what is in the table by a factor from now on, in the whole program: for a survey alone.
+    pub fn multiply(&self, factor: f64) {
+        self.factor.store(factor.to_bits(), Relaxed);
+    }
+}
+
+/// A static for each row, documented by what it trades, and [`ALL`]: name, value and words stand once.
+macro_rules! table {
+    ($($name:ident = $value:literal: $trades:literal;)*) => {
+        $(#[doc = $trades] pub static $name: Chosen = Chosen::new(stringify!($name), $value, $trades);)*
+
+        /// The table.
+        pub static ALL: &[&Chosen] = &[$(&$name),*];
+    };
+}
+
+table! {
+    // The ladder.
+    LADDER_RATIO = 1.35: "Cells and steps of a rung over those of the one before: the higher, the fewer rungs, and the farther \
+        the last one overshoots. What converges with order 3, as a kink of the force lets it, then errs 2.5 times less.";
+    FIRST_CELLS = 1.33: "Cells per deviation of the stationary law on the first rung: more pay for what loose tolerances do \
+        not need.";
+    COARSEST = 7.5e-2: "Error that a kernel which knows its own aims at on the first rung.";
+    SPLITTING = 0.013: "L1 error of the splitting over what a rung aims at. Steps become shorter as slowly as that allows: each \
+        pass over the mesh adds its interpolation error.";
+    OUTSIDE = 1e-4: "Probability that the first domain leaves out: ten times as much of a variance is lost with it.";
+    OUTSIDE_FALL = 5.0: "How many times less that is on each rung: a fall too slow for the cells keeps kurtoses back, a fast one \
+        pays for empty cells.";
+    BEST_FALL = 0.1: "What is left of an error from rung to rung at best: the fewest runs that are still foreseen before a \
+        limit of time ends the ladder.";
+    STALLED = 0.7: "Largest of three error estimates over that of the three before from which on finer rungs are tried.";
+    INITIAL_CELLS = 0.6: "Cells per deviation of an initial condition over those of the stationary law: noise smooths it.";
+    REFINED = 2.0: "How many times finer than for the stationary law a mesh may be for the sake of its initial condition: beyond, \
+        a moving local grid carries it until it is wide enough.";
+    FALLING = 1.25: "Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong \
+        friction. At 2 a mesh takes over earlier, and has three times the cells.";
+    ROOM = 1.2: "Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.";
+    LONGEST_STEP = 1.5: "Longest step of the flow map: a quarter of a period, beyond which the trapezoidal rule no longer sees \
+        the second harmonic of the motion.";
+    SETTLED = 1e-2: "Distance to the stationary law, over what a rung aims at, at which a run ends: less runs on for nothing, \
+        more adds to the errors of late times.";
+
+    // Error estimates.
+    SAFETY = 3.0: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
+        half of them.";
+    CARRIED = 0.2: "The difference before that, where the last one passes through zero: the same of it.";
+    FLOOR = 5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
+        zero more than once.";
+    AS_MANY = 1.15: "Steps of a run over those of the rung before below which they are about as many.";
+    POOLED = 0.5: "A difference is not taken for less than this part of those of the same moment within a quarter of a period, of the \
+        moments that the motion turns into it, and of the median over all moments.";
+    CONVERGING = 0.62: "Weight of the negative cells over that on the rung before below which the difference of the runs shows \
+        what they do.";
+
+    // Concentrated initial conditions.
+    EARLY = 0.02: "Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the order \
+        of h t^3, so its velocity by h t^4 = 2e-7 h.";
+    LOCAL_CELL = 0.4: "Cells of a local grid in its deviations at a tolerance of 1e-3.";
+    LOCAL_STEP = 0.57: "Steps of a local grid at a tolerance of 1e-3.";
+    LOCAL_STEP_FRICTION = 0.25: "The same under friction that is not constant: what its splitting leaves is known from the \
+        difference of two rungs alone.";
+    LOCAL_SHARE = 2e-4: "Part of the tolerance that steps under strong damping get: they are few, and two runs share the error.";
+    LOCAL_REACH = 2.5: "Deviations of a local grid's square beyond a Gaussian's: for tails that are not Gaussian and for the \
+        fourth moments, which weigh them.";
+    LOCAL_BORDER = 1e-6: "P on the border of that square over the tolerance, above which it is widened: tails that were cut \
+        weighed two hundred times in a kurtosis (a point dropped at q = 1, t = 12).";
+    MASS_DEFECT = 0.03: "Part of the tolerance that the changes of a local grid's mass may add up to before a finer mesh takes \
+        over: a kurtosis weighs them ten times.";
+    GIVEN_CELLS = 1.9: "Cells of the scene per deviation of what is handed over to them, at least.";
+
+    // Finite volumes.
+    TIME_SHARE = 0.03: "Part of a transient's tolerance that the errors of the steps may add up to in the L1 norm: the mesh and \
+        the truncated domain have the rest.";
+    SERIES_SHARE = 1e-3: "The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.";
+    BOUNDARY_RATE = 4.0: "Rate of the exchange between neighbours among the boundary cells: a few times the oscillator's own \
+        frequency, so that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.";
+    STEEPEST = 3.5: "Largest change of ln p_s from cell to cell: a wide stencil keeps its stability beyond, but neither its order \
+        nor a useful step (a hundredth of the transport's at 6, measured).";
+}
