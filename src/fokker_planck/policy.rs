@@ -79,6 +79,7 @@ table! {
     CARRIED = 0.2: "The difference before that, where the last one passes through zero: the same of it.";
     FLOOR = 5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
+    UNSEEN = 0.5: "The part of the splitting error that runs with about as many steps do not show.";
     AS_MANY = 1.15: "Steps of a run over those of the rung before below which they are about as many.";
     POOLED = 0.5: "A difference is not taken for less than this part of those of the same moment within a quarter of a period, of the \
         moments that the motion turns into it, and of the median over all moments.";

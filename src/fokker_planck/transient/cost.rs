@@ -1,7 +1,7 @@
 //! What a transient will take, from the sizes of its mesh alone.
 
 use super::propagator::{self, CHUNK};
-use super::recipe::{Recipe, Rung, Scheme};
+use super::recipe::{RUNGS, Recipe, Rung, Scheme};
 use super::start_up;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
@@ -25,10 +25,19 @@ pub(super) fn foreseen(
     max_memory: u64,
 ) -> Result<Cost> {
     let until = times.last().copied().unwrap_or(0.0);
-    let last = recipe.rung(oscillator, initial, until, recipe.expected)?;
-    let last = run(&last, oscillator, initial, times, max_memory)?;
-    // The rungs before it.
-    let seconds = last.seconds / (1.0 - LADDER_RATIO.get().powi(-3));
+    let rung = |r| recipe.rung(oscillator, initial, until, r);
+    let cost = |rung: &Rung| run(rung, oscillator, initial, times, max_memory);
+    let last = cost(&rung(recipe.expected)?)?;
+    // The rungs before it, and the one that is run with half the step of the scene too.
+    let mut seconds = last.seconds / (1.0 - LADDER_RATIO.get().powi(-3));
+    if recipe.step.is_some() {
+        let shown = if recipe.layout.is_given() {
+            recipe.expected
+        } else {
+            (RUNGS - 1) as f64
+        };
+        seconds += cost(&rung(shown)?.halved())?.seconds;
+    }
     Ok(Cost {
         seconds: budget::on_threads(last.cells, seconds),
         ..last

@@ -4,7 +4,7 @@
 use super::recipe::{Rung, Scheme};
 use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin};
-use crate::fokker_planck::policy::{AS_MANY, CARRIED, CONVERGING, FLOOR, POOLED, SAFETY};
+use crate::fokker_planck::policy::{AS_MANY, CARRIED, CONVERGING, FLOOR, POOLED, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
 use std::f64::consts::FRAC_PI_2;
@@ -206,7 +206,7 @@ impl Errors {
                 let forced = rung.forcing.as_ref();
                 let forced =
                     forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);
-                own + forced
+                UNSEEN.get() * (own + forced)
             }
             Scheme::Volumes(_) => 0.0,
         };

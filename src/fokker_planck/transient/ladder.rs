@@ -5,16 +5,13 @@
 use super::cost;
 use super::decide::STEEPER_TRIES;
 use super::error_estimate::Errors;
-use super::recipe::{Recipe, Rung};
+use super::recipe::{RUNGS, Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Work;
 use crate::fokker_planck::policy::{BEST_FALL, STALLED};
-
-/// Rungs that show an error: one difference may pass through zero, two say how it falls.
-const RUNGS: usize = 3;
 
 /// How often rungs below the cells of the scene are brought nearer to them, by half.
 const HALVINGS: usize = 2;
@@ -78,10 +75,11 @@ struct Ladder<'a> {
     stride: f64,
     /// The last three runs, the finest last.
     runs: Vec<Run>,
-    /// The first of them with half the step of the scene.
+    /// The first rung that shows an error, with half the step of the scene: on coarser ones a moving local grid, whose
+    /// steps are its own, may carry the density for longer.
     halved: Option<Run>,
     /// The same rung with its whole.
-    first: Option<Run>,
+    whole: Option<Run>,
     /// First rungs whose cells did not hold the scene.
     skipped: usize,
     errors: Option<Errors>,
@@ -100,11 +98,11 @@ impl<'a> Ladder<'a> {
         Self {
             task,
             laid_out: Vec::new(),
-            next: (first, recipe.step.is_some()),
+            next: (first, false),
             stride: 1.0,
             runs: Vec::new(),
             halved: None,
-            first: None,
+            whole: None,
             skipped: 0,
             errors: None,
             ratios: Vec::new(),
@@ -161,9 +159,9 @@ impl<'a> Ladder<'a> {
             } else {
                 self.next.0 + self.stride
             };
-            self.next = (first, recipe.step.is_some());
+            self.next = (first, false);
             self.runs.clear();
-            (self.halved, self.first) = (None, None);
+            (self.halved, self.whole) = (None, None);
         }
         again
     }
@@ -238,18 +236,19 @@ impl Question for Ladder<'_> {
             self.next = (r, false);
             return Ok(());
         }
-        self.next = (r + self.stride, false);
-        if self.halved.is_some() && self.first.is_none() {
-            self.first = Some(run.clone());
+        if self.halved.is_some() && self.whole.is_none() {
+            self.whole = Some(run.clone());
         }
         self.runs.push(run);
         if self.runs.len() > RUNGS {
             self.runs.remove(0);
         }
+        let with_half = recipe.step.is_some() && self.runs.len() == RUNGS - 1;
+        self.next = (r + self.stride, with_half);
         if let [coarsest, coarse, fine] = &self.runs[..] {
             let mut errors = Errors::of(&self.task, (&rung, self.stride), [coarsest, coarse, fine]);
-            if let (Some(halved), Some(first)) = (&self.halved, &self.first) {
-                errors = errors.with_steps(first, halved);
+            if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
+                errors = errors.with_steps(whole, halved);
             }
             self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
             self.errors = Some(errors);

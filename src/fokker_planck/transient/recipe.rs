@@ -108,6 +108,9 @@ pub(crate) struct Rung {
     pub(crate) automatic: bool,
 }
 
+/// Rungs that show an error: one difference may pass through zero, two say how it falls.
+pub(super) const RUNGS: usize = 3;
+
 impl Rung {
     /// What a kernel that knows its error aims at on rung `r`: order 3, as the rest at worst.
     pub(crate) fn tolerance(r: f64) -> f64 {
