@@ -111,3 +111,28 @@ table! {
     STEEPEST = 3.5: "Largest change of ln p_s from cell to cell: a wide stencil keeps its stability beyond, but neither its order \
         nor a useful step (a hundredth of the transport's at 6, measured).";
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{ALL, Chosen};
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_number_has_a_name_of_its_own_a_value_and_says_what_it_trades() {
+        let names: HashSet<&str> = ALL.iter().map(|it| it.name).collect();
+        assert_eq!(names.len(), ALL.len());
+        for it in ALL {
+            assert!(it.get() > 0.0 && it.get().is_finite(), "{}", it.name);
+            assert!(it.trades.ends_with('.'), "{}: {}", it.name, it.trades);
+        }
+    }
+
+    #[test]
+    fn a_survey_moves_a_number_and_brings_it_back() {
+        let chosen = Chosen::new("SAMPLE", 0.1, "Nothing.");
+        chosen.multiply(1.2);
+        assert_eq!(chosen.get(), 0.1 * 1.2);
+        chosen.multiply(1.0);
+        assert_eq!(chosen.get(), 0.1);
+    }
+}

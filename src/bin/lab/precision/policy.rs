@@ -180,3 +180,41 @@ impl Policy {
         File::text("policy.md", text)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcome(work: f64, beyond: usize, median: f64) -> Outcome {
+        Outcome {
+            work: vec![Some(work), None, Some(2.0 * work)],
+            seconds: 1.0,
+            answers: 2,
+            numbers: 20,
+            beyond,
+            worst: 1.0,
+            median,
+        }
+    }
+
+    #[test]
+    fn what_changes_neither_work_nor_estimates_is_named_and_nothing_else() {
+        let base = outcome(100.0, 1, 10.0);
+        let moved = [
+            [outcome(102.0, 1, 10.1), outcome(99.0, 1, 10.0)],
+            [outcome(100.0, 1, 10.0), outcome(110.0, 1, 10.0)],
+            [outcome(100.0, 2, 10.0), outcome(100.0, 1, 10.0)],
+            [outcome(100.0, 1, 9.0), outcome(100.0, 1, 10.0)],
+        ];
+        let rows = ALL.iter().zip(moved);
+        let rows = rows.map(|(chosen, moved)| Row { chosen, moved }).collect();
+        let policy = Policy { base, rows };
+        assert_eq!(policy.idle(), [ALL[0].name]);
+        let page = String::from_utf8(policy.page().bytes).unwrap();
+        for row in &policy.rows {
+            assert!(page.contains(row.chosen.trades), "{page}");
+        }
+        assert!(page.contains("1.00, 1.10"), "{page}");
+        assert!(page.contains("1 of 4 change"), "{page}");
+    }
+}
