@@ -222,18 +222,6 @@ impl Excitation {
         self.envelope.as_ref().map_or(0.0, |it| it.rate(t))
     }
 
-    /// The integrals of the factor and of the modulus of its rate from 0 to t.
-    pub(crate) fn dose(&self, t: f64) -> [f64; 2] {
-        let (mut dose, mut before) = ([0.0; 2], 0.0);
-        for end in self.bends(0.0, t).chain([t]) {
-            let factors = [before, end].map(|t| self.factor(t));
-            dose[0] += 0.5 * (factors[0] + factors[1]) * (end - before);
-            dose[1] += (factors[1] - factors[0]).abs();
-            before = end;
-        }
-        dose
-    }
-
     /// The times between a and b at which the envelope bends: no step goes across one.
     pub(crate) fn bends(&self, a: f64, b: f64) -> impl Iterator<Item = f64> + '_ {
         let times = self.envelope.as_ref().map_or(&[][..], Envelope::times);

@@ -93,7 +93,8 @@ table! {
     LOCAL_STEP = 0.57: "Steps of a local grid at a tolerance of 1e-3.";
     LOCAL_STEP_FRICTION = 0.25: "The same under friction that is not constant: what its splitting leaves is known from the \
         difference of two rungs alone.";
-    LOCAL_SHARE = 2e-4: "Part of the tolerance that steps under strong damping get: they are few, and two runs share the error.";
+    LOCAL_STEP_DAMPING = 6e-3: "Fourth power of a step under strong damping times zeta^3, over the tolerance: a variance errs by 1.1e-2 zeta^3 tau^4 (from \
+        rest, linear law, zeta = 0.2 to 5).";
     LOCAL_REACH = 2.5: "Deviations of a local grid's square beyond a Gaussian's: for tails that are not Gaussian and for the \
         fourth moments, which weigh them.";
     LOCAL_BORDER = 1e-6: "P on the border of that square over the tolerance, above which it is widened: tails that were cut \

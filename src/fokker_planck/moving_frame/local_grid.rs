@@ -76,10 +76,6 @@ pub(crate) struct LocalGrid {
     linear: Option<(Linear, f64)>,
     time: f64,
     steps: u64,
-    /// The longest step taken.
-    longest: f64,
-    /// The smaller variance of the start.
-    start: f64,
     defect: f64,
     spline: Interpolant,
     /// Working space: n x n values, the points of the mesh and where they come from.
@@ -90,12 +86,6 @@ pub(crate) struct LocalGrid {
 /// Nodes of the three-point Gauss rule are at c1, 1/2, 1 - c1; c2 = 1/2 - c1.
 const C1: f64 = 0.112_701_665_379_258_3;
 const C2: f64 = 0.5 - C1;
-/// The error of a variance under strong damping over zeta^3 tau^4, relative to it: three times the 1.1e-2
-/// measured from rest (linear law, zeta = 0.2 to 5), for other starts and times.
-pub(crate) const STRONG_DAMPING_ERROR: f64 = 3.3e-2;
-/// The same under an envelope, over zeta tau^4 and the change of the factor over its integral: twice the 1.9e-3 measured
-/// for one that falls to 0 (linear law, zeta = 0.005 to 0.3, steps of 0.35 to 0.9).
-const ENVELOPE_ERROR: f64 = 4e-3;
 /// Deviations beyond which a square is widened no more: twice what a Gaussian needs at 1e-5, four times the
 /// cells.
 const FARTHEST: f64 = 18.0;
@@ -168,8 +158,6 @@ impl LocalGrid {
             linear,
             time: 0.0,
             steps: 0,
-            longest: 0.0,
-            start: frame.lower[0].min(frame.lower[2]).powi(2),
             defect: 0.0,
             points: vec![[0.0; 2]; n * n],
             origins: vec![[0.0; 2]; n * n],
@@ -263,39 +251,12 @@ impl LocalGrid {
         self.steps += 1;
     }
 
-    /// What the steps so far may have done to a variance, relative to it. The noise of a step is put 1.5e-5 tau^6 of
-    /// it wrong on a weakly damped orbit: counted as noise grows, more in q while a start from rest spreads along v
-    /// alone, and less once many steps have turned their errors against each other. Strong damping adds
-    /// [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, an envelope [`ENVELOPE_ERROR`] zeta tau^4 of its relative change. All
-    /// measured with the linear law, from rest.
-    pub(crate) fn step_error(&self) -> f64 {
-        let (tau, time) = (self.longest, self.time);
-        if tau == 0.0 {
-            return 0.0;
-        }
-        let ([dose, change], begin) = match &self.forcing {
-            None => ([time, 0.0], 0.0),
-            Some(it) => (it.excitation().dose(time), it.excitation().noise_from()),
-        };
-        if dose == 0.0 {
-            return 0.0;
-        }
-        let t = time - begin;
-        let noise = 2.0 * self.noise * dose;
-        let part = noise / (noise + self.start).max(f64::MIN_POSITIVE);
-        let turned = (6.0 * tau / t).min(1.0);
-        let orbit = 1.5e-5 * part * turned * tau.powi(6) * (1.0 + 3.0 / (t * t));
-        let envelope = ENVELOPE_ERROR * self.zeta * part * change / dose;
-        orbit + (STRONG_DAMPING_ERROR * self.zeta.powi(3) + envelope) * tau.powi(4)
-    }
-
     /// Sets the time to `t`, where the steps led but for rounding.
     pub(crate) fn arrive(&mut self, t: f64) {
         self.time = t;
     }
 
     pub(crate) fn advance(&mut self, tau: f64) {
-        self.longest = self.longest.max(tau);
         // A rate that changes from place to place does not run the motion at one wrong rate.
         let x = self.local.as_ref().map_or(self.zeta * tau, |_| 0.0);
         let stretched = if x > 1e-4 {

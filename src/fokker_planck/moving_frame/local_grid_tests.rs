@@ -36,9 +36,7 @@ fn the_steps_of_a_local_grid_are_of_order_six_and_under_strong_damping_of_order_
             let grid = run(&it, &Initial::Rest, t, step);
             let got = grid.moments();
             let wrong = |x: f64, y: f64| (x / y - 1.0).abs();
-            let error = wrong(got.var_q.value, qq).max(wrong(got.var_v.value, vv));
-            assert!(error < grid.step_error() + 1e-9, "{zeta}: {error:e}");
-            error
+            wrong(got.var_q.value, qq).max(wrong(got.var_v.value, vv))
         });
         let seen = (errors[0] / errors[1]).log2();
         println!(
@@ -46,30 +44,6 @@ fn the_steps_of_a_local_grid_are_of_order_six_and_under_strong_damping_of_order_
             errors[0], errors[1]
         );
         assert!(seen > order);
-    }
-}
-
-#[test]
-fn the_errors_of_the_steps_are_below_what_is_said_of_them_at_any_time() {
-    let it = Oscillator::new(ContactLaw::Linear, 0.005, 2e-3).unwrap();
-    let exact = Gaussian::of(&it, &Initial::Rest).unwrap();
-    for step in [0.4, 0.6, 0.8, 1.0] {
-        let mut worst: f64 = 0.0;
-        for steps in [1, 2, 3, 5, 8, 12, 20, 40] {
-            let t = step * f64::from(steps);
-            let [[qq, qv], [_, vv]] = exact.after(&it, t).unwrap().covariance;
-            let grid = run(&it, &Initial::Rest, t, step);
-            let got = grid.moments();
-            let errors = [
-                got.var_q.value / qq - 1.0,
-                got.var_v.value / vv - 1.0,
-                (got.cov_qv.value - qv) / (qq * vv).sqrt(),
-            ];
-            let error = errors.into_iter().fold(0.0, |a: f64, e| a.max(e.abs()));
-            worst = worst.max(error / (grid.step_error() + 1e-9));
-        }
-        println!("tau = {step}: {worst:.2} of it");
-        assert!(worst < 1.0 && worst > 0.1, "{step}: {worst}");
     }
 }
 

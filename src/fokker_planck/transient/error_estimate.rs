@@ -20,8 +20,8 @@ pub(super) struct Errors {
     time: Table,
     /// What negative cells weigh.
     undershoot: Table,
-    /// What a concentrated initial condition has cost, over the normalisation.
-    start_up: Table,
+    /// What lost probability has done, over the normalisation.
+    lost: Table,
     /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
     /// Normalisations.
@@ -113,10 +113,10 @@ pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
 const SWING: f64 = 2.506_628_274_631_000_5;
 
-/// What a concentrated initial condition has cost each number, over the normalisation. A local grid errs in proportion
+/// What lost probability has done to each number, over the normalisation. A local grid errs in proportion
 /// to its own size: a deviation, and with it a mean, by so much of its deviation, a variance of its variance.
-fn start_up_cost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
-    let cost = [it.start_up.spread + it.start_up.tail; 11];
+fn of_lost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
+    let cost = [it.lost; 11];
     if !it.framed {
         return cost;
     }
@@ -257,11 +257,11 @@ impl Errors {
                 .zip(&coarse.outputs)
                 .map(|(a, b)| std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i])))
                 .collect(),
-            start_up: run
+            lost: run
                 .outputs
                 .iter()
                 .zip(&scales)
-                .map(|(it, scale)| start_up_cost(it, scale))
+                .map(|(it, scale)| of_lost(it, scale))
                 .collect(),
             settled: run
                 .outputs
@@ -296,7 +296,7 @@ impl Errors {
 
     /// What three runs share of the error of number i at time k, over its normalisation.
     fn shared(&self, k: usize, i: usize) -> f64 {
-        SWING * TAIL[i] * self.settled[k] + self.start_up[k][i] + self.shared[k]
+        SWING * TAIL[i] * self.settled[k] + self.lost[k][i] + self.shared[k]
     }
 
     /// Parts of the error of number i at time k: space, time, rounding.

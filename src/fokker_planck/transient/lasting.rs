@@ -3,7 +3,6 @@
 use super::propagator::{self, Propagator};
 use super::recipe::Rung;
 use super::run::{Floquet, Output, Run, Side, Task, believable};
-use super::start_up::Loss;
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
@@ -79,10 +78,7 @@ impl Task<'_> {
         let steps = propagator.steps();
         let mut outputs = self.through(&mut propagator, &observables, density, times)?;
         for output in &mut outputs {
-            output.start_up = Loss {
-                tail: left,
-                ..Loss::default()
-            };
+            output.lost = left;
         }
         let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
             ([one, other], Some(slow), Some(left)) => {

@@ -2,7 +2,7 @@
 
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
-use super::start_up::{Loss, StartUp};
+use super::start_up::StartUp;
 use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
@@ -38,8 +38,8 @@ pub(super) struct Output {
     pub(super) snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a local grid not counted.
     pub(super) steps: u64,
-    /// What a concentrated initial condition has cost so far.
-    pub(super) start_up: Loss,
+    /// Probability that a concentrated initial condition has lost so far, or that a periodic law leaves open.
+    pub(super) lost: f64,
     /// Whether a local grid in its own frame said it, not a density in the truncated domain.
     pub(super) framed: bool,
 }
@@ -211,11 +211,11 @@ impl Task<'_> {
             _ => 1,
         };
         let (weights, columns) = (propagator.weights().clone(), propagator.columns().to_vec());
-        let (mut now, spent, before) = phase.as_ref().map_or_else(Default::default, |it| {
+        let (mut now, lost, before) = phase.as_ref().map_or_else(Default::default, |it| {
             let grid = it.grid();
-            (grid.time(), it.loss().and(handed), grid.steps())
+            (grid.time(), it.loss() + handed, grid.steps())
         });
-        let spent = spent.and(self.begun());
+        let lost = lost + self.begun();
         propagator.set_time(now);
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
@@ -245,7 +245,7 @@ impl Task<'_> {
             }
             outputs.push(Output {
                 steps: propagator.steps(),
-                start_up: spent,
+                lost,
                 ..self.observe(t, &propagator, &observables, (&density, laws.as_ref()))
             });
         }
@@ -356,7 +356,7 @@ impl Task<'_> {
             }),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
-            start_up: Loss::default(),
+            lost: 0.0,
             framed: false,
         }
     }
@@ -378,7 +378,7 @@ impl Task<'_> {
             doubt: look.doubt,
             snapshot: wanted.then(|| start_up.snapshot()).transpose()?,
             steps: 0,
-            start_up: start_up.loss(),
+            lost: start_up.loss(),
             framed: true,
         })
     }

@@ -10,10 +10,10 @@ use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::hermite::{Column, Kept, SAFETY, Settled};
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
-use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid, STRONG_DAMPING_ERROR};
+use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
 use crate::fokker_planck::policy::{
-    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_SHARE,
-    LOCAL_STEP, LOCAL_STEP_FRICTION, MASS_DEFECT, REFINED,
+    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_STEP,
+    LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, MASS_DEFECT, REFINED,
 };
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -33,25 +33,6 @@ pub(super) struct StartUp<'a> {
     goal: Option<Mesh>,
     /// Widths of cells below which no mesh is refined for the initial condition alone.
     finest: [f64; 2],
-}
-
-/// What a concentrated initial condition has cost.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Loss {
-    /// Of the size of the density, relative to it.
-    pub(super) spread: f64,
-    /// Probability, of the tails.
-    pub(super) tail: f64,
-}
-
-impl Loss {
-    /// With the probability that the hand-over changed.
-    pub(super) fn and(self, handed: f64) -> Self {
-        Self {
-            tail: self.tail + handed,
-            ..self
-        }
-    }
 }
 
 /// A solved law at points that come displacement by displacement.
@@ -105,7 +86,7 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     } else {
         (LOCAL_STEP_FRICTION.get() * relative.cbrt(), 1.0)
     };
-    let strong = (LOCAL_SHARE.get() * tolerance / (STRONG_DAMPING_ERROR * zeta.powi(3))).powf(0.25);
+    let strong = (LOCAL_STEP_DAMPING.get() * tolerance / zeta.powi(3)).powf(0.25);
     // A drive asks no more of these steps than of those on a mesh, which are of lower order.
     let driven = match &rung.forcing {
         Some(_) => rung.flow_map().step,
@@ -207,14 +188,12 @@ impl<'a> StartUp<'a> {
         &self.grid
     }
 
-    /// What the local grid has cost so far; a point has cost nothing.
-    pub(super) fn loss(&self) -> Loss {
+    /// Probability that the local grid has lost so far; a point has lost nothing.
+    pub(super) fn loss(&self) -> f64 {
         if self.grid.is_point() {
-            return Loss::default();
-        }
-        Loss {
-            spread: ROUNDING + self.grid.step_error(),
-            tail: self.grid.defect(),
+            0.0
+        } else {
+            ROUNDING + self.grid.defect()
         }
     }
 
