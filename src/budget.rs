@@ -22,8 +22,12 @@ pub(crate) mod timing {
     pub(crate) const SOLVE: f64 = 0.1e-6;
     /// An LU or a solve with a wide stencil over one with a stencil of five points.
     pub(crate) const WIDE: f64 = 10.0;
-    /// To trace a flow map and find its stencils, a cell.
-    pub(crate) const MAP: f64 = 0.3e-6;
+    /// To trace a flow map and find its stencils, a cell: the motion of a law that is built in.
+    pub(crate) const MAP: f64 = 0.04e-6;
+    /// The same, of any other law.
+    pub(crate) const TRACED_MAP: f64 = 0.7e-6;
+    /// What a drive, or friction that is not constant, adds.
+    pub(crate) const SCALED_MAP: f64 = 0.4e-6;
     /// A pass of the exact motion and the exact noise, a cell.
     pub(crate) const PASS: f64 = 20e-9;
     /// An entry of a matrix of friction, noise and drive along v.
@@ -31,7 +35,9 @@ pub(crate) mod timing {
     /// The numbers of an output time, a cell.
     pub(crate) const LOOK: f64 = 60e-9;
     /// A step of a moving local grid, a node.
-    pub(crate) const FRAME_NODE: f64 = 0.8e-6;
+    pub(crate) const FRAME_NODE: f64 = 0.45e-6;
+    /// What it takes beside, in steps.
+    pub(crate) const FRAME_STEPS: f64 = 12.0;
     /// A step of the backward equation, a point of the boundary layer.
     pub(crate) const ABSORBED_POINT: f64 = 20e-9;
     /// The same, a node.

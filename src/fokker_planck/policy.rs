@@ -76,7 +76,7 @@ table! {
     // Error estimates.
     SAFETY = 3.0: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
         half of them.";
-    CARRIED = 0.2: "The difference before that, where the last one passes through zero: the same of it.";
+    CARRIED = 0.25: "The difference before that, where the last one passes through zero: the same of it.";
     FLOOR = 5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
     UNSEEN = 0.5: "The part of the splitting error that runs with about as many steps do not show.";

@@ -135,8 +135,11 @@ const SHARE: f64 = 0.1;
 /// An error over the last change.
 pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
 
+/// Two laws are no farther apart in L1: an error above is none of a law, and rounding spoils finer resolutions too.
+const FARTHEST: f64 = 2.0;
+
 impl Settled {
-    /// The law to an L1 error of its share of a tolerance, or as near as the finest resolution gets.
+    /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one.
     ///
     /// # Errors
     /// Those of [`Kept::new`].
@@ -146,27 +149,30 @@ impl Settled {
         late: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
         let mut resolution = FIRST;
-        let mut before = Kept::new(oscillator, resolution, late)?;
+        let mut coarser = Kept::new(oscillator, resolution, late)?;
         let mut best: Option<Self> = None;
         for _ in 1..MOST {
             resolution = resolution.finer(FINER, HIGHER);
-            // A law that is known is not lost to a finer one that rounding spoils.
-            let law = match (Kept::new(oscillator, resolution, late), best.take()) {
-                (Err(Error::Linear { .. } | Error::Unresolved { .. }), Some(best)) => {
-                    return Ok(best);
-                }
-                (law, _) => law?,
+            let law = match Kept::new(oscillator, resolution, late) {
+                Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
+                law => law?,
             };
-            let error = SAFETY * (law.distance(&before) + law.rounding);
-            let it = Self {
-                coarser: std::mem::replace(&mut before, law.clone()),
-                law,
-                error,
-            };
-            if error <= SHARE * tolerance {
-                return Ok(it);
+            let error = SAFETY * (law.distance(&coarser) + law.rounding);
+            let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
+            if error > FARTHEST && best.is_some() {
+                break;
             }
-            best = Some(it);
+            let coarser = std::mem::replace(&mut coarser, law.clone());
+            if error < known {
+                best = Some(Self {
+                    law,
+                    coarser,
+                    error,
+                });
+            }
+            if error <= SHARE * tolerance {
+                break;
+            }
         }
         best.ok_or_else(|| heavy(oscillator, "at no resolution"))
     }

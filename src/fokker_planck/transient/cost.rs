@@ -3,6 +3,7 @@
 use super::propagator::{self, CHUNK};
 use super::recipe::{RUNGS, Recipe, Rung, Scheme};
 use super::start_up;
+use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::flow_map::{HELD, Settings};
@@ -27,14 +28,26 @@ pub(super) fn foreseen(
     let until = times.last().copied().unwrap_or(0.0);
     let rung = |r| recipe.rung(oscillator, initial, until, r);
     let cost = |rung: &Rung| run(rung, oscillator, initial, times, max_memory);
-    let last = cost(&rung(recipe.expected)?)?;
-    // The rungs before it, and the one that is run with half the step of the scene too.
-    let mut seconds = last.seconds / (1.0 - LADDER_RATIO.get().powi(-3));
+    let first = (RUNGS - 1) as f64;
+    let mut end = rung(recipe.expected)?;
+    // A local grid is within any tolerance with the fewest rungs, or nearly so.
+    let alone =
+        start_up::cost(&end, oscillator, initial, until).is_some_and(|it| it.alone.is_some());
+    if alone && !recipe.layout.is_given() {
+        end = rung(first)?;
+    }
+    let last = cost(&end)?;
+    // With the rungs before it, and the one that is run with half the step of the scene too.
+    let mut seconds = if alone {
+        last.seconds * RUNGS as f64
+    } else {
+        last.seconds / (1.0 - LADDER_RATIO.get().powi(-3))
+    };
     if recipe.step.is_some() {
         let shown = if recipe.layout.is_given() {
             recipe.expected
         } else {
-            (RUNGS - 1) as f64
+            first
         };
         seconds += cost(&rung(shown)?.halved())?.seconds;
     }
@@ -76,6 +89,19 @@ const STAGES_BESIDE: f64 = 12.0;
 /// as a deviation lives.
 const PERIODS: f64 = 60.0;
 
+/// To build a map, a cell.
+fn map_seconds(rung: &Rung, oscillator: &Oscillator) -> f64 {
+    let traced = match oscillator.contact() {
+        ContactLaw::Custom(_) => timing::TRACED_MAP,
+        _ => timing::MAP,
+    };
+    if rung.forcing.is_some() || !oscillator.is_viscous() {
+        traced + timing::SCALED_MAP
+    } else {
+        traced
+    }
+}
+
 /// The cost of one run for the law that lasts.
 fn lasting(rung: &Rung, oscillator: &Oscillator, period: f64, times: &[f64]) -> Result<Cost> {
     let cells = rung.layout.count(oscillator, 1.0)?;
@@ -86,7 +112,8 @@ fn lasting(rung: &Rung, oscillator: &Oscillator, period: f64, times: &[f64]) -> 
     let [each, rest] = Settings::bytes();
     let entries = timing::FORCED_ENTRY * cells[1] as f64 / cells[0] as f64;
     let passing = timing::PASS * (PERIODS * passes + phase_passes);
-    let building = timing::MAP * (maps + phase_maps) + entries * (passes + phase_passes);
+    let building =
+        map_seconds(rung, oscillator) * (maps + phase_maps) + entries * (passes + phase_passes);
     // Vectors, their products, and the numbers at each phase.
     let beside = timing::STAGE * PERIODS * PERIODS / 4.0 + timing::LOOK * times.len() as f64;
     Ok(Cost {
@@ -161,7 +188,10 @@ pub(super) fn run(
                 bytes += 8.0 * side * side * passes.min(CHUNK);
                 pass += timing::FORCED_ENTRY * side / cells[0] as f64;
             }
-            (steps, n * (timing::MAP * maps + pass * passes))
+            (
+                steps,
+                n * (map_seconds(rung, oscillator) * maps + pass * passes),
+            )
         }
         Scheme::Volumes(time) => {
             let generator = Generator::new(oscillator, &rung.mesh(oscillator)?, rung.drift())?;

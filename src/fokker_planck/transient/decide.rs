@@ -228,9 +228,9 @@ impl Question<'_> {
     }
 
     /// The rung at which the tolerance is expected, or that of the scene's cells.
-    fn last_rung(&self, layout: &Layout) -> Result<f64> {
+    pub(super) fn last_rung(&self, layout: &Layout) -> Result<f64> {
         let Cells::Given(cells) = layout.cells else {
-            return Ok(expected(self.settings.tolerance));
+            return Ok(expected(self.oscillator, self.settings.tolerance));
         };
         let open = Layout {
             cells: Cells::Widths(self.widths()),

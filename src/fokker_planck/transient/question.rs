@@ -24,11 +24,13 @@ pub(super) const KNOWN: f64 = 2.0;
 /// moving local grid carries it first.
 const HELD: f64 = 1.0;
 
-/// The rung expected for a tolerance.
-pub(super) fn expected(tolerance: f64) -> f64 {
-    (2.5 + 1.5 * (1e-2 / tolerance).log10())
+/// The rung expected for a tolerance: the median over the scenes of the calibration, which need two more or fewer each. What
+/// friction that is not constant splits falls slowest.
+pub(super) fn expected(oscillator: &Oscillator, tolerance: f64) -> f64 {
+    let decade = if oscillator.is_viscous() { 1.5 } else { 2.7 };
+    (2.2 + decade * (1e-2 / tolerance).log10())
         .round()
-        .clamp(2.0, 9.0)
+        .clamp(2.0, 10.0)
 }
 
 /// What is asked of a transient.
@@ -90,9 +92,7 @@ impl Question<'_> {
             ..
         } = *self;
         let drift = self.drift();
-        let neglected = settings
-            .neglected
-            .unwrap_or_else(|| Rung::neglected(expected(settings.tolerance)));
+        let neglected = self.neglected()?;
         let forcing = self.forcing.map(|it| &**it);
         let thermal = self.deviations();
         let laid_out = |domain: Domain, widths: [f64; 2]| Layout {
@@ -155,6 +155,31 @@ impl Question<'_> {
             }
             _ => (laid_out(domain, thermal), first_grid),
         })
+    }
+
+    /// Probability that the domain leaves out: that of the rung expected, or of the one whose cells the scene gives.
+    fn neglected(&self) -> Result<f64> {
+        let settings = self.settings;
+        if let Some(neglected) = settings.neglected {
+            return Ok(neglected);
+        }
+        let expected = Rung::neglected(expected(self.oscillator, settings.tolerance));
+        if settings.cells.is_none() {
+            return Ok(expected);
+        }
+        let forced = (self.oscillator, self.forcing.map(|it| &**it));
+        let layout = Layout {
+            domain: recipe::domain(
+                forced,
+                self.initial,
+                self.until(),
+                FirstGrid::Mesh,
+                expected,
+            )?,
+            cells: Cells::of(settings, self.deviations()),
+            drift: self.drift(),
+        };
+        Ok(Rung::neglected(self.last_rung(&layout)?))
     }
 
     /// A moving local grid for an initial condition that strong friction brings in from far beyond the stationary law.

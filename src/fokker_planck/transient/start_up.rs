@@ -143,7 +143,7 @@ pub(super) fn cost(
     let time = if alone { until } else { wide };
     let steps = time / fineness.step;
     Some(Bill {
-        seconds: timing::FRAME_NODE * side * side * steps,
+        seconds: timing::FRAME_NODE * side * side * (steps + timing::FRAME_STEPS),
         steps,
         until: time,
         alone: alone.then_some(side as usize),
