@@ -100,6 +100,11 @@ impl Damping {
         matches!(self, Self::Viscous)
     }
 
+    /// Whether the stationary law is a function of the energy, known in closed form.
+    pub(crate) fn has_closed_form(&self) -> bool {
+        matches!(self, Self::Viscous | Self::Energy(_))
+    }
+
     /// Refuses a rate that would be negative under this contact.
     pub(crate) fn suits(&self, contact: &ContactLaw) -> Result<()> {
         const ROUNDING: f64 = 1e-9;

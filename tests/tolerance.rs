@@ -97,6 +97,22 @@ fn cells_and_steps_of_the_user_are_not_refined_and_the_error_estimate_says_what_
 }
 
 #[test]
+fn a_number_that_the_first_runs_do_not_know_ends_no_ladder() {
+    // The density lives in flight at first: the force has no width there, nor a skewness.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.005, 0.3).unwrap();
+    let thrown = Initial::gaussian([0.0, 9.71], [2.0, 2.9]).unwrap();
+    let it = transient(&it, &thrown, &[60.0], &[], &Settings::default(), &|_| ()).unwrap();
+    assert!(it.shortfall.is_none(), "{:?}", it.shortfall);
+    let mean = it.moments[0].mean_q;
+    println!(
+        "{:?}: E[q] {} +- {:.1e}",
+        it.method.cells, mean.value, mean.error
+    );
+    // From 1258 x 502 cells.
+    assert!((mean.value + 49.7481).abs() <= mean.error + 3e-3);
+}
+
+#[test]
 fn a_limit_of_memory_ends_refinement_with_its_name_and_the_best_so_far() {
     let (oscillator, start) = scene_a();
     let free = Settings {

@@ -139,6 +139,12 @@ pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
 const FARTHEST: f64 = 2.0;
 
 impl Settled {
+    /// Bytes and operations of the two resolutions that most laws take.
+    pub(in crate::fokker_planck) fn work() -> (u64, f64) {
+        let [first, second] = [FIRST, FIRST.finer(FINER, HIGHER)].map(work);
+        (second.0, first.1 + second.1)
+    }
+
     /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one.
     ///
     /// # Errors

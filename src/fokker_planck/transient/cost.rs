@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::flow_map::{HELD, Settings};
 use crate::fokker_planck::generator::Generator;
+use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::policy::{LADDER_RATIO, REFINED, SETTLED};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
@@ -51,8 +52,16 @@ pub(super) fn foreseen(
         };
         seconds += cost(&rung(shown)?.halved())?.seconds;
     }
+    let seconds = budget::on_threads(last.cells, seconds);
+    // The stationary law that distances are taken to.
+    let (bytes, operations) = if oscillator.damping().has_closed_form() {
+        (0, 0.0)
+    } else {
+        Settled::work()
+    };
     Ok(Cost {
-        seconds: budget::on_threads(last.cells, seconds),
+        memory: last.memory.max(bytes),
+        seconds: seconds + timing::OPERATION * operations,
         ..last
     })
 }

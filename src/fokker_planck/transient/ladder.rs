@@ -211,7 +211,9 @@ impl Question for Ladder<'_> {
         if self.stalled() {
             return stop("finer meshes change it no more", recipe.step.is_none());
         }
-        let more = (ratio.ln() / -BEST_FALL.get().ln()).max(0.0).floor();
+        // An error that is not known foresees nothing.
+        let known = if ratio.is_finite() { ratio } else { 1.0 };
+        let more = (known.ln() / -BEST_FALL.get().ln()).max(0.0).floor();
         Ok(Next::Run {
             now: self.work((r, halved))?,
             then: Some(self.work((r + more, false))?),

@@ -3,7 +3,6 @@
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
 use super::start_up::StartUp;
-use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
@@ -95,10 +94,7 @@ pub(super) struct Task<'a> {
 impl Task<'_> {
     /// Whether there is a stationary law, and it is known.
     pub(super) fn knows_law(&self) -> bool {
-        let closed = matches!(
-            self.oscillator.damping(),
-            Damping::Viscous | Damping::Energy(_)
-        );
+        let closed = self.oscillator.damping().has_closed_form();
         self.oscillator.contact().is_confining() && (closed || self.law.is_some())
     }
 }

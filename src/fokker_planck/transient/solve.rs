@@ -7,7 +7,6 @@ use super::propagator;
 use super::recipe::{Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
-use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work};
@@ -146,8 +145,7 @@ impl Recipe {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
         let late = || limits.in_time(|| "the stationary law was not found".into());
-        let displacement = !matches!(oscillator.damping(), Damping::Energy(_));
-        let law = if oscillator.is_viscous() || !displacement {
+        let law = if oscillator.damping().has_closed_form() {
             None
         } else {
             match Settled::within(oscillator, self.tolerance, &late) {
