@@ -186,12 +186,13 @@ fn the_periodic_law_of_a_linear_oscillator_is_gaussian_about_its_response() {
     );
     assert!(got.shortfall.is_none() && worst[0] < 2e-6 && worst[1] < 1.0);
 
-    // Steps of a ninetieth of a period on a domain that leaves 1e-9 out: what remains is the splitting's.
+    // Steps of a ninetieth of a period on a domain that leaves 1e-10 out: what remains is the splitting's.
     let it = Oscillator::new(ContactLaw::Linear, 0.005, 0.002).unwrap();
     let excitation = driven(0.02, 0.95, 0.4);
     let asked = Settings {
         cells: Some([80, 80]),
         step: Some(0.07),
+        neglected: Some(1e-10),
         ..settings(&excitation, 1e-9)
     };
     let got = periodic(&it, 4, &asked, &|_| ()).unwrap();

@@ -64,7 +64,7 @@ fn every_built_in_transient_has_its_recipe() {
             [124, 84],
             100,
         ),
-        ("free-fall", MAP, MovingForGood, [38, 38], 4),
+        ("free-fall", MAP, MovingForGood, [28, 28], 3),
     ];
     let mut others = Vec::new();
     for (name, method, grid, cells, steps) in recipes {
