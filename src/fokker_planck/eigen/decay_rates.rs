@@ -71,9 +71,7 @@ pub struct DecayRates {
 /// resolutions, whose shifts are chosen, begin with half as many.
 const KRYLOV: usize = 50;
 
-/// Growth of elements and functions from one resolution to the next, and of the energy, in T, at which the
-/// domain ends.
-const FINER: f64 = 1.4;
+/// Growth of the energy, in T, at which the domain ends.
 const HIGHER: f64 = 4.0;
 
 /// A continuous spectrum this many times faster than the slowest mode leaves room for a real one.
@@ -210,7 +208,7 @@ impl Eigenvalues {
 /// The coarsest resolution.
 fn first(settings: &Settings) -> Resolution {
     let coarse = |n: usize, of: usize| {
-        let n = n as f64 / of as f64 / FINER.powi(2);
+        let n = n as f64 / of as f64 / Resolution::FINER.powi(2);
         (n.round() as usize).max(2)
     };
     let [elements, pairs] = match settings.cells {
@@ -226,5 +224,5 @@ fn first(settings: &Settings) -> Resolution {
 }
 
 fn finer(it: Resolution) -> Resolution {
-    it.finer(FINER, HIGHER)
+    it.finer(Resolution::FINER, HIGHER)
 }

@@ -82,8 +82,7 @@ pub(crate) struct StationaryState {
     pub(crate) cost: Cost,
 }
 
-/// Growth of elements and functions from one resolution to the next, and of the energy, in T, at which the domain ends.
-const FINER: f64 = 1.4;
+/// Growth of the energy, in T, at which the domain ends.
 const HIGHER: f64 = 4.0;
 
 /// Energy at which the first domain ends, in T of the reference law.
@@ -123,7 +122,7 @@ impl StationaryState {
             .damping()
             .depends_on_displacement("the stationary law")?;
         let coarse = |n: usize, of: usize| {
-            let n = n as f64 / of as f64 / FINER.powi(2);
+            let n = n as f64 / of as f64 / Resolution::FINER.powi(2);
             (n.round() as usize).max(2)
         };
         let [elements, pairs] = match settings.cells {
@@ -157,7 +156,7 @@ impl StationaryState {
                                     form under this damping";
 
     fn resolution(&self, level: usize) -> Resolution {
-        (0..level).fold(self.first, |it, _| it.finer(FINER, HIGHER))
+        (0..level).fold(self.first, |it, _| it.finer(Resolution::FINER, HIGHER))
     }
 
     fn work(&self, level: usize) -> Work {

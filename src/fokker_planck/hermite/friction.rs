@@ -125,7 +125,6 @@ const FIRST: Resolution = Resolution {
     pairs: 14,
     level: 18.0,
 };
-const FINER: f64 = 1.4;
 const HIGHER: f64 = 3.0;
 const MOST: usize = 6;
 
@@ -141,7 +140,7 @@ const FARTHEST: f64 = 2.0;
 impl Settled {
     /// Bytes and operations of the two resolutions that most laws take.
     pub(in crate::fokker_planck) fn work() -> (u64, f64) {
-        let [first, second] = [FIRST, FIRST.finer(FINER, HIGHER)].map(work);
+        let [first, second] = [FIRST, FIRST.finer(Resolution::FINER, HIGHER)].map(work);
         (second.0, first.1 + second.1)
     }
 
@@ -158,7 +157,7 @@ impl Settled {
         let mut coarser = Kept::new(oscillator, resolution, late)?;
         let mut best: Option<Self> = None;
         for _ in 1..MOST {
-            resolution = resolution.finer(FINER, HIGHER);
+            resolution = resolution.finer(Resolution::FINER, HIGHER);
             let law = match Kept::new(oscillator, resolution, late) {
                 Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
                 law => law?,

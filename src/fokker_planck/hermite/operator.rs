@@ -33,6 +33,9 @@ pub(in crate::fokker_planck) struct Resolution {
 }
 
 impl Resolution {
+    /// Growth of elements and functions from one resolution to the next.
+    pub(in crate::fokker_planck) const FINER: f64 = 1.4;
+
     /// Of so many times the elements and functions, in a domain `higher` by so many T.
     pub(in crate::fokker_planck) fn finer(self, times: f64, higher: f64) -> Self {
         let more = |n: usize| (n as f64 * times).round() as usize;

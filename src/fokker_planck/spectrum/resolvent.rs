@@ -22,8 +22,7 @@ const ROUGH: f64 = 0.1;
 /// Frequencies solved for at most on one mesh.
 const SOLVES: usize = 160;
 
-/// Growth of the resolution from one round to the next, and of the energy, in T, at which the domain ends.
-const FINER: f64 = 1.4;
+/// Growth of the energy, in T, at which the domain ends, from one round to the next.
 const HIGHER: f64 = 1.5;
 
 /// Unknowns in q beyond which blocks no longer fit a reasonable time.
@@ -89,7 +88,7 @@ impl Resolvent {
             _ => 5.0 + 4.0 * until.min(20.0),
         };
         let rounds = settings.cells.map_or(rounds, |_| 1.0);
-        let finest = first.finer(FINER.powf(rounds), HIGHER * rounds);
+        let finest = first.finer(Resolution::FINER.powf(rounds), HIGHER * rounds);
         let local = !oscillator.is_viscous();
         let Work { seconds, memory } = work(finest, solves, local);
         Self {
@@ -317,8 +316,8 @@ fn first(settings: &Settings) -> Resolution {
     let level = 18.0;
     match settings.cells {
         Some([q, v]) => Resolution {
-            elements: ((q as f64 / DEGREE as f64 / FINER).round() as usize).max(2),
-            pairs: ((v as f64 / 2.0 / FINER).round() as usize).max(2),
+            elements: ((q as f64 / DEGREE as f64 / Resolution::FINER).round() as usize).max(2),
+            pairs: ((v as f64 / 2.0 / Resolution::FINER).round() as usize).max(2),
             level,
         },
         None => Resolution {
@@ -330,7 +329,7 @@ fn first(settings: &Settings) -> Resolution {
 }
 
 fn finer(it: Resolution) -> Resolution {
-    it.finer(FINER, HIGHER)
+    it.finer(Resolution::FINER, HIGHER)
 }
 
 /// Reach of an error: where the answer changes, it is as uncertain within this distance, half the frequency of small
