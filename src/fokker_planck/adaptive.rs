@@ -68,7 +68,7 @@ impl Stop {
     }
 }
 
-/// A first run foreseen to take so many times what is left is not begun: what is foreseen is within three of what it
+/// A first run foreseen to take so many times what is left is not begun: what is foreseen is within ten of what it
 /// takes, but for a few. Later ones are measured by the run before.
 const MAX_FORESEEN_OVERRUN: f64 = 10.0;
 

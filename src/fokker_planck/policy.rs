@@ -91,8 +91,7 @@ table! {
         of h t^3, so its velocity by h t^4 = 2e-7 h.";
     LOCAL_CELL = 0.4: "Cells of a local grid in its deviations at a tolerance of 1e-3.";
     LOCAL_STEP = 0.57: "Steps of a local grid at a tolerance of 1e-3.";
-    LOCAL_STEP_FRICTION = 0.25: "The same under friction that is not constant: what its splitting leaves is known from the \
-        difference of two rungs alone.";
+    LOCAL_STEP_FRICTION = 0.25: "The same under friction that is not constant, which splits to a lower order.";
     LOCAL_STEP_DAMPING = 6e-3: "Fourth power of a step under strong damping times zeta^3, over the tolerance: a variance errs by 1.1e-2 zeta^3 tau^4 (from \
         rest, linear law, zeta = 0.2 to 5).";
     LOCAL_REACH = 2.5: "Deviations of a local grid's square beyond a Gaussian's: for tails that are not Gaussian and for the \

@@ -134,7 +134,7 @@ const SHARE: f64 = 0.1;
 /// An error over the last change.
 pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
 
-/// Two laws are no farther apart in L1: an error above is none of a law, and rounding spoils finer resolutions too.
+/// Two laws are no farther apart in L1: where the error comes out larger, rounding spoils this resolution and finer ones.
 const FARTHEST: f64 = 2.0;
 
 impl Settled {
@@ -179,7 +179,7 @@ impl Settled {
                 break;
             }
         }
-        best.ok_or_else(|| heavy(oscillator, "at no resolution"))
+        best.ok_or_else(|| heavy(oscillator, "and no two resolutions agree"))
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a transient is computed with: the settings of the scene, and the method, scheme and step where they leave it open.
 
 use super::cost;
-use super::question::{KNOWN, Question, expected};
+use super::question::{KNOWN, Question};
 use super::recipe::{self, FirstGrid, Recipe, Rung, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
@@ -105,7 +105,7 @@ impl Question<'_> {
             first_grid,
             forcing: self.forcing.cloned(),
             period: self.period,
-            expected: self.last_rung(&layout)?,
+            expected: self.rung_of(&layout, self.widths())?,
             layout,
             neglected: self.settings.neglected,
             step: self.settings.step,
@@ -227,13 +227,14 @@ impl Question<'_> {
         self.costed(recipe, format!("{why_drift}; {why_time}"))
     }
 
-    /// The rung at which the tolerance is expected, or that of the scene's cells.
-    pub(super) fn last_rung(&self, layout: &Layout) -> Result<f64> {
+    /// The rung that has as many cells as the scene gives, or else the one at which the tolerance is expected; on rung 0 and
+    /// up cells are fractions of these widths.
+    pub(super) fn rung_of(&self, layout: &Layout, widths: [f64; 2]) -> Result<f64> {
         let Cells::Given(cells) = layout.cells else {
-            return Ok(expected(self.oscillator, self.settings.tolerance));
+            return Ok(self.expected());
         };
         let open = Layout {
-            cells: Cells::Widths(self.widths()),
+            cells: Cells::Widths(widths),
             ..*layout
         };
         let single = open.count(self.oscillator, 1.0)?;

@@ -172,7 +172,8 @@ impl<'a> Ladder<'a> {
         let (before, last) = self
             .ratios
             .split_at(self.ratios.len().saturating_sub(RUNGS));
-        !before.is_empty() && least(last) > STALLED.get() * least(before)
+        let falls = least(last) < STALLED.get() * least(before);
+        !before.is_empty() && !falls
     }
 }
 
@@ -211,8 +212,12 @@ impl Question for Ladder<'_> {
         if self.stalled() {
             return stop("finer meshes change it no more", recipe.step.is_none());
         }
-        // An error that is not known foresees nothing.
-        let known = if ratio.is_finite() { ratio } else { 1.0 };
+        // An error beyond the number's own scale, or one that is not known, foresees nothing.
+        let known = if ratio * recipe.tolerance < 1.0 {
+            ratio
+        } else {
+            1.0
+        };
         let more = (known.ln() / -BEST_FALL.get().ln()).max(0.0).floor();
         Ok(Next::Run {
             now: self.work((r, halved))?,

@@ -24,15 +24,6 @@ pub(super) const KNOWN: f64 = 2.0;
 /// moving local grid carries it first.
 const HELD: f64 = 1.0;
 
-/// The rung expected for a tolerance: the median over the scenes of the calibration, which need two more or fewer each. What
-/// friction that is not constant splits falls slowest.
-pub(super) fn expected(oscillator: &Oscillator, tolerance: f64) -> f64 {
-    let decade = if oscillator.is_viscous() { 1.5 } else { 2.7 };
-    (2.2 + decade * (1e-2 / tolerance).log10())
-        .round()
-        .clamp(2.0, 10.0)
-}
-
 /// What is asked of a transient.
 #[derive(Clone, Copy)]
 pub(super) struct Question<'a> {
@@ -157,13 +148,27 @@ impl Question<'_> {
         })
     }
 
+    /// The rung expected for the tolerance: the median over the scenes of the calibration, which need two more or fewer each.
+    /// What the flow map splits of friction that is not constant falls slowest.
+    pub(super) fn expected(&self) -> f64 {
+        let it = self.settings;
+        let volumes = it.method == Some(TransientMethod::FiniteVolume)
+            || it.drift.is_some()
+            || it.time.is_some();
+        let splits = !self.oscillator.damping().has_closed_form() && !volumes;
+        let decade = if splits { 2.7 } else { 1.5 };
+        (2.2 + decade * (1e-2 / it.tolerance).log10())
+            .round()
+            .clamp(2.0, 10.0)
+    }
+
     /// Probability that the domain leaves out: that of the rung expected, or of the one whose cells the scene gives.
     fn neglected(&self) -> Result<f64> {
         let settings = self.settings;
         if let Some(neglected) = settings.neglected {
             return Ok(neglected);
         }
-        let expected = Rung::neglected(expected(self.oscillator, settings.tolerance));
+        let expected = Rung::neglected(self.expected());
         if settings.cells.is_none() {
             return Ok(expected);
         }
@@ -179,7 +184,9 @@ impl Question<'_> {
             cells: Cells::of(settings, self.deviations()),
             drift: self.drift(),
         };
-        Ok(Rung::neglected(self.last_rung(&layout)?))
+        // A narrow initial condition has a local grid of its own, if these cells do not hold it.
+        let rung = self.rung_of(&layout, self.deviations())?;
+        Ok(Rung::neglected(rung))
     }
 
     /// A moving local grid for an initial condition that strong friction brings in from far beyond the stationary law.

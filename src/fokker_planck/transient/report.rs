@@ -160,8 +160,9 @@ impl Task<'_> {
         mut warnings: Vec<String>,
     ) -> Transient {
         // Under a forcing no law is stationary, and densities are taken against another.
-        let known = self.knows_law() && self.recipe.forcing.is_none();
-        if self.oscillator.contact().is_confining() && !self.knows_law() {
+        let stationary = self.recipe.forcing.is_none();
+        let known = self.knows_law() && stationary;
+        if stationary && self.oscillator.contact().is_confining() && !self.knows_law() {
             let damping = self.oscillator.damping().name();
             warnings.push(format!(
                 "the stationary law under \"{damping}\" damping was not found: there are no distances to it"

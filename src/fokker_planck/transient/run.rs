@@ -37,7 +37,8 @@ pub(super) struct Output {
     pub(super) snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a local grid not counted.
     pub(super) steps: u64,
-    /// Probability that a concentrated initial condition has lost so far, or that a periodic law leaves open.
+    /// Probability that the local grid of a concentrated initial condition has lost so far, that a solved initial law may be
+    /// off, or that a periodic law leaves open; and rounding.
     pub(super) lost: f64,
     /// Whether a local grid in its own frame said it, not a density in the truncated domain.
     pub(super) framed: bool,

@@ -151,7 +151,7 @@ impl Recipe {
             match Settled::within(oscillator, self.tolerance, &late) {
                 // Only what begins in that law cannot do without.
                 Err(Error::Unresolved { .. } | Error::Linear { .. })
-                    if *initial != Initial::Stationary =>
+                    if *initial != Initial::Stationary || self.period.is_some() =>
                 {
                     None
                 }

@@ -72,15 +72,14 @@ pub(super) struct Look {
 const ROUNDING: f64 = 1e-9;
 
 /// Cells, reach and step of a local grid for a tolerance. Measured for the Hertz law from rest and from
-/// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Where the
-/// damping is strong steps err by [`STRONG_DAMPING_ERROR`] zeta^3 tau^4, and get a five-thousandth of the tolerance:
-/// they are few, and two runs share the error.
+/// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Under strong
+/// damping [`LOCAL_STEP_DAMPING`] bounds the step.
 fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let tolerance = rung.tolerance;
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
-    // What the splitting of friction that is not constant leaves is known from the difference of two rungs alone: each has
-    // steps of its own.
+    // What a step leaves is known from the differences of rungs alone: each has steps of its own, unless output times cut
+    // them shorter.
     let (weak, beside) = if oscillator.is_viscous() {
         (LOCAL_STEP.get() * relative.powf(1.0 / 6.0), 1.5)
     } else {
