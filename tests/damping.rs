@@ -206,9 +206,6 @@ fn transients_of_both_methods_agree_with_paths() {
     }
 }
 
-/// A damping in the energy with the integral of its factor: the law is exp(-(2 zeta/(pi h)) integral).
-type Caughey = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
-
 #[test]
 fn a_law_that_finer_resolutions_spoil_is_as_good_as_the_best_of_them() {
     // Long flights: from the third resolution on rounding is all there is.
@@ -221,6 +218,9 @@ fn a_law_that_finer_resolutions_spoil_is_as_good_as_the_best_of_them() {
     assert!(distance.value > 0.0 && distance.value < 2.0);
     assert!(distance.error < 0.1);
 }
+
+/// A damping in the energy with the integral of its factor: the law is exp(-(2 zeta/(pi h)) integral).
+type Caughey = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
 
 #[test]
 fn finite_volumes_find_caughey_s_law_and_its_limit_cycle() {

@@ -63,7 +63,7 @@ impl Question<'_> {
         layout::deviations(forcing.noise()).map(|it| it * forcing.narrowing())
     }
 
-    /// Widths of cells in q and v, one a deviation of the stationary law or [`INITIAL_CELLS.get()`] of one of the initial condition.
+    /// Widths of cells in q and v, one a deviation of the stationary law or one over [`INITIAL_CELLS`] of the initial condition.
     pub(super) fn widths(&self) -> [f64; 2] {
         let thermal = self.deviations();
         match *self.initial {
