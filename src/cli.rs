@@ -1,143 +1,29 @@
 //! The program `vibroimpact`: reads the command line and the scene, plans, runs, reports. The only file of the library
 //! that prints. The laboratory (src/bin/lab) is a program of its own made of the same parts.
 
+mod arguments;
 mod progress;
+mod source;
+mod stop;
 
 pub use progress::progress;
+pub use stop::{Outcome, Stop};
 
 use crate::error::{Error, Result};
-use crate::map::{self, Axis, Map, MapError};
+use crate::map::{self, Axis, Map};
 use crate::plan::Plan;
 use crate::report::folder::{Existing, Folder};
 use crate::report::{self, terminal};
-use crate::scene::text::{BUILT_IN, SceneError, SceneText, built_in, nearest};
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use crate::scene::text::{BUILT_IN, built_in};
+use arguments::{Cli, Command, MapOptions, RunOptions};
+use clap::{Args, CommandFactory, Parser};
 use progress::{MapWatch, Observer, bar};
 use signal_hook::consts::SIGINT;
+use source::{named, no_such_scene, read};
 use std::ffi::OsString;
-use std::io::{self, IsTerminal, Read, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-
-/// Random vibration of a preloaded Hertzian contact that now and then loses contact: stationary law in closed form,
-/// transients, spectra and first passage from the Fokker-Planck equation, Monte Carlo; every number with its error.
-///
-/// Without a command it runs the default scene; `vibroimpact my.toml` is `vibroimpact run my.toml`.
-#[derive(Parser)]
-#[command(
-    name = "vibroimpact",
-    version,
-    args_conflicts_with_subcommands = true,
-    after_help = "First steps: vibroimpact scenes displaced > my.toml; vibroimpact plan my.toml; vibroimpact run my.toml --open"
-)]
-struct Cli {
-    #[command(subcommand)]
-    command: Option<Command>,
-    #[command(flatten)]
-    options: RunOptions,
-}
-
-#[derive(Subcommand)]
-enum Command {
-    /// Run a scene: a table here; numbers with their errors, pictures and a page in a folder
-    Run {
-        #[command(flatten)]
-        scene: SceneChoice,
-        #[command(flatten)]
-        options: RunOptions,
-    },
-    /// Print methods, cells, time steps, memory and expected time of a run; computes nothing
-    Plan {
-        #[command(flatten)]
-        scene: SceneChoice,
-        /// Override a key of the scene, as oscillator.h=0.01
-        #[arg(long = "set", value_name = "KEY=VALUE")]
-        set: Vec<String>,
-    },
-    /// Run a scene at every point of a grid, or a part of it; one started again does what is missing
-    Map {
-        #[command(flatten)]
-        scene: SceneChoice,
-        #[command(flatten)]
-        options: MapOptions,
-    },
-    /// Join the parts of a map: table, arrays, pictures, a page; lists what is missing
-    Collect {
-        /// The folder of the map
-        dir: PathBuf,
-        /// A number to draw, as stationary.contact_loss_probability=0.01 with a line at a level
-        #[arg(long, value_name = "NUMBER[=LEVEL]")]
-        draw: Vec<String>,
-        /// Print nothing but errors
-        #[arg(long, short)]
-        quiet: bool,
-    },
-    /// List the built-in scenes, or print one as TOML to start from
-    Scenes {
-        /// A built-in scene
-        name: Option<String>,
-    },
-    /// Print completions for a shell, as `vibroimpact completions bash > ~/.local/share/bash-completion/completions/vibroimpact`
-    Completions {
-        /// The shell
-        shell: clap_complete::Shell,
-    },
-    /// Print the manual page, as `vibroimpact manual > ~/.local/share/man/man1/vibroimpact.1`
-    Manual,
-}
-
-#[derive(Args)]
-struct SceneChoice {
-    /// A scene file in TOML, or the name of a built-in scene [default: the built-in "default"]
-    #[arg(value_name = "SCENE.toml")]
-    scene: Option<PathBuf>,
-}
-
-#[derive(Args, Default)]
-struct RunOptions {
-    #[command(flatten)]
-    output: Output,
-    /// Override a key of the scene, as oscillator.h=0.01
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Number of threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
-    /// Print nothing but errors
-    #[arg(long, short)]
-    quiet: bool,
-    /// Open the page of results when it is written
-    #[arg(long)]
-    open: bool,
-}
-
-#[derive(Args)]
-struct MapOptions {
-    /// An axis: a key and its values, KEY=log:a:b:n, lin:a:b:n or a list [x, y]; the first runs slowest
-    #[arg(long, value_name = "KEY=RANGE", required = true)]
-    over: Vec<String>,
-    /// Only part K of N, for engines that run parts side by side
-    #[arg(long, value_name = "K/N")]
-    part: Option<String>,
-    /// Folder of the map, one for all its parts
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Override a key of the scene, as oscillator.contact=bilinear
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Keep a curve of results.json in the lines, as spectrum or first_loss.survival
-    #[arg(long, value_name = "CURVE")]
-    keep: Vec<String>,
-    /// Compute points that failed again
-    #[arg(long)]
-    retry: bool,
-    /// Number of threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
-    /// Print nothing but errors
-    #[arg(long, short)]
-    quiet: bool,
-}
 
 /// Where results are written.
 #[derive(Args, Default)]
@@ -169,74 +55,6 @@ impl Output {
         Folder::open(&self.out.clone().unwrap_or_else(default), existing)
     }
 }
-
-/// Why the program ends early: what to print, and the exit status.
-pub struct Stop {
-    report: miette::Report,
-    status: u8,
-}
-
-impl Stop {
-    /// A message, its help if there is any, and the exit status.
-    pub fn new(status: u8, message: impl Into<String>, help: &str) -> Self {
-        let it = miette::MietteDiagnostic::new(message);
-        let it = if help.is_empty() {
-            it
-        } else {
-            it.with_help(help)
-        };
-        Self {
-            report: it.into(),
-            status,
-        }
-    }
-
-    /// A scene that is wrong.
-    fn scene(error: SceneError) -> Self {
-        Self {
-            report: miette::Report::new(error),
-            status: 2,
-        }
-    }
-}
-
-impl From<Error> for Stop {
-    fn from(error: Error) -> Self {
-        let status = status(&error);
-        match error {
-            Error::Invalid {
-                key,
-                value,
-                accepted,
-            } => {
-                let message = format!("{key} = {value} is not accepted");
-                Self::new(status, message, &format!("accepted: {accepted}"))
-            }
-            other => Self::new(status, other.to_string(), ""),
-        }
-    }
-}
-
-impl From<MapError> for Stop {
-    fn from(error: MapError) -> Self {
-        match error {
-            MapError::Scene(error) => Self::scene(error),
-            MapError::Other(error) => error.into(),
-        }
-    }
-}
-
-/// 2 for what the user can mend in scene or command line, 3 for a limit, 1 for the rest.
-fn status(error: &Error) -> u8 {
-    match error {
-        error if error.is_refusal() => 2,
-        Error::Limit { .. } | Error::Unresolved { .. } => 3,
-        _ => 1,
-    }
-}
-
-/// How a command ends: its exit status, 0, or 3 for a tolerance not reached; or why it ends early.
-pub type Outcome = std::result::Result<u8, Stop>;
 
 /// The program `vibroimpact` on a command line, its own name first; returns the exit status, which a process or an
 /// interpreter can end with.
@@ -347,70 +165,6 @@ fn command(cli: Cli) -> Outcome {
     }
 }
 
-fn no_such_scene(name: &str) -> Stop {
-    let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-    let guess = nearest(name, &names).map_or(String::new(), |it| format!("did you mean {it}? "));
-    let message = format!("there is no built-in scene {name:?}");
-    Stop::new(
-        2,
-        message,
-        &format!("{guess}accepted: {}", names.join(", ")),
-    )
-}
-
-/// The scene of the command line with its overrides.
-fn read(scene: Option<&Path>, set: &[String]) -> std::result::Result<SceneText, Stop> {
-    let (name, text) = named(scene)?;
-    SceneText::parse(&name, &text, set).map_err(Stop::scene)
-}
-
-/// Name and text of the scene of the command line.
-fn named(scene: Option<&Path>) -> std::result::Result<(String, String), Stop> {
-    let Some(path) = scene else {
-        let (name, text) = BUILT_IN[0];
-        return Ok((name.to_owned(), text.to_owned()));
-    };
-    let name = path.display().to_string();
-    if !path.exists()
-        && let Some(text) = built_in(&name)
-    {
-        return Ok((name, text.to_owned()));
-    }
-    let text = read_text(path)?;
-    Ok((name, text))
-}
-
-fn read_text(path: &Path) -> std::result::Result<String, Stop> {
-    /// Far above any scene, far below what hurts.
-    const MOST: u64 = 10_000_000;
-    let name = path.display();
-    let accepted = "accepted: a scene file in TOML, or a built-in scene (vibroimpact scenes)";
-    if path.is_dir() {
-        return Err(Stop::new(2, format!("{name} is a folder"), accepted));
-    }
-    let mut bytes = Vec::new();
-    let read = std::fs::File::open(path).and_then(|it| it.take(MOST + 1).read_to_end(&mut bytes));
-    if let Err(error) = read {
-        let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-        let guess = path.to_str().and_then(|it| nearest(it, &names));
-        let guess = guess.map_or(String::new(), |it| format!("; did you mean {it}?"));
-        return Err(Stop::new(
-            2,
-            format!("{name} cannot be read: {error}"),
-            &format!("{accepted}{guess}"),
-        ));
-    }
-    if bytes.len() as u64 > MOST {
-        let message = format!("{name} is too large for a scene");
-        return Err(Stop::new(2, message, "accepted: at most 10 MB of TOML"));
-    }
-    String::from_utf8(bytes).map_err(|error| {
-        let at = error.utf8_error().valid_up_to();
-        let message = format!("{name} is not UTF-8: byte {at} does not belong");
-        Stop::new(2, message, "accepted: TOML, which is UTF-8 text")
-    })
-}
-
 fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     if let Some(threads) = options.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
@@ -419,13 +173,7 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         }
     }
     let text = read(scene, &options.set)?;
-    let explain = |error: Error| {
-        let status = status(&error);
-        Stop {
-            report: miette::Report::new(text.explain(&error)),
-            status,
-        }
-    };
+    let explain = |error: Error| Stop::explained(&error, text.explain(&error));
     let plan = Plan::of(text.scene()).map_err(explain)?;
     let folder = options.output.folder(&text.scene().folder())?;
     let path = folder.path().to_owned();

@@ -1,8 +1,9 @@
 //! A plan is run: stage after stage, each within the time that is left.
 
+use super::Plan;
+use super::recipes::reached;
 use super::stage::{Part, Stage};
 use super::watch::{Nobody, Watch};
-use super::{Plan, reached};
 use crate::budget::Limits;
 use crate::budget::StopFlag;
 use crate::error::{Error, Result};

@@ -2,7 +2,6 @@
 //! (`local`), which is the law over the weights.
 
 use super::basis::{DEGREE, Element, LOCAL, POINTS};
-use super::local::times;
 use super::nested::Shape;
 use super::operator::{Hierarchy, Resolution};
 use crate::error::{Error, Result};
@@ -48,7 +47,7 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
 
 /// A law that Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
 /// height x falls as exp(-c sqrt(x)), and over weights that fall as exp(-H/T) that grows without bound.
-fn heavy(oscillator: &Oscillator, found: &str) -> Error {
+pub(super) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
     let damping = oscillator.damping().name();
     Error::Unresolved {
         what: format!(
@@ -107,133 +106,6 @@ pub(super) fn null(
         return Err(heavy(oscillator, &what));
     }
     Ok((x.into_iter().map(|x| x.re).collect(), change))
-}
-
-/// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
-#[derive(Debug, Clone)]
-pub(in crate::fokker_planck) struct Settled {
-    pub(in crate::fokker_planck) law: Kept,
-    pub(in crate::fokker_planck) coarser: Kept,
-    /// What it may be off, in L1.
-    pub(in crate::fokker_planck) error: f64,
-}
-
-/// The coarsest resolution of such a law, its growth from one to the next, and how many there are at most: the last has
-/// as many functions as ten seconds solve for.
-const FIRST: Resolution = Resolution {
-    elements: 6,
-    pairs: 14,
-    level: 18.0,
-};
-const HIGHER: f64 = 3.0;
-const MOST: usize = 6;
-
-/// Share of a tolerance that is left to the law.
-const SHARE: f64 = 0.1;
-
-/// An error over the last change.
-pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
-
-/// Two laws are no farther apart in L1: where the error comes out larger, rounding spoils this resolution and finer ones.
-const FARTHEST: f64 = 2.0;
-
-impl Settled {
-    /// Bytes and operations of the two resolutions that most laws take.
-    pub(in crate::fokker_planck) fn work() -> (u64, f64) {
-        let [first, second] = [FIRST, FIRST.finer(Resolution::FINER, HIGHER)].map(work);
-        (second.0, first.1 + second.1)
-    }
-
-    /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one.
-    ///
-    /// # Errors
-    /// Those of [`Kept::new`].
-    pub(in crate::fokker_planck) fn within(
-        oscillator: &Oscillator,
-        tolerance: f64,
-        late: &dyn Fn() -> Result<()>,
-    ) -> Result<Self> {
-        let mut resolution = FIRST;
-        let mut coarser = Kept::new(oscillator, resolution, late)?;
-        let mut best: Option<Self> = None;
-        for _ in 1..MOST {
-            resolution = resolution.finer(Resolution::FINER, HIGHER);
-            let law = match Kept::new(oscillator, resolution, late) {
-                Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
-                law => law?,
-            };
-            let error = SAFETY * (law.distance(&coarser) + law.rounding);
-            let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
-            if error > FARTHEST && best.is_some() {
-                break;
-            }
-            let coarser = std::mem::replace(&mut coarser, law.clone());
-            if error < known {
-                best = Some(Self {
-                    law,
-                    coarser,
-                    error,
-                });
-            }
-            if error <= SHARE * tolerance {
-                break;
-            }
-        }
-        best.ok_or_else(|| heavy(oscillator, "and no two resolutions agree"))
-    }
-}
-
-/// The other half of a bilinear form: where friction depends on the displacement v -> -v does not turn L into its
-/// transpose, and what is watched is weighed with the law that was solved for.
-pub(in crate::fokker_planck) struct Adjoint {
-    /// The forward operator.
-    pub(in crate::fokker_planck) operator: Hierarchy,
-    /// The deviation of the quantity from its mean times the law over the weights.
-    pub(in crate::fokker_planck) start: Vec<f64>,
-    /// The mean of the quantity.
-    pub(in crate::fokker_planck) mean: f64,
-}
-
-impl Adjoint {
-    /// That of an operator; None under viscous damping.
-    ///
-    /// # Errors
-    /// Those of the stationary law.
-    pub(in crate::fokker_planck) fn of(
-        oscillator: &Oscillator,
-        full: &Hierarchy,
-        quantity: Quantity,
-        late: &dyn Fn() -> Result<()>,
-    ) -> Result<Option<Self>> {
-        let Some(operator) = full.transposed() else {
-            return Ok(None);
-        };
-        let (law, _) = null(oscillator, full, late)?;
-        let (basis, k) = (&full.basis, full.pairs);
-        let product = |f: &dyn Fn(f64) -> f64| {
-            let mut state = times(basis, k, f, &law);
-            basis.project(&mut state[..full.even()], k);
-            state
-        };
-        let (all, mut start) = (
-            product(&|_| 1.0),
-            product(&|q| quantity.of(oscillator.contact(), q)),
-        );
-        let constant = |state: &[f64]| -> f64 {
-            let parts = state.iter().step_by(k).zip(&basis.one);
-            parts.map(|(x, one)| x * one).sum()
-        };
-        let mass = constant(&all);
-        let mean = constant(&start) / mass;
-        for (x, law) in start.iter_mut().zip(all) {
-            *x = (*x - mean * law) / mass;
-        }
-        Ok(Some(Self {
-            operator,
-            start,
-            mean,
-        }))
-    }
 }
 
 impl Kept {
@@ -354,7 +226,7 @@ impl Kept {
     }
 
     /// The L1 distance to another law, by quadrature over the elements of this one and equal steps of v.
-    fn distance(&self, other: &Self) -> f64 {
+    pub(super) fn distance(&self, other: &Self) -> f64 {
         const STEPS: i32 = 240;
         let fastest = 8.0 * self.temperature.sqrt();
         let step = 2.0 * fastest / f64::from(STEPS);

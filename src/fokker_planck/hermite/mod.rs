@@ -1,5 +1,6 @@
 //! The Fokker-Planck operator in Hermite functions of v and spectral elements of q, and its resolvent.
 
+mod adjoint;
 mod basis;
 mod condensed;
 mod factored;
@@ -7,8 +8,11 @@ mod friction;
 mod local;
 mod nested;
 mod operator;
+mod settled;
 
+pub(super) use adjoint::Adjoint;
 pub(super) use basis::DEGREE;
 pub(super) use factored::Factored;
-pub(super) use friction::{Adjoint, Column, Kept, REACH, SAFETY, Settled, work};
+pub(super) use friction::{Column, Kept, REACH, work};
 pub(super) use operator::{Hierarchy, Resolution};
+pub(super) use settled::{SAFETY, Settled};

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::gaussian::Gaussian;
+use crate::moments::Moments;
 
 fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> LocalGrid {
     let fineness = Fineness {

@@ -125,19 +125,20 @@ impl Question<'_> {
                 "in a law that leaves every domain a small mesh moves with the density for good";
             return self.costed(draft, reason.into());
         }
-        let asked = self.settings.drift.is_some() || self.settings.time.is_some();
-        let zeta = self.oscillator.zeta();
+        if !self.takes_flow_map() {
+            return self.by_volumes(draft);
+        }
+        if self.names_volumes() {
+            let accepted =
+                "\"finite_volume\" with method.drift or method.time: the flow map has neither";
+            return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
+        }
         let reason = match self.settings.method {
-            Some(TransientMethod::FlowMap) if asked => {
-                let accepted =
-                    "\"finite_volume\" with method.drift or method.time: the flow map has neither";
-                return Err(Error::invalid("method.transient", "\"flow_map\"", accepted));
-            }
-            Some(TransientMethod::FlowMap) => "the scene asks for it".to_string(),
-            None if !asked && zeta <= KNOWN => {
+            Some(_) => "the scene asks for it".to_string(),
+            None => {
+                let zeta = self.oscillator.zeta();
                 format!("zeta = {zeta} <= {KNOWN}: the exact motion takes long steps")
             }
-            Some(TransientMethod::FiniteVolume) | None => return self.by_volumes(draft),
         };
         self.check_step(&draft)?;
         let otherwise = self.otherwise(&draft)?;

@@ -38,12 +38,13 @@ const FAMILIES: [&[Moment]; 2] = [
     &[Moment::VarQ, Moment::VarV, Moment::CovQv],
 ];
 
-/// The differences of two runs.
-fn plain(a: &Run, b: &Run) -> Table {
-    let rows = a.outputs.iter().zip(&b.outputs);
+/// The differences of a run to the one before; a number that only the finer one knows differs by anything.
+fn plain(fine: &Run, coarse: &Run) -> Table {
+    let rows = fine.outputs.iter().zip(&coarse.outputs);
     let row = |(a, b): (&Output, &Output)| {
         let (x, y) = (a.moments.named(), b.moments.named());
         std::array::from_fn(|i| match (x[i].1, y[i].1) {
+            (Some(x), Some(y)) if y.value.is_nan() && !x.value.is_nan() => f64::INFINITY,
             (Some(x), Some(y)) => (x.value - y.value).abs(),
             _ => 0.0,
         })

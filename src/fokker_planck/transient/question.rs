@@ -41,6 +41,19 @@ impl Question<'_> {
         self.times.last().copied().unwrap_or(0.0)
     }
 
+    /// Whether the scene asks for a scheme of finite volumes.
+    pub(super) fn names_volumes(&self) -> bool {
+        self.settings.drift.is_some() || self.settings.time.is_some()
+    }
+
+    /// Whether the flow map computes it, where a mesh holds the density; else finite volumes do.
+    pub(super) fn takes_flow_map(&self) -> bool {
+        match self.settings.method {
+            Some(method) => method == TransientMethod::FlowMap,
+            None => !self.names_volumes() && self.oscillator.zeta() <= KNOWN,
+        }
+    }
+
     /// How g is carried across faces: finite volumes of order 8, unless the scene asks for something else.
     pub(super) fn drift(&self) -> Drift {
         match (
@@ -151,13 +164,9 @@ impl Question<'_> {
     /// The rung expected for the tolerance: the median over the scenes of the calibration, which need two more or fewer each.
     /// What the flow map splits of friction that is not constant falls slowest.
     pub(super) fn expected(&self) -> f64 {
-        let it = self.settings;
-        let volumes = it.method == Some(TransientMethod::FiniteVolume)
-            || it.drift.is_some()
-            || it.time.is_some();
-        let splits = !self.oscillator.damping().has_closed_form() && !volumes;
+        let splits = !self.oscillator.damping().has_closed_form() && self.takes_flow_map();
         let decade = if splits { 2.7 } else { 1.5 };
-        (2.2 + decade * (1e-2 / it.tolerance).log10())
+        (2.2 + decade * (1e-2 / self.settings.tolerance).log10())
             .round()
             .clamp(2.0, 10.0)
     }
@@ -223,8 +232,7 @@ impl Question<'_> {
     /// a density near a Gaussian for good. A Gaussian initial condition may ask for a domain instead.
     pub(super) fn stays_on_moving_grid(&self) -> bool {
         let it = self.settings;
-        let asked =
-            it.method.is_some() || it.drift.is_some() || it.time.is_some() || it.cells.is_some();
+        let asked = it.method.is_some() || self.names_volumes() || it.cells.is_some();
         match self.initial {
             Initial::Rest => true,
             Initial::Gaussian { .. } => !asked,

@@ -346,7 +346,7 @@ mod tests {
     use super::*;
     use crate::contact::ContactLaw;
     use crate::fokker_planck::domain::tests::CLOSED;
-    use crate::oscillator::tests::NORMALISED;
+    use crate::oscillator::displacement_law::tests::NORMALISED;
 
     #[test]
     fn a_transient_normalises_the_stationary_law_once_and_closes_each_domain_once() {

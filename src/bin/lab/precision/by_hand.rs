@@ -1,7 +1,8 @@
 //! Are error estimates true where the scene takes the wheel? Every case of the calibration once more, with cells, steps or
 //! schemes given.
 
-use super::calibration::{self, Calibration, End, Judged, Run};
+use super::calibration::{self, Calibration, End, Run};
+use super::judged::Judged;
 use super::references::Case;
 use std::fmt::Write;
 use vibroimpact::fokker_planck::{Drift, TimeScheme, TransientMethod};

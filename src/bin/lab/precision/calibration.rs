@@ -2,11 +2,11 @@
 //! is known to be.
 
 use super::clock::Clock;
+use super::judged::{DOUBT, Judged};
 use super::references::{Case, Reference};
-use std::cmp::Ordering::{Equal, Less};
+use super::verdict::{GOALS, Verdict};
 use std::fmt::{self, Write};
 use vibroimpact::error::Error;
-use vibroimpact::moments::Moment;
 use vibroimpact::plan::Plan;
 use vibroimpact::report::File;
 use vibroimpact::results::Results;
@@ -15,33 +15,8 @@ use vibroimpact::scales::Scales;
 /// Tolerances of the table.
 pub const TOLERANCES: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
-/// A reference solution judges error estimates of a tolerance if it is ten times as good.
-const TEN: f64 = 10.0;
-
-/// What a reference solution may be off by, over its stated uncertainty: that is the difference of two resolutions, and
-/// of starts that both hold badly it is too small (probabilities of -2.1e-4 ± 0.9e-4 and -4.1e-4 ± 3e-4
-/// that are 0).
-const DOUBT: f64 = 3.0;
-
 /// Seconds after which a run is stopped; it then counts as one that says it did not reach the tolerance.
 pub const MAX_SECONDS: f64 = 20.0;
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Goals {
-    /// Largest share of numbers whose error is above its estimate.
-    pub too_small: f64,
-    /// Most numbers with an error estimate above the tolerance in runs that say it is met.
-    pub unsaid: usize,
-    /// Largest median of error estimate over error.
-    pub median: f64,
-}
-
-/// The goals: `lab precision --calibrate` ends with status 1 where one is missed.
-pub const GOALS: Goals = Goals {
-    too_small: 0.01,
-    unsaid: 0,
-    median: 40.0,
-};
 
 /// Factor within which a plan should foresee the time of a run.
 pub const FORESEEN: f64 = 3.0;
@@ -70,112 +45,6 @@ pub struct Run {
     pub chosen: Option<([usize; 2], f64)>,
     /// Every number that has a reference.
     pub numbers: Vec<Judged>,
-}
-
-/// A number beside its reference.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judged {
-    pub reference: Reference,
-    pub value: f64,
-    pub estimate: f64,
-    pub scale: f64,
-}
-
-impl Judged {
-    pub fn error(&self) -> f64 {
-        (self.value - self.reference.value).abs()
-    }
-
-    /// What its reference may be off by.
-    pub fn doubt(&self) -> f64 {
-        DOUBT * self.reference.uncertainty
-    }
-
-    /// Whether its reference is good enough to judge error estimates of this tolerance.
-    pub fn counts(&self, tolerance: f64) -> bool {
-        TEN * self.doubt() <= tolerance * self.scale
-    }
-
-    /// Whether the error is above its estimate, whatever the reference may be off by.
-    pub fn too_small(&self) -> bool {
-        !within(self.error(), self.estimate + self.doubt())
-    }
-
-    /// Whether the error estimate is above the tolerance.
-    pub fn beyond(&self, tolerance: f64) -> bool {
-        // An estimate of the tolerance itself is within it, last digit or not.
-        !within(self.estimate, (1.0 + 1e-9) * tolerance * self.scale)
-    }
-
-    /// Whether the error is above its estimate, the reference solution taken for exact.
-    pub fn too_small_bare(&self) -> bool {
-        !within(self.error(), self.estimate)
-    }
-
-    /// Error estimate over true error, where the reference can tell the error.
-    pub fn ratio(&self) -> Option<f64> {
-        (self.error() > self.doubt()).then(|| self.estimate / self.error())
-    }
-
-    pub fn name(&self) -> &'static str {
-        Moment::ALL[self.reference.index].name()
-    }
-}
-
-/// The three judgements of a tolerance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
-    pub tolerance: f64,
-    /// Scenes with numbers, and of them those that say they are short of the tolerance.
-    pub answered: usize,
-    pub short: usize,
-    pub stopped: usize,
-    pub refused: usize,
-    pub numbers: usize,
-    /// Numbers whose reference is not good enough for this tolerance.
-    pub left_out: usize,
-    /// Numbers whose true error is above its estimate.
-    pub too_small: usize,
-    /// The same, the reference solutions taken for exact.
-    pub too_small_bare: usize,
-    /// Numbers whose error estimate is above the tolerance while the run says that it is met.
-    pub unsaid: usize,
-    /// Median of error estimate over true error; 0 without any.
-    pub median: f64,
-    /// Answered scenes whose time is within a factor of [`FORESEEN`] of their plan's.
-    pub foreseen: usize,
-    pub seconds: f64,
-}
-
-impl Verdict {
-    /// Share of numbers whose true error is above its estimate.
-    pub fn share(&self) -> f64 {
-        self.too_small as f64 / self.numbers.max(1) as f64
-    }
-
-    pub fn missed(&self) -> Vec<String> {
-        let at = format!("at {:.0e}", self.tolerance);
-        let mut missed = Vec::new();
-        if self.share() > GOALS.too_small {
-            missed.push(format!(
-                "error above its estimate in {:.2} % {at}",
-                100.0 * self.share()
-            ));
-        }
-        if self.unsaid > GOALS.unsaid {
-            missed.push(format!(
-                "{} estimates above the tolerance unsaid {at}",
-                self.unsaid
-            ));
-        }
-        if self.median > GOALS.median {
-            missed.push(format!(
-                "median of estimate over error {:.1} {at}",
-                self.median
-            ));
-        }
-        missed
-    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -387,11 +256,6 @@ fn judge(case: &Case, results: &Results) -> Vec<Judged> {
         }
     }
     judged
-}
-
-/// a <= b; what is no number is within nothing.
-fn within(a: f64, b: f64) -> bool {
-    matches!(a.partial_cmp(&b), Some(Less | Equal))
 }
 
 fn median(mut of: Vec<f64>) -> f64 {

@@ -1,0 +1,80 @@
+//! The stationary law of a friction that depends on the displacement, at resolutions that agree.
+
+use super::friction::{Kept, heavy, work};
+use super::operator::Resolution;
+use crate::error::{Error, Result};
+use crate::oscillator::Oscillator;
+
+/// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
+#[derive(Debug, Clone)]
+pub(in crate::fokker_planck) struct Settled {
+    pub(in crate::fokker_planck) law: Kept,
+    pub(in crate::fokker_planck) coarser: Kept,
+    /// What it may be off, in L1.
+    pub(in crate::fokker_planck) error: f64,
+}
+
+/// The coarsest resolution of such a law, its growth from one to the next, and how many there are at most: the last has
+/// as many functions as ten seconds solve for.
+const FIRST: Resolution = Resolution {
+    elements: 6,
+    pairs: 14,
+    level: 18.0,
+};
+const HIGHER: f64 = 3.0;
+const MOST: usize = 6;
+
+/// Share of a tolerance that is left to the law.
+const SHARE: f64 = 0.1;
+
+/// An error over the last change.
+pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
+
+/// Two laws are no farther apart in L1: where the error comes out larger, rounding spoils this resolution and finer ones.
+const FARTHEST: f64 = 2.0;
+
+impl Settled {
+    /// Bytes and operations of the two resolutions that most laws take.
+    pub(in crate::fokker_planck) fn work() -> (u64, f64) {
+        let [first, second] = [FIRST, FIRST.finer(Resolution::FINER, HIGHER)].map(work);
+        (second.0, first.1 + second.1)
+    }
+
+    /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one.
+    ///
+    /// # Errors
+    /// Those of [`Kept::new`].
+    pub(in crate::fokker_planck) fn within(
+        oscillator: &Oscillator,
+        tolerance: f64,
+        late: &dyn Fn() -> Result<()>,
+    ) -> Result<Self> {
+        let mut resolution = FIRST;
+        let mut coarser = Kept::new(oscillator, resolution, late)?;
+        let mut best: Option<Self> = None;
+        for _ in 1..MOST {
+            resolution = resolution.finer(Resolution::FINER, HIGHER);
+            let law = match Kept::new(oscillator, resolution, late) {
+                Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
+                law => law?,
+            };
+            let error = SAFETY * (law.distance(&coarser) + law.rounding());
+            let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
+            if error > FARTHEST && best.is_some() {
+                break;
+            }
+            let coarser = std::mem::replace(&mut coarser, law.clone());
+            if error < known {
+                best = Some(Self {
+                    law,
+                    coarser,
+                    error,
+                });
+            }
+            if error <= SHARE * tolerance {
+                break;
+            }
+        }
+        best.ok_or_else(|| heavy(oscillator, "and no two resolutions agree"))
+    }
+}

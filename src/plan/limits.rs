@@ -1,0 +1,143 @@
+//! What a plan refuses: sizes beyond the limits of the scene, said in the keys and units of the scene.
+
+use super::Plan;
+use super::stage::{Cost, Part};
+use crate::error::{Error, Result};
+use crate::format::{brief, bytes, num};
+
+/// Keys of a scene under which times stand.
+const TIMES: [&str; 9] = [
+    "outputs.moments_at",
+    "outputs.density_at",
+    "outputs.first_loss",
+    "outputs.first_passage",
+    "outputs.crossings",
+    "excitation.envelope",
+    "monte_carlo.step",
+    "monte_carlo.duration",
+    "method.step",
+];
+
+/// Steps beyond which a scene is taken for a slip of the pen.
+const MOST_STEPS: u64 = 10_000_000_000;
+
+impl Plan {
+    pub(super) fn check_cost(&self, part: Part, cost: &Cost) -> Result<()> {
+        if cost.steps > MOST_STEPS {
+            let sampling = self.scene.monte_carlo.as_ref();
+            let (key, step) = match part {
+                Part::MonteCarlo
+                | Part::FirstLossPaths
+                | Part::FirstPassagePaths
+                | Part::Series
+                | Part::Records => ("monte_carlo.step", sampling.and_then(|it| it.step)),
+                _ => ("method.step", self.scene.method.step),
+            };
+            let outputs = &self.scene.outputs;
+            let otherwise = match (part, sampling.and_then(|it| it.duration)) {
+                (Part::Records | Part::Series, Some(duration)) => {
+                    ("monte_carlo.duration", duration)
+                }
+                (Part::Series | Part::Spectrum, _) => (
+                    "outputs.spectrum.until",
+                    outputs.spectrum.map_or(0.0, |it| it.until),
+                ),
+                (Part::FirstLoss | Part::FirstLossPaths, _) => (
+                    "outputs.first_loss.until",
+                    outputs.first_loss.unwrap_or_default(),
+                ),
+                (Part::FirstPassage | Part::FirstPassagePaths, _) => (
+                    "outputs.first_passage.until",
+                    outputs.first_passage.map_or(0.0, |it| it.until),
+                ),
+                _ if outputs.density_at.last() > outputs.moments_at.last() => {
+                    ("outputs.density_at", outputs.density_at.last())
+                }
+                _ => ("outputs.moments_at", outputs.moments_at.last()),
+            };
+            let (key, value) = step.map_or(otherwise, |step| (key, step));
+            let accepted = format!(
+                "at most {MOST_STEPS:.0e} steps, and this takes {:.1e}",
+                cost.steps as f64
+            );
+            return Err(Error::invalid(key, num(value), accepted));
+        }
+        let limit = self.scene.accuracy.max_memory;
+        if cost.memory_bytes > limit {
+            let need = format!(
+                "the {} stage would need {}; accuracy.max_memory = {}",
+                part.name(),
+                bytes(cost.memory_bytes),
+                bytes(limit)
+            );
+            return Err(match self.scene.method.cells {
+                Some([q, v]) if cost.cells.is_some() => {
+                    Error::invalid("method.cells", format!("[{q}, {v}]"), need)
+                }
+                _ => Error::Limit {
+                    key: "accuracy.max_memory",
+                    limit: bytes(limit),
+                    what: format!(
+                        "the {} stage would need {}",
+                        part.name(),
+                        bytes(cost.memory_bytes)
+                    ),
+                },
+            });
+        }
+        if let (Part::Transient, Some([q, v])) = (part, cost.cells) {
+            let count = self.scene.outputs.density_at.list().len();
+            let size = 8.0 * q as f64 * v as f64 * count as f64;
+            if size > limit as f64 {
+                let accepted = format!(
+                    "densities that fit accuracy.max_memory = {}; these take {}",
+                    bytes(limit),
+                    bytes(size as u64)
+                );
+                return Err(Error::invalid(
+                    "outputs.density_at",
+                    format!("{count} times"),
+                    accepted,
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// A stage that takes finer cells than the scene's for its error is refused by the scene's own; times as the scene
+    /// has them.
+    pub(super) fn as_typed(&self, error: Error) -> Error {
+        let clock = &self.clock;
+        match (error, self.scene.method.cells) {
+            (Error::Invalid { key, accepted, .. }, Some([q, v])) if key == "method.cells" => {
+                Error::invalid(key, format!("[{q}, {v}]"), accepted)
+            }
+            (error, _) if clock.is_dimensionless() => error,
+            (
+                Error::Invalid {
+                    key,
+                    value,
+                    accepted,
+                },
+                _,
+            ) if TIMES.iter().any(|it| key.starts_with(it)) => {
+                let value = match value.parse() {
+                    Ok(tau) => num(clock.time(tau)),
+                    Err(_) => value,
+                };
+                let accepted = format!(
+                    "{accepted} (in dimensionless time, of which outputs.time_unit = \"{}\" is {})",
+                    clock.unit().name(),
+                    brief(clock.dimensionless(1.0))
+                );
+                Error::invalid(key, value, accepted)
+            }
+            (Error::Limit { key, limit, what }, _) => Error::Limit {
+                key,
+                limit,
+                what: clock.retold(&what),
+            },
+            (error, _) => error,
+        }
+    }
+}
