@@ -6,55 +6,24 @@ mod progress;
 mod source;
 mod stop;
 
+pub use arguments::Output;
 pub use progress::progress;
 pub use stop::{Outcome, Stop};
 
 use crate::error::{Error, Result};
 use crate::map::{self, Axis, Map};
 use crate::plan::Plan;
-use crate::report::folder::{Existing, Folder};
 use crate::report::{self, terminal};
 use crate::scene::text::{BUILT_IN, built_in};
 use arguments::{Cli, Command, MapOptions, RunOptions};
-use clap::{Args, CommandFactory, Parser};
+use clap::{CommandFactory, Parser};
 use progress::{MapWatch, Observer, bar};
 use signal_hook::consts::SIGINT;
 use source::{named, no_such_scene, read};
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
-
-/// Where results are written.
-#[derive(Args, Default)]
-pub struct Output {
-    /// `--out`
-    #[arg(
-        long,
-        value_name = "DIR",
-        help = "Folder for the results [default: results/<scene title>]"
-    )]
-    pub out: Option<PathBuf>,
-    /// Write into a folder that exists, replacing earlier results
-    #[arg(long)]
-    pub force: bool,
-}
-
-impl Output {
-    /// The folder of `--out`, or results/`title`.
-    ///
-    /// # Errors
-    /// Those of [`Folder::open`].
-    pub fn folder(&self, title: &str) -> Result<Folder> {
-        let existing = match &self.out {
-            _ if self.force => Existing::Force,
-            Some(_) => Existing::Refuse,
-            None => Existing::ReplaceOurs,
-        };
-        let default = || Path::new("results").join(title);
-        Folder::open(&self.out.clone().unwrap_or_else(default), existing)
-    }
-}
 
 /// The program `vibroimpact` on a command line, its own name first; returns the exit status, which a process or an
 /// interpreter can end with.

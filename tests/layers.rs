@@ -138,7 +138,7 @@ fn a_crate_that_would_spread_is_used_by_one_module() {
             "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs or bin/lab/precision/references.rs",
             &["toml"],
         ),
-        ("cli.rs or bin/lab/main.rs", &["clap"]),
+        ("cli.rs or cli/arguments.rs or bin/lab/main.rs", &["clap"]),
         ("cli/progress.rs or bin/lab/main.rs", &["indicatif"]),
     ] {
         for (file, text) in sources()

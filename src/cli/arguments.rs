@@ -1,8 +1,9 @@
 //! The command line: commands and options.
 
-use super::Output;
+use crate::error::Result;
+use crate::report::folder::{Existing, Folder};
 use clap::{Args, Parser, Subcommand};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Random vibration of a preloaded Hertzian contact that now and then loses contact: stationary law in closed form,
 /// transients, spectra and first passage from the Fokker-Planck equation, Monte Carlo; every number with its error.
@@ -122,4 +123,35 @@ pub(super) struct MapOptions {
     /// Print nothing but errors
     #[arg(long, short)]
     pub(super) quiet: bool,
+}
+
+/// Where results are written.
+#[derive(Args, Default)]
+pub struct Output {
+    /// `--out`
+    #[arg(
+        long,
+        value_name = "DIR",
+        help = "Folder for the results [default: results/<scene title>]"
+    )]
+    pub out: Option<PathBuf>,
+    /// Write into a folder that exists, replacing earlier results
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl Output {
+    /// The folder of `--out`, or results/`title`.
+    ///
+    /// # Errors
+    /// Those of [`Folder::open`].
+    pub fn folder(&self, title: &str) -> Result<Folder> {
+        let existing = match &self.out {
+            _ if self.force => Existing::Force,
+            Some(_) => Existing::Refuse,
+            None => Existing::ReplaceOurs,
+        };
+        let default = || Path::new("results").join(title);
+        Folder::open(&self.out.clone().unwrap_or_else(default), existing)
+    }
 }

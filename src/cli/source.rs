@@ -1,6 +1,6 @@
 //! Where the scene of a command line comes from.
 
-use super::Stop;
+use super::stop::Stop;
 use crate::scene::text::{BUILT_IN, SceneText, built_in, nearest};
 use std::io::Read;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! A plan is run: stage after stage, each within the time that is left.
 
 use super::Plan;
-use super::recipes::reached;
+use super::joins::reached;
 use super::stage::{Part, Stage};
 use super::watch::{Nobody, Watch};
 use crate::budget::Limits;

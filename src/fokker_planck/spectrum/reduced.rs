@@ -19,13 +19,10 @@
 mod builder;
 mod hessenberg;
 
-pub(super) use builder::POWERS;
-
 use crate::error::Result;
 use crate::fokker_planck::hermite::{Adjoint, Hierarchy};
 use crate::matrix::exponential;
 use crate::sparse::{DenseLu, eigen};
-use builder::{Builder, worst};
 use ndarray::{Array1, Array2};
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -35,8 +32,8 @@ type C = Complex<f64>;
 /// Frequencies answered together.
 const TOGETHER: usize = 16;
 
-/// Frequencies a model begins with.
-const FIRST: usize = 8;
+/// States of a frequency: (i omega - L)^{-1} b, (i omega - L)^{-2} b, ... A solve takes a small part of the factorisation.
+pub(super) const POWERS: usize = 3;
 
 /// The projected generator.
 #[derive(Debug, Clone)]
@@ -91,43 +88,6 @@ pub(super) struct Answer {
 }
 
 impl Reduced {
-    /// The model of `form` whose error is at most `tolerance`, relative to the larger of the value and
-    /// `floor` of its peak, at every one of the ascending `omegas`; or as near as `most` solves get. It begins with the
-    /// frequencies `first`.
-    pub(super) fn new(
-        form: &Form,
-        omegas: &[f64],
-        tolerance: f64,
-        floor: f64,
-        (first, most): (&[f64], usize),
-        go_on: &(dyn Fn(usize) -> Result<()> + Sync),
-    ) -> Result<Self> {
-        let mut builder = Builder::new(form);
-        let mut wanted = first.to_vec();
-        if wanted.is_empty() {
-            // A few frequencies spread over what is asked; the model shows where more are needed.
-            let first = FIRST.min(omegas.len());
-            let spread = |k: usize| omegas[k * (omegas.len() - 1) / (first - 1).max(1)];
-            wanted = (0..first).map(spread).collect();
-            wanted.dedup();
-        }
-        loop {
-            builder.solve(&wanted, go_on)?;
-            let model = builder.model()?;
-            let answers = model.all(omegas);
-            let peak = answers.iter().map(|it| it.value).fold(0.0, f64::max);
-            let scale = |it: &Answer| it.value.abs().max(floor * peak);
-            let excess: Vec<f64> = answers.iter().map(|it| it.error / scale(it)).collect();
-            if builder.solved.len() >= most {
-                return model.with_modes();
-            }
-            wanted = worst(omegas, &excess, tolerance, &builder.solved);
-            if wanted.is_empty() {
-                return model.with_modes();
-            }
-        }
-    }
-
     pub(super) fn dimension(&self) -> usize {
         self.right.matrix.nrows()
     }

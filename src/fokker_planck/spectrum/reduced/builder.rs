@@ -1,7 +1,7 @@
 //! Builds a model of the resolvent: states at more and more frequencies, where the model errs most.
 
 use super::hessenberg::{hessenberg, reflect};
-use super::{C, End, Form, Reduced, Side};
+use super::{Answer, C, End, Form, POWERS, Reduced, Side};
 use crate::error::Result;
 use crate::fokker_planck::hermite::Factored;
 use crate::sparse::eigenvalues;
@@ -16,9 +16,6 @@ type States = (Vec<Vec<f64>>, f64);
 const ROUND: usize = 4;
 const GROWTH: f64 = 0.3;
 
-/// States of a frequency: (i omega - L)^{-1} b, (i omega - L)^{-2} b, ... A solve takes a small part of the factorisation.
-pub(in super::super) const POWERS: usize = 3;
-
 /// A part of a new state beyond this, relative to it, is rounding.
 const NEW: f64 = 1e-9;
 
@@ -29,8 +26,11 @@ const ASIDE: f64 = 1e-8;
 /// Where a resolvent was seen to stretch states by so much, it may stretch others by this many times more.
 const STRETCHED: f64 = 2.0;
 
+/// Frequencies a model begins with.
+const FIRST: usize = 8;
+
 /// Builds a [`Reduced`] until it is good.
-pub(super) struct Builder<'a> {
+struct Builder<'a> {
     form: &'a Form,
     /// Orthonormal rows.
     basis: Array2<f64>,
@@ -40,14 +40,53 @@ pub(super) struct Builder<'a> {
     shadows: Array2<f64>,
     /// Products of the rows with L times the rows.
     matrix: Array2<f64>,
-    pub(super) solved: Vec<f64>,
+    solved: Vec<f64>,
     /// The most that a resolvent has stretched a state.
     stretched: f64,
 }
 
+impl Reduced {
+    /// The model of `form` whose error is at most `tolerance`, relative to the larger of the value and
+    /// `floor` of its peak, at every one of the ascending `omegas`; or as near as `most` solves get. It begins with the
+    /// frequencies `first`.
+    pub(in super::super) fn new(
+        form: &Form,
+        omegas: &[f64],
+        tolerance: f64,
+        floor: f64,
+        (first, most): (&[f64], usize),
+        go_on: &(dyn Fn(usize) -> Result<()> + Sync),
+    ) -> Result<Self> {
+        let mut builder = Builder::new(form);
+        let mut wanted = first.to_vec();
+        if wanted.is_empty() {
+            // A few frequencies spread over what is asked; the model shows where more are needed.
+            let first = FIRST.min(omegas.len());
+            let spread = |k: usize| omegas[k * (omegas.len() - 1) / (first - 1).max(1)];
+            wanted = (0..first).map(spread).collect();
+            wanted.dedup();
+        }
+        loop {
+            builder.solve(&wanted, go_on)?;
+            let model = builder.model()?;
+            let answers = model.all(omegas);
+            let peak = answers.iter().map(|it| it.value).fold(0.0, f64::max);
+            let scale = |it: &Answer| it.value.abs().max(floor * peak);
+            let excess: Vec<f64> = answers.iter().map(|it| it.error / scale(it)).collect();
+            if builder.solved.len() >= most {
+                return model.with_modes();
+            }
+            wanted = worst(omegas, &excess, tolerance, &builder.solved);
+            if wanted.is_empty() {
+                return model.with_modes();
+            }
+        }
+    }
+}
+
 impl<'a> Builder<'a> {
     /// Starts with b, L b and L L b, which hold the correlation function at short times.
-    pub(super) fn new(form: &'a Form) -> Self {
+    fn new(form: &'a Form) -> Self {
         let none = || Array2::zeros((0, form.full.len()));
         let mut it = Self {
             form,
@@ -69,7 +108,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Solves at some frequencies and takes what is new of the states.
-    pub(super) fn solve(
+    fn solve(
         &mut self,
         omegas: &[f64],
         go_on: &(dyn Fn(usize) -> Result<()> + Sync),
@@ -163,7 +202,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The model as far as it has been built.
-    pub(super) fn model(&self) -> Result<Reduced> {
+    fn model(&self) -> Result<Reduced> {
         let mut matrix = self.matrix.clone();
         let mut gram = self.residuals.dot(&self.residuals.t());
         let start = self.form.full.start();
@@ -241,7 +280,7 @@ fn join(axis: Axis, one: &Array2<f64>, other: &ArrayView2<f64>) -> Array2<f64> {
 }
 
 /// A round of frequencies where the error is too large: the worst of as many stretches.
-pub(super) fn worst(omegas: &[f64], excess: &[f64], tolerance: f64, solved: &[f64]) -> Vec<f64> {
+fn worst(omegas: &[f64], excess: &[f64], tolerance: f64, solved: &[f64]) -> Vec<f64> {
     let mut peaks: Vec<usize> = (0..omegas.len())
         .filter(|k| {
             let left = *k == 0 || excess[k - 1] <= excess[*k];
