@@ -21,6 +21,9 @@ pub const MAX_SECONDS: f64 = 20.0;
 /// Factor within which a plan should foresee the time of a run.
 pub const FORESEEN: f64 = 3.0;
 
+/// Most that a run may take over one of a tighter tolerance.
+const DEARER: f64 = 1.3;
+
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum End {
     /// The tolerance is met, as far as the run knows: exit status 0.
@@ -113,6 +116,20 @@ impl Calibration {
             foreseen: runs().filter(|run| run.is_foreseen()).count(),
             seconds: runs().map(|run| run.seconds).sum(),
         }
+    }
+
+    /// Pairs of runs of a scene that both met their tolerances, and of them those whose looser one took more than
+    /// [`DEARER`] times the processor time of the tighter one.
+    pub fn dearer(&self) -> [usize; 2] {
+        let met = || self.runs.iter().filter(|it| it.end == End::Met);
+        let pairs = met().flat_map(|loose| {
+            let tighter =
+                met().filter(|it| it.scene == loose.scene && it.tolerance < loose.tolerance);
+            tighter.map(|tight| loose.seconds > DEARER * tight.seconds)
+        });
+        pairs.fold([0, 0], |[all, dearer], it| {
+            [all + 1, dearer + usize::from(it)]
+        })
     }
 
     /// Numbers whose error estimate is too small, worst first: by how much, as error over estimate.
@@ -317,6 +334,11 @@ impl fmt::Display for Calibration {
             GOALS.unsaid,
             GOALS.median
         )?;
+        let [pairs, dearer] = self.dearer();
+        writeln!(
+            f,
+            "{dearer} of {pairs} runs took more than {DEARER} times the processor time of one to a tighter tolerance"
+        )?;
         let missed = self.missed();
         let verdict = if missed.is_empty() {
             "all goals are met".to_owned()
@@ -406,6 +428,7 @@ mod tests {
             (2, 1, 1)
         );
         assert_eq!((verdict.median, verdict.foreseen), (3.0, 2));
+        assert_eq!(it.dearer(), [0, 0], "no scene met two tolerances");
         // Without the allowance for the reference solution, one more.
         assert_eq!(verdict.too_small_bare, 2);
         assert_eq!(it.wrong().len(), 1);
@@ -426,6 +449,15 @@ mod tests {
             runs: vec![run(End::Met, vec![number(1e-5, 1e-3, 1e-8)])],
         };
         assert!(wide.missed()[0].contains("median") && wide.to_string().contains("missed: "));
+        let mut two = vec![run(End::Met, vec![]), run(End::Met, vec![])];
+        (two[0].tolerance, two[0].seconds) = (1e-2, 0.66);
+        let mut loose = Calibration {
+            tolerances: vec![1e-2, 1e-3],
+            runs: two,
+        };
+        assert_eq!(loose.dearer(), [1, 1]);
+        loose.runs[0].seconds = 0.64;
+        assert_eq!(loose.dearer(), [1, 0]);
         let nothing = number(f64::NAN, 1.0, 1e-9);
         assert!(nothing.too_small() && number(0.0, f64::NAN, 1e-9).beyond(1e-3));
     }
