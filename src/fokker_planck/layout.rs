@@ -3,7 +3,8 @@
 use super::budget;
 use super::domain::Domain;
 use super::flux::Drift;
-use super::mesh::{Axis, Mesh};
+use super::mesh::{Axis, Focus, Mesh};
+use super::policy::{KINK_FINER, KINK_WIDTH};
 use super::settings::Settings;
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
@@ -30,6 +31,8 @@ pub(crate) struct Layout {
     pub(crate) cells: Cells,
     /// Its stencil sets the margin of the mesh.
     pub(crate) drift: Drift,
+    /// Whether cells are finer around the kinks of the force: for what takes steps that know no width of cells.
+    pub(crate) focused: bool,
 }
 
 impl Layout {
@@ -74,7 +77,8 @@ impl Layout {
         let temperature = oscillator.temperature();
         let trial = Axis::displacement(contact, temperature, domain.q, 64 + 2 * margin, margin)?;
         let finest = trial.slopes().iter().copied().fold(f64::INFINITY, f64::min);
-        let q = count(64.0 * finest, width[0]) * finer;
+        let more = self.focus(oscillator).more(domain.q);
+        let q = count(64.0 * finest + more, width[0]) * finer;
         let v = count(domain.v[1] - domain.v[0], width[1]) * finer;
         for (n, axis) in [(q, "q"), (v, "v")] {
             if n > 20_000.0 {
@@ -89,18 +93,34 @@ impl Layout {
         Ok([q as usize, 2 * (v / 2.0).ceil() as usize])
     }
 
+    /// Finer cells where contact begins and ends. A path that crosses x = 0 at a speed v, x the way into contact and its force
+    /// x^a, is turned by x^(a+1)/v: p is no smoother there, noise along v does not help, and interpolation on cells of a width h
+    /// loses h^(a+2) of what there is of p in each pass. What there is falls as e^(-L) at a level of U of L T.
+    fn focus(&self, oscillator: &Oscillator) -> Focus {
+        let contact = oscillator.contact();
+        let (true, Some(ends), Some(lowest)) =
+            (self.focused, contact.flight(), contact.lowest_potential())
+        else {
+            return Focus::default();
+        };
+        let places = ends.into_iter().filter(|q| q.is_finite()).map(|q| {
+            let level = (contact.potential(q) - lowest) / oscillator.temperature();
+            [q, (KINK_FINER.get() * (-level / 3.5).exp() - 1.0).max(0.0)]
+        });
+        Focus::new(
+            places.collect(),
+            KINK_WIDTH.get() * thermal_width(oscillator),
+        )
+    }
+
     /// A mesh `finer` times as fine as laid out.
     pub(super) fn mesh(&self, oscillator: &Oscillator, finer: f64) -> Result<Mesh> {
         let cells = self.count(oscillator, finer)?;
         let (contact, domain) = (oscillator.contact(), self.domain);
         let margin = self.drift.margin();
-        let q = Axis::displacement(
-            contact,
-            oscillator.temperature(),
-            domain.q,
-            cells[0],
-            margin,
-        )?;
+        let temperature = oscillator.temperature();
+        let (n, focus) = ((cells[0], margin), self.focus(oscillator));
+        let q = Axis::focused(contact, temperature, domain.q, n, &focus)?;
         let v = if contact.is_confining() {
             Axis::velocity(domain.v[1], cells[1], margin)?
         } else {

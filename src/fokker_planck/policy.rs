@@ -68,6 +68,9 @@ table! {
     FALLING = 1.25: "Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong \
         friction. At 2 a mesh takes over earlier, and has three times the cells.";
     ROOM = 1.2: "Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.";
+    KINK_FINER = 4.0: "Cells of a flow map where contact begins over those elsewhere, at the stationary law's largest density: the \
+        kink of the force leaves order 3 to equal cells. With 6 or 8 coarse meshes no longer hold a density far from the law.";
+    KINK_WIDTH = 0.8: "Distance within which they are finer, in deviations of the stationary law.";
     LONGEST_STEP = 1.5: "Longest step of the flow map: a quarter of a period, beyond which the trapezoidal rule no longer sees \
         the second harmonic of the motion.";
     SETTLED = 1e-2: "Distance to the stationary law, over what a rung aims at, at which a run ends: less runs on for nothing, \

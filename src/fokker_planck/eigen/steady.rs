@@ -89,6 +89,7 @@ impl SteadyState {
             domain,
             cells: Cells::of(settings, widths),
             drift,
+            focused: false,
         };
         let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
         let n = cells[0] as f64 * cells[1] as f64;

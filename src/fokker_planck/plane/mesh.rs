@@ -64,10 +64,82 @@ impl Grading {
     }
 }
 
+/// Cells finer around a few places: u = s + sum_k b_k w f((s - s_k)/w), f(z) = z/sqrt(1 + z^2), where s is the coordinate
+/// of the [`Grading`] and cells are equal in u: 1 + b_k times as fine at s_k, and a smooth map. Known from s to u.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Focus {
+    /// Each place with its b; on an axis in s.
+    places: Vec<[f64; 2]>,
+    width: f64,
+}
+
+impl Focus {
+    /// Cells that are 1 + b times as fine at each of some places x, within about `width` of it.
+    pub(crate) fn new(places: Vec<[f64; 2]>, width: f64) -> Self {
+        Self { places, width }
+    }
+
+    /// The same in s, for the places within two limits.
+    fn on(&self, grading: Grading, [low, high]: [f64; 2]) -> Self {
+        let inside = self.places.iter().filter(|[x, _]| *x > low && *x < high);
+        Self {
+            places: inside.map(|[x, b]| [grading.inverse(*x), *b]).collect(),
+            width: self.width,
+        }
+    }
+
+    /// What it adds to a length between two limits, over the width of a cell elsewhere.
+    pub(crate) fn more(&self, [low, high]: [f64; 2]) -> f64 {
+        let inside = self.places.iter().filter(|[x, _]| *x > low && *x < high);
+        inside.map(|[_, b]| 2.0 * b * self.width).sum()
+    }
+
+    /// u and du/ds.
+    fn of(&self, s: f64) -> [f64; 2] {
+        let mut sum = [s, 1.0];
+        for [at, b] in &self.places {
+            let z = (s - at) / self.width;
+            let root = (1.0 + z * z).sqrt();
+            sum[0] += b * self.width * z / root;
+            sum[1] += b / (root * root * root);
+        }
+        sum
+    }
+
+    /// s with u(s) = u, by Newton's method, bracketed: u is monotone.
+    fn inverse(&self, u: f64) -> f64 {
+        let most: f64 = self.places.iter().map(|[_, b]| b * self.width).sum();
+        if most == 0.0 {
+            return u;
+        }
+        let (mut low, mut high, mut s) = (u - most, u + most, u);
+        for _ in 0..100 {
+            let [value, slope] = self.of(s);
+            if value < u {
+                low = s;
+            } else {
+                high = s;
+            }
+            let next = s - (value - u) / slope;
+            let next = if next > low && next < high {
+                next
+            } else {
+                0.5 * (low + high)
+            };
+            if (next - s).abs() <= 4.0 * f64::EPSILON * s.abs().max(1e-3) {
+                return next;
+            }
+            s = next;
+        }
+        s
+    }
+}
+
 /// One axis of a mesh: x(xi) with cell i between xi = i and xi = i + 1, its centre at i + 1/2.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     grading: Grading,
+    focus: Focus,
     start: f64,
     width: f64,
     edges: Vec<f64>,
@@ -96,19 +168,28 @@ impl Axis {
                 "low < high, finite",
             ));
         }
-        Ok(Self::new(Grading::Uniform, low, (high - low) / n as f64, n))
+        let width = (high - low) / n as f64;
+        Ok(Self::new(
+            (Grading::Uniform, Focus::default()),
+            low,
+            width,
+            n,
+        ))
     }
 
-    fn new(grading: Grading, start: f64, width: f64, n: usize) -> Self {
-        let at = |xi: f64| grading.at(start + width * xi);
-        Self {
+    fn new((grading, focus): (Grading, Focus), start: f64, width: f64, n: usize) -> Self {
+        let mut it = Self {
             grading,
+            focus,
             start,
             width,
-            edges: (0..=n).map(|i| at(i as f64).0).collect(),
-            centres: (0..n).map(|i| at(i as f64 + 0.5).0).collect(),
-            slopes: (0..n).map(|i| at(i as f64 + 0.5).1 * width).collect(),
-        }
+            edges: Vec::new(),
+            centres: Vec::new(),
+            slopes: Vec::new(),
+        };
+        it.edges = (0..=n).map(|i| it.at(i as f64).0).collect();
+        (it.centres, it.slopes) = (0..n).map(|i| it.at(i as f64 + 0.5)).unzip();
+        it
     }
 
     /// The displacement axis of a contact law at temperature T: covers [low, high] with `margin` more
@@ -125,9 +206,27 @@ impl Axis {
         n: usize,
         margin: usize,
     ) -> Result<Self> {
+        let none = Focus::default();
+        Self::focused(contact, temperature, [low, high], (n, margin), &none)
+    }
+
+    /// The same with cells finer around some places.
+    ///
+    /// # Errors
+    /// As [`Axis::displacement`].
+    pub(crate) fn focused(
+        contact: &ContactLaw,
+        temperature: f64,
+        [low, high]: [f64; 2],
+        (n, margin): (usize, usize),
+        focus: &Focus,
+    ) -> Result<Self> {
         check_count(n, margin, "q")?;
         let grading = grading(contact, temperature, low);
-        let (s_low, s_high) = (grading.inverse(low), grading.inverse(high));
+        let focus = focus.on(grading, [low, high]);
+        let place = |x: f64| focus.of(grading.inverse(x))[0];
+        let made = |start: f64, width: f64| Self::new((grading, focus.clone()), start, width, n);
+        let (s_low, s_high) = (place(low), place(high));
         let inner = (n - 2 * margin) as f64;
         let mut width = (s_high - s_low) / inner;
         let mut start = s_low - margin as f64 * width;
@@ -135,7 +234,7 @@ impl Axis {
         kinks.retain(|x| *x > low && *x < high);
         if let [first, last] = kinks[..] {
             // Whole cells between the two.
-            let [a, b] = [first, last].map(|x| grading.inverse(x));
+            let [a, b] = [first, last].map(place);
             // Of a contact that is its own mirror image the mesh is too: as many cells on either side.
             let mirrored = ((a - s_low) - (s_high - b)).abs() < 1e-6 * (s_high - s_low);
             let whole = |width: f64| {
@@ -155,7 +254,7 @@ impl Axis {
                     .map(|length| (length / wider - 1e-9).ceil().max(0.0));
                 let spare = (inner - cells.iter().sum::<f64>()).max(0.0);
                 let before = margin as f64 + cells[0] + (0.5 * spare).floor();
-                let mut axis = Self::new(grading, a - before * wider, wider, n);
+                let mut axis = made(a - before * wider, wider);
                 let between = ((b - a) / wider).round() as usize;
                 axis.edges[before as usize] = first;
                 axis.edges[before as usize + between] = last;
@@ -164,7 +263,7 @@ impl Axis {
         }
         if let Some(loss) = kinks.last().copied() {
             // Widen the cells as little as puts an edge on the loss point and keeps the margins.
-            let s_loss = grading.inverse(loss);
+            let s_loss = place(loss);
             let best = (margin + 1..n - margin)
                 .map(|k| {
                     let left = (s_loss - s_low) / (k - margin) as f64;
@@ -175,12 +274,12 @@ impl Axis {
             if let Some((wider, k)) = best {
                 width = wider;
                 start = s_loss - k as f64 * width;
-                let mut axis = Self::new(grading, start, width, n);
+                let mut axis = made(start, width);
                 axis.edges[k] = loss;
                 return Ok(axis);
             }
         }
-        Ok(Self::new(grading, start, width, n))
+        Ok(made(start, width))
     }
 
     /// The velocity axis: symmetric, covers [-reach, reach] with `margin` more cells at either end.
@@ -216,18 +315,19 @@ impl Axis {
 
     /// (x, dx/dxi) at any xi.
     pub(crate) fn at(&self, xi: f64) -> (f64, f64) {
-        let (x, slope) = self.grading.at(self.start + self.width * xi);
-        (x, slope * self.width)
+        let s = self.focus.inverse(self.start + self.width * xi);
+        let (x, slope) = self.grading.at(s);
+        (x, slope * self.width / self.focus.of(s)[1])
     }
 
     /// xi of any x.
     pub fn locate(&self, x: f64) -> f64 {
-        (self.grading.inverse(x) - self.start) / self.width
+        (self.focus.of(self.grading.inverse(x))[0] - self.start) / self.width
     }
 
     /// Whether all cells are equal.
     pub fn is_uniform(&self) -> bool {
-        self.grading == Grading::Uniform
+        self.grading == Grading::Uniform && self.focus.places.is_empty()
     }
 }
 

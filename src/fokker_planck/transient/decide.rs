@@ -182,6 +182,10 @@ impl Question<'_> {
             self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
         Ok(free.then(|| Recipe {
             scheme: Scheme::Volumes(TimeScheme::Imex),
+            layout: Layout {
+                focused: false,
+                ..draft.layout
+            },
             reason: "finite volumes of order 8, steps bound by transport".into(),
             ..draft.clone()
         }))

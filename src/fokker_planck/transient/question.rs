@@ -103,6 +103,7 @@ impl Question<'_> {
             domain,
             cells: Cells::of(settings, widths),
             drift,
+            focused: self.takes_flow_map(),
         };
         if let Some(cells) = settings.cells {
             let factors = settings.time.map_or(Factors::None, Factors::of);
@@ -192,6 +193,7 @@ impl Question<'_> {
             )?,
             cells: Cells::of(settings, self.deviations()),
             drift: self.drift(),
+            focused: self.takes_flow_map(),
         };
         // A narrow initial condition has a local grid of its own, if these cells do not hold it.
         let rung = self.rung_of(&layout, self.deviations())?;

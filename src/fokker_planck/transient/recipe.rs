@@ -247,7 +247,7 @@ impl Recipe {
             layout: Layout {
                 domain,
                 cells,
-                drift: self.layout.drift,
+                ..self.layout
             },
             neglected,
             step,
