@@ -114,6 +114,14 @@ impl Error {
         }
     }
 
+    /// [`Error::Linear`] from where it happened and what was found.
+    pub(crate) fn linear(stage: &'static str, what: impl Into<String>) -> Self {
+        Self::Linear {
+            stage,
+            what: what.into(),
+        }
+    }
+
     /// Whether scene or argument are wrong, and not the computation: the user can mend it.
     pub fn is_refusal(&self) -> bool {
         matches!(

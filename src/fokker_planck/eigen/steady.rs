@@ -322,10 +322,7 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     }
     if change > 1e-9 || change.is_nan() {
         let what = format!("inverse iteration still changes by {change:.1e} after 40 solves");
-        return Err(Error::Linear {
-            stage: "steady state",
-            what,
-        });
+        return Err(Error::linear("steady state", what));
     }
     let mut image = vec![0.0; n];
     for (column, entries) in matrix.outer_iterator().enumerate() {

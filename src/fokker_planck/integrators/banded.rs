@@ -72,10 +72,8 @@ impl Banded {
             }
             let finite = |bands: &[Lanes; BANDS]| bands.iter().flatten().all(|x| x.is_finite());
             if !factors.iter().all(finite) {
-                return Err(Error::Linear {
-                    stage: "banded factorisation",
-                    what: format!("not positive definite with a step of {a:e}"),
-                });
+                let what = format!("not positive definite with a step of {a:e}");
+                return Err(Error::linear("banded factorisation", what));
             }
             blocks.push(Block {
                 rows,

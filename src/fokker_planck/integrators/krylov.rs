@@ -141,10 +141,8 @@ impl<T: Number> Gmres<T> {
             left = size(&self.residual);
         }
         if left.is_nan() || left > target {
-            return Err(Error::Linear {
-                stage: "GMRES",
-                what: format!("a residual of {left:.1e} was left, above {target:.1e}"),
-            });
+            let what = format!("a residual of {left:.1e} was left, above {target:.1e}");
+            return Err(Error::linear("GMRES", what));
         }
         if let Some(stationary) = &system.stationary {
             let kept = mass - share(&x);
