@@ -147,9 +147,7 @@ impl Document {
         let section = root.section("excitation")?;
         section.known(&["drive", "envelope"])?;
         let mut it = Excitation::default();
-        let drive = section.section("drive")?;
-        drive.known(&["amplitude", "frequency", "phase"])?;
-        if drive.table.is_some() {
+        if let Some(drive) = section.optional("drive", &["amplitude", "frequency", "phase"])? {
             let number = |key: &str, what: &str| drive.required(drive.number(key)?, key, what);
             let read = Drive::new(
                 number("amplitude", "an amplitude >= 0 in static loads, as 0.02")?,
@@ -158,9 +156,7 @@ impl Document {
             );
             it.drive = Some(read.map_err(|error| self.explain(&error))?);
         }
-        let envelope = section.section("envelope")?;
-        envelope.known(&["times", "factors"])?;
-        if envelope.table.is_some() {
+        if let Some(envelope) = section.optional("envelope", &["times", "factors"])? {
             let list = |key: &str, what: &str| envelope.required(envelope.numbers(key)?, key, what);
             let read = Envelope::new(
                 list("times", "ascending times, as [0, 50, 100]")?,
@@ -278,9 +274,7 @@ impl Document {
             time_unit: section.choice("time_unit", TIME_UNITS)?,
             ..Outputs::nothing()
         };
-        let spectrum = section.section("spectrum")?;
-        spectrum.known(&["until", "quantity"])?;
-        if spectrum.table.is_some() {
+        if let Some(spectrum) = section.optional("spectrum", &["until", "quantity"])? {
             let until = spectrum.number("until")?;
             let quantities = &[
                 ("force", Quantity::Force),
@@ -291,9 +285,7 @@ impl Document {
                 quantity: spectrum.choice("quantity", quantities)?.unwrap_or_default(),
             });
         }
-        let passage = section.section("first_passage")?;
-        passage.known(&["level", "side", "until"])?;
-        if passage.table.is_some() {
+        if let Some(passage) = section.optional("first_passage", &["level", "side", "until"])? {
             let (level, until) = (passage.number("level")?, passage.number("until")?);
             let sides = &[
                 ("below", Side::Below),
@@ -311,21 +303,15 @@ impl Document {
             ("first_loss", "until", &mut it.first_loss),
             ("crossings", "window", &mut it.crossings),
         ] {
-            let inner = section.section(name)?;
-            inner.known(&[key])?;
-            if inner.table.is_some() {
+            if let Some(inner) = section.optional(name, &[key])? {
                 *target = Some(inner.required(inner.number(key)?, key, "a time > 0")?);
             }
         }
-        let periodic = section.section("periodic")?;
-        periodic.known(&["phases"])?;
-        if periodic.table.is_some() {
+        if let Some(periodic) = section.optional("periodic", &["phases"])? {
             let phases = periodic.whole("phases", u64::MAX)?;
             it.periodic = Some(phases.unwrap_or(PHASES) as usize);
         }
-        let response = section.section("response")?;
-        response.known(&["from", "to", "points"])?;
-        if response.table.is_some() {
+        if let Some(response) = section.optional("response", &["from", "to", "points"])? {
             let number = |key: &str| {
                 response.required(response.number(key)?, key, "a circular frequency > 0")
             };
@@ -341,11 +327,9 @@ impl Document {
     }
 
     fn reach(outputs: &Section<'_>) -> Read<Option<ReachRequest>> {
-        let section = outputs.section("reach")?;
-        section.known(&["quantity", "fraction"])?;
-        if section.table.is_none() {
+        let Some(section) = outputs.optional("reach", &["quantity", "fraction"])? else {
             return Ok(None);
-        }
+        };
         let moments = Moment::ALL.map(|it| (it.name(), it));
         let quantity = section.choice("quantity", &moments)?;
         let fraction = section.number("fraction")?;
