@@ -90,7 +90,7 @@ impl SteadyState {
             cells: Cells::of(settings, widths),
             drift,
         };
-        let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
+        let cells = layout.count_within(oscillator, 1.0, settings.max_memory)?;
         let n = cells[0] as f64 * cells[1] as f64;
         let wide = if drift == Drift::Upwind {
             1.0
