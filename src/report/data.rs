@@ -17,7 +17,6 @@ use ndarray::{Array1, Array2, arr0};
 use ndarray::{ArrayD, IxDyn};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::io::Cursor;
-use std::path::PathBuf;
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
 pub(super) fn stationary(results: &Results) -> Vec<File> {
@@ -328,10 +327,8 @@ fn axes(
 /// Densities of several times on one mesh, as p[t, q, v].
 pub(super) fn stacked(name: String, all: &[Snapshot], rig: Option<&Rig>) -> Result<File> {
     let views: Vec<_> = all.iter().map(|it| it.p.view()).collect();
-    let p = ndarray::stack(ndarray::Axis(0), &views).map_err(|error| Error::Io {
-        path: PathBuf::from(&name),
-        source: std::io::Error::other(error.to_string()),
-    })?;
+    let p =
+        ndarray::stack(ndarray::Axis(0), &views).map_err(|error| Error::unmade(&name, error))?;
     let times: Array1<f64> = all.iter().map(|it| it.t).collect();
     packed(name, |npz| {
         npz.add_array("p", &p)?;
@@ -370,10 +367,7 @@ fn packed(
     let bytes = put(&mut npz).and_then(|()| Ok(npz.finish()?.into_inner()));
     match bytes {
         Ok(bytes) => Ok(File { name, bytes }),
-        Err(error) => Err(Error::Io {
-            path: PathBuf::from(name),
-            source: std::io::Error::other(error.to_string()),
-        }),
+        Err(error) => Err(Error::unmade(&name, error)),
     }
 }
 
