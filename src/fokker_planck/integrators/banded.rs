@@ -1,11 +1,6 @@
 //! The implicit part of a split step: (I - a B) g' = g with B friction and diffusion, which couples the
 //! cells of one q-column only. One symmetric banded factorisation per column, eight columns side by side.
 
-#![allow(
-    clippy::inline_always,
-    reason = "the loops must be compiled inside the dispatch to be vectorised"
-)]
-
 use crate::error::{Error, Result};
 use crate::fokker_planck::generator::{BANDS, Generator};
 use std::ops::Range;
