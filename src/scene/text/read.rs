@@ -4,6 +4,7 @@ use super::document::{Document, Read, Value};
 use super::section::Section;
 use crate::clock::TIME_UNITS;
 use crate::contact::{ContactLaw, LAWS, Parameters};
+use crate::damping::Damping;
 use crate::error::{Error, positive};
 use crate::excitation::{Drive, Envelope, Excitation};
 use crate::initial::Initial;
@@ -11,7 +12,7 @@ use crate::moments::Moment;
 use crate::monte_carlo::MOST_COSINES;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
-use crate::scene::names::{DAMPINGS, SCHEMES, TIME, TRANSIENT};
+use crate::scene::names::{SCHEMES, TIME, TRANSIENT};
 use crate::scene::{
     Accuracy, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, Quantity, ReachRequest,
     ResponseRequest, Scene, Side, SpectrumRequest,
@@ -137,7 +138,9 @@ impl Document {
             }
             (None, None, _) => section.required(None, "h", "an input level > 0, as 2e-3")?,
         };
-        let damping = section.choice("damping", DAMPINGS)?.unwrap_or_default();
+        let dampings = [Damping::Viscous, Damping::Contact, Damping::HuntCrossley];
+        let dampings = dampings.map(|it| (it.name(), it));
+        let damping = section.choice("damping", &dampings)?.unwrap_or_default();
         Oscillator::new(contact, zeta, h)
             .and_then(|it| it.with_damping(damping))
             .map_err(|error| self.explain(&error))
@@ -276,23 +279,18 @@ impl Document {
         };
         if let Some(spectrum) = section.optional("spectrum", &["until", "quantity"])? {
             let until = spectrum.number("until")?;
-            let quantities = &[
-                ("force", Quantity::Force),
-                ("displacement", Quantity::Displacement),
-            ];
+            let quantities = [Quantity::Force, Quantity::Displacement].map(|it| (it.name(), it));
             it.spectrum = Some(SpectrumRequest {
                 until: spectrum.required(until, "until", "a circular frequency > 0")?,
-                quantity: spectrum.choice("quantity", quantities)?.unwrap_or_default(),
+                quantity: spectrum
+                    .choice("quantity", &quantities)?
+                    .unwrap_or_default(),
             });
         }
         if let Some(passage) = section.optional("first_passage", &["level", "side", "until"])? {
             let (level, until) = (passage.number("level")?, passage.number("until")?);
-            let sides = &[
-                ("below", Side::Below),
-                ("above", Side::Above),
-                ("either", Side::Either),
-            ];
-            let side = passage.choice("side", sides)?;
+            let sides = [Side::Below, Side::Above, Side::Either].map(|it| (it.name(), it));
+            let side = passage.choice("side", &sides)?;
             it.first_passage = Some(PassageRequest {
                 level: passage.required(level, "level", "a displacement, as 3.0")?,
                 side: passage.required(side, "side", "\"above\", \"below\" or \"either\"")?,
