@@ -56,7 +56,9 @@ impl ContactLaw {
     /// # Errors
     /// [`Error::Invalid`] where the force is not finite, falls with q, or is not constant in flight.
     pub fn custom(law: impl Restoring + 'static) -> Result<Self> {
-        let flight = flight(&law);
+        let law = Arc::new(law);
+        let it = Self::Custom(law.clone());
+        let flight = it.flight();
         let name = format!("contact law \"{}\"", law.name());
         let samples: Vec<f64> = (-400..=400).map(|k| (f64::from(k) * 0.02).sinh()).collect();
         let several = law.roots(0.0).len() > 1;
@@ -80,7 +82,7 @@ impl ContactLaw {
                 ));
             }
         }
-        Ok(Self::Custom(Arc::new(law)))
+        Ok(it)
     }
 
     /// The law that a scene names by a word: "hertz", "bilinear", "linear", "free".
@@ -252,6 +254,26 @@ impl ContactLaw {
         }
     }
 
+    /// The density of N = G(q) without its Dirac mass, (27), (28), from that of q.
+    pub(crate) fn density_force(&self, force: f64, density_q: impl Fn(f64) -> f64) -> f64 {
+        let all = self.displacements_at(force).into_iter();
+        all.map(|q| density_q(q) / self.stiffness(q).abs()).sum()
+    }
+
+    /// P(N <= force), the Dirac mass included, from the probability below a displacement.
+    pub(crate) fn distribution_force(&self, force: f64, below: impl Fn(f64) -> f64) -> f64 {
+        let all = self.displacements_at(force);
+        if all.is_empty() {
+            let loss = self.loss_point();
+            let flown = loss.filter(|loss| force >= self.force(*loss));
+            return flown.map_or(0.0, below);
+        }
+        // G is lower left of the last, and again left of the last but two.
+        let signs = [1.0, -1.0].into_iter().cycle();
+        let signed = all.into_iter().rev().zip(signs);
+        signed.map(|(q, sign)| sign * below(q)).sum()
+    }
+
     /// Whether exp(-U/T) can be normalised: the force is negative far left and positive far right.
     pub fn is_confining(&self) -> bool {
         match self {
@@ -355,12 +377,6 @@ impl ContactLaw {
             })
             .collect()
     }
-}
-
-/// The interval of q out of contact.
-fn flight(law: &dyn Restoring) -> Option<[f64; 2]> {
-    let low = law.back_wall().unwrap_or(f64::NEG_INFINITY);
-    law.loss_point().map(|loss| [low, loss])
 }
 
 /// The laws with a word are equal by kind, others by name and parameters, a law from code to itself only.

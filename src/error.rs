@@ -1,6 +1,6 @@
 //! What can go wrong, named so that the user can mend it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Every failure of the library. No variant is a bug of the caller's program logic: each names
 /// the quantity, the value it had and what would have been accepted.
@@ -111,6 +111,27 @@ impl Error {
             key: key.into(),
             value: value.to_string(),
             accepted: accepted.into(),
+        }
+    }
+
+    /// [`Error::Io`] about a file or folder, from what the system answered.
+    pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
+        move |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// [`Error::Io`] about a file that cannot be made.
+    pub(crate) fn unmade(name: &str, why: impl std::fmt::Display) -> Self {
+        Self::io(Path::new(name))(std::io::Error::other(why.to_string()))
+    }
+
+    /// [`Error::Linear`] from where it happened and what was found.
+    pub(crate) fn linear(stage: &'static str, what: impl Into<String>) -> Self {
+        Self::Linear {
+            stage,
+            what: what.into(),
         }
     }
 

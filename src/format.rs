@@ -34,6 +34,12 @@ pub(crate) fn rounded(x: f64, digits: usize) -> f64 {
     format!("{x:.digits$e}").parse().unwrap_or(x)
 }
 
+/// At most so many of `count` indices, spread evenly, the last among them.
+pub(crate) fn spread(count: usize, most: usize) -> Vec<usize> {
+    let most = most.min(count);
+    (1..=most).map(|k| (k * count).div_ceil(most) - 1).collect()
+}
+
 /// A count with its noun.
 pub(crate) fn many(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
@@ -165,6 +171,13 @@ mod tests {
                 assert!(text.chars().count() <= 17, "{text}");
             }
         }
+    }
+
+    #[test]
+    fn the_times_shown_are_spread_and_end_with_the_last() {
+        assert_eq!(spread(0, 6), Vec::<usize>::new());
+        assert_eq!(spread(3, 6), [0, 1, 2]);
+        assert_eq!(spread(600, 6), [99, 199, 299, 399, 499, 599]);
     }
 
     #[test]

@@ -1,6 +1,16 @@
-//! The exponential of a small dense matrix.
+//! Vectors, and the exponential of a small dense matrix.
 
 use ndarray::Array2;
+
+/// The scalar product.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// |x|.
+pub(crate) fn norm(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
+}
 
 /// e^{A t}: Taylor's series of degree 18 where |A t| < 1/2, to rounding, and squaring.
 pub(crate) fn exponential(matrix: &Array2<f64>, t: f64) -> Array2<f64> {

@@ -112,6 +112,19 @@ impl Moment {
         Self::ContactLossProbability,
     ];
 
+    /// Those whose course in time is shown: all where only some were asked for.
+    pub(crate) fn course(moments: &[Moments]) -> &'static [Self] {
+        if moments.last().is_some_and(|it| it.left_out != 0) {
+            return &Self::ALL;
+        }
+        &[
+            Self::MeanQ,
+            Self::StdForce,
+            Self::MeanEnergy,
+            Self::ContactLossProbability,
+        ]
+    }
+
     /// Their names in results.json, in the same order.
     #[cfg(feature = "cli")]
     pub(crate) const NAMES: [&str; Self::ALL.len()] = {

@@ -262,10 +262,10 @@ pub fn orbit(oscillator: &Oscillator, drive: &Drive, guess: [f64; 2]) -> Result<
             });
         }
     }
-    Err(Error::Linear {
-        stage: "shooting for a periodic orbit",
-        what: format!("Newton's method ended nowhere from {guess:?}"),
-    })
+    Err(Error::linear(
+        "shooting for a periodic orbit",
+        format!("Newton's method ended nowhere from {guess:?}"),
+    ))
 }
 
 /// Periodic orbits over the frequency of a drive, each with its frequency: from the motions that settle at every frequency

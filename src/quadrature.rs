@@ -77,24 +77,12 @@ pub(crate) fn gauss<const N: usize>() -> [(f64, f64); N] {
     })
 }
 
-/// The 15 nodes and weights of the Kronrod rule on [-1, 1], for rules built by hand.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct KronrodNodes {
-    next: usize,
-}
-
-impl Iterator for KronrodNodes {
-    type Item = (f64, f64);
-
-    fn next(&mut self) -> Option<(f64, f64)> {
-        let k = self.next;
-        self.next += 1;
-        match k {
-            0..=7 => Some((-NODES[k], KRONROD[k])),
-            8..=14 => Some((NODES[14 - k], KRONROD[14 - k])),
-            _ => None,
-        }
-    }
+/// The 15 ascending nodes of the Kronrod rule on [-1, 1] and their weights, for rules built by hand.
+pub(crate) fn kronrod() -> [(f64, f64); 15] {
+    std::array::from_fn(|k| match k {
+        0..=7 => (-NODES[k], KRONROD[k]),
+        _ => (NODES[14 - k], KRONROD[14 - k]),
+    })
 }
 
 /// Integral of `f` over the intervals between neighbouring `breaks` (ascending), bisected where the

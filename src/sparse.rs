@@ -72,21 +72,16 @@ impl<T: Scalar> Lu<T> {
     /// [`Error::Linear`] for a matrix that is not square, not compressed by columns, not finite or
     /// structurally singular. A numerically singular one shows in the first [`Lu::solve`].
     pub fn factor(matrix: CsMat<T>) -> Result<Self> {
-        let fail = |what: String| Error::Linear {
-            stage: "sparse LU",
-            what,
-        };
         if !matrix.is_csc() || matrix.rows() != matrix.cols() || matrix.rows() == 0 {
             let (m, n) = matrix.shape();
-            return Err(fail(format!(
-                "a {m} x {n} matrix, expected square, by columns"
-            )));
+            let what = format!("a {m} x {n} matrix, expected square, by columns");
+            return Err(Error::linear("sparse LU", what));
         }
         let norm = norm(&matrix)?;
         let columns = matrix.proper_indptr().to_vec();
         let symbolic = pattern(&matrix, &columns);
         let symbolic = factorize_symbolic_lu(symbolic, LuSymbolicParams::default())
-            .map_err(|e| fail(format!("{e:?}")))?;
+            .map_err(|e| Error::linear("sparse LU", format!("{e:?}")))?;
         let memory = MemBuffer::new(
             symbolic
                 .factorize_numeric_lu_scratch::<T>(Par::Seq, Spec::default())
@@ -114,10 +109,7 @@ impl<T: Scalar> Lu<T> {
     pub(crate) fn refactor(&mut self, matrix: CsMat<T>) -> Result<()> {
         if matrix.indptr() != self.matrix.indptr() || matrix.indices() != self.matrix.indices() {
             let what = "another sparsity pattern than the first matrix".to_string();
-            return Err(Error::Linear {
-                stage: "sparse LU",
-                what,
-            });
+            return Err(Error::linear("sparse LU", what));
         }
         self.norm = norm(&matrix)?;
         self.matrix = matrix;
@@ -135,10 +127,7 @@ impl<T: Scalar> Lu<T> {
             Spec::default(),
         ) {
             Ok(_) => Ok(()),
-            Err(e) => Err(Error::Linear {
-                stage: "sparse LU",
-                what: format!("{e:?}"),
-            }),
+            Err(e) => Err(Error::linear("sparse LU", format!("{e:?}"))),
         }
     }
 
@@ -155,10 +144,7 @@ impl<T: Scalar> Lu<T> {
         let n = self.len();
         if x.len() != n {
             let what = format!("a right-hand side of length {}, expected {n}", x.len());
-            return Err(Error::Linear {
-                stage: "sparse LU",
-                what,
-            });
+            return Err(Error::linear("sparse LU", what));
         }
         self.residual.copy_from_slice(x);
         let given: f64 = x.iter().map(|b| b.size()).sum();
@@ -175,18 +161,8 @@ impl<T: Scalar> Lu<T> {
             Ok(error)
         } else {
             let what = format!("singular matrix or lost digits: backward error {error:.1e}");
-            Err(Error::Linear {
-                stage: "sparse LU",
-                what,
-            })
+            Err(Error::linear("sparse LU", what))
         }
-    }
-}
-
-fn no_eigenvalues(what: String) -> Error {
-    Error::Linear {
-        stage: "dense eigenvalues",
-        what,
     }
 }
 
@@ -195,7 +171,7 @@ fn dense<T: Copy>(matrix: &Array2<T>, is_finite: fn(&T) -> bool) -> Result<Mat<T
     let (m, n) = matrix.dim();
     if m != n || !matrix.iter().all(is_finite) {
         let what = format!("a {m} x {n} matrix, expected square and finite");
-        return Err(no_eigenvalues(what));
+        return Err(Error::linear("dense eigenvalues", what));
     }
     Ok(Mat::from_fn(n, n, |i, j| matrix[[i, j]]))
 }
@@ -212,7 +188,7 @@ pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
     let dense = dense(matrix, |x| x.is_finite())?;
     let evd = dense
         .eigen()
-        .map_err(|e| no_eigenvalues(format!("{e:?}")))?;
+        .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))?;
     let values = (0..n).map(|k| evd.S()[k]).collect();
     let mut vectors = Array2::from_shape_fn((n, n), |(i, j)| evd.U()[(i, j)]);
     for mut column in vectors.columns_mut() {
@@ -230,7 +206,7 @@ pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
     let dense = dense(matrix, |x| x.is_finite())?;
     dense
         .eigenvalues()
-        .map_err(|e| no_eigenvalues(format!("{e:?}")))
+        .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))
 }
 
 /// LU of a dense complex matrix by partial pivoting: one factorisation, any number of right-hand sides.
@@ -249,10 +225,8 @@ impl DenseLu {
     pub(crate) fn factor(matrix: &Array2<Complex<f64>>) -> Result<Self> {
         let (m, n) = matrix.dim();
         if m != n || n == 0 || !matrix.iter().all(|x| x.is_finite()) {
-            return Err(Error::Linear {
-                stage: "dense LU",
-                what: format!("a {m} x {n} matrix, expected square and finite"),
-            });
+            let what = format!("a {m} x {n} matrix, expected square and finite");
+            return Err(Error::linear("dense LU", what));
         }
         let mut factors = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
         let (mut forward, mut backward) = (vec![0usize; n], vec![0usize; n]);
@@ -280,13 +254,9 @@ impl DenseLu {
     /// [`Error::Linear`] for a length that is not a number of columns, or a solution that is not finite.
     pub(crate) fn solve(&self, x: &mut [Complex<f64>]) -> Result<()> {
         let n = self.forward.len();
-        let fail = |what: String| Error::Linear {
-            stage: "dense LU",
-            what,
-        };
         if !x.len().is_multiple_of(n) {
             let what = format!("right-hand sides of {} for a matrix of {n}", x.len());
-            return Err(fail(what));
+            return Err(Error::linear("dense LU", what));
         }
         let columns = x.len() / n;
         let scratch = solve::solve_in_place_scratch::<usize, Complex<f64>>(n, columns, Par::Seq);
@@ -302,7 +272,7 @@ impl DenseLu {
         if x.iter().all(|x| x.is_finite()) {
             Ok(())
         } else {
-            Err(fail("a singular matrix".into()))
+            Err(Error::linear("dense LU", "a singular matrix"))
         }
     }
 }
@@ -314,10 +284,7 @@ fn norm<T: Scalar>(matrix: &CsMat<T>) -> Result<f64> {
         let sum: f64 = entries.iter().map(|(_, a)| a.size()).sum();
         if !sum.is_finite() {
             let what = format!("column {column} holds an entry that is not finite");
-            return Err(Error::Linear {
-                stage: "sparse LU",
-                what,
-            });
+            return Err(Error::linear("sparse LU", what));
         }
         largest = largest.max(sum);
     }

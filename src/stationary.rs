@@ -91,29 +91,13 @@ impl Stationary {
     /// of flight without a second wall, infinite just above it for Hertz (29), and without the Dirac mass at the force of
     /// flight, which is [`Stationary::contact_loss_probability`].
     pub fn density_force(&self, force: f64) -> f64 {
-        let all = self.contact().displacements_at(force).into_iter();
-        all.map(|q| self.density_q(q) / self.contact().stiffness(q).abs())
-            .sum()
+        self.contact().density_force(force, |q| self.density_q(q))
     }
 
     /// P(N <= force), the Dirac mass included.
     pub fn distribution_force(&self, force: f64) -> f64 {
-        let contact = self.contact();
         let below = |q: f64| self.law.ln_tail_below(q).value.exp();
-        let all = contact.displacements_at(force);
-        if all.is_empty() {
-            let flown = contact
-                .loss_point()
-                .filter(|loss| force >= contact.force(*loss));
-            return flown.map_or(0.0, below);
-        }
-        // G is lower left of the last, and again left of the last but two.
-        let signs = [1.0, -1.0].into_iter().cycle();
-        all.into_iter()
-            .rev()
-            .zip(signs)
-            .map(|(q, sign)| sign * below(q))
-            .sum()
+        self.contact().distribution_force(force, below)
     }
 
     /// E\[q^n\], (25).

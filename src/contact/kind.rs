@@ -12,8 +12,6 @@ pub struct Kind {
     pub name: &'static str,
     /// Its keys next to `law`.
     pub keys: &'static [&'static str],
-    /// As a scene would have it.
-    pub example: &'static str,
     /// Makes one; what is wrong is named by its key.
     pub(crate) make: fn(&Parameters) -> Result<Arc<dyn Restoring>>,
 }

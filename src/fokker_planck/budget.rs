@@ -6,7 +6,7 @@ pub(crate) use crate::budget::{Limits, timing};
 use crate::error::{Error, Result};
 
 /// What a computation will take, as far as can be said without doing it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Cost {
     /// Cells in q and v.
     pub cells: [usize; 2],

@@ -157,13 +157,11 @@ pub(super) fn solve(
         fixed.residual = arnoldi.residual();
     }
     if fixed.residual > 1e-3 || !fixed.residual.is_finite() {
-        return Err(Error::Linear {
-            stage: "the periodic law",
-            what: format!(
-                "after {} periods it still changes by {:.1e} in one",
-                fixed.maps, fixed.residual
-            ),
-        });
+        let what = format!(
+            "after {} periods it still changes by {:.1e} in one",
+            fixed.maps, fixed.residual
+        );
+        return Err(Error::linear("the periodic law", what));
     }
     Ok(fixed)
 }

@@ -17,11 +17,6 @@
 //! of their own and would carry slow modes of the truncated domain. There g is relaxed to its neighbours: symmetric
 //! and dissipative too, and without weight in any answer (they hold less than the neglected probability).
 
-#![allow(
-    clippy::inline_always,
-    reason = "the loops must be compiled inside the dispatch to be vectorised"
-)]
-
 mod apply;
 mod assembly;
 mod friction;

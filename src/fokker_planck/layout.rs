@@ -129,30 +129,17 @@ impl Layout {
         Ok(Mesh { q, v })
     }
 
-    /// As [`Layout::count`], if the arrays and what is factored fit the memory allowed.
+    /// As [`Layout::count`], if the arrays fit the memory allowed.
     pub(super) fn count_within(
         &self,
         oscillator: &Oscillator,
         finer: f64,
-        factors: budget::Factors,
         max_memory: u64,
     ) -> Result<[usize; 2]> {
         let cells = self.count(oscillator, finer)?;
-        let needed = budget::memory(cells, self.drift, factors);
+        let needed = budget::memory(cells, self.drift, budget::Factors::None);
         budget::check_memory(needed, cells, self.is_given(), max_memory)?;
         Ok(cells)
-    }
-
-    /// As [`Layout::mesh`], if the arrays and what is factored fit the memory allowed.
-    pub(super) fn mesh_within(
-        &self,
-        oscillator: &Oscillator,
-        finer: f64,
-        factors: budget::Factors,
-        max_memory: u64,
-    ) -> Result<Mesh> {
-        self.count_within(oscillator, finer, factors, max_memory)?;
-        self.mesh(oscillator, finer)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::moments::RawMoments;
 use crate::oscillator::Oscillator;
-use crate::quadrature::KronrodNodes;
+use crate::quadrature::kronrod;
 
 /// Points of the interpolation of g along q.
 const POINTS: usize = 8;
@@ -142,8 +142,7 @@ fn nodes(xi: f64, splits: &[f64]) -> Vec<(f64, f64, f64)> {
     panels.dedup();
     let panel = |w: &[f64]| {
         let (a, half) = (xi + w[0], 0.5 * (w[1] - w[0]));
-        KronrodNodes::default()
-            .map(move |(x, weight)| (a + half * (1.0 + x), half * weight, a + half))
+        kronrod().map(move |(x, weight)| (a + half * (1.0 + x), half * weight, a + half))
     };
     panels.windows(2).flat_map(panel).collect()
 }

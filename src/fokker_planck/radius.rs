@@ -1,6 +1,7 @@
 //! The largest eigenvalue of a symmetric or antisymmetric operator, by Lanczos' method: what an explicit
 //! step must be shorter than, without a matrix.
 
+use crate::matrix::norm;
 use crate::roots::bisect;
 
 /// Lanczos vectors. For n unknowns and k vectors the expected relative error of the largest eigenvalue from a
@@ -65,10 +66,6 @@ pub(super) fn largest(n: usize, kind: Kind, mut apply: impl FnMut(&[f64], &mut [
         std::mem::swap(&mut now, &mut next);
     }
     SAFETY * tridiagonal(&diagonal, &beside)
-}
-
-fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// The largest |eigenvalue| of a symmetric tridiagonal matrix, by bisection with Sturm's sequence. For

@@ -3,7 +3,7 @@
 use super::axis::{Axis, Spacing};
 use super::collected::Collected;
 use super::grid::Ending;
-use super::lines::{Head, each, io};
+use super::lines::{Head, each};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
@@ -139,7 +139,7 @@ fn read(dir: &Path) -> Result<Collected> {
         return Err(refused());
     }
     let mut parts: Vec<Part> = fs::read_dir(dir)
-        .map_err(io(dir))?
+        .map_err(Error::io(dir))?
         .flatten()
         .filter_map(|it| Part::of_file(it.file_name().to_str()?))
         .collect();

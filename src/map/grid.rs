@@ -191,7 +191,7 @@ impl Map {
             let what = what.or_else(|| panic.downcast_ref::<&str>().copied());
             let what = format!("a bug of this program: {}", what.unwrap_or("it panicked"));
             let stage = "map";
-            Err(Error::Linear { stage, what })
+            Err(Error::linear(stage, what))
         });
         let ending = match ended {
             Ok(results) => {

@@ -61,7 +61,7 @@ impl Lines {
     ) -> Result<Self> {
         let path = folder.join(part.file());
         let lock_path = folder.join(format!(".{}.lock", part.file()));
-        let lock = File::create(&lock_path).map_err(io(&lock_path))?;
+        let lock = File::create(&lock_path).map_err(Error::io(&lock_path))?;
         if let Err(fs::TryLockError::WouldBlock) = lock.try_lock() {
             let accepted = "a part that no other run is computing";
             return Err(Error::invalid("--part", part.file(), accepted));
@@ -69,29 +69,29 @@ impl Lines {
         let mut dropped = 0;
         if path.exists() {
             let beside = folder.join(format!(".{}.part", part.file()));
-            let mut kept = BufWriter::new(File::create(&beside).map_err(io(&beside))?);
+            let mut kept = BufWriter::new(File::create(&beside).map_err(Error::io(&beside))?);
             each(&path, |_, line| {
                 let head = serde_json::from_slice::<Head>(line);
                 if line.ends_with(b"\n") && head.is_ok_and(|it| wanted(&it)) {
-                    kept.write_all(line).map_err(io(&beside))
+                    kept.write_all(line).map_err(Error::io(&beside))
                 } else {
                     dropped += 1;
                     Ok(())
                 }
             })?;
-            kept.flush().map_err(io(&beside))?;
+            kept.flush().map_err(Error::io(&beside))?;
             let kept = kept.into_inner();
-            let kept = kept.map_err(|error| io(&beside)(error.into_error()))?;
+            let kept = kept.map_err(|error| Error::io(&beside)(error.into_error()))?;
             if dropped > 0 {
-                kept.sync_data().map_err(io(&beside))?;
-                fs::rename(&beside, &path).map_err(io(&path))?;
+                kept.sync_data().map_err(Error::io(&beside))?;
+                fs::rename(&beside, &path).map_err(Error::io(&path))?;
             } else {
-                fs::remove_file(&beside).map_err(io(&beside))?;
+                fs::remove_file(&beside).map_err(Error::io(&beside))?;
             }
         }
         let file = OpenOptions::new().create(true).append(true).open(&path);
         Ok(Self {
-            file: Mutex::new(file.map_err(io(&path))?),
+            file: Mutex::new(file.map_err(Error::io(&path))?),
             path,
             lock,
             lock_path,
@@ -110,7 +110,8 @@ impl Lines {
             // Whoever panicked had not begun to write.
             Err(poisoned) => poisoned.into_inner(),
         };
-        file.write_all(line.as_bytes()).map_err(io(&self.path))
+        file.write_all(line.as_bytes())
+            .map_err(Error::io(&self.path))
     }
 
     /// What was written is on the disk.
@@ -119,7 +120,7 @@ impl Lines {
     /// [`Error::Io`] where the system refuses.
     pub(super) fn sync(&self) -> Result<()> {
         match self.file.lock() {
-            Ok(file) => file.sync_data().map_err(io(&self.path)),
+            Ok(file) => file.sync_data().map_err(Error::io(&self.path)),
             Err(_) => Ok(()),
         }
     }
@@ -138,23 +139,15 @@ impl Drop for Lines {
 /// # Errors
 /// [`Error::Io`], and whatever `visit` answers.
 pub(super) fn each(path: &Path, mut visit: impl FnMut(u64, &[u8]) -> Result<()>) -> Result<()> {
-    let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(io(path))?);
+    let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(Error::io(path))?);
     let (mut at, mut line) = (0, Vec::new());
     loop {
         line.clear();
-        let read = file.read_until(b'\n', &mut line).map_err(io(path))?;
+        let read = file.read_until(b'\n', &mut line).map_err(Error::io(path))?;
         if read == 0 {
             return Ok(());
         }
         visit(at, &line)?;
         at += read as u64;
-    }
-}
-
-/// An error of the system about a file.
-pub(super) fn io(path: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
-    move |source| Error::Io {
-        path: path.to_owned(),
-        source,
     }
 }

@@ -1,7 +1,7 @@
 //! A part of a map is run: which of its points are missing, in what order, on how many threads each.
 
 use super::grid::{Ending, Map, MapError, Result, name};
-use super::lines::{Head, Lines, io};
+use super::lines::{Head, Lines};
 use super::part::Part;
 use crate::error::Error;
 use crate::format::{many, seconds};
@@ -226,7 +226,7 @@ impl Map {
     /// The folder is this map's from now on, if it is nobody's.
     fn claim(&self, folder: &Path, part: Part) -> Result<()> {
         let ours = self.identity()?;
-        fs::create_dir_all(folder).map_err(io(folder))?;
+        fs::create_dir_all(folder).map_err(Error::io(folder))?;
         let path = folder.join(MAP);
         let shown = folder.display();
         if let Ok(text) = fs::read_to_string(&path) {
@@ -246,7 +246,7 @@ impl Map {
             );
             return Err(Error::invalid("--out", shown, accepted).into());
         }
-        let others = fs::read_dir(folder).map_err(io(folder))?.flatten();
+        let others = fs::read_dir(folder).map_err(Error::io(folder))?.flatten();
         // Parts that begin at the same time have hidden files here.
         let mut others = others.filter(|it| !it.file_name().to_string_lossy().starts_with('.'));
         let hers = |it: fs::DirEntry| it.file_name() != MAP;
@@ -256,8 +256,8 @@ impl Map {
         }
         let beside = folder.join(format!(".{MAP}.{}", part.file()));
         let text = serde_json::to_string_pretty(&ours).unwrap_or_default() + "\n";
-        fs::write(&beside, text).map_err(io(&beside))?;
-        fs::rename(&beside, &path).map_err(io(&path))?;
+        fs::write(&beside, text).map_err(Error::io(&beside))?;
+        fs::rename(&beside, &path).map_err(Error::io(&path))?;
         Ok(())
     }
 

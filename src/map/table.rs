@@ -6,7 +6,8 @@ use super::numbers::is_curve;
 use crate::clock::TimeUnit;
 use crate::error::Result;
 use crate::format::num;
-use crate::report::{File, data, spelled};
+use crate::report::{File, data, field, spelled};
+use crate::results::dimension;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -307,7 +308,7 @@ pub(super) fn unit(name: &str) -> Option<&'static str> {
         (_, "re" | "im" | "omega" | "half_power_width" | "rate" | "continuous_from") => Some("W"),
         (_, "mean_time" | "mean_time_up_to_last" | "t") => Some("1/W"),
         _ if name.starts_with("rig.") || name.starts_with("agreement.") => None,
-        _ => Some(data::unit(last)).filter(|it| *it != "1" || last.contains("probability")),
+        _ => Some(dimension(last)).filter(|it| *it != "1" || last.contains("probability")),
     }
 }
 
@@ -316,10 +317,6 @@ pub(super) fn bracketed(name: &str, time: TimeUnit) -> String {
     let circular = name.contains("spectrum.");
     let of = |unit| if circular { unit } else { time.of(unit) };
     unit(name).map_or_else(String::new, |unit| format!(" [{}]", spelled(of(unit))))
-}
-
-fn field(x: f64) -> String {
-    if x.is_finite() { num(x) } else { String::new() }
 }
 
 /// A value of an axis as text.

@@ -6,6 +6,7 @@ use super::noise::{LANES, Lanes};
 use super::statistics::skewed_variance;
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
+use crate::matrix::dot;
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::DisplacementLaw;
 
@@ -316,10 +317,6 @@ impl Regression {
         });
         skewed_variance(parts).sqrt()
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Solves a small symmetric positive system by elimination without pivoting; a control without

@@ -422,7 +422,7 @@ impl<L: Law> pulp::WithSimd for Advance<'_, L> {
             coefficients,
         } = self.interval;
         let mut watch = Timed {
-            watch: Deaf,
+            watch: &mut Deaf,
             progress: self.progress,
         };
         for group in self.groups {

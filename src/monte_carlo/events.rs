@@ -148,26 +148,6 @@ pub(super) trait Watch {
 /// Steps of the paths that advance together between two looks at the clock: under 0.1 s with the most cosines.
 pub(super) const PATIENCE: u64 = 256;
 
-impl<W: Watch> Watch for &mut W {
-    const LISTENS: bool = W::LISTENS;
-
-    #[inline(always)]
-    fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64) {
-        (**self).cross(lane, lost, time, speed);
-    }
-
-    const FOLLOWS: bool = W::FOLLOWS;
-
-    #[inline(always)]
-    fn moved(&mut self, lane: usize, time: f64, step: f64, ends: [[f64; 2]; 2]) {
-        (**self).moved(lane, time, step, ends);
-    }
-
-    fn late(&self) -> bool {
-        (**self).late()
-    }
-}
-
 /// Nobody listens.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Deaf;

@@ -477,18 +477,20 @@ impl<L: Law> Group<'_, L> {
         &self,
         group: &mut scheme::Group,
         (start, steps, length, coefficients): (f64, u64, f64, &Coefficients),
-        watch: W,
+        mut watch: W,
         all: impl Fn(&W) -> bool,
     ) -> W {
-        let progress = self.run.progress;
-        let mut timed = Timed { watch, progress };
+        let mut timed = Timed {
+            watch: &mut watch,
+            progress: self.run.progress,
+        };
         let mut done = 0;
-        while done < steps && !all(&timed.watch) && !timed.late() {
+        while done < steps && !all(timed.watch) && !timed.late() {
             let piece = PIECE.min(steps - done);
             let now = (start + done as f64) * length;
             coefficients.advance(self.law, group, piece, now, &mut timed);
             done += piece;
         }
-        timed.watch
+        watch
     }
 }

@@ -26,8 +26,8 @@
 //! results have the same bits: paths advance in fixed blocks, and the blocks are added in their order.
 //! Memory does not depend on the number of paths.
 
-// The hot loops must be inlined into code compiled for the vectors of the machine, and they index lanes.
-#![allow(clippy::inline_always, clippy::needless_range_loop)]
+// The hot loops index lanes.
+#![allow(clippy::needless_range_loop)]
 
 mod batch;
 mod displacement;

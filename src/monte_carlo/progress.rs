@@ -61,7 +61,7 @@ impl<'a> Progress<'a> {
 
 /// Hears what `watch` hears, until the time of the work is over.
 pub(super) struct Timed<'a, W> {
-    pub(super) watch: W,
+    pub(super) watch: &'a mut W,
     pub(super) progress: &'a Progress<'a>,
 }
 

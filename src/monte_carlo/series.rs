@@ -207,7 +207,7 @@ impl<L: Law> pulp::WithSimd for Sample<'_, L> {
         } = self.recipe;
         let spacing = walk.step * *steps as f64;
         let mut watch = Timed {
-            watch: Deaf,
+            watch: &mut Deaf,
             progress: self.progress,
         };
         let patience = (PATIENCE / steps).max(1);

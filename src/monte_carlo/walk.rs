@@ -8,6 +8,7 @@ use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::excitation::Excitation;
+use crate::format::{num, rounded};
 use crate::initial::Initial;
 use crate::noise_free;
 use crate::oscillator::Oscillator;
@@ -409,8 +410,7 @@ fn automatic_step(scheme: Scheme, oscillator: &Oscillator, pace: Pace) -> f64 {
 
 /// A number to four digits, as a scene would have it.
 fn short(x: f64) -> String {
-    let rounded: f64 = format!("{x:.3e}").parse().unwrap_or(x);
-    format!("{rounded:?}")
+    num(rounded(x, 4))
 }
 
 /// Longest time that a motion without noise is followed for the amplitude of a driven one.

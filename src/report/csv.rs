@@ -9,7 +9,7 @@ use crate::rig::Rig;
 use std::fmt::Write;
 
 /// A number as it reads back exactly; empty where it does not exist.
-pub(super) fn field(x: f64) -> String {
+pub(crate) fn field(x: f64) -> String {
     if x.is_finite() { num(x) } else { String::new() }
 }
 
@@ -142,6 +142,17 @@ impl Csv {
     ) -> Self {
         self.add(head, kind, unit, numbers);
         self
+    }
+
+    /// The same of a curve, where every number is there.
+    pub(super) fn curve(
+        self,
+        head: &str,
+        kind: &str,
+        unit: &'static str,
+        curve: &[Estimate],
+    ) -> Self {
+        self.numbers(head, kind, unit, curve.iter().copied().map(Some))
     }
 
     /// The same in place.

@@ -17,12 +17,6 @@ use ndarray::{Array1, Array2, arr0};
 use ndarray::{ArrayD, IxDyn};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::io::Cursor;
-use std::path::PathBuf;
-
-/// The unit of a number of stationary motion or of a moment; "1" for any other.
-pub(crate) fn unit(name: &str) -> &'static str {
-    dimension(name)
-}
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
 pub(super) fn stationary(results: &Results) -> Vec<File> {
@@ -34,7 +28,7 @@ pub(super) fn stationary(results: &Results) -> Vec<File> {
     };
     let mut table = Rows::of(results, &["value,error"]);
     for (name, number) in numbers.iter() {
-        table.put(name, unit(name), &[number]);
+        table.put(name, dimension(name), &[number]);
     }
     let t = results.scene.oscillator.temperature();
     let (low, high) = results
@@ -89,7 +83,7 @@ pub(super) fn with_moments(mut table: Csv, moments: &[Moments], kind: &str) -> C
     let asked = |it: &Moment| !moments.iter().any(|at| at.leaves_out(*it));
     for it in Moment::ALL.into_iter().filter(asked) {
         let values = moments.iter().map(|at| at.get(it));
-        table.add(it.name(), kind, unit(it.name()), values);
+        table.add(it.name(), kind, dimension(it.name()), values);
     }
     table
 }
@@ -101,11 +95,10 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     };
     let mut files = Vec::new();
     if !it.times.is_empty() {
-        let some = |curve: &[Estimate]| curve.iter().copied().map(Some).collect::<Vec<_>>();
         let table = moments_csv(results, &it.times, &it.moments, "error")
-            .numbers("mass", "error", "1", some(&it.mass))
-            .numbers("lowest_density", "error", "1", some(&it.lowest_density))
-            .numbers("negative_mass", "error", "1", some(&it.negative_mass))
+            .curve("mass", "error", "1", &it.mass)
+            .curve("lowest_density", "error", "1", &it.lowest_density)
+            .curve("negative_mass", "error", "1", &it.negative_mass)
             .numbers(
                 "relative_entropy",
                 "error",
@@ -171,7 +164,7 @@ pub(super) fn records(results: &Results) -> Vec<File> {
     };
     let mut table = Rows::of(results, &["value,standard error"]);
     for (name, number) in numbers.iter() {
-        table.put(name, unit(name), &[number]);
+        table.put(name, dimension(name), &[number]);
     }
     let histogram = |file, name, units, of| histogram(results, file, (name, units), of);
     let mut files = vec![
@@ -198,12 +191,7 @@ pub(super) fn histogram(
     Csv::of(results)
         .plain(&format!("{name} from"), unit, ends(0))
         .plain(&format!("{name} to"), unit, ends(1))
-        .numbers(
-            "density",
-            "standard error",
-            per,
-            it.density.iter().copied().map(Some),
-        )
+        .curve("density", "standard error", per, &it.density)
         .file(file)
 }
 
@@ -216,7 +204,7 @@ pub(super) fn crossings(results: &Results) -> Vec<File> {
     let mut table = Rows::of(results, &["value,error", "Monte Carlo,standard error"]);
     for (name, number) in numbers.iter() {
         let seen = sampled.as_ref().and_then(|it| it.get(name));
-        table.put(name, unit(name), &[number, seen]);
+        table.put(name, dimension(name), &[number, seen]);
     }
     vec![table.file("crossings.csv")]
 }
@@ -235,17 +223,16 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
             ("um^2/Hz", displacement_per_hertz(&rig), rig)
         }
     });
-    let some = |all: &[Estimate]| all.iter().copied().map(Some).collect::<Vec<_>>();
     let density = "G one-sided with integral over omega = variance";
     let mut table = Csv::of(results)
         .bare("omega", "W", it.solved.omega.clone())
         .circular()
-        .numbers(density, "error", unit, some(&it.solved.density))
+        .curve(density, "error", unit, &it.solved.density)
         .bare("G of the linear oscillator", unit, it.linear.clone());
     if let Some(it) = &it.sampled {
         let unit_of_magnitude = if force { "F" } else { "u" };
         table = table
-            .numbers("G by Welch", "standard error", unit, some(&it.density))
+            .curve("G by Welch", "standard error", unit, &it.density)
             .bare("expectation of G by Welch", unit, it.expectation.clone())
             .plain(
                 "RMS magnitude sqrt(G x 1.5 bins)",
@@ -254,15 +241,14 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
             );
     }
     if let Some((unit, scale, rig)) = &per_hertz {
-        let scaled = |all: &[Estimate]| {
-            let all = all.iter().map(|it| Some(it.scaled(*scale)));
-            all.collect::<Vec<_>>()
+        let scaled = |all: &[Estimate]| -> Vec<Estimate> {
+            all.iter().map(|it| it.scaled(*scale)).collect()
         };
         let density = "G one-sided with integral over frequency = variance";
         let frequency = it.solved.omega.iter().map(|w| rig.hertz(*w)).collect();
         table = table
             .bare("frequency", "Hz", frequency)
-            .numbers(density, "error", unit, scaled(&it.solved.density))
+            .curve(density, "error", unit, &scaled(&it.solved.density))
             .bare(
                 "G of the linear oscillator",
                 unit,
@@ -270,7 +256,7 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
             );
         if let Some(it) = &it.sampled {
             table = table
-                .numbers("G by Welch", "standard error", unit, scaled(&it.density))
+                .curve("G by Welch", "standard error", unit, &scaled(&it.density))
                 .bare(
                     "expectation of G by Welch",
                     unit,
@@ -341,10 +327,8 @@ fn axes(
 /// Densities of several times on one mesh, as p[t, q, v].
 pub(super) fn stacked(name: String, all: &[Snapshot], rig: Option<&Rig>) -> Result<File> {
     let views: Vec<_> = all.iter().map(|it| it.p.view()).collect();
-    let p = ndarray::stack(ndarray::Axis(0), &views).map_err(|error| Error::Io {
-        path: PathBuf::from(&name),
-        source: std::io::Error::other(error.to_string()),
-    })?;
+    let p =
+        ndarray::stack(ndarray::Axis(0), &views).map_err(|error| Error::unmade(&name, error))?;
     let times: Array1<f64> = all.iter().map(|it| it.t).collect();
     packed(name, |npz| {
         npz.add_array("p", &p)?;
@@ -383,10 +367,7 @@ fn packed(
     let bytes = put(&mut npz).and_then(|()| Ok(npz.finish()?.into_inner()));
     match bytes {
         Ok(bytes) => Ok(File { name, bytes }),
-        Err(error) => Err(Error::Io {
-            path: PathBuf::from(name),
-            source: std::io::Error::other(error.to_string()),
-        }),
+        Err(error) => Err(Error::unmade(&name, error)),
     }
 }
 

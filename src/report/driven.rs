@@ -2,10 +2,10 @@
 
 use super::File;
 use super::csv::Csv;
-use super::data::{density, stacked, unit, with_moments};
+use super::data::{density, stacked, with_moments};
 use crate::error::Result;
 use crate::estimate::Estimate;
-use crate::results::Results;
+use crate::results::{Results, dimension};
 
 /// Moments over the phase, harmonics, multipliers, the density at phase 0, and at several phases.
 pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
@@ -25,7 +25,7 @@ pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
         harmonics.add(
             &format!("amplitude of {name}"),
             "error",
-            unit(name),
+            dimension(name),
             amplitudes,
         );
         let phases = all.iter().map(|it| Some(it.phase));

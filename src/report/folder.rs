@@ -93,23 +93,20 @@ impl Folder {
                 return Err(Error::invalid("--out", shown, accepted));
             }
         }
-        let io = |source| Error::Io {
-            path: path.to_owned(),
-            source,
-        };
+        let io = Error::io(path);
         let missing = path
             .ancestors()
             .take_while(|it| !it.as_os_str().is_empty() && !it.exists());
         let made = missing.last().map(Path::to_owned);
-        fs::create_dir_all(path).map_err(io)?;
-        let lock = fs::File::create(path.join(LOCK)).map_err(io)?;
+        fs::create_dir_all(path).map_err(&io)?;
+        let lock = fs::File::create(path.join(LOCK)).map_err(&io)?;
         if let Err(fs::TryLockError::WouldBlock) = lock.try_lock() {
             let accepted = "a folder that no other run is writing into";
             return Err(Error::invalid("--out", shown, accepted));
         }
-        for entry in fs::read_dir(path).map_err(io)?.flatten() {
+        for entry in fs::read_dir(path).map_err(&io)?.flatten() {
             if is_ours(&entry.file_name()) && entry.file_type().is_ok_and(|it| it.is_file()) {
-                fs::remove_file(entry.path()).map_err(io)?;
+                fs::remove_file(entry.path()).map_err(&io)?;
             }
         }
         Ok(Self {
@@ -171,10 +168,7 @@ pub fn write(folder: &Path, files: &[File]) -> Result<()> {
         })();
         written.map_err(|source| {
             let _ = fs::remove_file(&beside);
-            Error::Io {
-                path: target,
-                source,
-            }
+            Error::io(&target)(source)
         })?;
     }
     Ok(())

@@ -36,22 +36,16 @@ fn survival(
     let Some(it) = it else {
         return Ok(Vec::new());
     };
-    let some = |all: &[Estimate]| all.iter().copied().map(Some).collect::<Vec<_>>();
     let mut table = Csv::of(results)
         .plain("t", "1/W", it.times.iter().copied())
-        .numbers("survival", "error", "1", some(&it.survival))
-        .numbers("lost", "error", "1", some(&it.lost))
-        .numbers("density", "error", "W", some(&it.density));
+        .curve("survival", "error", "1", &it.survival)
+        .curve("lost", "error", "1", &it.lost)
+        .curve("density", "error", "W", &it.density);
     if let Some(paths) = paths {
         let mean = "mean density of paths since the time before";
         table = table
-            .numbers(
-                "survival of paths",
-                "standard error",
-                "1",
-                some(&paths.survival),
-            )
-            .numbers(mean, "standard error", "W", some(&paths.density));
+            .curve("survival of paths", "standard error", "1", &paths.survival)
+            .curve(mean, "standard error", "W", &paths.density);
     }
     let mut numbers = vec![("mean_time", it.mean_time), ("rate", it.rate)];
     numbers.retain(|it| !it.1.value.is_nan());
@@ -76,12 +70,7 @@ pub(super) fn flights(results: &Results) -> Result<Vec<File>> {
     };
     let table = Csv::of(results)
         .plain("flight time", "1/W", it.times.iter().copied())
-        .numbers(
-            "density",
-            "error",
-            "W",
-            it.density.iter().copied().map(Some),
-        );
+        .curve("density", "error", "W", &it.density);
     let arrays = arrays(
         "flight_law.npz",
         results,
@@ -99,7 +88,7 @@ pub(super) fn impacts(results: &Results) -> Result<Vec<File>> {
         let curve = |name: &str, (head, unit), per, at: &[f64], density: &[Estimate]| {
             Csv::of(results)
                 .plain(head, unit, at.iter().copied())
-                .numbers("density", "error", per, density.iter().copied().map(Some))
+                .curve("density", "error", per, density)
                 .file(name)
         };
         let speed = ("speed at the return", "u W");

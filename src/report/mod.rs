@@ -17,7 +17,7 @@ mod tables;
 pub mod terminal;
 
 #[cfg(feature = "cli")]
-pub(crate) use csv::spelled;
+pub(crate) use csv::{field, spelled};
 pub use file::File;
 #[cfg(feature = "cli")]
 pub(crate) use html::{escaped, html};

@@ -3,7 +3,7 @@
 use super::html::escaped;
 use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
-use crate::format::{brief, cell, seconds};
+use crate::format::{brief, cell, seconds, spread};
 use crate::initial::Initial;
 use crate::moments::{Entry, Moment, Moments};
 use crate::results::{Results, distance, entries, physical_words};
@@ -379,19 +379,9 @@ fn course(results: &Results) -> String {
     let empty: (&[f64], &[Moments]) = (&[], &[]);
     let paths = results.monte_carlo.as_ref();
     let paths = paths.map_or(empty, |it| (&it.times, &it.moments));
-    let few = it.moments.last().is_some_and(|it| it.left_out != 0);
-    let course = [
-        Moment::MeanQ,
-        Moment::StdForce,
-        Moment::MeanEnergy,
-        Moment::ContactLossProbability,
-    ];
-    let course = if few { &Moment::ALL[..] } else { &course };
-    let count = it.times.len();
-    let most = TIMES.min(count);
-    let shown_at = (1..=most).map(|k| (k * count).div_ceil(most) - 1);
+    let course = Moment::course(&it.moments);
     let mut table = Table::of(["t", "", "Fokker-Planck", "Monte Carlo", "z"]);
-    for k in shown_at {
+    for k in spread(it.times.len(), TIMES) {
         let t = it.times[k];
         let there = paths.0.iter().position(|it| *it == t);
         let there = there.and_then(|k| paths.1.get(k));

@@ -64,11 +64,7 @@ impl Law {
     pub fn density_force(&self, force: f64) -> f64 {
         match self {
             Self::ClosedForm(law) => law.density_force(force),
-            Self::Solved { contact, law } => {
-                let all = contact.displacements_at(force).into_iter();
-                all.map(|q| law.density_q(q) / contact.stiffness(q).abs())
-                    .sum()
-            }
+            Self::Solved { contact, law } => contact.density_force(force, |q| law.density_q(q)),
         }
     }
 
@@ -83,13 +79,9 @@ impl Law {
             }
             Self::Solved { contact, law } => (contact, law),
         };
-        let loss = contact.loss_point();
-        let roots: Vec<Vec<f64>> = forces
-            .iter()
-            .map(|it| contact.displacements_at(*it))
-            .collect();
         // P(q < place) in pieces from place to place.
-        let mut places: Vec<f64> = roots.iter().flatten().copied().chain(loss).collect();
+        let roots = forces.iter().flat_map(|it| contact.displacements_at(*it));
+        let mut places: Vec<f64> = roots.chain(contact.loss_point()).collect();
         places.sort_by(f64::total_cmp);
         let (mut from, mut sum) = (law.domain()[0], 0.0);
         let mut below = Vec::with_capacity(places.len());
@@ -104,17 +96,8 @@ impl Law {
             0 => 0.0,
             k => below[k - 1],
         };
-        let of = |(roots, force): (&Vec<f64>, &f64)| {
-            if roots.is_empty() {
-                let flown = loss.filter(|loss| *force >= contact.force(*loss));
-                return flown.map_or(0.0, below);
-            }
-            // G is lower left of the last, and again left of the last but two.
-            let signs = [1.0, -1.0].into_iter().cycle();
-            let signed = roots.iter().rev().zip(signs);
-            signed.map(|(q, sign)| sign * below(*q)).sum()
-        };
-        roots.iter().zip(forces).map(of).collect()
+        let of = |force: &f64| contact.distribution_force(*force, below);
+        forces.iter().map(of).collect()
     }
 
     /// P(q < q_loss).

@@ -1,7 +1,5 @@
 //! Names of choices in scenes.
 
-#[cfg(feature = "toml")]
-use crate::damping::Damping;
 use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::monte_carlo::Scheme;
 use serde_json::{Value, json};
@@ -46,14 +44,6 @@ pub(super) fn name_of<T: PartialEq>(names: &[(&'static str, T)], value: Option<T
     name.parse::<u64>()
         .map_or(json!(name), |order| json!(order))
 }
-
-/// The damping laws a scene file can name.
-#[cfg(feature = "toml")]
-pub(super) const DAMPINGS: &[(&str, Damping)] = &[
-    ("viscous", Damping::Viscous),
-    ("contact", Damping::Contact),
-    ("hunt_crossley", Damping::HuntCrossley),
-];
 
 #[cfg(test)]
 mod tests {

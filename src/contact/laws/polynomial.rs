@@ -11,7 +11,6 @@ use std::sync::Arc;
 pub(super) const KIND: Kind = Kind {
     name: "polynomial",
     keys: &["coefficients"],
-    example: "{ law = \"polynomial\", coefficients = [-1.0, 0.0, 1.0] }",
     make,
 };
 

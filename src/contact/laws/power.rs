@@ -9,7 +9,6 @@ use std::sync::Arc;
 pub(super) const KIND: Kind = Kind {
     name: "power",
     keys: &["exponent", "gap", "back"],
-    example: "{ law = \"power\", exponent = 1.5 }, with gap and back for a second wall",
     make,
 };
 

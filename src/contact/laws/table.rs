@@ -11,7 +11,6 @@ use std::sync::Arc;
 pub(super) const KIND: Kind = Kind {
     name: "table",
     keys: &["file", "q", "force"],
-    example: "{ law = \"table\", file = \"force.csv\" }",
     make,
 };
 

@@ -26,7 +26,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, Work, timing};
-use crate::fokker_planck::hermite::{DEGREE, REACH, Resolution, work as friction_work};
+use crate::fokker_planck::hermite::{REACH, Resolution, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -119,7 +119,8 @@ impl Eigenvalues {
         let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
         let mut it = Self {
             count,
-            first: first(settings),
+            // What lies beyond e^-27 in probability moves a slow mode by the square of its size there, about 1e4.
+            first: Resolution::first(settings.cells, 2, [6, 24], 27.0),
             given: settings.cells.is_some(),
             vectors: KRYLOV.max(count + KRYLOV / 2),
             natural: stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt),
@@ -127,10 +128,8 @@ impl Eigenvalues {
             local: !oscillator.is_viscous(),
             tolerance: settings.tolerance,
             cost: Cost {
-                cells: [0; 2],
                 steps: SHIFTS as u64 + 6,
-                memory: 0,
-                seconds: 0.0,
+                ..Cost::default()
             },
         };
         if it.edge == 0.0 {
@@ -174,7 +173,7 @@ impl Eigenvalues {
 
     /// A resolution, 0 for the coarsest.
     pub(super) fn resolution(&self, level: usize) -> Resolution {
-        (0..level).fold(self.first, |it, _| finer(it))
+        self.first.refined(level, HIGHER)
     }
 
     /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many
@@ -203,26 +202,4 @@ impl Eigenvalues {
             memory: (it.memory() + held) * threads as u64,
         }
     }
-}
-
-/// The coarsest resolution.
-fn first(settings: &Settings) -> Resolution {
-    let coarse = |n: usize, of: usize| {
-        let n = n as f64 / of as f64 / Resolution::FINER.powi(2);
-        (n.round() as usize).max(2)
-    };
-    let [elements, pairs] = match settings.cells {
-        Some([q, v]) => [coarse(q, DEGREE), coarse(v, 2)],
-        None => [6, 24],
-    };
-    Resolution {
-        elements,
-        pairs,
-        // What lies beyond e^-27 in probability moves a slow mode by the square of its size there, about 1e4.
-        level: 27.0,
-    }
-}
-
-fn finer(it: Resolution) -> Resolution {
-    it.finer(Resolution::FINER, HIGHER)
 }

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::hermite::{DEGREE, Kept, Resolution, work};
+use crate::fokker_planck::hermite::{Kept, Resolution, work};
 use crate::fokker_planck::settings::Settings;
 use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
@@ -121,27 +121,13 @@ impl StationaryState {
         oscillator
             .damping()
             .depends_on_displacement("the stationary law")?;
-        let coarse = |n: usize, of: usize| {
-            let n = n as f64 / of as f64 / Resolution::FINER.powi(2);
-            (n.round() as usize).max(2)
-        };
-        let [elements, pairs] = match settings.cells {
-            Some([q, v]) => [coarse(q, DEGREE), coarse(v, 2)],
-            None => [6, 14],
-        };
         let mut it = Self {
-            first: Resolution {
-                elements,
-                pairs,
-                level: LEVEL,
-            },
+            first: Resolution::first(settings.cells, 2, [6, 14], LEVEL),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             cost: Cost {
-                cells: [0; 2],
                 steps: 3,
-                memory: 0,
-                seconds: 0.0,
+                ..Cost::default()
             },
         };
         let finest = it.resolution(2);
@@ -156,7 +142,7 @@ impl StationaryState {
                                     form under this damping";
 
     fn resolution(&self, level: usize) -> Resolution {
-        (0..level).fold(self.first, |it, _| it.finer(Resolution::FINER, HIGHER))
+        self.first.refined(level, HIGHER)
     }
 
     fn work(&self, level: usize) -> Work {
@@ -197,7 +183,7 @@ struct Level {
 
 impl Level {
     fn of(oscillator: &Oscillator, kept: &Kept) -> Self {
-        let moments = kept.raw().moments(oscillator.contact());
+        let moments = kept.raw.moments(oscillator.contact());
         let loss = oscillator.contact().loss_point();
         let crossings = loss.map(|loss| kept.crossings(loss));
         // What goes out comes back: the mean of both.
@@ -212,7 +198,7 @@ impl Level {
                 rate,
                 flight,
                 speed.map(|[_, up, square]| square / up),
-                Some(kept.dissipated()),
+                Some(kept.dissipated),
             ],
         }
     }
@@ -291,7 +277,7 @@ impl Question for Task<'_> {
                 .iter()
                 .copied()
                 .fold(0.0, f64::max);
-            let rounding = ROUNDING.max(SAFETY * kept.rounding());
+            let rounding = ROUNDING.max(SAFETY * kept.rounding);
             let error = |k: usize| {
                 let largest = last[k].max(BEFORE * earlier[k]).max(POOLED * pooled);
                 scales[k] * (SAFETY * largest + rounding)

@@ -91,7 +91,7 @@ impl SteadyState {
             drift,
             focused: false,
         };
-        let cells = layout.count_within(oscillator, 1.0, Factors::None, settings.max_memory)?;
+        let cells = layout.count_within(oscillator, 1.0, settings.max_memory)?;
         let n = cells[0] as f64 * cells[1] as f64;
         let wide = if drift == Drift::Upwind {
             1.0
@@ -323,10 +323,7 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     }
     if change > 1e-9 || change.is_nan() {
         let what = format!("inverse iteration still changes by {change:.1e} after 40 solves");
-        return Err(Error::Linear {
-            stage: "steady state",
-            what,
-        });
+        return Err(Error::linear("steady state", what));
     }
     let mut image = vec![0.0; n];
     for (column, entries) in matrix.outer_iterator().enumerate() {

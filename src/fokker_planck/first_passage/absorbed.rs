@@ -96,8 +96,7 @@ impl Absorbed {
                 let edge = mesh.speed + REACH * spread;
                 let points = between([low, high], [-edge, edge], spread);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
-                let mut ends = vec![[0.0; 2]; starts.len()];
-                region.after(&starts, &[step], &mut ends);
+                let ends = region.ends(&starts, step);
                 let mut row = Row {
                     stencils: ends.iter().map(|end| mesh.stencil(*end)).collect(),
                     spans: Vec::with_capacity(nv),
@@ -364,8 +363,7 @@ impl Absorbed {
             }
         }
         let mirrored: Vec<[f64; 2]> = near.iter().map(|(z, _)| [z[0], -z[1]]).collect();
-        let mut images = vec![[0.0; 2]; mirrored.len()];
-        region.after(&mirrored, &[0.5 * self.step], &mut images);
+        let images = region.ends(&mirrored, 0.5 * self.step);
         let nv = self.mesh.nodes[1];
         points.extend(near.iter().zip(images).map(|((z, weight), image)| {
             (*z, weight * self.mesh.stencil(image).value(&self.first, nv))
@@ -400,8 +398,7 @@ impl Absorbed {
     /// What points that outlive half a step see of the field, and the weight of those that do not.
     fn seen(&self, region: &Region<'_>, alive: &[([f64; 2], f64)], lost: f64) -> Start {
         let starts: Vec<[f64; 2]> = alive.iter().map(|(z, _)| *z).collect();
-        let mut ends = vec![[0.0; 2]; starts.len()];
-        region.after(&starts, &[0.5 * self.step], &mut ends);
+        let ends = region.ends(&starts, 0.5 * self.step);
         let mut it = Start {
             weights: vec![0.0; self.len()],
             lost,

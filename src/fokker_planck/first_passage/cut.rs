@@ -101,9 +101,7 @@ impl<'a> Cut<'a> {
         let region = self.region;
         let after = |speeds: &[f64]| {
             let starts: Vec<[f64; 2]> = speeds.iter().map(|w| [self.loss, *w]).collect();
-            let mut ends = vec![[0.0; 2]; starts.len()];
-            region.after(&starts, &[self.time], &mut ends);
-            ends
+            region.ends(&starts, self.time)
         };
         let grazed = after(&[0.0])[0][0];
         let far = q.iter().fold(grazed, |a, b| a.max(*b));

@@ -165,9 +165,8 @@ impl<'a> Driven<'a> {
                 late()?;
                 let points = between(whole[i], [-edge, edge], fit);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
-                let mut ends = vec![[0.0; 2]; starts.len()];
-                region.after(&starts, &[step], &mut ends);
-                let ends = ends.iter().map(|end| mesh.stencil(*end)).collect();
+                let ends = region.ends(&starts, step).into_iter();
+                let ends = ends.map(|end| mesh.stencil(end)).collect();
                 Ok(Row { points, ends })
             })
             .collect();
@@ -277,9 +276,8 @@ impl<'a> Driven<'a> {
                 shares.push(weight * held * w / sum);
             }
         });
-        let mut ends = vec![[0.0; 2]; starts.len()];
-        self.region.after(&starts, &[self.step], &mut ends);
-        let ends = ends.iter().map(|end| self.mesh.stencil(*end));
+        let ends = self.region.ends(&starts, self.step).into_iter();
+        let ends = ends.map(|end| self.mesh.stencil(end));
         Given {
             moved: ends.zip(shares).collect(),
             lost,

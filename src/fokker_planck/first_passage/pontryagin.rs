@@ -8,6 +8,7 @@
 
 use super::absorbed::Absorbed;
 use crate::error::Result;
+use crate::matrix::{dot, norm};
 use crate::sparse;
 use ndarray::Array2;
 use num_complex::Complex;
@@ -141,14 +142,6 @@ pub(crate) fn long_run(
         residuals,
         steps,
     })
-}
-
-fn norm(field: &[f64]) -> f64 {
-    dot(field, field).sqrt()
-}
-
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// An orthonormal basis of span(r, B r, B^2 r, ...) and B in it: B V = V H + the last row.

@@ -179,6 +179,13 @@ impl<'a> Region<'a> {
         }
     }
 
+    /// Where each start is after a time.
+    pub(super) fn ends(&self, starts: &[[f64; 2]], time: f64) -> Vec<[f64; 2]> {
+        let mut ends = vec![[0.0; 2]; starts.len()];
+        self.after(starts, &[time], &mut ends);
+        ends
+    }
+
     /// A range of x as one of q.
     pub(crate) fn range(&self, low: f64, high: f64) -> [f64; 2] {
         let (a, b) = (self.q(low), self.q(high));

@@ -4,13 +4,14 @@ use super::absorbed::{Absorbed, Start};
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::Fineness;
-use super::pontryagin::{dot, long_run};
+use super::pontryagin::long_run;
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::hermite::Settled;
 use crate::initial::Initial;
+use crate::matrix::dot;
 use crate::oscillator::Oscillator;
 
 /// The question in messages.

@@ -8,6 +8,7 @@
 
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
+use crate::matrix::dot;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
 use crate::quadrature::gauss;
 use num_complex::Complex;
@@ -319,10 +320,6 @@ fn add<T: Number>(to: &mut [T], what: &[T], times: f64) {
     for (to, what) in to.iter_mut().zip(what) {
         *to += *what * times;
     }
-}
-
-fn dot(a: &Row, b: &Row) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Takes its parts along orthonormal functions off a function.

@@ -412,10 +412,7 @@ fn invert(mut a: Small) -> Result<Small> {
         inverse.swap(k, pivot);
         let over = a[k][k].inv();
         if !over.is_finite() {
-            return Err(Error::Linear {
-                stage: "dense LU",
-                what: "a singular matrix".into(),
-            });
+            return Err(Error::linear("dense LU", "a singular matrix"));
         }
         for j in 0..INNER {
             a[k][j] *= over;

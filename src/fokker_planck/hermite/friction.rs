@@ -29,11 +29,11 @@ pub(in crate::fokker_planck) struct Kept {
     /// Integrals of b_n over the law of q.
     means: Vec<f64>,
     /// Expectations, not divided by their mass.
-    raw: RawMoments,
-    /// E[c v^2].
-    dissipated: f64,
+    pub(in crate::fokker_planck) raw: RawMoments,
+    /// E\[c v^2\], which is pi h.
+    pub(in crate::fokker_planck) dissipated: f64,
     /// What rounding leaves open, relative to the size of the law.
-    rounding: f64,
+    pub(in crate::fokker_planck) rounding: f64,
 }
 
 /// Bytes and floating-point operations of a factorisation at a resolution.
@@ -203,21 +203,6 @@ impl Kept {
             *part /= mass;
         }
         Ok(it)
-    }
-
-    /// Expectations, not divided by their mass.
-    pub(in crate::fokker_planck) fn raw(&self) -> RawMoments {
-        self.raw
-    }
-
-    /// What rounding leaves open, relative to the size of the law.
-    pub(in crate::fokker_planck) fn rounding(&self) -> f64 {
-        self.rounding
-    }
-
-    /// E\[c v^2\], which is pi h.
-    pub(in crate::fokker_planck) fn dissipated(&self) -> f64 {
-        self.dissipated
     }
 
     /// Where the elements begin and end.

@@ -11,7 +11,6 @@ mod operator;
 mod settled;
 
 pub(super) use adjoint::Adjoint;
-pub(super) use basis::DEGREE;
 pub(super) use factored::Factored;
 pub(super) use friction::{Column, Kept, REACH, work};
 pub(super) use operator::{Hierarchy, Resolution};

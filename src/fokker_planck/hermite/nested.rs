@@ -227,10 +227,7 @@ impl Nested {
                     return Ok(());
                 }
                 let what = format!("singular matrix or lost digits: backward error {error:.1e}");
-                return Err(Error::Linear {
-                    stage: "nested elimination",
-                    what,
-                });
+                return Err(Error::linear("nested elimination", what));
             }
             before = error;
             self.once(&mut left)?;
@@ -357,10 +354,7 @@ impl Band {
             }
             let over = self.entries[k * WIDTH + BAND].inv();
             if !over.is_finite() {
-                return Err(Error::Linear {
-                    stage: "nested elimination",
-                    what: "a singular element".into(),
-                });
+                return Err(Error::linear("nested elimination", "a singular element"));
             }
             let (head, tail) = self.entries.split_at_mut((k + 1) * WIDTH);
             let pivots = &head[k * WIDTH + BAND + 1..k * WIDTH + BAND + 1 + last - k];

@@ -36,6 +36,30 @@ impl Resolution {
     /// Growth of elements and functions from one resolution to the next.
     pub(in crate::fokker_planck) const FINER: f64 = 1.4;
 
+    /// The coarsest, whose `rounds`-th refinement has the scene's cells, if it gives them; else so many elements and pairs.
+    pub(in crate::fokker_planck) fn first(
+        cells: Option<[usize; 2]>,
+        rounds: i32,
+        otherwise: [usize; 2],
+        level: f64,
+    ) -> Self {
+        let coarse = |n: usize, of: usize| {
+            let n = n as f64 / of as f64 / Self::FINER.powi(rounds);
+            (n.round() as usize).max(2)
+        };
+        let [elements, pairs] = cells.map_or(otherwise, |[q, v]| [coarse(q, DEGREE), coarse(v, 2)]);
+        Self {
+            elements,
+            pairs,
+            level,
+        }
+    }
+
+    /// The refinement of that number.
+    pub(in crate::fokker_planck) fn refined(self, rounds: usize, higher: f64) -> Self {
+        (0..rounds).fold(self, |it, _| it.finer(Self::FINER, higher))
+    }
+
     /// Of so many times the elements and functions, in a domain `higher` by so many T.
     pub(in crate::fokker_planck) fn finer(self, times: f64, higher: f64) -> Self {
         let more = |n: usize| (n as f64 * times).round() as usize;

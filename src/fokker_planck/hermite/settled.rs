@@ -58,7 +58,7 @@ impl Settled {
                 Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
                 law => law?,
             };
-            let error = SAFETY * (law.distance(&coarser) + law.rounding());
+            let error = SAFETY * (law.distance(&coarser) + law.rounding);
             let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
             if error > FARTHEST && best.is_some() {
                 break;

@@ -1,11 +1,6 @@
 //! The implicit part of a split step: (I - a B) g' = g with B friction and diffusion, which couples the
 //! cells of one q-column only. One symmetric banded factorisation per column, eight columns side by side.
 
-#![allow(
-    clippy::inline_always,
-    reason = "the loops must be compiled inside the dispatch to be vectorised"
-)]
-
 use crate::error::{Error, Result};
 use crate::fokker_planck::generator::{BANDS, Generator};
 use std::ops::Range;
@@ -72,10 +67,8 @@ impl Banded {
             }
             let finite = |bands: &[Lanes; BANDS]| bands.iter().flatten().all(|x| x.is_finite());
             if !factors.iter().all(finite) {
-                return Err(Error::Linear {
-                    stage: "banded factorisation",
-                    what: format!("not positive definite with a step of {a:e}"),
-                });
+                let what = format!("not positive definite with a step of {a:e}");
+                return Err(Error::linear("banded factorisation", what));
             }
             blocks.push(Block {
                 rows,

@@ -17,28 +17,19 @@ const RESTARTS: usize = 25;
 pub(super) trait Number:
     Scalar + ComplexFloat<Real = f64> + Neg<Output = Self> + Sub<Output = Self> + Send + Sync
 {
-    /// A real number.
-    fn real(x: f64) -> Self;
-
-    /// Real and imaginary part.
-    fn parts(self) -> [f64; 2];
-
     /// Of its parts; a real number takes the first.
     fn of(parts: [f64; 2]) -> Self;
 
     /// Parts that are not always 0.
     const PARTS: usize;
+
+    /// A real number.
+    fn real(x: f64) -> Self {
+        Self::of([x, 0.0])
+    }
 }
 
 impl Number for f64 {
-    fn real(x: f64) -> Self {
-        x
-    }
-
-    fn parts(self) -> [f64; 2] {
-        [self, 0.0]
-    }
-
     fn of([x, _]: [f64; 2]) -> Self {
         x
     }
@@ -47,14 +38,6 @@ impl Number for f64 {
 }
 
 impl Number for Complex<f64> {
-    fn real(x: f64) -> Self {
-        Self::new(x, 0.0)
-    }
-
-    fn parts(self) -> [f64; 2] {
-        [self.re, self.im]
-    }
-
     fn of([re, im]: [f64; 2]) -> Self {
         Self::new(re, im)
     }
@@ -91,7 +74,7 @@ impl<T: Number> Gmres<T> {
         product.copy_from_slice(&self.work);
         for part in 0..T::PARTS {
             for (x, cell) in self.work.iter().zip(&system.cells) {
-                self.g[*cell] = x.parts()[part] * inverse[*cell];
+                self.g[*cell] = [x.re(), x.im()][part] * inverse[*cell];
             }
             system.generator.apply(&self.g, &mut self.rate);
             for (y, cell) in product.iter_mut().zip(&system.cells) {
@@ -141,10 +124,8 @@ impl<T: Number> Gmres<T> {
             left = size(&self.residual);
         }
         if left.is_nan() || left > target {
-            return Err(Error::Linear {
-                stage: "GMRES",
-                what: format!("a residual of {left:.1e} was left, above {target:.1e}"),
-            });
+            let what = format!("a residual of {left:.1e} was left, above {target:.1e}");
+            return Err(Error::linear("GMRES", what));
         }
         if let Some(stationary) = &system.stationary {
             let kept = mass - share(&x);

@@ -4,7 +4,7 @@ use super::frame::Frame;
 use crate::fokker_planck::forcing::Forcing;
 use crate::noise_free;
 use crate::oscillator::Oscillator;
-use crate::quadrature::KronrodNodes;
+use crate::quadrature::kronrod;
 use std::sync::Arc;
 
 /// q'' + c q' + k q = -G(0) + sqrt(2 pi h) noise, c = 2 zeta and k = G' at the point: the oscillator about q = 0.
@@ -43,7 +43,7 @@ impl Linear {
         let excitation = forcing.excitation();
         let mean = noise_free::motion(oscillator, excitation, point, [begin, begin + t]);
         let mut covariance = [[0.0; 2]; 2];
-        for (z, w) in KronrodNodes::default() {
+        for (z, w) in kronrod() {
             let s = 0.5 * t * (1.0 + z);
             let x = self.kick(s);
             let noise = self.noise * excitation.factor(begin + t - s);
@@ -74,7 +74,7 @@ impl Linear {
     /// The Gaussian a short time t after q = v = 0: integrals of the kick and its products, by quadrature.
     pub(super) fn after(&self, t: f64) -> Frame {
         let (mut mean, mut covariance) = ([0.0; 2], [[0.0; 2]; 2]);
-        for (z, w) in KronrodNodes::default() {
+        for (z, w) in kronrod() {
             let x = self.kick(0.5 * t * (1.0 + z));
             let w = 0.5 * t * w;
             for i in 0..2 {

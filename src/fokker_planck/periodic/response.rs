@@ -146,20 +146,12 @@ impl ResponseCurve {
         let points = points?;
         let costs = points.iter().map(|(_, it)| it.cost());
         let threads = rayon::current_num_threads() as u64;
-        let cost = costs.fold(
-            Cost {
-                cells: [0; 2],
-                steps: 0,
-                memory: 0,
-                seconds: 0.0,
-            },
-            |sum, it| Cost {
-                cells: [0, 1].map(|k| sum.cells[k].max(it.cells[k])),
-                steps: sum.steps + it.steps,
-                memory: sum.memory.max(it.memory.saturating_mul(threads)),
-                seconds: sum.seconds + it.seconds / threads as f64,
-            },
-        );
+        let cost = costs.fold(Cost::default(), |sum, it| Cost {
+            cells: [0, 1].map(|k| sum.cells[k].max(it.cells[k])),
+            steps: sum.steps + it.steps,
+            memory: sum.memory.max(it.memory.saturating_mul(threads)),
+            seconds: sum.seconds + it.seconds / threads as f64,
+        });
         Ok(Self { points, cost })
     }
 

@@ -6,9 +6,7 @@ use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::hermite::{
-    Adjoint, DEGREE, Hierarchy, REACH, Resolution, work as friction_work,
-};
+use crate::fokker_planck::hermite::{Adjoint, Hierarchy, REACH, Resolution, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
@@ -73,7 +71,10 @@ impl Resolvent {
 
     /// The recipe for frequencies up to `until`.
     pub(crate) fn of(oscillator: &Oscillator, until: f64, settings: &Settings) -> Self {
-        let first = first(settings);
+        // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
+        // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves
+        // less than a quarter of it.
+        let first = Resolution::first(settings.cells, 1, [6, 24], 18.0);
         // Motions of other energies go at other frequencies and are sheared until the noise smears them: the hotter and
         // the less damped, the finer. Fitted by eye to about thirty runs, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
         // frequencies solved for.
@@ -202,7 +203,7 @@ impl Question for Task<'_> {
         }
         let Resolvent { solves, local, .. } = *self.recipe;
         let then = self.last.is_none();
-        let then = then.then(|| work(finer(self.next), solves, local));
+        let then = then.then(|| work(self.next.refined(1, HIGHER), solves, local));
         let now = work(self.next, solves, local);
         Ok(Next::Run { now, then })
     }
@@ -273,7 +274,7 @@ impl Question for Task<'_> {
             });
         }
         self.last = Some(fine);
-        self.next = finer(*next);
+        self.next = next.refined(1, HIGHER);
         Ok(())
     }
 
@@ -306,30 +307,6 @@ fn check(omegas: &[f64]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The coarse operator of the first comparison.
-fn first(settings: &Settings) -> Resolution {
-    // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
-    // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves less
-    // than a quarter of it.
-    let level = 18.0;
-    match settings.cells {
-        Some([q, v]) => Resolution {
-            elements: ((q as f64 / DEGREE as f64 / Resolution::FINER).round() as usize).max(2),
-            pairs: ((v as f64 / 2.0 / Resolution::FINER).round() as usize).max(2),
-            level,
-        },
-        None => Resolution {
-            elements: 6,
-            pairs: 24,
-            level,
-        },
-    }
-}
-
-fn finer(it: Resolution) -> Resolution {
-    it.finer(Resolution::FINER, HIGHER)
 }
 
 /// Reach of an error: where the answer changes, it is as uncertain within this distance, half the frequency of small

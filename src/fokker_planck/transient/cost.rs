@@ -179,9 +179,7 @@ pub(super) fn run(
     }
     let until = end.max(from) - from;
     let finer = start_up.as_ref().map_or(1.0, |_| REFINED.get());
-    let cells = rung
-        .layout
-        .count_within(oscillator, finer, Factors::None, max_memory)?;
+    let cells = rung.layout.count_within(oscillator, finer, max_memory)?;
     let n = cells[0] as f64 * cells[1] as f64;
     let mut bytes = budget::memory(cells, rung.drift(), rung.scheme.factors()) as f64;
     let (steps, seconds) = match rung.scheme {

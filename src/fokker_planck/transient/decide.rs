@@ -5,7 +5,7 @@ use super::question::{KNOWN, Question};
 use super::recipe::{self, FirstGrid, Recipe, Rung, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
-use crate::fokker_planck::budget::{Cost, Factors};
+use crate::fokker_planck::budget::Cost;
 use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
@@ -111,12 +111,7 @@ impl Question<'_> {
             step: self.settings.step,
             moments: self.settings.moments.clone(),
             tolerance: self.settings.tolerance,
-            cost: Cost {
-                cells: [0; 2],
-                steps: 0,
-                memory: 0,
-                seconds: 0.0,
-            },
+            cost: Cost::default(),
             reason: String::new(),
             otherwise: None,
         };
@@ -317,9 +312,8 @@ impl Question<'_> {
                 draft.expected + k as f64,
             )?;
             let limit = self.settings.max_memory;
-            let mesh = rung
-                .layout
-                .mesh_within(self.oscillator, 1.0, Factors::None, limit)?;
+            rung.layout.count_within(self.oscillator, 1.0, limit)?;
+            let mesh = rung.layout.mesh(self.oscillator, 1.0)?;
             Generator::new(self.oscillator, &mesh, rung.drift())
         };
         let mut found = on(0);

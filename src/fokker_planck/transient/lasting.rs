@@ -37,10 +37,7 @@ impl Task<'_> {
         let late = move || clock.in_time(|| "the periodic law had not been found".to_string());
         let late: Late = Arc::new(late);
         let mut propagator = propagator::build(rung, oscillator, &mesh, period, late)?;
-        let reference = rung
-            .forcing
-            .as_ref()
-            .map_or(oscillator, |it| it.reference());
+        let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         // About the motions without noise: from elsewhere GMRES has many more modes to find, and of two orbits the way from
         // one to the other is the slowest.

@@ -223,10 +223,7 @@ pub(super) fn build(
     match rung.scheme {
         Scheme::FlowMap => {
             let mut settings = rung.flow_map();
-            let reference = rung
-                .forcing
-                .as_ref()
-                .map_or(oscillator, |it| it.reference());
+            let reference = rung.reference(oscillator);
             // Shorter steps let grid noise grow.
             settings.step = settings.step.max(FlowMap::shortest_step(reference, mesh));
             Propagator::flow_map(oscillator, mesh, settings, rung.forcing.clone(), late)

@@ -5,6 +5,7 @@ use super::recipe::Recipe;
 use super::report::Transient;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
@@ -176,13 +177,8 @@ impl Reach {
         };
         let tolerance = self.settings.tolerance;
         let ratio = crossing.error() / (tolerance * crossing.t);
-        let shortfall = (ratio.is_nan() || ratio > 1.0).then_some(Shortfall {
-            number: "reach.t".into(),
-            ratio,
-            tolerance,
-            free: self.settings.cells.is_none() && self.settings.step.is_none(),
-            reason,
-        });
+        let free = self.settings.cells.is_none() && self.settings.step.is_none();
+        let shortfall = Stop::new(reason, free).shortfall("reach.t".into(), ratio, tolerance);
         Ok(Reached {
             t: Some(Estimate::new(
                 crossing.t,

@@ -128,6 +128,12 @@ impl Rung {
         self.layout.drift
     }
 
+    /// The oscillator whose stationary law densities are taken against.
+    pub(crate) fn reference<'a>(&'a self, oscillator: &'a Oscillator) -> &'a Oscillator {
+        let forcing = self.forcing.as_ref();
+        forcing.map_or(oscillator, |it| it.reference())
+    }
+
     /// The same with half the step of the scene, to tell what that does.
     pub(crate) fn halved(self) -> Self {
         Self {

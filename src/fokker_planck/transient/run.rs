@@ -184,10 +184,7 @@ impl Task<'_> {
         let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
         let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
-        let reference = rung
-            .forcing
-            .as_ref()
-            .map_or(oscillator, |it| it.reference());
+        let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         let laws = self.law.map(|it| {
             [&it.law, &it.coarser].map(|law| propagator.sampled(&|points| law.densities(points)))

@@ -1,12 +1,10 @@
 //! What every picture is drawn with: colours, text, panels with their axes, legends.
 
-use crate::error::Error;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::report::File;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use std::path::PathBuf;
 
 pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
 pub(super) const VERMILION: RGBColor = RGBColor(213, 94, 0);
@@ -57,10 +55,7 @@ pub(super) fn picture(
     })();
     if let Err(error) = drawn {
         let error: Box<dyn std::error::Error> = error;
-        return Err(Error::Io {
-            path: PathBuf::from(name),
-            source: std::io::Error::other(error.to_string()),
-        });
+        return Err(Error::unmade(&name, error));
     }
     let drawn = format!("width=\"{}\" height=\"{}\"", units(size.0), units(size.1));
     let shown = format!("width=\"{}\" height=\"{}\"", size.0, size.1);

@@ -100,10 +100,22 @@ impl Panel {
     /// Grid, frame, numbers and labels. An empty label leaves that axis without numbers.
     pub(super) fn axes(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
         let count = (self.width / 60.0).clamp(2.0, 8.0) as usize;
-        for (x, text) in ticks(self.x, count) {
+        let marks = [ticks(self.x, count), self.y_ticks()];
+        self.grid(area, marks, [x_label, y_label].map(|it| !it.is_empty()))?;
+        self.labels(area, x_label, y_label)
+    }
+
+    /// Lines at the marks of x and of y, and what is written there where it has numbers.
+    pub(super) fn grid(
+        &self,
+        area: &Area<'_>,
+        [x, y]: [Vec<(f64, String)>; 2],
+        numbers: [bool; 2],
+    ) -> Drawn {
+        for (x, text) in x {
             let (px, _) = self.at(x, self.y.0);
             line(area, &[(px, self.top), (px, self.bottom())], FAINT, 0.75)?;
-            if !x_label.is_empty() {
+            if numbers[0] {
                 line(
                     area,
                     &[(px, self.bottom()), (px, self.bottom() + 4.0)],
@@ -113,15 +125,15 @@ impl Panel {
                 write(area, &text, (px, self.bottom() + 13.0), CENTRED)?;
             }
         }
-        for (y, text) in self.y_ticks() {
+        for (y, text) in y {
             let (_, py) = self.at(self.x.0, y);
             line(area, &[(self.left, py), (self.right(), py)], FAINT, 0.75)?;
-            if !y_label.is_empty() {
+            if numbers[1] {
                 line(area, &[(self.left - 4.0, py), (self.left, py)], INK, 1.0)?;
                 write(area, &text, (self.left - 7.0, py), (13.0, Hang::Right, INK))?;
             }
         }
-        self.labels(area, x_label, y_label)
+        Ok(())
     }
 
     /// Words below and left of it.

@@ -1,9 +1,9 @@
 //! The approach to the stationary law: moments over time, steady state, eigenvalues, spectrum.
 
-use super::layout::{Table, cells, row, spread};
+use super::layout::{TIMES, Table, cells, row};
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRate;
-use crate::format::{brief, cell, many, rounded};
+use crate::format::{brief, cell, many, rounded, spread};
 use crate::moments::{Moment, Moments};
 use crate::results::Results;
 
@@ -14,9 +14,7 @@ pub(super) fn spectrum(table: &mut Table, results: &Results) {
     };
     let solved = &it.solved;
     let title = format!("SPECTRUM OF THE {}", solved.quantity.name().to_uppercase());
-    let heads = ["omega", "G(omega)", "half-power width"];
-    let head = heads.map(|it| format!("{it:>18}")).concat();
-    table.heading(format!("{title:<26}{head}"));
+    table.columns(&title, ["omega", "G(omega)", "half-power width"]);
     for (k, peak) in it.peaks.iter().take(4).enumerate() {
         let name = if k == 0 { "highest peak" } else { "next peak" };
         let numbers = [Some(peak.omega), Some(peak.density), peak.width];
@@ -119,14 +117,6 @@ pub(super) fn reach(table: &mut Table, results: &Results) {
     table.line(format!("{:<8} stationary value at {number}", ""));
 }
 
-/// The moments whose course in time is printed.
-const COURSE: [Moment; 4] = [
-    Moment::MeanQ,
-    Moment::StdForce,
-    Moment::MeanEnergy,
-    Moment::ContactLossProbability,
-];
-
 pub(super) fn course(table: &mut Table, results: &Results) {
     let (deterministic, sampled) = (results.transient.as_ref(), results.monte_carlo.as_ref());
     let empty: (&[f64], &[Moments]) = (&[], &[]);
@@ -144,13 +134,11 @@ pub(super) fn course(table: &mut Table, results: &Results) {
         "{:<36}{:>17} {:>17}{:>7}",
         "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
     ));
-    let few = moments.last().is_some_and(|it| it.left_out != 0);
-    let course = if few { &Moment::ALL[..] } else { &COURSE };
-    for &moment in course {
+    for &moment in Moment::course(moments) {
         if moments.last().and_then(|it| it.get(moment)).is_none() {
             continue;
         }
-        for (n, k) in spread(times.len()).into_iter().enumerate() {
+        for (n, k) in spread(times.len(), TIMES).into_iter().enumerate() {
             let t = times[k];
             let here = moments.get(k).and_then(|it| it.get(moment));
             let there = paths.0.iter().position(|it| *it == t);

@@ -10,9 +10,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     let (Some(it), Some(drive)) = (&results.periodic, results.scene.excitation.drive) else {
         return;
     };
-    let heads = ["amplitude", "phase [rad]"];
-    let head = heads.map(|it| format!("{it:>18}")).concat();
-    table.heading(format!("{:<26}{head}", "THE LAW THAT LASTS"));
+    table.columns("THE LAW THAT LASTS", ["amplitude", "phase [rad]"]);
     for (symbol, all) in [
         ("E[q]", &it.mean_q),
         ("E[v]", &it.mean_v),
@@ -40,9 +38,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
         ));
     }
     if let Some(laws) = &it.metastable {
-        let heads = ["probability", "|E[q]| 1", "P(loss)"];
-        let head = heads.map(|it| format!("{it:>18}")).concat();
-        table.heading(format!("{:<26}{head}", "METASTABLE LAWS"));
+        table.columns("METASTABLE LAWS", ["probability", "|E[q]| 1", "P(loss)"]);
         for law in laws {
             let first = law.mean_q.first().map(|it| it.amplitude);
             let numbers = [Some(law.probability), first, law.contact_loss_probability];
@@ -74,9 +70,10 @@ pub(super) fn response(table: &mut Table, results: &Results) {
     let Some(it) = &results.response else {
         return;
     };
-    let heads = ["|E[q]| 1", "|E[N]| 1", "P(loss)", "multiplier"];
-    let head = heads.map(|it| format!("{it:>18}")).concat();
-    table.heading(format!("{:<26}{head}", "RESPONSE, frequency"));
+    table.columns(
+        "RESPONSE, frequency",
+        ["|E[q]| 1", "|E[N]| 1", "P(loss)", "multiplier"],
+    );
     let count = it.frequency.len();
     let highest = (0..count).max_by(|a, b| {
         let value = |k: usize| it.mean_q_1[k].value;

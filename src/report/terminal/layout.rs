@@ -10,7 +10,7 @@ use std::fmt::Write;
 pub(super) const WIDTH: usize = 80;
 
 /// Times printed of each; all are in the files.
-const TIMES: usize = 6;
+pub(super) const TIMES: usize = 6;
 
 /// A blank at which no line is broken.
 pub(super) const TOGETHER: char = '\u{a0}';
@@ -36,12 +36,6 @@ pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
         .collect()
 }
 
-/// At most `TIMES` of `count` indices, spread evenly, the last among them.
-pub(super) fn spread(count: usize) -> Vec<usize> {
-    let most = TIMES.min(count);
-    (1..=most).map(|k| (k * count).div_ceil(most) - 1).collect()
-}
-
 pub(super) struct Table {
     pub(super) text: String,
     pub(super) colour: bool,
@@ -61,6 +55,12 @@ impl Table {
         } else {
             self.line(line);
         }
+    }
+
+    /// A heading with words over columns of numbers.
+    pub(super) fn columns<const N: usize>(&mut self, title: &str, heads: [&str; N]) {
+        let heads = heads.map(|it| format!("{it:>18}")).concat();
+        self.heading(format!("{title:<26}{heads}"));
     }
 
     pub(super) fn paragraph(&mut self, first: &str, text: &str) {
@@ -114,13 +114,6 @@ pub(super) fn damping(oscillator: &Oscillator) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_times_shown_are_spread_and_end_with_the_last() {
-        assert_eq!(spread(0), Vec::<usize>::new());
-        assert_eq!(spread(3), [0, 1, 2]);
-        assert_eq!(spread(600), [99, 199, 299, 399, 499, 599]);
-    }
 
     #[test]
     fn long_text_is_broken_at_blanks() {

@@ -4,6 +4,7 @@ use super::document::{Document, Read, Value};
 use super::section::Section;
 use crate::clock::TIME_UNITS;
 use crate::contact::{ContactLaw, LAWS, Parameters};
+use crate::damping::Damping;
 use crate::error::{Error, positive};
 use crate::excitation::{Drive, Envelope, Excitation};
 use crate::initial::Initial;
@@ -11,7 +12,7 @@ use crate::moments::Moment;
 use crate::monte_carlo::MOST_COSINES;
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
-use crate::scene::names::{DAMPINGS, SCHEMES, TIME, TRANSIENT};
+use crate::scene::names::{SCHEMES, TIME, TRANSIENT};
 use crate::scene::{
     Accuracy, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, Quantity, ReachRequest,
     ResponseRequest, Scene, Side, SpectrumRequest,
@@ -137,7 +138,9 @@ impl Document {
             }
             (None, None, _) => section.required(None, "h", "an input level > 0, as 2e-3")?,
         };
-        let damping = section.choice("damping", DAMPINGS)?.unwrap_or_default();
+        let dampings = [Damping::Viscous, Damping::Contact, Damping::HuntCrossley];
+        let dampings = dampings.map(|it| (it.name(), it));
+        let damping = section.choice("damping", &dampings)?.unwrap_or_default();
         Oscillator::new(contact, zeta, h)
             .and_then(|it| it.with_damping(damping))
             .map_err(|error| self.explain(&error))
@@ -147,9 +150,7 @@ impl Document {
         let section = root.section("excitation")?;
         section.known(&["drive", "envelope"])?;
         let mut it = Excitation::default();
-        let drive = section.section("drive")?;
-        drive.known(&["amplitude", "frequency", "phase"])?;
-        if drive.table.is_some() {
+        if let Some(drive) = section.optional("drive", &["amplitude", "frequency", "phase"])? {
             let number = |key: &str, what: &str| drive.required(drive.number(key)?, key, what);
             let read = Drive::new(
                 number("amplitude", "an amplitude >= 0 in static loads, as 0.02")?,
@@ -158,9 +159,7 @@ impl Document {
             );
             it.drive = Some(read.map_err(|error| self.explain(&error))?);
         }
-        let envelope = section.section("envelope")?;
-        envelope.known(&["times", "factors"])?;
-        if envelope.table.is_some() {
+        if let Some(envelope) = section.optional("envelope", &["times", "factors"])? {
             let list = |key: &str, what: &str| envelope.required(envelope.numbers(key)?, key, what);
             let read = Envelope::new(
                 list("times", "ascending times, as [0, 50, 100]")?,
@@ -278,29 +277,20 @@ impl Document {
             time_unit: section.choice("time_unit", TIME_UNITS)?,
             ..Outputs::nothing()
         };
-        let spectrum = section.section("spectrum")?;
-        spectrum.known(&["until", "quantity"])?;
-        if spectrum.table.is_some() {
+        if let Some(spectrum) = section.optional("spectrum", &["until", "quantity"])? {
             let until = spectrum.number("until")?;
-            let quantities = &[
-                ("force", Quantity::Force),
-                ("displacement", Quantity::Displacement),
-            ];
+            let quantities = [Quantity::Force, Quantity::Displacement].map(|it| (it.name(), it));
             it.spectrum = Some(SpectrumRequest {
                 until: spectrum.required(until, "until", "a circular frequency > 0")?,
-                quantity: spectrum.choice("quantity", quantities)?.unwrap_or_default(),
+                quantity: spectrum
+                    .choice("quantity", &quantities)?
+                    .unwrap_or_default(),
             });
         }
-        let passage = section.section("first_passage")?;
-        passage.known(&["level", "side", "until"])?;
-        if passage.table.is_some() {
+        if let Some(passage) = section.optional("first_passage", &["level", "side", "until"])? {
             let (level, until) = (passage.number("level")?, passage.number("until")?);
-            let sides = &[
-                ("below", Side::Below),
-                ("above", Side::Above),
-                ("either", Side::Either),
-            ];
-            let side = passage.choice("side", sides)?;
+            let sides = [Side::Below, Side::Above, Side::Either].map(|it| (it.name(), it));
+            let side = passage.choice("side", &sides)?;
             it.first_passage = Some(PassageRequest {
                 level: passage.required(level, "level", "a displacement, as 3.0")?,
                 side: passage.required(side, "side", "\"above\", \"below\" or \"either\"")?,
@@ -311,21 +301,15 @@ impl Document {
             ("first_loss", "until", &mut it.first_loss),
             ("crossings", "window", &mut it.crossings),
         ] {
-            let inner = section.section(name)?;
-            inner.known(&[key])?;
-            if inner.table.is_some() {
+            if let Some(inner) = section.optional(name, &[key])? {
                 *target = Some(inner.required(inner.number(key)?, key, "a time > 0")?);
             }
         }
-        let periodic = section.section("periodic")?;
-        periodic.known(&["phases"])?;
-        if periodic.table.is_some() {
+        if let Some(periodic) = section.optional("periodic", &["phases"])? {
             let phases = periodic.whole("phases", u64::MAX)?;
             it.periodic = Some(phases.unwrap_or(PHASES) as usize);
         }
-        let response = section.section("response")?;
-        response.known(&["from", "to", "points"])?;
-        if response.table.is_some() {
+        if let Some(response) = section.optional("response", &["from", "to", "points"])? {
             let number = |key: &str| {
                 response.required(response.number(key)?, key, "a circular frequency > 0")
             };
@@ -341,11 +325,9 @@ impl Document {
     }
 
     fn reach(outputs: &Section<'_>) -> Read<Option<ReachRequest>> {
-        let section = outputs.section("reach")?;
-        section.known(&["quantity", "fraction"])?;
-        if section.table.is_none() {
+        let Some(section) = outputs.optional("reach", &["quantity", "fraction"])? else {
             return Ok(None);
-        }
+        };
         let moments = Moment::ALL.map(|it| (it.name(), it));
         let quantity = section.choice("quantity", &moments)?;
         let fraction = section.number("fraction")?;

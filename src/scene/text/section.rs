@@ -54,6 +54,13 @@ impl<'a> Section<'a> {
         })
     }
 
+    /// A table that may be absent, with no keys but these.
+    pub(super) fn optional(&self, key: &str, keys: &[&str]) -> Read<Option<Self>> {
+        let section = self.section(key)?;
+        section.known(keys)?;
+        Ok(section.table.is_some().then_some(section))
+    }
+
     /// Refuse keys that are not in the list.
     pub(super) fn known(&self, keys: &[&str]) -> Read<()> {
         for (key, node) in self.table.into_iter().flatten() {
@@ -181,18 +188,15 @@ impl<'a> Section<'a> {
         }
     }
 
+    fn list(&self, items: &[Node], key: &str) -> Read<Vec<f64>> {
+        let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
+        items.iter().enumerate().map(number).collect()
+    }
+
     pub(super) fn numbers(&self, key: &str) -> Read<Option<Vec<f64>>> {
         match self.get(key).map(|node| &node.value) {
             None => Ok(None),
-            Some(Value::List(items)) => {
-                let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
-                items
-                    .iter()
-                    .enumerate()
-                    .map(number)
-                    .collect::<Read<_>>()
-                    .map(Some)
-            }
+            Some(Value::List(items)) => self.list(items, key).map(Some),
             Some(_) => Err(self.type_error(key, "a list of numbers, as [0, 50, 100]")),
         }
     }
@@ -200,12 +204,7 @@ impl<'a> Section<'a> {
     pub(super) fn times(&self, key: &str) -> Read<Times> {
         match self.get(key).map(|node| &node.value) {
             None => Ok(Times::none()),
-            Some(Value::List(items)) => {
-                let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
-                Ok(Times::List(
-                    items.iter().enumerate().map(number).collect::<Read<_>>()?,
-                ))
-            }
+            Some(Value::List(items)) => self.list(items, key).map(Times::List),
             Some(Value::Table(_)) => {
                 let inner = self.section(key)?;
                 inner.known(&["every", "until"])?;
@@ -222,7 +221,6 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// One of `names`.
     /// A list of the names of moments.
     pub(super) fn moments(&self, key: &str) -> Read<Option<Vec<Moment>>> {
         let Some(node) = self.get(key) else {
@@ -254,15 +252,12 @@ impl<'a> Section<'a> {
     pub(super) fn parameter(&self, key: &str, node: &Node) -> Read<Parameter> {
         match &node.value {
             Value::Text(text) => Ok(Parameter::Text(text.clone())),
-            Value::List(items) => {
-                let number = |(k, item)| self.number_of(item, &format!("{key}[{k}]"));
-                let all: Read<_> = items.iter().enumerate().map(number).collect();
-                all.map(Parameter::Numbers)
-            }
+            Value::List(items) => self.list(items, key).map(Parameter::Numbers),
             _ => self.number_of(node, key).map(Parameter::Number),
         }
     }
 
+    /// One of `names`.
     pub(super) fn choice<T: Clone>(&self, key: &str, names: &[(&str, T)]) -> Read<Option<T>> {
         self.choice_or(key, names, "")
     }

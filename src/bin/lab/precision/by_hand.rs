@@ -1,7 +1,7 @@
 //! Are error estimates true where the scene takes the wheel? Every case of the calibration once more, with cells, steps or
 //! schemes given.
 
-use super::calibration::{self, Calibration, End, Run};
+use super::calibration::{self, Calibration, Run};
 use super::judged::Judged;
 use super::references::Case;
 use std::fmt::Write;
@@ -82,27 +82,19 @@ pub fn table(all: &[(&str, Calibration)]) -> String {
         ""
     );
     for (name, it) in all {
-        let numbers = || {
-            it.runs
-                .iter()
-                .flat_map(|run| &run.numbers)
-                .filter(|it| it.counts(TOLERANCE))
-        };
-        let beyond = numbers().filter(|it| it.too_small()).count();
+        let judged = it.runs.iter().flat_map(|run| &run.numbers);
+        let judged = judged.filter(|it| it.counts(TOLERANCE));
         let over = |it: &Judged| (it.error() - it.doubt()) / it.estimate;
-        let most = numbers().map(over).fold(0.0, f64::max);
-        let answers = it
-            .runs
-            .iter()
-            .filter(|it| matches!(it.end, End::Met | End::Short))
-            .count();
-        let share = 100.0 * beyond as f64 / numbers().count().max(1) as f64;
-        let median = it.verdicts().first().map_or(0.0, |it| it.median);
-        let _ = writeln!(
-            text,
-            "{name:<38}  {answers:>7}  {:>7}  {beyond:>11} = {share:>5.2} %  {most:>7.1}  {median:>6.1}",
-            numbers().count()
-        );
+        let most = judged.map(over).fold(0.0, f64::max);
+        for it in it.verdicts() {
+            let (numbers, beyond) = (it.numbers, it.too_small);
+            let share = 100.0 * beyond as f64 / numbers.max(1) as f64;
+            let _ = writeln!(
+                text,
+                "{name:<38}  {:>7}  {numbers:>7}  {beyond:>11} = {share:>5.2} %  {most:>7.1}  {:>6.1}",
+                it.answered, it.median
+            );
+        }
     }
     for (name, it) in all {
         for (run, number) in it.wrong().into_iter().take(NAMED) {

@@ -187,10 +187,7 @@ impl Calibration {
                 );
             }
         }
-        File {
-            name: "calibration.csv".into(),
-            bytes: text.into_bytes(),
-        }
+        File::text("calibration.csv", text)
     }
 }
 

@@ -165,7 +165,7 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
         Verdict::Silent
     } else if outside || mass_wrong || extreme.against == Against::Refusal {
         Verdict::Outside
-    } else if run_seconds(&results) > GRACE * extreme.max_seconds + 2.0 {
+    } else if results.run.wall_seconds > GRACE * extreme.max_seconds + 2.0 {
         Verdict::Late
     } else if known
         .iter()
@@ -207,10 +207,6 @@ fn said(results: &Results, stage: &str) -> f64 {
     let of_stage = results.shortfalls.iter().filter(|(it, _)| *it == stage);
     let admitted = of_stage.map(|(_, it)| if it.ratio.is_finite() { it.ratio } else { 0.0 });
     ROUNDED * admitted.fold(1.0 / ROUNDED, f64::max)
-}
-
-fn run_seconds(results: &Results) -> f64 {
-    results.run.wall_seconds
 }
 
 /// What the mass may be off by: the domain-truncation error, and rounding over the steps.

@@ -2,7 +2,7 @@
 
 use super::LocalGrid;
 use crate::moments::{Moments, RawMoments};
-use crate::quadrature::KronrodNodes;
+use crate::quadrature::kronrod;
 
 impl LocalGrid {
     /// p at points (q, v); 0 outside the square.
@@ -81,7 +81,7 @@ impl LocalGrid {
         let mut panel = |a: f64, b: f64, towards: Option<f64>| {
             let middle = 0.5 * (a + b);
             let lost = flight.is_some_and(|[low, high]| middle >= low && middle < high);
-            for (z, w) in KronrodNodes::default() {
+            for (z, w) in kronrod() {
                 // x - l = (other - l) u^2 takes the half-integer power of the force to an integer one.
                 let (x, w) = match towards {
                     Some(l) => {

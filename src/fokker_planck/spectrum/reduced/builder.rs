@@ -4,6 +4,7 @@ use super::hessenberg::{hessenberg, reflect};
 use super::{Answer, C, End, Form, POWERS, Reduced, Side};
 use crate::error::Result;
 use crate::fokker_planck::hermite::Factored;
+use crate::matrix::norm;
 use crate::sparse::eigenvalues;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
 use rayon::prelude::*;
@@ -262,10 +263,6 @@ impl<'a> Builder<'a> {
             solved: self.solved.clone(),
         })
     }
-}
-
-fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Vectors of a length as rows.

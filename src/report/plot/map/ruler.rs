@@ -1,7 +1,7 @@
 //! An axis of a map: where its points stand, what is written along it.
 
 use crate::format::{bare, rounded};
-use crate::report::plot::canvas::{Area, CENTRED, Drawn, FAINT, Hang, INK, line, write};
+use crate::report::plot::canvas::{Area, Drawn};
 use crate::report::plot::panel::{Panel, range};
 use crate::report::plot::ticks::{superscript, ticks};
 
@@ -95,28 +95,11 @@ pub(super) fn digits((low, high): (f64, f64), first: &[f64]) -> Vec<(f64, String
 
 /// Grid, numbers and words of both axes; words are left out where they are empty.
 pub(super) fn axes(area: &Area<'_>, panel: &Panel, x: (&Ruler, &str), y: (&Ruler, &str)) -> Drawn {
-    for (x, text) in x.0.marks(panel.x, panel.width) {
-        let (px, _) = panel.at(x, panel.y.0);
-        line(area, &[(px, panel.top), (px, panel.bottom())], FAINT, 0.75)?;
-        line(
-            area,
-            &[(px, panel.bottom()), (px, panel.bottom() + 4.0)],
-            INK,
-            1.0,
-        )?;
-        write(area, &text, (px, panel.bottom() + 13.0), CENTRED)?;
-    }
-    for (y, text) in y.0.marks(panel.y, panel.height * 1.4) {
-        let (_, py) = panel.at(panel.x.0, y);
-        line(area, &[(panel.left, py), (panel.right(), py)], FAINT, 0.75)?;
-        line(area, &[(panel.left - 4.0, py), (panel.left, py)], INK, 1.0)?;
-        write(
-            area,
-            &text,
-            (panel.left - 7.0, py),
-            (13.0, Hang::Right, INK),
-        )?;
-    }
+    let marks = [
+        x.0.marks(panel.x, panel.width),
+        y.0.marks(panel.y, panel.height * 1.4),
+    ];
+    panel.grid(area, marks, [true; 2])?;
     panel.labels(area, x.1, y.1)
 }
 
