@@ -130,6 +130,20 @@ fn a_level_that_is_passed_only_from_above_is_reached_from_above_or_never() {
     );
 }
 
+#[test]
+fn numbers_at_time_zero_alone_and_moments_that_do_not_exist_there_are_no_reason_to_refuse() {
+    let head = "[oscillator]\nzeta = 0.05\nh = 0.02\n[outputs]\n";
+    let it = run(&format!("{head}moments_at = [0]\n"));
+    let moments = it.transient.unwrap().moments[0];
+    assert_eq!((moments.mean_q.value, moments.var_v.value), (0.0, 0.0));
+    // From rest the force has no skewness at t = 0, and has a tenth of it later.
+    let it = run(&format!(
+        "{head}reach = {{ quantity = \"skewness_force\", fraction = 0.5 }}\n[accuracy]\ntolerance = 1e-2\n"
+    ));
+    let t = it.reach.as_ref().unwrap().t.unwrap();
+    assert!(t.value > 0.5 && t.value < 50.0, "{t}");
+}
+
 /// A scene with every output that has a time. In the unit times have four digits; without one they are the same, times
 /// `length`.
 fn scene(unit: Option<&str>, length: f64) -> String {
@@ -147,13 +161,15 @@ fn scene(unit: Option<&str>, length: f64) -> String {
     format!(
         "[oscillator]\nzeta = 0.05\nh = 0.02\n[rig]\nstatic_load = 110\nfrequency = 232\nstatic_compression = 7e-6\n\
          [initial]\ndeviation = [0.8, 0.8]\n[outputs]\nstationary = true\nmoments_at = [{}, {}]\ndensity_at = [{}]\n\
-         decay_rates = 1\nfirst_loss = {{ until = {} }}\ncrossings = {{ window = {window} }}\n\
+         decay_rates = 1\nfirst_loss = {{ until = {} }}\n\
+         first_passage = {{ level = 1.2, side = \"above\", until = {} }}\ncrossings = {{ window = {window} }}\n\
          reach = {{ quantity = \"std_force\", fraction = 1.02 }}\n{unit}[monte_carlo]\npaths = 300\nduration = {}\n\
          [accuracy]\ntolerance = 5e-2\n",
         of(2.0),
         of(4.0),
         of(4.0),
         of(8.0),
+        of(6.0),
         of(400.0),
     )
 }
@@ -194,6 +210,10 @@ fn a_scene_in_seconds_or_periods_has_the_same_answers_in_seconds_or_periods() {
             ("/first_loss/survival/value/7", 0),
             ("/first_loss/density/value/7", -1),
             ("/first_loss/density/error/7", -1),
+            ("/first_passage/t/7", 1),
+            ("/first_passage/survival/value/7", 0),
+            ("/monte_carlo/first_passage/t/7", 1),
+            ("/monte_carlo/first_passage/survival/value/7", 0),
             ("/first_loss/mean_time/value", 1),
             ("/first_loss/rate/value", -1),
             ("/first_loss/rate_over_rice/value", 0),

@@ -496,6 +496,7 @@ fn the_file_of_a_table_stands_beside_its_scene_and_the_resolved_scene_stands_alo
     assert_eq!(*alone.scene(), scene);
     for (text, word) in [
         ("q,G\n0,0\n1,nan\n", "line 3"),
+        ("G,q\n-1,-2\n0,0\n", "line 1: G,q"),
         ("0,0\n1,1\n1,2\n", "line 3: q = 1.0"),
         ("0,0\n1,one\n", "line 2"),
         ("0,0\n1,1,1\n", "line 2"),

@@ -71,11 +71,12 @@ impl From<MapError> for Stop {
     }
 }
 
-/// 2 for what the user can mend in scene or command line, 3 for a limit, 1 for the rest.
+/// 2 for what the user can mend in scene or command line, 3 for a limit or a tolerance not reached, 1 for the rest.
 fn status(error: &Error) -> u8 {
     match error {
         error if error.is_refusal() => 2,
-        Error::Limit { .. } | Error::Unresolved { .. } => 3,
+        // An equation that was not solved reached no tolerance.
+        Error::Limit { .. } | Error::Unresolved { .. } | Error::Linear { .. } => 3,
         _ => 1,
     }
 }

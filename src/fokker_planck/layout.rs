@@ -15,6 +15,12 @@ use crate::oscillator::Oscillator;
 /// in either direction, and its error estimate, the worst that what is outside could do, is far above its error.
 pub(super) const DOMAIN_SHARE: f64 = 0.008;
 
+/// Order that the kink of the Hertz force leaves to equal cells: 3/2 + 2. A bilinear one leaves 3.
+const KINK_ORDER: f64 = 3.5;
+
+/// Meshes tried, each finer, for cells of the program's own choice that an advection scheme cannot carry.
+pub(super) const STEEPER_TRIES: usize = 8;
+
 /// How wide cells are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Cells {
@@ -41,13 +47,24 @@ impl Layout {
         matches!(self.cells, Cells::Given(_))
     }
 
+    /// What is made on mesh 0, or on the first of a few finer ones whose cells are not too coarse for it; on the scene's own
+    /// cells alone.
+    pub(super) fn carried<T>(&self, on: impl Fn(usize) -> Result<T>) -> Result<T> {
+        let mut found = on(0);
+        for k in 1..STEEPER_TRIES {
+            if self.is_given() || !matches!(found, Err(Error::Mesh { .. })) {
+                break;
+            }
+            found = on(k);
+        }
+        found
+    }
+
     /// The same with cells `finer` times as fine.
     pub(super) fn refined(self, finer: f64) -> Self {
         let cells = match self.cells {
             Cells::Widths(widths) => Cells::Widths(widths.map(|width| width / finer)),
-            Cells::Given(cells) => {
-                Cells::Given(cells.map(|n| ((n as f64 * finer) as usize).max(1)))
-            }
+            Cells::Given(cells) => Cells::Given(cells.map(|n| times(self.drift, n, finer))),
         };
         Self { cells, ..self }
     }
@@ -69,7 +86,7 @@ impl Layout {
         let (contact, domain) = (oscillator.contact(), self.domain);
         let margin = self.drift.margin();
         let width = match self.cells {
-            Cells::Given(cells) => return Ok(cells.map(|n| ((n as f64 * finer) as usize).max(1))),
+            Cells::Given(cells) => return Ok(cells.map(|n| times(self.drift, n, finer))),
             Cells::Widths([q, v]) => [gapped(contact, q), v],
         };
         // Graded axes need fewer cells than their length over the finest one.
@@ -94,8 +111,8 @@ impl Layout {
     }
 
     /// Finer cells where contact begins and ends. A path that crosses x = 0 at a speed v, x the way into contact and its force
-    /// x^a, is turned by x^(a+1)/v: p is no smoother there, noise along v does not help, and interpolation on cells of a width h
-    /// loses h^(a+2) of what there is of p in each pass. What there is falls as e^(-L) at a level of U of L T.
+    /// x^a, is turned by x^(a+1)/v: p is no smoother there, and noise along v does not help. Interpolation on cells of a width h
+    /// loses h^(a+2) of what there is of p there, which falls as e^(-L) at a level of U of L T.
     fn focus(&self, oscillator: &Oscillator) -> Focus {
         let contact = oscillator.contact();
         let (true, Some(ends), Some(lowest)) =
@@ -105,7 +122,8 @@ impl Layout {
         };
         let places = ends.into_iter().filter(|q| q.is_finite()).map(|q| {
             let level = (contact.potential(q) - lowest) / oscillator.temperature();
-            [q, (KINK_FINER.get() * (-level / 3.5).exp() - 1.0).max(0.0)]
+            let finer = KINK_FINER.get() * (-level / KINK_ORDER).exp();
+            [q, (finer - 1.0).max(0.0)]
         });
         Focus::new(
             places.collect(),
@@ -141,6 +159,12 @@ impl Layout {
         budget::check_memory(needed, cells, self.is_given(), max_memory)?;
         Ok(cells)
     }
+}
+
+/// So many cells, `finer` times as many within the margins of a stencil.
+pub(super) fn times(drift: Drift, n: usize, finer: f64) -> usize {
+    let margin = 2 * drift.margin();
+    margin.min(n) + (n.saturating_sub(margin) as f64 * finer).round() as usize
 }
 
 impl Cells {

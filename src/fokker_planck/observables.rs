@@ -76,8 +76,13 @@ impl Observables {
             let near = near.filter(|xi| *xi > -reach && *xi < 1.0 + reach);
             let splits: Vec<f64> = near.map(|xi| xi.clamp(0.0, 1.0)).collect();
             for (xi, weight, middle) in nodes(i as f64, &splits) {
-                let lost = contact.is_lost(mesh.q.at(middle).0);
                 let (q, slope) = mesh.q.at(xi);
+                // On either side of a kink as its panel is.
+                let lost = contact.is_lost(if splits.is_empty() {
+                    q
+                } else {
+                    mesh.q.at(middle).0
+                });
                 let density = measure.density_q(q) * slope * weight;
                 if drift == Drift::Upwind {
                     basis.fill(0.0);

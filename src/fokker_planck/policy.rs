@@ -68,16 +68,16 @@ table! {
     FALLING = 1.25: "Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong \
         friction. At 2 a mesh takes over earlier, and has three times the cells.";
     ROOM = 1.2: "Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.";
-    KINK_FINER = 4.0: "Cells of a flow map where contact begins over those elsewhere, at the stationary law's largest density: the \
-        kink of the force leaves order 3 to equal cells. With 6 or 8 coarse meshes no longer hold a density far from the law.";
-    KINK_WIDTH = 0.8: "Distance within which they are finer, in deviations of the stationary law.";
+    KINK_FINER = 4.0: "Cells of a flow map where contact begins over those elsewhere, under much noise: the kink of the force leaves \
+        order 3 to equal cells. With 6 or 8 coarse meshes no longer hold a density far from the stationary law.";
+    KINK_WIDTH = 0.6: "Distance within which they are finer, in deviations of the stationary law.";
     LONGEST_STEP = 1.5: "Longest step of the flow map: a quarter of a period, beyond which the trapezoidal rule no longer sees \
         the second harmonic of the motion.";
     SETTLED = 1e-2: "Distance to the stationary law, over what a rung aims at, at which a run ends: less runs on for nothing, \
         more adds to the errors of late times.";
 
     // Error estimates.
-    SAFETY = 3.0: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
+    SAFETY = 2.6: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
         half of them.";
     CARRIED = 0.25: "The difference before that, where the last one passes through zero: the same of it.";
     FLOOR = 5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \

@@ -104,10 +104,8 @@ impl Plan {
             Part::FirstLossPaths => {
                 if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss)
                 {
-                    let problem = (oscillator, initial);
-                    let times = it.times.iter().map(|t| self.clock.dimensionless(*t));
-                    let times: Vec<f64> = times.collect();
-                    let it = recipe.run(problem, &times, limits, progress)?;
+                    let times = self.dimensionless(&it.times);
+                    let it = recipe.run((oscillator, initial), &times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_loss_paths = Some(it);
                     results.agreement = results.agree();
@@ -122,8 +120,8 @@ impl Plan {
             }
             Part::FirstPassagePaths => {
                 if let (Some(recipe), Some(it)) = (&self.recipes.passages, &results.first_passage) {
-                    let problem = (oscillator, initial);
-                    let it = recipe.run(problem, &it.times, limits, progress)?;
+                    let times = self.dimensionless(&it.times);
+                    let it = recipe.run((oscillator, initial), &times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
                     results.first_passage_paths = Some(it);
                     results.agreement = results.agree();
@@ -237,6 +235,11 @@ impl Plan {
             }
         }
         Ok(())
+    }
+
+    /// Times in the scene's unit as what is computed has them.
+    fn dimensionless(&self, times: &[f64]) -> Vec<f64> {
+        times.iter().map(|t| self.clock.dimensionless(*t)).collect()
     }
 
     /// What a stage has answered, in the scene's unit of time; `told` warnings and shortfalls were there before it.

@@ -186,7 +186,13 @@ impl Scene {
             let accepted = format!("a time up to {:e}", Times::LATEST);
             return Err(Error::invalid(key, num(it.until), accepted));
         }
-        if !self.oscillator.contact().is_confining() {
+        let (contact, t) = (self.oscillator.contact(), self.oscillator.temperature());
+        if !(contact.potential(it.level) / t).is_finite() {
+            let accepted = "a level whose potential energy is within reach of a double";
+            let key = "outputs.first_passage.level";
+            return Err(Error::invalid(key, num(it.level), accepted));
+        }
+        if !contact.is_confining() {
             let value = format!("{{ level = {} }}", num(it.level));
             return Err(self.no_law("outputs.first_passage", &value));
         }

@@ -121,7 +121,12 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
                 points.push([q, force]);
             }
             // Names of the columns.
-            [None, None] if points.is_empty() && !named => named = true,
+            [None, None] if points.is_empty() && !named => {
+                if fields[0].eq_ignore_ascii_case("g") || fields[1].eq_ignore_ascii_case("q") {
+                    return Err(wrong(line, "the columns q and G, in this order"));
+                }
+                named = true;
+            }
             _ => return Err(wrong(line, "two numbers, q and G, separated by a comma")),
         }
     }

@@ -11,9 +11,10 @@ use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::integrators::BackwardEuler;
 use crate::fokker_planck::layout::{self, Cells, Layout};
 use crate::fokker_planck::observables::Observables;
+use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
 use crate::scales::Scales;
 use crate::sparse::{Lu, shift};
@@ -49,6 +50,8 @@ pub struct Steady {
 pub(crate) struct SteadyState {
     layout: Layout,
     tolerance: f64,
+    /// The moments asked for; None for all of them.
+    asked: Option<Vec<Moment>>,
     /// Whether a time integration is compared with it.
     integrates: bool,
     /// What it will take.
@@ -101,6 +104,7 @@ impl SteadyState {
         Ok(Self {
             layout,
             tolerance: settings.tolerance,
+            asked: settings.moments.clone(),
             integrates: oscillator.is_viscous(),
             cost: Cost {
                 cells,
@@ -187,8 +191,13 @@ impl Question for Task<'_> {
             ..
         } = *self;
         let Layout { domain, drift, .. } = recipe.layout;
-        let mesh = recipe.layout.mesh(oscillator, 1.0)?;
-        let generator = Generator::new(oscillator, &mesh, drift)?;
+        let (mesh, generator) = recipe.layout.carried(|k| {
+            let mesh = recipe
+                .layout
+                .mesh(oscillator, LADDER_RATIO.get().powi(k as i32))?;
+            let generator = Generator::new(oscillator, &mesh, drift)?;
+            Ok((mesh, generator))
+        })?;
         let seconds = budget::factoring(mesh.cells(), drift, Factors::Real);
         // Nothing stops a factorisation half way.
         let late = || limits.room_for(seconds, || format!("a factorisation for {NAME}"));
@@ -235,6 +244,7 @@ impl Question for Task<'_> {
         let mut moments = observables
             .raw(&null.ratio(&generator))
             .moments(oscillator.contact());
+        moments.keep(recipe.asked.as_deref());
         let scales = Scales::of(oscillator).each(&moments);
         let weights = domain.tail_weights(oscillator);
         let names = moments.named().map(|(name, _)| name);

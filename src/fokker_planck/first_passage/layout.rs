@@ -34,6 +34,8 @@ pub(super) struct Layout {
     pub(super) step: f64,
     pub(super) nodes: [usize; 2],
     pub(super) level: f64,
+    /// The highest speed on the mesh.
+    speed: f64,
     /// Time over which the motion forgets.
     pub(super) correlation_time: f64,
     /// Part of the losses that begins beyond the edge of the mesh.
@@ -121,6 +123,7 @@ impl Layout {
             step,
             nodes,
             level,
+            speed,
             correlation_time,
             outside,
             driven: forcing.is_some(),
@@ -170,7 +173,7 @@ impl Layout {
     fn points(&self, oscillator: &Oscillator) -> f64 {
         let t = oscillator.temperature();
         let spread = (t * -(-4.0 * oscillator.zeta() * self.step).exp_m1()).sqrt();
-        3.2 * 2.0 * (2.0 * (1.0 + self.level * t)).sqrt() / spread
+        3.2 * 2.0 * self.speed / spread
     }
 
     /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors.

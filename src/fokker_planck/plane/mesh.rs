@@ -26,11 +26,17 @@ impl Grading {
         }
     }
 
-    /// s with x(s) = x, by Newton's method on a concave monotone function, bracketed.
+    /// s with x(s) = x.
+    #[inline]
     fn inverse(self, x: f64) -> f64 {
-        let Self::Left { beta, knee, .. } = self else {
-            return x;
-        };
+        match self {
+            Self::Uniform => x,
+            Self::Left { beta, knee, .. } => self.left_of(x, beta, knee),
+        }
+    }
+
+    /// By Newton's method on a concave monotone function, bracketed.
+    fn left_of(self, x: f64, beta: f64, knee: f64) -> f64 {
         // The slope lies in [1, 1 + beta] and x(s) <= s.
         let (mut low, mut high) = (x.min(knee), x);
         high = high.max(x + beta * (knee - x).max(0.0) + 1.0);
@@ -95,6 +101,7 @@ impl Focus {
     }
 
     /// u and du/ds.
+    #[inline]
     fn of(&self, s: f64) -> [f64; 2] {
         let mut sum = [s, 1.0];
         for [at, b] in &self.places {
@@ -126,7 +133,8 @@ impl Focus {
             } else {
                 0.5 * (low + high)
             };
-            if (next - s).abs() <= 4.0 * f64::EPSILON * s.abs().max(1e-3) {
+            // What is left is the square of it.
+            if (next - s).abs() <= 1e-9 * self.width {
                 return next;
             }
             s = next;
@@ -321,6 +329,7 @@ impl Axis {
     }
 
     /// xi of any x.
+    #[inline]
     pub fn locate(&self, x: f64) -> f64 {
         (self.focus.of(self.grading.inverse(x))[0] - self.start) / self.width
     }
@@ -422,6 +431,26 @@ mod tests {
         let axis = Axis::displacement(&ContactLaw::Hertz, 94.0, [-1700.0, 37.0], 200, 5).unwrap();
         assert!(!axis.is_uniform());
         for k in -20..=2100 {
+            let xi = 0.1 * f64::from(k);
+            let (x, slope) = axis.at(xi);
+            assert!((axis.locate(x) - xi).abs() < 1e-9, "{xi}");
+            let difference = (axis.at(xi + 1e-4).0 - axis.at(xi - 1e-4).0) / 2e-4;
+            assert!((difference / slope - 1.0).abs() < 1e-6, "{xi}");
+        }
+    }
+
+    #[test]
+    fn cells_are_as_much_finer_at_a_kink_as_asked_on_a_smooth_map() {
+        let equal = Axis::displacement(&ContactLaw::Hertz, 94.0, [-1700.0, 37.0], 200, 5).unwrap();
+        let focus = Focus::new(vec![[-1.5, 3.0], [-9e9, 5.0]], 4.0);
+        let law = &ContactLaw::Hertz;
+        let axis = Axis::focused(law, 94.0, [-1700.0, 37.0], (240, 5), &focus).unwrap();
+        assert!(axis.edges().contains(&-1.5) && !axis.is_uniform());
+        let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
+        let finer = width(&equal, -1.5) / width(&axis, -1.5);
+        let elsewhere = width(&equal, 30.0) / width(&axis, 30.0);
+        assert!((finer / elsewhere - 4.0).abs() < 0.1, "{finer} {elsewhere}");
+        for k in -20..=2500 {
             let xi = 0.1 * f64::from(k);
             let (x, slope) = axis.at(xi);
             assert!((axis.locate(x) - xi).abs() < 1e-9, "{xi}");

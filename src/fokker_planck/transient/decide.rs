@@ -18,9 +18,6 @@ use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::sync::Arc;
 
-/// Rungs tried for cells of the program's own choice that an advection scheme cannot carry.
-pub(super) const STEEPER_TRIES: usize = 8;
-
 /// Refuses friction too strong for the one solver that knows a drive.
 fn check_friction(oscillator: &Oscillator) -> Result<()> {
     let zeta = oscillator.zeta();
@@ -316,13 +313,6 @@ impl Question<'_> {
             let mesh = rung.layout.mesh(self.oscillator, 1.0)?;
             Generator::new(self.oscillator, &mesh, rung.drift())
         };
-        let mut found = on(0);
-        for k in 1..STEEPER_TRIES {
-            if draft.layout.is_given() || !matches!(found, Err(Error::Mesh { .. })) {
-                break;
-            }
-            found = on(k);
-        }
-        found
+        draft.layout.carried(on)
     }
 }

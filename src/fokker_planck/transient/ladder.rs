@@ -3,7 +3,6 @@
 //! for every tolerance: a looser one ends earlier.
 
 use super::cost;
-use super::decide::STEEPER_TRIES;
 use super::error_estimate::Errors;
 use super::recipe::{RUNGS, Recipe, Rung};
 use super::report::Transient;
@@ -11,6 +10,7 @@ use super::run::{Run, Task};
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Work;
+use crate::fokker_planck::layout::STEEPER_TRIES;
 use crate::fokker_planck::policy::{BEST_FALL, STALLED};
 
 /// How often rungs below the cells of the scene are brought nearer to them, by half.

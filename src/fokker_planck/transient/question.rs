@@ -1,7 +1,7 @@
 //! What is asked of a transient, and where: its domain, its cells, and what holds the initial condition at first.
 
 use super::recipe::{self, FirstGrid, Rung};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Factors};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::flux::Drift;
@@ -105,6 +105,18 @@ impl Question<'_> {
             drift,
             focused: self.takes_flow_map(),
         };
+        if let Some([q, v]) = settings.cells {
+            // On the coarsest of three rungs two are within.
+            let least = 2 * drift.margin() + 4;
+            if q.min(v) < least {
+                let accepted = format!("at least {least} each for {}", drift.name());
+                return Err(Error::invalid(
+                    "method.cells",
+                    format!("[{q}, {v}]"),
+                    accepted,
+                ));
+            }
+        }
         if let Some(cells) = settings.cells {
             let factors = settings.time.map_or(Factors::None, Factors::of);
             let needed = budget::memory(cells, drift, factors);

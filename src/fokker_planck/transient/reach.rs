@@ -200,7 +200,8 @@ impl Reach {
         Reached {
             t,
             method: it.method,
-            shortfall: None,
+            // What a course does not know it cannot deny.
+            shortfall: it.shortfall,
             warnings: vec![format!("reach: {}: {why}", self.moment.name())],
         }
     }
@@ -209,7 +210,7 @@ impl Reach {
     fn look(&self, it: &Transient, stationary: Estimate, side: &mut Option<f64>) -> Seen {
         let level = stationary.scaled(self.fraction);
         let Some(curve) = Curve::of(self.moment, level, it, side) else {
-            return Seen::Never("it does not exist at every time".into());
+            return Seen::Never("it does not exist at late times".into());
         };
         if curve.at_once() {
             return Seen::AtOnce;
@@ -309,15 +310,18 @@ impl<'a> Curve<'a> {
                 value.origin,
             ))
         });
-        let values: Option<Vec<Estimate>> = values.collect();
-        let (values, level) = (values?, level.value);
+        let mut values = values.collect::<Option<Vec<Estimate>>>()?;
+        let level = level.value;
+        // A force without a width has no skewness at first.
+        let known = values.iter().position(|it| it.value.is_finite())?;
+        values.drain(..known);
         if values.iter().any(|it| !it.value.is_finite()) {
             return None;
         }
         let below = values.first()?.value < level;
         let sign = *side.get_or_insert(if below { 1.0 } else { -1.0 });
         Some(Self {
-            times: &it.times,
+            times: &it.times[known..],
             values,
             level,
             sign,

@@ -6,7 +6,7 @@ use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::flow_map;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
-use crate::fokker_planck::layout::{Cells, Layout};
+use crate::fokker_planck::layout::{Cells, Layout, times};
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::policy::{
     COARSEST, FALLING, FIRST_CELLS, LADDER_RATIO, LONGEST_STEP, OUTSIDE, OUTSIDE_FALL, ROOM,
@@ -217,10 +217,8 @@ impl Recipe {
         };
         let cells = match self.layout.cells {
             Cells::Given(cells) => {
-                let margin = 2 * self.layout.drift.margin();
                 let finer = LADDER_RATIO.get().powf(r - self.expected);
-                let inner = |n: usize| (n.saturating_sub(margin) as f64 * finer).round() as usize;
-                Cells::Given(cells.map(|n| (margin + inner(n)).min(n)))
+                Cells::Given(cells.map(|n| times(self.layout.drift, n, finer).min(n)))
             }
             Cells::Widths(widths) => {
                 Cells::Widths(widths.map(|width| width / Self::per_deviation(r)))

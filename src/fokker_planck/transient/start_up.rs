@@ -336,7 +336,8 @@ impl<'a> StartUp<'a> {
                 self.grid.cells(),
             )
         };
-        let [q, v] = frame.deviation();
+        // A point, which has none, lies within any.
+        let [q, v] = frame.deviation().map(|it| if it > 0.0 { it } else { 1.0 });
         Ok(Mesh {
             q: axis(frame.mean[0], q)?,
             v: axis(frame.mean[1], v)?,

@@ -272,7 +272,7 @@ impl Document {
             moments: section.moments("moments")?,
             density_at: section.times("density_at")?,
             steady: section.flag("steady")?.unwrap_or(false),
-            decay_rates: section.whole("decay_rates", 100)?.unwrap_or(0) as usize,
+            decay_rates: section.whole("decay_rates", 0..=100)?.unwrap_or(0) as usize,
             reach: Self::reach(&section)?,
             time_unit: section.choice("time_unit", TIME_UNITS)?,
             ..Outputs::nothing()
@@ -306,14 +306,14 @@ impl Document {
             }
         }
         if let Some(periodic) = section.optional("periodic", &["phases"])? {
-            let phases = periodic.whole("phases", u64::MAX)?;
+            let phases = periodic.whole("phases", 4..=1000)?;
             it.periodic = Some(phases.unwrap_or(PHASES) as usize);
         }
         if let Some(response) = section.optional("response", &["from", "to", "points"])? {
             let number = |key: &str| {
                 response.required(response.number(key)?, key, "a circular frequency > 0")
             };
-            let points = response.whole("points", u64::MAX)?;
+            let points = response.whole("points", 2..=ResponseRequest::MOST as u64)?;
             it.response = Some(ResponseRequest {
                 from: number("from")?,
                 to: number("to")?,
@@ -355,17 +355,22 @@ impl Document {
         ) {
             let cosines = section.section("noise")?;
             cosines.known(&["cosines", "band"])?;
-            let count = cosines.whole("cosines", u64::from(MOST_COSINES))?;
+            let count = cosines.whole("cosines", 1..=u64::from(MOST_COSINES))?;
             noise = Noise::Cosines {
                 cosines: cosines.required(count, "cosines", "how many cosines, as 400")?,
                 band: cosines.required(cosines.number("band")?, "band", "a frequency > 0")?,
             };
         } else {
-            section.choice("noise", &[("white", ())])?;
+            let other = "a table as { cosines = 400, band = 6 }";
+            section.choice_or("noise", &[("white", ())], other)?;
         }
         Ok(Some(MonteCarlo {
-            paths: section.whole("paths", u64::MAX)?.unwrap_or(default.paths),
-            seed: section.whole("seed", u64::MAX)?.unwrap_or(default.seed),
+            paths: section
+                .whole("paths", 2..=1_000_000_000_000)?
+                .unwrap_or(default.paths),
+            seed: section
+                .whole("seed", 0..=i64::MAX as u64)?
+                .unwrap_or(default.seed),
             scheme: section.choice("scheme", SCHEMES)?.unwrap_or_default(),
             noise,
             step: section.number("step")?,
@@ -394,7 +399,7 @@ impl Document {
             Some(Value::List(items)) if items.len() == 2 => {
                 let cells = |k: usize| -> Read<usize> {
                     let key = format!("cells[{k}]");
-                    Ok(section.whole_of(&items[k], &key, usize::MAX as u64)? as usize)
+                    Ok(section.whole_of(&items[k], &key, 4..=u64::MAX)? as usize)
                 };
                 Some([cells(0)?, cells(1)?])
             }

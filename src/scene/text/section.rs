@@ -9,6 +9,7 @@ use crate::scene::Times;
 use crate::scene::names::DRIFT;
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 
 /// One table of the scene, or its absence.
 pub(super) struct Section<'a> {
@@ -154,26 +155,27 @@ impl<'a> Section<'a> {
             .transpose()
     }
 
-    pub(super) fn whole_of(&self, node: &Node, key: &str, most: u64) -> Read<u64> {
+    pub(super) fn whole_of(&self, node: &Node, key: &str, range: RangeInclusive<u64>) -> Read<u64> {
         let whole = match node.value {
             Value::Whole(n) => u64::try_from(n).ok(),
             // 1e5 is a float in TOML and a whole number to everybody else.
             Value::Number(x) if x.fract() == 0.0 && (0.0..9e15).contains(&x) => Some(x as u64),
             _ => None,
         };
-        whole.filter(|n| *n <= most).ok_or_else(|| {
-            let accepted = if most >= u64::MAX / 2 {
-                "a whole number >= 0".into()
-            } else {
-                format!("a whole number from 0 to {most}")
+        whole.filter(|n| range.contains(n)).ok_or_else(|| {
+            let (first, last) = (range.start(), *range.end());
+            let accepted = match last {
+                u64::MAX => format!("a whole number >= {first}"),
+                1_000_000.. => format!("a whole number from {first} to {:e}", last as f64),
+                _ => format!("a whole number from {first} to {last}"),
             };
             self.type_error_at(node, key, &accepted)
         })
     }
 
-    pub(super) fn whole(&self, key: &str, most: u64) -> Read<Option<u64>> {
+    pub(super) fn whole(&self, key: &str, range: RangeInclusive<u64>) -> Read<Option<u64>> {
         self.get(key)
-            .map(|node| self.whole_of(node, key, most))
+            .map(|node| self.whole_of(node, key, range))
             .transpose()
     }
 
@@ -325,7 +327,10 @@ impl<'a> Section<'a> {
                 Some(bytes) => Ok(Some(bytes)),
                 None => Err(self.type_error(key, accepted)),
             },
-            Some(Value::Whole(_) | Value::Number(_)) => self.whole(key, u64::MAX),
+            Some(Value::Whole(_) | Value::Number(_)) => {
+                let bytes = self.whole(key, 1..=u64::MAX);
+                bytes.map_err(|_| self.type_error(key, accepted))
+            }
             Some(_) => Err(self.type_error(key, accepted)),
         }
     }
