@@ -449,8 +449,9 @@ fn the_stationary_law_is_approached_at_the_slowest_rate_and_reached() {
 #[test]
 fn outputs_close_to_each_other_let_no_grid_noise_grow() {
     use vibroimpact::fokker_planck::{self as fp, TransientMethod};
-    let oscillator = hertz(0.005, 2e-3);
-    let start = gaussian([0.0, 0.0], [0.65, 0.7]);
+    // Contact is hardly lost, so that cells are no finer about the loss point.
+    let oscillator = hertz(0.005, 3e-4);
+    let start = gaussian([0.0, 0.0], [0.25, 0.27]);
     // Enough for the coarse run of the error estimate to resolve the initial condition.
     let [nq, nv] = [80, 60];
     let settings = fp::Settings {
@@ -806,7 +807,7 @@ fn the_kink_of_the_force_costs_a_mesh_of_the_program_little() {
             tolerance,
             ..fokker_planck::Settings::default()
         };
-        let it = transient(&oscillator, &start, &[10.0], &settings, &|_| {}).unwrap();
+        let it = transient(&oscillator, &start, &[10.0], &[], &settings, &|_| {}).unwrap();
         it.moments[0]
     };
     let exact = at(Some([420, 260]), 1e-3);

@@ -68,7 +68,7 @@ table! {
     FALLING = 1.25: "Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong \
         friction. At 2 a mesh takes over earlier, and has three times the cells.";
     ROOM = 1.2: "Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.";
-    KINK_FINER = 4.0: "Cells of a flow map where contact begins over those elsewhere, under much noise: the kink of the force leaves \
+    KINK_FINER = 3.6: "Cells of a flow map where contact begins over those elsewhere, under much noise: the kink of the force leaves \
         order 3 to equal cells. With 6 or 8 coarse meshes no longer hold a density far from the stationary law.";
     KINK_WIDTH = 0.6: "Distance within which they are finer, in deviations of the stationary law.";
     LONGEST_STEP = 1.5: "Longest step of the flow map: a quarter of a period, beyond which the trapezoidal rule no longer sees \
@@ -77,10 +77,10 @@ table! {
         more adds to the errors of late times.";
 
     // Error estimates.
-    SAFETY = 2.6: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
+    SAFETY = 3.25: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
         half of them.";
     CARRIED = 0.25: "The difference before that, where the last one passes through zero: the same of it.";
-    FLOOR = 5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
+    FLOOR = 2.5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
     UNSEEN = 0.5: "The part of the splitting error that runs with about as many steps do not show.";
     AS_MANY = 1.15: "Steps of a run over those of the rung before below which they are about as many.";

@@ -47,16 +47,16 @@ fn every_built_in_transient_has_its_recipe() {
     use crate::fokker_planck::transient::FirstGrid::{self, Mesh, Moving, MovingForGood};
     const MAP: &str = "flow map, order 8";
     let recipes: [(&str, &str, FirstGrid, [usize; 2], u64); 12] = [
-        ("default", MAP, Moving, [186, 122], 981),
+        ("default", MAP, Moving, [200, 122], 981),
         ("paper-level 3e-6 0.01", MAP, Mesh, [102, 102], 80),
         ("paper-level 8e-5 0.05", MAP, Mesh, [106, 106], 80),
         ("paper-level 5e-4 0.15", MAP, Mesh, [102, 90], 80),
-        ("paper-level 1.2e-3 0.25", MAP, Mesh, [114, 84], 80),
-        ("paper-level 2e-3 0.3", MAP, Mesh, [142, 90], 80),
-        ("paper-level 3.2e-3 0.4", MAP, Mesh, [158, 88], 80),
-        ("bilinear", MAP, Mesh, [146, 92], 80),
-        ("displaced", MAP, Mesh, [109, 70], 160),
-        ("dropped", MAP, Moving, [188, 122], 66),
+        ("paper-level 1.2e-3 0.25", MAP, Mesh, [120, 84], 80),
+        ("paper-level 2e-3 0.3", MAP, Mesh, [154, 90], 80),
+        ("paper-level 3.2e-3 0.4", MAP, Mesh, [172, 88], 80),
+        ("bilinear", MAP, Mesh, [162, 92], 80),
+        ("displaced", MAP, Mesh, [118, 70], 160),
+        ("dropped", MAP, Moving, [202, 122], 66),
         (
             "overdamped",
             "finite volumes, order 8, imex",
@@ -215,7 +215,7 @@ fn every_question_of_the_default_scene_has_its_recipe() {
     println!("{found:?}");
     let expected = [
         ("first_loss", [67, 96], 832),
-        ("transient", [186, 122], 981),
+        ("transient", [200, 122], 981),
         ("steady", [115, 68], 60),
         ("decay_rates", [89, 96], 15),
         ("spectrum", [153, 152], 21),

@@ -6,7 +6,7 @@ use crate::precision::references::{Case, cases};
 use crate::stability::yardstick::exact_rates;
 use std::fmt::Write;
 use vibroimpact::contact::ContactLaw;
-use vibroimpact::fokker_planck::{Settings, decay_rates};
+use vibroimpact::fokker_planck::{Settings, decay_rates, policy};
 use vibroimpact::oscillator::Oscillator;
 
 /// Every contact law, zeta from 4e-4 to 8, T from 1.7e-4 to 19; from rest, from Gaussians narrow, wide and
@@ -36,7 +36,8 @@ fn the_error_of_a_number_is_below_its_estimate_and_that_below_the_tolerance_or_t
     assert!(missed.is_empty(), "{missed:?}");
 }
 
-/// SCENES="49 50" names the scenes, TOLERANCES="1e-2 1e-3" the tolerances; all of either without.
+/// SCENES="49 50" names the scenes, TOLERANCES="1e-2 1e-3" the tolerances; all of either without. POLICY="SAFETY=0.8" multiplies
+/// numbers that were chosen.
 #[test]
 #[ignore = "a look at single scenes: minutes"]
 fn chosen_scenes() {
@@ -47,6 +48,11 @@ fn chosen_scenes() {
                 .filter_map(|it| it.parse().ok())
                 .collect(),
         )
+    }
+    for moved in list::<String>("POLICY").unwrap_or_default() {
+        let (name, factor) = moved.split_once('=').unwrap();
+        let chosen = policy::ALL.iter().find(|it| it.name == name).unwrap();
+        chosen.multiply(factor.parse().unwrap());
     }
     let mut cases = cases().unwrap();
     if let Some(numbers) = list("SCENES") {

@@ -128,16 +128,15 @@ impl Focus {
                 high = s;
             }
             let next = s - (value - u) / slope;
-            let next = if next > low && next < high {
-                next
-            } else {
-                0.5 * (low + high)
-            };
             // What is left is the square of it.
             if (next - s).abs() <= 1e-9 * self.width {
                 return next;
             }
-            s = next;
+            s = if next > low && next < high {
+                next
+            } else {
+                0.5 * (low + high)
+            };
         }
         s
     }
