@@ -229,8 +229,7 @@ impl FlowMap {
         if !oscillator.contact().is_confining() {
             return 0.0;
         }
-        let (_, width) = mesh.q.at(mesh.q.locate(0.0));
-        0.25 * width / oscillator.temperature().sqrt()
+        0.25 * mesh.q.usual_width(0.0) / oscillator.temperature().sqrt()
     }
 
     /// Whether there is anything beside stationary noise.

@@ -120,15 +120,16 @@ impl Layout {
         else {
             return Focus::default();
         };
+        let width = KINK_WIDTH.get() * thermal_width(oscillator);
+        // Two of them, less than that apart, are not finer together than one.
+        let apart = (ends[1] - ends[0]) / width;
+        let both = 1.0 + (1.0 + apart * apart).powf(-1.5);
         let places = ends.into_iter().filter(|q| q.is_finite()).map(|q| {
             let level = (contact.potential(q) - lowest) / oscillator.temperature();
             let finer = KINK_FINER.get() * (-level / KINK_ORDER).exp();
-            [q, (finer - 1.0).max(0.0)]
+            [q, (finer - 1.0) / both]
         });
-        Focus::new(
-            places.collect(),
-            KINK_WIDTH.get() * thermal_width(oscillator),
-        )
+        Focus::new(places.filter(|[_, b]| *b > 0.0).collect(), width)
     }
 
     /// A mesh `finer` times as fine as laid out.

@@ -192,9 +192,10 @@ impl Question for Task<'_> {
         } = *self;
         let Layout { domain, drift, .. } = recipe.layout;
         let (mesh, generator) = recipe.layout.carried(|k| {
-            let mesh = recipe
-                .layout
-                .mesh(oscillator, LADDER_RATIO.get().powi(k as i32))?;
+            let finer = LADDER_RATIO.get().powi(k as i32);
+            let cells = recipe.layout.count(oscillator, finer)?;
+            limits.holds(NAME, budget::memory(cells, drift, Factors::Real))?;
+            let mesh = recipe.layout.mesh(oscillator, finer)?;
             let generator = Generator::new(oscillator, &mesh, drift)?;
             Ok((mesh, generator))
         })?;

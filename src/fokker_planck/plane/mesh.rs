@@ -71,7 +71,7 @@ impl Grading {
 }
 
 /// Cells finer around a few places: u = s + sum_k b_k w f((s - s_k)/w), f(z) = z/sqrt(1 + z^2), where s is the coordinate
-/// of the [`Grading`] and cells are equal in u: 1 + b_k times as fine at s_k, and a smooth map. Known from s to u.
+/// of the [`Grading`] and cells are equal in u: 1 + b_k times as fine at s_k where no other is near, and a smooth map. Known from s to u.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Focus {
     /// Each place with its b; on an axis in s.
@@ -325,6 +325,11 @@ impl Axis {
         let s = self.focus.inverse(self.start + self.width * xi);
         let (x, slope) = self.grading.at(s);
         (x, slope * self.width / self.focus.of(s)[1])
+    }
+
+    /// The width of a cell at x, were there none that are finer around a place.
+    pub(crate) fn usual_width(&self, x: f64) -> f64 {
+        self.grading.at(self.grading.inverse(x)).1 * self.width
     }
 
     /// xi of any x.

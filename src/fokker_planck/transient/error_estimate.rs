@@ -64,7 +64,10 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
         let after = (k + 1..plain.len()).take_while(|l| near(k, *l));
         for l in before.chain(after) {
             let weights = likeness(&outputs[l].moments, &outputs[k].moments);
-            for ((x, neighbour), weight) in row.iter_mut().zip(&plain[l]).zip(weights) {
+            let known = plain[l]
+                .iter()
+                .map(|x| if x.is_finite() { *x } else { 0.0 });
+            for ((x, neighbour), weight) in row.iter_mut().zip(known).zip(weights) {
                 *x = x.max(POOLED.get() * weight * neighbour);
             }
         }
@@ -177,6 +180,7 @@ pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
 fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride: f64) -> Table {
     let [mut now, before] = [now, before].map(|table| pooled(fine, table, scales));
     for (now, before) in now.iter_mut().flatten().zip(before.iter().flatten()) {
+        let before = if before.is_finite() { *before } else { 0.0 };
         *now = SAFETY.get() / stride * now.max(CARRIED.get() * before);
     }
     now

@@ -210,7 +210,7 @@ impl Reach {
     fn look(&self, it: &Transient, stationary: Estimate, side: &mut Option<f64>) -> Seen {
         let level = stationary.scaled(self.fraction);
         let Some(curve) = Curve::of(self.moment, level, it, side) else {
-            return Seen::Never("it does not exist at late times".into());
+            return Seen::Never("it does not exist at every time".into());
         };
         if curve.at_once() {
             return Seen::AtOnce;
@@ -311,17 +311,23 @@ impl<'a> Curve<'a> {
             ))
         });
         let mut values = values.collect::<Option<Vec<Estimate>>>()?;
-        let level = level.value;
-        // A force without a width has no skewness at first.
-        let known = values.iter().position(|it| it.value.is_finite())?;
-        values.drain(..known);
+        let (level, level_error) = (level.value, level.error);
+        // A force without a width has no skewness and no kurtosis; that of a point that begins to spread is a Gaussian's.
+        let first = values.first_mut()?;
+        if first.value.is_nan() && it.times.first() == Some(&0.0) {
+            let gaussian = match moment {
+                Moment::KurtosisForce => 3.0,
+                _ => 0.0,
+            };
+            *first = Estimate::new(gaussian, level_error, first.origin);
+        }
         if values.iter().any(|it| !it.value.is_finite()) {
             return None;
         }
         let below = values.first()?.value < level;
         let sign = *side.get_or_insert(if below { 1.0 } else { -1.0 });
         Some(Self {
-            times: &it.times[known..],
+            times: &it.times,
             values,
             level,
             sign,
