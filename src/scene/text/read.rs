@@ -368,9 +368,7 @@ impl Document {
             paths: section
                 .whole("paths", 2..=1_000_000_000_000)?
                 .unwrap_or(default.paths),
-            seed: section
-                .whole("seed", 0..=i64::MAX as u64)?
-                .unwrap_or(default.seed),
+            seed: section.whole("seed", 0..=u64::MAX)?.unwrap_or(default.seed),
             scheme: section.choice("scheme", SCHEMES)?.unwrap_or_default(),
             noise,
             step: section.number("step")?,
