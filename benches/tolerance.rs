@@ -320,27 +320,27 @@ impl Scene {
         worst
     }
 
+    /// Passes over cells that a run takes.
+    fn work(&self, cells: [usize; 2], step: f64) -> f64 {
+        let steps = |(sum, last): (f64, f64), t: &f64| (sum + ((t - last) / step).ceil(), *t);
+        let (steps, _) = self.stops().iter().fold((0.0, 0.0), steps);
+        cells[0] as f64 * cells[1] as f64 * (steps + 20.0)
+    }
+
     /// Runs of fixed cells, step and domain, the cheapest first.
     fn candidates(&self, cells: [usize; 2]) -> Vec<(f64, Settings)> {
-        let (mut all, stops) = (Vec::new(), self.stops());
+        let mut all = Vec::new();
         for k in 0..22 {
             let cells = cells.map(|n| 2 * ((0.12 * n as f64 * 1.15_f64.powi(k)) as usize / 2));
             for step in [1.5, 1.1, 0.8, 0.6, 0.42, 0.3, 0.2, 0.14, 0.1] {
                 for neglected in [1e-4, 1e-5, 1e-6, 1e-8] {
-                    let steps: f64 = stops
-                        .iter()
-                        .fold((0.0, 0.0), |(sum, last), t| {
-                            (sum + ((t - last) / step).ceil(), *t)
-                        })
-                        .0;
-                    let work = cells[0] as f64 * cells[1] as f64 * (steps + 20.0);
                     let settings = Settings {
                         cells: Some(cells),
                         step: Some(step),
                         neglected: Some(neglected),
                         ..Settings::default()
                     };
-                    all.push((work, settings));
+                    all.push((self.work(cells, step), settings));
                 }
             }
         }
@@ -374,10 +374,28 @@ fn survey(
     let mut untried = candidates.iter();
     let mut tried: Vec<Single> = Vec::new();
     for &tolerance in tolerances {
+        let settings = Settings {
+            tolerance,
+            max_seconds: SECONDS,
+            ..Settings::default()
+        };
+        let planned = scene.planned(&settings).1;
+        let (answer, ms) = time(|| scene.program(&settings), 0.3);
+        let (_, alone) = time(|| one.install(|| scene.program(&settings)), 0.3);
+        let Some(it) = answer else {
+            line(format!(
+                "{name:<12}{tolerance:<10.0e} | the program has no answer"
+            ));
+            continue;
+        };
         let passes = |it: &Single| it.error <= tolerance;
+        // The last run of the program passes: what takes many times its work is not looked for.
+        let own = it
+            .method
+            .map_or(f64::INFINITY, |(cells, step)| 4.0 * scene.work(cells, step));
         let enough = |tried: &[Single]| {
             let first = tried.iter().find(|it| passes(it));
-            first.map_or(f64::INFINITY, |it| MARGIN * it.work)
+            first.map_or(own, |it| MARGIN * it.work)
         };
         while tried.last().is_none_or(|it| it.work < enough(&tried)) {
             let Some((work, settings)) = untried.next() else {
@@ -398,20 +416,6 @@ fn survey(
             (it.error, ms, it.settings)
         });
         let best = timed.min_by(|a, b| a.1.total_cmp(&b.1));
-        let settings = Settings {
-            tolerance,
-            max_seconds: SECONDS,
-            ..Settings::default()
-        };
-        let planned = scene.planned(&settings).1;
-        let (answer, ms) = time(|| scene.program(&settings), 0.3);
-        let (_, alone) = time(|| one.install(|| scene.program(&settings)), 0.3);
-        let Some(it) = answer else {
-            line(format!(
-                "{name:<12}{tolerance:<10.0e} | the program has no answer"
-            ));
-            continue;
-        };
         let (cells, last) = match it.method {
             None => ("each its own".into(), "-".into()),
             Some(([q, v], step)) => {

@@ -12,16 +12,6 @@ fn scene() -> Scene {
 }
 
 #[test]
-fn a_stationary_scene_builds_no_mesh_and_draws_no_path() {
-    let plan = Plan::of(&scene()).unwrap();
-    assert_eq!(plan.stages().len(), 1);
-    assert!(plan.has(Part::Stationary) && plan.stages()[0].cost.cells.is_none());
-    let results = plan.run_quietly().unwrap();
-    assert!(results.transient.is_none() && results.monte_carlo.is_none());
-    assert!(results.run.wall_seconds < 1.0);
-}
-
-#[test]
 fn every_stage_is_there_only_for_an_output_that_asks() {
     let mut scene = scene();
     scene.initial = Initial::gaussian([0.0; 2], [0.3; 2]).unwrap();
