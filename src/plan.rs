@@ -179,6 +179,3 @@ fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 16] {
         ),
     ]
 }
-
-#[cfg(test)]
-mod recipe_tests;

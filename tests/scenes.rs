@@ -425,18 +425,6 @@ fn the_plan_is_printed_and_nothing_is_computed() {
 }
 
 #[test]
-fn a_stationary_scene_builds_no_mesh_and_draws_no_path() {
-    let text = "[oscillator]\nzeta = 0.005\nh = 2e-3\n";
-    let text = SceneText::parse("stationary", text, &[]).unwrap();
-    let plan = Plan::of(text.scene()).unwrap();
-    assert_eq!(plan.stages().len(), 1);
-    assert!(plan.has(Part::Stationary) && plan.stages()[0].cost.cells.is_none());
-    let results = plan.run_quietly().unwrap();
-    assert!(results.transient.is_none() && results.monte_carlo.is_none());
-    assert!(results.run.wall_seconds < 1.0);
-}
-
-#[test]
 fn the_built_in_scenes_are_listed_and_printed_verbatim() {
     let room = room("built-in");
     let (list, _) = expect(0, &room, &["scenes"]);

@@ -482,7 +482,7 @@ mod tests {
                 intervals: &[interval],
                 progress: &Progress::new(1, Sampling::default().limits(), &|_| ()),
             };
-            law::dispatch(&it, States(run))
+            States(run).with(law::Hertz)
         };
         assert_eq!(states(10), states(1000)[..10]);
     }

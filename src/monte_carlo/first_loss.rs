@@ -434,13 +434,14 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
         let mut group = run.paths.group(first);
         // What is run in is of the sample only where nothing is lost at 0.
         let at_once = match &run.run_in {
-            Some((steps, length, coefficients)) => {
+            // Under viscous damping nothing is run in, and no code is made for it.
+            Some((steps, length, coefficients)) if !L::VISCOUS => {
                 let start = -(*steps as f64);
                 let pieces = (start, *steps, *length, coefficients);
                 self.in_pieces(&mut group, pieces, Deaf, |_| false);
                 f64::NEG_INFINITY
             }
-            None => 0.0,
+            _ => 0.0,
         };
         let beyond = |q: f64| match run.range {
             Some([below, above]) => q < below || q > above,

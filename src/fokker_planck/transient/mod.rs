@@ -21,8 +21,6 @@ pub use propagator::time_integration;
 pub use question::mesh;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
-#[cfg(test)]
-pub(crate) use recipe::FirstGrid;
 pub(crate) use recipe::Recipe;
 pub use report::{Metastable, Multiplier, Transient};
 pub use solve::transient;

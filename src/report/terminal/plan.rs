@@ -104,28 +104,3 @@ pub fn plan(plan: &Plan) -> String {
     }
     table.text
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::text::{BUILT_IN, SceneText};
-
-    #[test]
-    fn the_plan_of_every_built_in_scene_fits_80_columns_and_says_what_it_leaves_out() {
-        for (name, text) in BUILT_IN {
-            let text = SceneText::parse(name, text, &[]).unwrap();
-            let text = plan(&Plan::of(text.scene()).unwrap());
-            assert!(
-                text.lines().all(|line| line.chars().count() <= 80),
-                "{text}"
-            );
-            assert!(text.contains("not asked for, not computed:"), "{text}");
-            let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
-            let most = flat.ends_with(
-                "not computed: crossings, first loss, paths of the first loss, first passage, paths of the first \
-                 passage, time to a level, spectrum, Welch's spectrum, long records",
-            );
-            assert_eq!(most, *name == "default", "{text}");
-        }
-    }
-}
