@@ -22,6 +22,9 @@ const TOLERANCES: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
 /// The seconds a run of the program may take.
 const SECONDS: f64 = 60.0;
 
+/// Seconds of the search for the cheapest run, at a tolerance.
+const SEARCH: f64 = 20.0;
+
 /// Means and deviations of a Gaussian initial condition.
 type Start = Option<([f64; 2], [f64; 2])>;
 
@@ -397,7 +400,9 @@ fn survey(
             let first = tried.iter().find(|it| passes(it));
             first.map_or(own, |it| MARGIN * it.work)
         };
-        while tried.last().is_none_or(|it| it.work < enough(&tried)) {
+        let clock = Instant::now();
+        let in_time = || clock.elapsed().as_secs_f64() < SEARCH;
+        while tried.last().is_none_or(|it| it.work < enough(&tried)) && in_time() {
             let Some((work, settings)) = untried.next() else {
                 break;
             };

@@ -1,6 +1,6 @@
-//! Numbers of a transient that were chosen and not derived, in one table: each trades time for accuracy, or one kind of
-//! error estimate for another. `cargo run --release --bin lab -- policy` moves each by a fifth, up and down, over the
-//! scenes of the calibration, and prints what that changes: validation/precision/policy.md.
+//! Numbers that were chosen and not derived, in one table: each trades time for accuracy, or one kind of error estimate for
+//! another. `cargo run --release --bin lab -- policy` moves each by a fifth, up and down, over the scenes of the calibration
+//! and those of every other question, and prints what that changes: validation/precision/policy.md.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -113,6 +113,48 @@ table! {
         frequency, so that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.";
     STEEPEST = 3.5: "Largest change of ln p_s from cell to cell: a wide stencil keeps its stability beyond, but neither its order \
         nor a useful step (a hundredth of the transport's at 6, measured).";
+    FORGOTTEN_SHARE = 0.3: "Part of what the steps may err by that is granted to errors which the evolution erases as fast as they \
+        are made: how fast is told by one more step, of the error itself.";
+    SHARP_SHARE = 0.6: "Part of it that is granted to a scheme which chooses its accuracy: its bound is nearly sharp.";
+    STEP_AIM = 0.8: "Part of the allowed error that a step aims at: more has steps refused, less has more of them.";
+    STEP_GROWTH = 10.0: "Longest step over the one before: the first is a guess that may be far too short.";
+    STEP_GAIN = 1.35: "From this factor on a longer step is worth new factorisations.";
+
+    // The law that lasts under a drive.
+    FIXED_POINT_SHARE = 1e-2: "Error of the fixed point over what the rung aims at: Krylov vectors against an error that no finer mesh shows.";
+
+    // Laws without a closed form, and operators that stand on them.
+    LAW_LEVEL = 16.0: "Energy at which the first domain of such a law ends, in T of the reference law: tails against functions.";
+    LAW_HIGHER = 4.0: "How much higher, in T, that of the next resolution ends.";
+    LAW_SAFETY = 2.0: "Error estimate over the last change of a number of such a law, and of the law itself.";
+    LAW_BEFORE = 0.25: "Part of the change before that a change is taken for at least: a single one may pass through zero.";
+    LAW_POOLED = 0.2: "Part of the largest change of all numbers that it is taken for at least.";
+    SETTLED_LAW_HIGHER = 3.0: "How much higher, in T, the domain of the law ends from one resolution to the next where eigenvalues and \
+        spectra stand on it.";
+    SETTLED_LAW_SHARE = 0.1: "Part of the tolerance that is left to that law.";
+
+    // Eigenvalues.
+    RATES_HIGHER = 4.0: "How much higher, in T, the domain ends from one resolution to the next: tails against functions.";
+    RATES_APART = 0.25: "Distance of the shifts along the imaginary axis, in frequencies of small motions: fewer find fewer modes.";
+    RATES_BESIDE = 0.97: "A shift beside a mode that no other is near, over the mode: the nearer, the fewer vectors, and the worse its \
+        factors.";
+    RATES_SHARE = 0.02: "Part of the tolerance that is left to the algebraic error.";
+    RATES_KNOWN = 0.05: "Error estimate over the eigenvalue beyond which it is none.";
+
+    // Spectra.
+    MODEL_SHARE = 0.05: "Part of the tolerance that is left to the reduced model.";
+    ROUGH_SHARE = 0.1: "The same before the last resolution, of the error of the one before it.";
+    SPECTRUM_HIGHER = 1.5: "How much higher, in T, the domain ends from one resolution to the next.";
+    SPECTRUM_SAFETY = 2.0: "Error estimate over what is left after a change, if changes go on shrinking as the largest one did.";
+    SPECTRUM_LEAST = 0.5: "Part of a change that is left after it, at least.";
+    SPECTRUM_MOST = 0.8: "The same at most: of changes that hardly shrink.";
+    SPECTRUM_NEARBY = 0.5: "Distance, in frequencies of small motions, within which an answer is as uncertain as where it changes: changes \
+        of a smooth spectrum cross zero no more often.";
+
+    // First passage.
+    PASSAGE_OUTPUTS = 200.0: "Most output times after t = 0: each is a stop for the steps.";
+    PASSAGE_ALONE = 0.5: "Error of mesh or step, over the tolerance, beyond which it is refined even where the other is larger.";
+    PASSAGE_COARSE = 0.7: "Nodes of the coarse run over those of the fine one: the more, the dearer and the less is seen.";
 }
 
 #[cfg(test)]

@@ -148,7 +148,7 @@ fn policy(survey: &Survey) -> Outcome {
     let policy = Policy::of(&cases, &wants, &|name| {
         bar.set_message(name.to_owned());
         bar.inc(1);
-    });
+    })?;
     bar.finish_and_clear();
     let page = policy.page();
     print(&String::from_utf8_lossy(&page.bytes))?;

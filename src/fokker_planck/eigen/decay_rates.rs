@@ -27,6 +27,7 @@ use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, Work, timing};
 use crate::fokker_planck::hermite::{REACH, Resolution, work as friction_work};
+use crate::fokker_planck::policy::RATES_HIGHER;
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -70,9 +71,6 @@ pub struct DecayRates {
 /// Krylov vectors of a shift in the first search: the nearest dozens of eigenvalues converge. Finer
 /// resolutions, whose shifts are chosen, begin with half as many.
 const KRYLOV: usize = 50;
-
-/// Growth of the energy, in T, at which the domain ends.
-const HIGHER: f64 = 4.0;
 
 /// A continuous spectrum this many times faster than the slowest mode leaves room for a real one.
 pub(super) const FAR_BELOW: f64 = 4.0;
@@ -173,7 +171,7 @@ impl Eigenvalues {
 
     /// A resolution, 0 for the coarsest.
     pub(super) fn resolution(&self, level: usize) -> Resolution {
-        self.first.refined(level, HIGHER)
+        self.first.refined(level, RATES_HIGHER.get())
     }
 
     /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many

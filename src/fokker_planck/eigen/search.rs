@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::hermite::{Hierarchy, REACH, Resolution};
+use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, RATES_SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use num_complex::Complex;
@@ -13,22 +14,11 @@ use rayon::prelude::*;
 
 type C = Complex<f64>;
 
-/// Distance of the shifts along the imaginary axis, in frequencies of small motions, and harmonics searched
-/// at most.
-const APART: f64 = 0.25;
+/// Harmonics searched at most.
 const HARMONICS: usize = 12;
-
-/// A shift beside a mode that no other is near, over the mode.
-const BESIDE: f64 = 0.97;
 
 /// Resolutions that may bring nothing before the search ends.
 const STALLS: usize = 2;
-
-/// Share of the tolerance left to the algebraic error.
-const SHARE: f64 = 0.02;
-
-/// An error estimate beyond this, relative to the eigenvalue, makes it unknown.
-const KNOWN: f64 = 0.05;
 
 /// Resolutions at most; the last has 32 times the unknowns of the first.
 const RESOLUTIONS: usize = 6;
@@ -240,8 +230,8 @@ impl Search<'_> {
             vectors,
             ..
         } = *self.recipe;
-        let at = |k: usize| C::new(0.0, APART * natural * k as f64);
-        let steps = (1.0 / APART) as usize;
+        let at = |k: usize| C::new(0.0, RATES_APART.get() * natural * k as f64);
+        let steps = (1.0 / RATES_APART.get()) as usize;
         let mut shifts: Vec<C> = (0..SHIFTS).map(at).collect();
         let mut more = shifts.clone();
         let mut harmonic = 2;
@@ -278,7 +268,7 @@ impl Search<'_> {
             let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
             let near = nearest.filter(|it| distance(it) <= 0.5 * self.recipe.natural);
             let shift = near.unwrap_or_else(|| {
-                let beside = BESIDE * mode.value;
+                let beside = RATES_BESIDE.get() * mode.value;
                 shifts.push(beside);
                 beside
             });
@@ -323,7 +313,8 @@ impl Search<'_> {
                     let errors = place.targets.iter().map(|it| error(&modes, it));
                     let worst = errors.fold(0.0, f64::max);
                     // Close eigenvalues stay badly known, however many vectors there are.
-                    let enough = worst <= SHARE * self.recipe.tolerance || worst > 0.5 * before;
+                    let enough =
+                        worst <= RATES_SHARE.get() * self.recipe.tolerance || worst > 0.5 * before;
                     if enough || !grown || arnoldi.size() >= MOST_VECTORS * self.recipe.vectors {
                         return Ok(modes);
                     }
@@ -393,9 +384,9 @@ fn believed(path: [C; 3], algebraic: f64, tolerance: f64) -> Option<DecayRate> {
     let [earlier, last] = [(path[1] - path[0]).norm(), (path[2] - path[1]).norm()];
     let size = path[2].norm();
     let (change, limit) = if last <= 0.5 * earlier {
-        (last.max(0.25 * earlier), KNOWN)
+        (last.max(0.25 * earlier), RATES_KNOWN.get())
     } else {
-        (last.max(earlier), tolerance.min(KNOWN))
+        (last.max(earlier), tolerance.min(RATES_KNOWN.get()))
     };
     let error = 2.0 * change + algebraic;
     (error <= limit * size).then_some(DecayRate {

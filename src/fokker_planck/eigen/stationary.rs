@@ -6,6 +6,7 @@ use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::hermite::{Kept, Resolution, work};
+use crate::fokker_planck::policy::{LAW_BEFORE, LAW_HIGHER, LAW_LEVEL, LAW_POOLED, LAW_SAFETY};
 use crate::fokker_planck::settings::Settings;
 use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
@@ -82,20 +83,8 @@ pub(crate) struct StationaryState {
     pub(crate) cost: Cost,
 }
 
-/// Growth of the energy, in T, at which the domain ends.
-const HIGHER: f64 = 4.0;
-
-/// Energy at which the first domain ends, in T of the reference law.
-const LEVEL: f64 = 16.0;
-
 /// Resolutions at most; the last has 32 times the unknowns of the first.
 const RESOLUTIONS: usize = 6;
-
-/// An error over the last change, and the part of the change before it and of the largest change of all numbers that it is
-/// at least: a single difference may pass through zero.
-const SAFETY: f64 = 2.0;
-const BEFORE: f64 = 0.25;
-const POOLED: f64 = 0.2;
 
 /// Rounding of the null vector, relative to the scale of a number.
 const ROUNDING: f64 = 1e-11;
@@ -122,7 +111,7 @@ impl StationaryState {
             .damping()
             .depends_on_displacement("the stationary law")?;
         let mut it = Self {
-            first: Resolution::first(settings.cells, 2, [6, 14], LEVEL),
+            first: Resolution::first(settings.cells, 2, [6, 14], LAW_LEVEL.get()),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             cost: Cost {
@@ -142,7 +131,7 @@ impl StationaryState {
                                     form under this damping";
 
     fn resolution(&self, level: usize) -> Resolution {
-        self.first.refined(level, HIGHER)
+        self.first.refined(level, LAW_HIGHER.get())
     }
 
     fn work(&self, level: usize) -> Work {
@@ -277,10 +266,12 @@ impl Question for Task<'_> {
                 .iter()
                 .copied()
                 .fold(0.0, f64::max);
-            let rounding = ROUNDING.max(SAFETY * kept.rounding);
+            let rounding = ROUNDING.max(LAW_SAFETY.get() * kept.rounding);
             let error = |k: usize| {
-                let largest = last[k].max(BEFORE * earlier[k]).max(POOLED * pooled);
-                scales[k] * (SAFETY * largest + rounding)
+                let largest = last[k]
+                    .max(LAW_BEFORE.get() * earlier[k])
+                    .max(LAW_POOLED.get() * pooled);
+                scales[k] * (LAW_SAFETY.get() * largest + rounding)
             };
             let mut moments = fine.moments;
             let mut worst = (0.0, "mean_q");

@@ -4,15 +4,9 @@ use super::mesh::{Fineness, POINTS};
 use super::region::{Barrier, Region};
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
+use crate::fokker_planck::policy::{PASSAGE_ALONE, PASSAGE_COARSE, PASSAGE_OUTPUTS};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
-
-/// Most output times after t = 0.
-const OUTPUTS: f64 = 200.0;
-/// An error part of mesh or step beyond this, over the tolerance, is refined even where the other is larger.
-const ALONE: f64 = 0.5;
-/// Nodes of the coarse run over those of the fine one.
-const COARSE: f64 = 0.7;
 
 /// What is asked, and what the scene fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,7 +98,9 @@ impl Layout {
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         let longest = asked.step.unwrap_or(automatic);
         // The coarse step is twice the fine one and still ends on every time.
-        let outputs = (until / (2.0 * longest)).floor().clamp(8.0, OUTPUTS);
+        let outputs = (until / (2.0 * longest))
+            .floor()
+            .clamp(8.0, PASSAGE_OUTPUTS.get());
         let gap = until / outputs;
         let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
@@ -131,18 +127,20 @@ impl Layout {
     }
 
     /// The next layout, for what the mesh and the step err, over the tolerance: whatever errs most is made finer, and
-    /// the other too where it errs by more than [`ALONE`].
+    /// the other too where it errs by more than [`PASSAGE_ALONE`].
     pub(super) fn finer(&self, [mesh, step]: [f64; 2]) -> Self {
         let mut it = self.clone();
-        let mut wanted = mesh / ALONE;
-        if step > mesh || step > ALONE {
+        let mut wanted = mesh / PASSAGE_ALONE.get();
+        if step > mesh || step > PASSAGE_ALONE.get() {
             it.every *= 2;
             it.step *= 0.5;
             // Twice as many interpolations, of what a kick smooths over half the root of the distance.
             wanted *= 2.0 * 2f64.sqrt().powi(POINTS as i32);
         }
         if mesh > step || wanted > 1.0 {
-            let times = wanted.powf(1.0 / POINTS as f64).clamp(1.0 / COARSE, 2.0);
+            let times = wanted
+                .powf(1.0 / POINTS as f64)
+                .clamp(1.0 / PASSAGE_COARSE.get(), 2.0);
             it.nodes = it.nodes.map(|n| (n as f64 * times).ceil() as usize);
         }
         it
@@ -153,7 +151,7 @@ impl Layout {
         let Self {
             nodes, step, level, ..
         } = *self;
-        let coarse = nodes.map(|n| ((n as f64 * COARSE) as usize).max(12));
+        let coarse = nodes.map(|n| ((n as f64 * PASSAGE_COARSE.get()) as usize).max(12));
         let of = |nodes, step| Fineness { nodes, step, level };
         [of(nodes, step), of(coarse, step), of(nodes, 2.0 * step)]
     }

@@ -14,4 +14,4 @@ pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
 pub(super) use friction::{Column, Kept, REACH, work};
 pub(super) use operator::{Hierarchy, Resolution};
-pub(super) use settled::{SAFETY, Settled};
+pub(super) use settled::Settled;

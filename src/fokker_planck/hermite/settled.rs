@@ -3,6 +3,7 @@
 use super::friction::{Kept, heavy, work};
 use super::operator::Resolution;
 use crate::error::{Error, Result};
+use crate::fokker_planck::policy::{LAW_SAFETY, SETTLED_LAW_HIGHER, SETTLED_LAW_SHARE};
 use crate::oscillator::Oscillator;
 
 /// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
@@ -14,21 +15,14 @@ pub(in crate::fokker_planck) struct Settled {
     pub(in crate::fokker_planck) error: f64,
 }
 
-/// The coarsest resolution of such a law, its growth from one to the next, and how many there are at most: the last has
+/// The coarsest resolution of such a law, and how many there are at most: the last has
 /// as many functions as ten seconds solve for.
 const FIRST: Resolution = Resolution {
     elements: 6,
     pairs: 14,
     level: 18.0,
 };
-const HIGHER: f64 = 3.0;
 const MOST: usize = 6;
-
-/// Share of a tolerance that is left to the law.
-const SHARE: f64 = 0.1;
-
-/// An error over the last change.
-pub(in crate::fokker_planck) const SAFETY: f64 = 2.0;
 
 /// Two laws are no farther apart in L1: where the error comes out larger, rounding spoils this resolution and finer ones.
 const FARTHEST: f64 = 2.0;
@@ -36,7 +30,11 @@ const FARTHEST: f64 = 2.0;
 impl Settled {
     /// Bytes and operations of the two resolutions that most laws take.
     pub(in crate::fokker_planck) fn work() -> (u64, f64) {
-        let [first, second] = [FIRST, FIRST.finer(Resolution::FINER, HIGHER)].map(work);
+        let [first, second] = [
+            FIRST,
+            FIRST.finer(Resolution::FINER, SETTLED_LAW_HIGHER.get()),
+        ]
+        .map(work);
         (second.0, first.1 + second.1)
     }
 
@@ -53,12 +51,12 @@ impl Settled {
         let mut coarser = Kept::new(oscillator, resolution, late)?;
         let mut best: Option<Self> = None;
         for _ in 1..MOST {
-            resolution = resolution.finer(Resolution::FINER, HIGHER);
+            resolution = resolution.finer(Resolution::FINER, SETTLED_LAW_HIGHER.get());
             let law = match Kept::new(oscillator, resolution, late) {
                 Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
                 law => law?,
             };
-            let error = SAFETY * (law.distance(&coarser) + law.rounding);
+            let error = LAW_SAFETY.get() * (law.distance(&coarser) + law.rounding);
             let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
             if error > FARTHEST && best.is_some() {
                 break;
@@ -71,7 +69,7 @@ impl Settled {
                     error,
                 });
             }
-            if error <= SHARE * tolerance {
+            if error <= SETTLED_LAW_SHARE.get() * tolerance {
                 break;
             }
         }

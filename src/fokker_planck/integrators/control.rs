@@ -3,6 +3,9 @@
 use super::Integrator;
 use crate::error::{Error, Result};
 use crate::fokker_planck::density::Density;
+use crate::fokker_planck::policy::{
+    FORGOTTEN_SHARE, SHARP_SHARE, STEP_AIM, STEP_GAIN, STEP_GROWTH,
+};
 
 /// What decides about the length of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,25 +30,9 @@ pub(crate) enum Step {
 /// about three steps.
 const UNCHECKED: u32 = 8;
 
-/// Part of `total` granted to errors that the evolution erases as fast as they are made. An estimate of
-/// how fast comes from one more step, of the error itself.
-const FORGOTTEN: f64 = 0.3;
-
-/// Part of `total` granted to a scheme that chooses its accuracy: its bound is nearly sharp.
-const SHARP: f64 = 0.6;
-
-/// Part of the allowed error aimed at.
-const AIM: f64 = 0.8;
-
-/// Longest step over the one before: the first is a guess that may be far too short.
-const GROWTH: f64 = 10.0;
-
 /// Steps to the next output time beyond which it is too far to land on: cutting what is left into so many equal steps
 /// would change each by a rounding, and with it its factorisation.
 const FAR: f64 = 1e6;
-
-/// A longer step is worth new factorisations from this factor on.
-const MIN_GAIN: f64 = 1.35;
 
 /// A scheme with the choice of its steps.
 pub struct TimeIntegration {
@@ -197,7 +184,7 @@ impl TimeIntegration {
             self.before.extend_from_slice(density.cells());
         }
         self.scheme
-            .advance(density.cells_mut(), dt, SHARP * steady)?;
+            .advance(density.cells_mut(), dt, SHARP_SHARE.get() * steady)?;
         if check {
             let size = |x: &[f64]| x.iter().map(|x| x.abs()).sum::<f64>();
             self.error.resize(self.before.len(), 0.0);
@@ -206,10 +193,10 @@ impl TimeIntegration {
             let error = size(&self.error);
             self.scheme.advance(&mut self.error, dt, 1e-2 * error)?;
             let kept = (size(&self.error) / error.max(1e-300)).clamp(1e-3, 1.0);
-            let allowed = steady + total * FORGOTTEN * (-kept.ln()).min(1.0);
+            let allowed = steady + total * FORGOTTEN_SHARE.get() * (-kept.ln()).min(1.0);
             // The error of one step over the step goes with its order.
             let order = f64::from(self.scheme.order());
-            let factor = (AIM * allowed / error.max(1e-300)).powf(1.0 / order);
+            let factor = (STEP_AIM.get() * allowed / error.max(1e-300)).powf(1.0 / order);
             let ceiling = longest.min(self.scheme.longest_step()).min(self.solvable);
             let smallest = 1e-12 * self.longest.max(dt);
             if (error > allowed || error.is_nan()) && dt > smallest {
@@ -221,14 +208,15 @@ impl TimeIntegration {
             }
             self.unchecked = 0;
             self.seen = (error, kept);
-            let next = (dt * factor.min(GROWTH)).min(ceiling);
-            if next > MIN_GAIN * self.wanted || next < 0.99 * self.wanted.min(dt) {
+            let next = (dt * factor.min(STEP_GROWTH.get())).min(ceiling);
+            if next > STEP_GAIN.get() * self.wanted || next < 0.99 * self.wanted.min(dt) {
                 self.wanted = next;
             }
         }
         self.unchecked += 1;
         let (error, kept) = self.seen;
-        self.left = kept * self.left + error + self.scheme.algebraic_part() * SHARP * steady;
+        self.left =
+            kept * self.left + error + self.scheme.algebraic_part() * SHARP_SHARE.get() * steady;
         self.keep(dt);
         Ok(true)
     }

@@ -7,21 +7,16 @@ use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::hermite::{Adjoint, Hierarchy, REACH, Resolution, work as friction_work};
+use crate::fokker_planck::policy::{
+    MODEL_SHARE, ROUGH_SHARE, SPECTRUM_HIGHER, SPECTRUM_LEAST, SPECTRUM_MOST, SPECTRUM_NEARBY,
+    SPECTRUM_SAFETY,
+};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
 
-/// Share of the tolerance left to the reduced model.
-const MODEL: f64 = 0.05;
-
-/// The same before the last resolution, of the error of the one before it.
-const ROUGH: f64 = 0.1;
-
 /// Frequencies solved for at most on one mesh.
 const SOLVES: usize = 160;
-
-/// Growth of the energy, in T, at which the domain ends, from one round to the next.
-const HIGHER: f64 = 1.5;
 
 /// Unknowns in q beyond which blocks no longer fit a reasonable time.
 const WIDEST: usize = 1200;
@@ -89,7 +84,10 @@ impl Resolvent {
             _ => 5.0 + 4.0 * until.min(20.0),
         };
         let rounds = settings.cells.map_or(rounds, |_| 1.0);
-        let finest = first.finer(Resolution::FINER.powf(rounds), HIGHER * rounds);
+        let finest = first.finer(
+            Resolution::FINER.powf(rounds),
+            SPECTRUM_HIGHER.get() * rounds,
+        );
         let local = !oscillator.is_viscous();
         let Work { seconds, memory } = work(finest, solves, local);
         Self {
@@ -203,7 +201,7 @@ impl Question for Task<'_> {
         }
         let Resolvent { solves, local, .. } = *self.recipe;
         let then = self.last.is_none();
-        let then = then.then(|| work(self.next.refined(1, HIGHER), solves, local));
+        let then = then.then(|| work(self.next.refined(1, SPECTRUM_HIGHER.get()), solves, local));
         let now = work(self.next, solves, local);
         Ok(Next::Run { now, then })
     }
@@ -230,11 +228,14 @@ impl Question for Task<'_> {
             limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
         };
         // A resolution that is compared with a coarser one need not be known much better than that one was.
-        let known = self.best.as_ref().map_or(ROUGH, |it| ROUGH * it.worst().0);
+        let known = self
+            .best
+            .as_ref()
+            .map_or(ROUGH_SHARE.get(), |it| ROUGH_SHARE.get() * it.worst().0);
         let model = Reduced::new(
             &form,
             control,
-            MODEL * recipe.tolerance.max(if recipe.given { 0.0 } else { known }),
+            MODEL_SHARE.get() * recipe.tolerance.max(if recipe.given { 0.0 } else { known }),
             FLOOR,
             (&self.solved, SOLVES),
             &go_on,
@@ -253,9 +254,9 @@ impl Question for Task<'_> {
                 coarse.iter().zip(&fine).map(relative).collect()
             };
             let largest = changes(FLOOR * peak).into_iter().fold(0.0, f64::max);
-            let left = self.largest.map_or(SAFETY, |before| {
-                let left = (largest / before).min(MOST);
-                (SAFETY * left / (1.0 - left)).max(LEAST)
+            let left = self.largest.map_or(SPECTRUM_SAFETY.get(), |before| {
+                let left = (largest / before).min(SPECTRUM_MOST.get());
+                (SPECTRUM_SAFETY.get() * left / (1.0 - left)).max(SPECTRUM_LEAST.get())
             });
             self.largest = Some(largest);
             let change = changes(f64::MIN_POSITIVE);
@@ -274,7 +275,7 @@ impl Question for Task<'_> {
             });
         }
         self.last = Some(fine);
-        self.next = next.refined(1, HIGHER);
+        self.next = next.refined(1, SPECTRUM_HIGHER.get());
         Ok(())
     }
 
@@ -309,10 +310,6 @@ fn check(omegas: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// Reach of an error: where the answer changes, it is as uncertain within this distance, half the frequency of small
-/// motions: changes of a smooth spectrum cross zero no more often.
-const NEARBY: f64 = 0.5;
-
 /// Spacing of the frequencies at which errors are watched.
 const SPACING: f64 = 0.025;
 
@@ -333,12 +330,6 @@ fn control(omegas: &[f64]) -> Vec<f64> {
     all
 }
 
-/// An error over what is left after a change, if changes go on shrinking as the largest one did; at least and at most so
-/// much of a change is left.
-const SAFETY: f64 = 2.0;
-const LEAST: f64 = 0.5;
-const MOST: f64 = 0.8;
-
 /// The answers with the largest relative change nearby, times `left`, as their error: a difference of two curves crosses
 /// zero where they are no better than elsewhere.
 fn estimates(
@@ -348,9 +339,10 @@ fn estimates(
     change: &[f64],
     left: f64,
 ) -> Vec<Estimate> {
+    let reach = SPECTRUM_NEARBY.get();
     let nearby = |omega: f64| {
-        let first = control.partition_point(|w| *w < omega - NEARBY);
-        let end = control.partition_point(|w| *w <= omega + NEARBY);
+        let first = control.partition_point(|w| *w < omega - reach);
+        let end = control.partition_point(|w| *w <= omega + reach);
         change[first..end].iter().fold(0.0f64, |a, b| a.max(*b))
     };
     let estimate = |(omega, it): (&f64, &Answer)| {

@@ -8,12 +8,12 @@ use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
-use crate::fokker_planck::hermite::{SAFETY, Settled};
+use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
-use crate::fokker_planck::policy::SETTLED;
+use crate::fokker_planck::policy::{LAW_SAFETY, SETTLED};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -346,7 +346,10 @@ impl Task<'_> {
                 |law| density.distance_to(law, columns),
             ),
             doubt: laws.zip(self.law).map_or([0.0; 2], |([law, coarser], it)| {
-                [SAFETY * density.entropy_between(law, coarser), it.error]
+                [
+                    LAW_SAFETY.get() * density.entropy_between(law, coarser),
+                    it.error,
+                ]
             }),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,

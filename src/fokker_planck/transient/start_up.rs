@@ -7,13 +7,13 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::hermite::{Column, Kept, SAFETY, Settled};
+use crate::fokker_planck::hermite::{Column, Kept, Settled};
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
 use crate::fokker_planck::policy::{
-    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_STEP,
-    LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, MASS_DEFECT, REFINED,
+    EARLY, GIVEN_CELLS, INITIAL_CELLS, LAW_SAFETY, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH,
+    LOCAL_STEP, LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, MASS_DEFECT, REFINED,
 };
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -410,7 +410,7 @@ impl<'a> StartUp<'a> {
                     let apart = grid.sum(|[q, v], p| {
                         entropy_apart(p, both.each_ref().map(|it| it.density(q, v)))
                     });
-                    [SAFETY * apart, law.error]
+                    [LAW_SAFETY.get() * apart, law.error]
                 }),
         }
     }

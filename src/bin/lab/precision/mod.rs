@@ -11,6 +11,7 @@ pub mod entry;
 pub mod judged;
 pub mod method;
 pub mod policy;
+mod questions;
 pub mod rates;
 mod reference;
 pub mod references;

@@ -1,9 +1,11 @@
-//! What do the numbers that were chosen do? Each a fifth higher and a fifth lower, over the scenes of the calibration: what the
-//! runs then take, and how true their error estimates are.
+//! What do the numbers that were chosen do? Each a fifth higher and a fifth lower, over the scenes of the calibration and those
+//! of every other question: what the runs then take, and how true their error estimates are.
 
 use super::calibration::{Calibration, End, Run};
+use super::questions::{Answer, Question};
 use super::references::Case;
 use std::fmt::Write;
+use vibroimpact::Result;
 use vibroimpact::fokker_planck::policy::{ALL, Chosen};
 use vibroimpact::report::File;
 
@@ -19,10 +21,14 @@ const FACTORS: [f64; 2] = [0.8, 1.2];
 /// A change of work or of the median below which a number does nothing.
 const NOTHING: f64 = 0.03;
 
+/// The same of processor seconds, which are never the same twice.
+const NO_TIME: f64 = 0.1;
+
 /// What the runs of a survey came to.
 #[derive(Debug, Clone, PartialEq)]
 struct Outcome {
-    /// Cells times steps of the finest run of each scene and tolerance; None without an answer.
+    /// Of each scene and tolerance cells times steps of the finest run, of another question its processor seconds; None without
+    /// an answer.
     work: Vec<Option<f64>>,
     seconds: f64,
     answers: usize,
@@ -59,6 +65,24 @@ impl Outcome {
         }
     }
 
+    /// That of every other question.
+    fn of_questions(questions: &[Question]) -> Self {
+        let answers: Vec<Answer> = questions.iter().map(Question::answer).collect();
+        let judged = || answers.iter().flat_map(|it| &it.numbers);
+        let beyond = judged().filter(|it| Answer::is_beyond(it));
+        let mut ratios: Vec<f64> = judged().filter_map(Answer::ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        Self {
+            work: answers.iter().map(|it| Some(it.seconds)).collect(),
+            seconds: answers.iter().map(|it| it.seconds).sum(),
+            answers: answers.iter().filter(|it| it.met).count(),
+            numbers: judged().count(),
+            beyond: beyond.count(),
+            worst: 1.0 / ratios.first().copied().unwrap_or(f64::INFINITY),
+            median: ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN),
+        }
+    }
+
     /// Geometric mean of the work over that of `base`, of the runs that answer in both.
     fn work_over(&self, base: &Self) -> f64 {
         let pairs = self.work.iter().zip(&base.work);
@@ -68,24 +92,28 @@ impl Outcome {
         (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).exp()
     }
 
-    /// Whether neither work nor what is known of the estimates differs from `base` by more than [`NOTHING`].
-    fn is_like(&self, base: &Self) -> bool {
-        let near = |ratio: f64| (ratio - 1.0).abs() <= NOTHING;
-        near(self.work_over(base))
-            && near(self.median / base.median)
+    /// Whether the median of the estimates differs from that of `base` by no more than [`NOTHING`], work by no more than `work`,
+    /// and nothing else at all.
+    fn is_like(&self, base: &Self, work: f64) -> bool {
+        let near = |ratio: f64, most: f64| (ratio - 1.0).abs() <= most;
+        near(self.work_over(base), work)
+            && near(self.median / base.median, NOTHING)
             && (self.answers, self.beyond) == (base.answers, base.beyond)
     }
 }
 
+/// Transients, and every other question.
+type Both = [Outcome; 2];
+
 /// A row of the table, moved down and up.
 struct Row {
     chosen: &'static Chosen,
-    moved: [Outcome; 2],
+    moved: [Both; 2],
 }
 
 /// The survey.
 pub struct Policy {
-    base: Outcome,
+    base: Both,
     rows: Vec<Row>,
 }
 
@@ -96,34 +124,38 @@ pub fn count(wants: &dyn Fn(&str) -> bool) -> usize {
 
 impl Policy {
     /// Moves each of the wanted numbers, one after the other; `watch` is told what has been run.
-    pub fn of(cases: &[Case], wants: &dyn Fn(&str) -> bool, watch: &dyn Fn(&str)) -> Self {
+    ///
+    /// # Errors
+    /// What the reference of a question says.
+    pub fn of(cases: &[Case], wants: &dyn Fn(&str) -> bool, watch: &dyn Fn(&str)) -> Result<Self> {
         let brief = |case: &&Case| {
             let runs = TOLERANCES.map(|tolerance| Run::of(case, tolerance).seconds);
             runs.iter().sum::<f64>() < LONG
         };
         let cases: Vec<Case> = cases.iter().filter(brief).cloned().collect();
-        let base = Outcome::of(&cases);
+        let questions = Question::all()?;
+        let both = || [Outcome::of(&cases), Outcome::of_questions(&questions)];
+        let base = both();
         watch("as they stand");
         let rows = ALL.iter().filter(|it| wants(it.name)).map(|chosen| {
             let moved = FACTORS.map(|factor| {
                 chosen.multiply(factor);
-                let outcome = Outcome::of(&cases);
+                let outcomes = both();
                 chosen.multiply(1.0);
                 watch(chosen.name);
-                outcome
+                outcomes
             });
             Row { chosen, moved }
         });
         let rows = rows.collect();
-        Self { base, rows }
+        Ok(Self { base, rows })
     }
 
     /// Names of those that do nothing here, up or down.
     pub fn idle(&self) -> Vec<&'static str> {
-        let idle = self
-            .rows
-            .iter()
-            .filter(|row| row.moved.iter().all(|it| it.is_like(&self.base)));
+        let [transients, others] = &self.base;
+        let like = |[a, b]: &Both| a.is_like(transients, NOTHING) && b.is_like(others, NO_TIME);
+        let idle = self.rows.iter().filter(|row| row.moved.iter().all(like));
         idle.map(|row| row.chosen.name).collect()
     }
 
@@ -131,44 +163,49 @@ impl Policy {
     pub fn page(&self) -> File {
         let mut text = String::from(
             "# The numbers that were chosen\n\n\
-             What each does, a fifth lower and a fifth higher, in those scenes of the calibration that take less than half\n\
-             a processor second, at tolerances of 1e-2 and 1e-3:\n\
-             `cargo run --release --bin lab -- policy`. Work is cells times steps of the finest run, the geometric mean over the runs;\n\
-             beyond are numbers whose error is above its estimate; median is that of estimate over error.\n\n",
+             What each does, a fifth lower and a fifth higher: `cargo run --release --bin lab -- policy`. Transients are those scenes\n\
+             of the calibration that take less than half a processor second, at tolerances of 1e-2 and 1e-3; other questions are those of\n\
+             [questions.toml](questions.toml), each held against itself at a tenth of its tolerance. Work is cells times steps of the finest\n\
+             run, of other questions processor seconds, the geometric mean over the runs; beyond are numbers whose error is above its\n\
+             estimate; median is that of estimate over error.\n\n",
         );
-        let _ = writeln!(
-            text,
-            "As they stand: {} of {} runs meet their tolerance, {} of {} numbers beyond, {:.1} times at most, median {:.1}, {:.0} processor \
-             seconds.\n\n\
-             | name | value | work | beyond | at most | median | what it trades |\n|---|---|---|---|---|---|---|",
-            self.base.answers,
-            self.base.work.len(),
-            self.base.beyond,
-            self.base.numbers,
-            self.base.worst,
-            self.base.median,
-            self.base.seconds
-        );
-        for Row { chosen, moved } in &self.rows {
-            let both =
-                |of: &dyn Fn(&Outcome) -> String| format!("{}, {}", of(&moved[0]), of(&moved[1]));
+        for (what, it) in ["Transients", "Other questions"].iter().zip(&self.base) {
             let _ = writeln!(
                 text,
-                "| `{}` | {} | {} | {} | {} | {} | {} |",
-                chosen.name,
-                chosen.get(),
-                both(&|it| format!("{:.2}", it.work_over(&self.base))),
-                both(&|it| it.beyond.to_string()),
-                both(&|it| format!("{:.1}", it.worst)),
-                both(&|it| format!("{:.1}", it.median)),
-                chosen.trades
+                "{what}, as they stand: {} of {} runs meet their tolerance, {} of {} numbers beyond, {:.1} times at most, median {:.1}, \
+                 {:.0} processor seconds.\n",
+                it.answers,
+                it.work.len(),
+                it.beyond,
+                it.numbers,
+                it.worst,
+                it.median,
+                it.seconds
             );
+        }
+        text.push_str(
+            "| name | value | transients: work | beyond | at most | median | others: work | beyond | at most | median | what it trades |\n\
+             |---|---|---|---|---|---|---|---|---|---|---|\n",
+        );
+        for Row { chosen, moved } in &self.rows {
+            let _ = write!(text, "| `{}` | {} |", chosen.name, chosen.get());
+            for (k, base) in self.base.iter().enumerate() {
+                let mut put = |of: &dyn Fn(&Outcome) -> String| {
+                    let _ = write!(text, " {}, {} |", of(&moved[0][k]), of(&moved[1][k]));
+                };
+                put(&|it| format!("{:.2}", it.work_over(base)));
+                put(&|it| it.beyond.to_string());
+                put(&|it| format!("{:.1}", it.worst));
+                put(&|it| format!("{:.1}", it.median));
+            }
+            let _ = writeln!(text, " {} |", chosen.trades);
         }
         let idle = self.idle();
         let names = idle.iter().map(|it| format!("`{it}`")).collect::<Vec<_>>();
         let _ = writeln!(
             text,
-            "\n{} of {} change here neither work nor median by more than 3 %, nor how many runs answer and how many numbers are beyond: {}.",
+            "\n{} of {} change here neither median nor work by more than 3 %, nor processor seconds by more than 10 %, nor how many runs \
+             meet their tolerance and how many numbers are beyond: {}.",
             idle.len(),
             self.rows.len(),
             if names.is_empty() {
@@ -199,22 +236,27 @@ mod tests {
 
     #[test]
     fn what_changes_neither_work_nor_estimates_is_named_and_nothing_else() {
-        let base = outcome(100.0, 1, 10.0);
+        let same = || outcome(100.0, 1, 10.0);
+        let base = [same(), same()];
+        let transients = |a, b| [[a, same()], [b, same()]];
+        let others = |a, b| [[same(), a], [same(), b]];
         let moved = [
-            [outcome(102.0, 1, 10.1), outcome(99.0, 1, 10.0)],
-            [outcome(100.0, 1, 10.0), outcome(110.0, 1, 10.0)],
-            [outcome(100.0, 2, 10.0), outcome(100.0, 1, 10.0)],
-            [outcome(100.0, 1, 9.0), outcome(100.0, 1, 10.0)],
+            transients(outcome(102.0, 1, 10.1), outcome(99.0, 1, 10.0)),
+            others(outcome(107.0, 1, 10.0), outcome(94.0, 1, 10.2)),
+            transients(same(), outcome(110.0, 1, 10.0)),
+            transients(outcome(100.0, 2, 10.0), same()),
+            others(outcome(100.0, 1, 9.0), same()),
+            others(same(), outcome(120.0, 1, 10.0)),
         ];
         let rows = ALL.iter().zip(moved);
         let rows = rows.map(|(chosen, moved)| Row { chosen, moved }).collect();
         let policy = Policy { base, rows };
-        assert_eq!(policy.idle(), [ALL[0].name]);
+        assert_eq!(policy.idle(), [ALL[0].name, ALL[1].name]);
         let page = String::from_utf8(policy.page().bytes).unwrap();
         for row in &policy.rows {
             assert!(page.contains(row.chosen.trades), "{page}");
         }
         assert!(page.contains("1.00, 1.10"), "{page}");
-        assert!(page.contains("1 of 4 change"), "{page}");
+        assert!(page.contains("2 of 6 change"), "{page}");
     }
 }

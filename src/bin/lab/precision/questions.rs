@@ -1,0 +1,148 @@
+//! Scenes of every question but the transient, each held against itself at a tenth of its tolerance.
+
+use super::clock::Clock;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use toml::Table;
+use vibroimpact::error::{Error, Result};
+use vibroimpact::plan::Plan;
+use vibroimpact::scene::Scene;
+use vibroimpact::scene::text::SceneText;
+
+const SCENES: &str = include_str!("../../../../validation/precision/questions.toml");
+
+/// A scene with the numbers of a run ten times as tight.
+#[derive(Debug, Clone)]
+pub struct Question {
+    scene: Scene,
+    known: Numbers,
+}
+
+/// Values and error estimates by their place in results.json; numbers of a curve know its length, for another curve has others.
+type Numbers = BTreeMap<String, [f64; 2]>;
+
+/// A run of such a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer {
+    /// Processor seconds.
+    pub seconds: f64,
+    /// Whether it met its tolerance.
+    pub met: bool,
+    /// Of each number error, error estimate, and what the reference may be off by.
+    pub numbers: Vec<[f64; 3]>,
+}
+
+impl Answer {
+    /// Whether an error is above its estimate, whatever the reference may be off by.
+    pub fn is_beyond([error, estimate, doubt]: &[f64; 3]) -> bool {
+        *error > estimate + doubt
+    }
+
+    /// Error estimate over error, where the reference can tell the error.
+    pub fn ratio([error, estimate, doubt]: &[f64; 3]) -> Option<f64> {
+        (error > doubt).then_some(estimate / error)
+    }
+}
+
+impl Question {
+    /// All of them, their references computed.
+    ///
+    /// # Errors
+    /// What a scene or a run of it says.
+    pub fn all() -> Result<Vec<Self>> {
+        let wrong = |it| {
+            let name = "validation/precision/questions.toml";
+            Error::invalid(name, it, "scenes under [[scene]]")
+        };
+        let file: Table = SCENES.parse().map_err(|it| wrong(format!("{it}")))?;
+        let scenes = file.get("scene").and_then(|it| it.as_array());
+        let scenes = scenes.ok_or_else(|| wrong("none".into()))?;
+        let question = |it: &toml::Value| {
+            let text = it.as_table().map(Table::to_string).unwrap_or_default();
+            let text = SceneText::parse("questions.toml", &text, &[]);
+            let scene = text.map_err(|it| wrong(it.to_string()))?.scene().clone();
+            let mut tight = scene.clone();
+            tight.accuracy.tolerance *= 0.1;
+            let known = numbers(&Plan::of(&tight)?.run_quietly()?.tree());
+            Ok(Self { scene, known })
+        };
+        scenes.iter().map(question).collect()
+    }
+
+    /// Runs it.
+    pub fn answer(&self) -> Answer {
+        let clock = Clock::new();
+        let results = Plan::of(&self.scene).and_then(|it| it.run_quietly());
+        let seconds = clock.seconds();
+        let met = results.as_ref().is_ok_and(|it| !it.falls_short());
+        let found = results.map_or_else(|_| Numbers::new(), |it| numbers(&it.tree()));
+        let judged = found.iter().filter_map(|(place, [value, error])| {
+            let [known, doubt] = self.known.get(place)?;
+            Some([(value - known).abs(), *error, *doubt])
+        });
+        Answer {
+            seconds,
+            met,
+            numbers: judged.collect(),
+        }
+    }
+}
+
+/// Every number of a tree that has an error.
+fn numbers(tree: &Value) -> Numbers {
+    let mut all = Numbers::new();
+    walk(tree, "", &mut all);
+    all
+}
+
+fn walk(tree: &Value, place: &str, all: &mut Numbers) {
+    let mut put = |place: String, value: &Value, error: &Value| {
+        let pair = value.as_f64().zip(error.as_f64());
+        all.extend(pair.map(|(value, error)| (place, [value, error])));
+    };
+    match tree {
+        Value::Array(list) => {
+            for (k, it) in list.iter().enumerate() {
+                walk(it, &format!("{place}/{k}"), all);
+            }
+        }
+        Value::Object(map) => match (map.get("value").or(map.get("re")), map.get("error")) {
+            (Some(Value::Array(values)), Some(Value::Array(errors))) => {
+                for (k, (value, error)) in values.iter().zip(errors).enumerate() {
+                    put(format!("{place}/{k} of {}", values.len()), value, error);
+                }
+            }
+            (Some(value), Some(error)) => put(place.to_owned(), value, error),
+            _ => {
+                for (key, it) in map {
+                    walk(it, &format!("{place}/{key}"), all);
+                }
+            }
+        },
+        _ => (),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn numbers_curves_and_eigenvalues_are_found() {
+        let tree = json!({
+            "a": {"value": 1.0, "error": 0.1},
+            "none": null,
+            "curve": {"value": [2.0, null], "error": [0.2, 0.3]},
+            "rates": [{"re": -1.0, "im": 3.0, "error": 0.4}],
+            "plain": 7.0,
+        });
+        let found: Vec<_> = numbers(&tree).into_iter().collect();
+        let expected = [
+            ("/a", [1.0, 0.1]),
+            ("/curve/0 of 2", [2.0, 0.2]),
+            ("/rates/0", [-1.0, 0.4]),
+        ];
+        assert_eq!(found, expected.map(|(place, it)| (place.to_owned(), it)));
+    }
+}
