@@ -318,6 +318,19 @@ impl Plan {
     pub(crate) fn run_on(&self, results: &mut Results, watch: &dyn Watch) -> Result<()> {
         let start = Instant::now();
         let spent = || self.planning + start.elapsed().as_secs_f64();
+        let ran = self.run_stages(results, watch, &spent);
+        results.run.wall_seconds = spent();
+        results.run.peak_memory_bytes = peak_memory();
+        ran
+    }
+
+    /// The same; `spent` are the seconds until now, those of planning among them.
+    fn run_stages(
+        &self,
+        results: &mut Results,
+        watch: &dyn Watch,
+        spent: &dyn Fn() -> f64,
+    ) -> Result<()> {
         let doubts = self.given.doubts();
         results
             .run

@@ -31,7 +31,7 @@ pub fn run_into(plan: &Plan, folder: Folder, watch: &dyn Watch) -> Result<Result
         Err(error) => {
             if error.is_refusal() && !ended {
                 folder.discard();
-            } else if ended && !matches!(error, Error::Io { .. }) {
+            } else if !matches!(error, Error::Io { .. }) {
                 // A page of what had ended, and why there is no more.
                 results.run.warnings.extend(plan.left_after(&results));
                 results.run.warnings.push(error.to_string().into());

@@ -59,7 +59,7 @@ enum Command {
         #[arg(long)]
         calibrate: bool,
     },
-    /// The numbers that were chosen: what each does to the calibration's runs, a fifth lower and higher
+    /// The numbers that were chosen: what each does to runs of every question, a fifth lower and higher
     #[command(mut_arg("out", |it| it.help(TABLES)))]
     Policy(Survey),
     /// The stiff and extreme scenes, each against what is known of it

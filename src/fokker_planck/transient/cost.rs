@@ -30,14 +30,18 @@ pub(super) fn foreseen(
     let rung = |r| recipe.rung(oscillator, initial, until, r);
     let cost = |rung: &Rung| run(rung, oscillator, initial, times, max_memory);
     let first = (RUNGS - 1) as f64;
-    let mut end = rung(recipe.expected)?;
     // Under constant friction a local grid is within most tolerances with the fewest rungs.
+    let expected = rung(recipe.expected)?;
     let alone = oscillator.is_viscous()
-        && start_up::cost(&end, oscillator, initial, until).is_some_and(|it| it.alone.is_some());
-    if alone && !recipe.layout.is_given() {
-        end = rung(first)?;
-    }
-    let last = cost(&end)?;
+        && start_up::cost(&expected, oscillator, initial, until)
+            .is_some_and(|it| it.alone.is_some());
+    let end = if alone && !recipe.layout.is_given() {
+        first
+    } else {
+        recipe.expected
+    };
+    let finer = |k: usize| cost(&rung(end + k as f64)?);
+    let last = recipe.layout.carried(finer)?;
     // With the rungs before it, and the one that is run with half the step of the scene too.
     let mut seconds = if alone {
         last.seconds * RUNGS as f64
