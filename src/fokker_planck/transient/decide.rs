@@ -92,6 +92,16 @@ impl Recipe {
 
 impl Question<'_> {
     fn recipe(&self) -> Result<Recipe> {
+        self.decided().map_err(|error| match error {
+            Error::Mesh { what, .. } if self.settings.excitation.drive.is_some() => Error::Mesh {
+                what,
+                help: "a smaller amplitude in excitation.drive".into(),
+            },
+            other => other,
+        })
+    }
+
+    fn decided(&self) -> Result<Recipe> {
         if let Some(step) = self.settings.step {
             positive("method.step", step)?;
         }

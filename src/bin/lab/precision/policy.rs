@@ -21,14 +21,11 @@ const FACTORS: [f64; 2] = [0.8, 1.2];
 /// A change of work or of the median below which a number does nothing.
 const NOTHING: f64 = 0.03;
 
-/// The same of processor seconds, which are never the same twice.
-const NO_TIME: f64 = 0.1;
-
 /// What the runs of a survey came to.
 #[derive(Debug, Clone, PartialEq)]
 struct Outcome {
-    /// Of each scene and tolerance cells times steps of the finest run, of another question its processor seconds; None without
-    /// an answer.
+    /// Of each scene and tolerance unknowns times steps or solves of the finest run; None without an answer, or where it does
+    /// not say.
     work: Vec<Option<f64>>,
     seconds: f64,
     answers: usize,
@@ -73,7 +70,7 @@ impl Outcome {
         let mut ratios: Vec<f64> = judged().filter_map(Answer::ratio).collect();
         ratios.sort_by(f64::total_cmp);
         Self {
-            work: answers.iter().map(|it| Some(it.seconds)).collect(),
+            work: answers.iter().map(|it| it.work).collect(),
             seconds: answers.iter().map(|it| it.seconds).sum(),
             answers: answers.iter().filter(|it| it.met).count(),
             numbers: judged().count(),
@@ -92,12 +89,11 @@ impl Outcome {
         (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).exp()
     }
 
-    /// Whether the median of the estimates differs from that of `base` by no more than [`NOTHING`], work by no more than `work`,
-    /// and nothing else at all.
-    fn is_like(&self, base: &Self, work: f64) -> bool {
-        let near = |ratio: f64, most: f64| (ratio - 1.0).abs() <= most;
-        near(self.work_over(base), work)
-            && near(self.median / base.median, NOTHING)
+    /// Whether neither work nor what is known of the estimates differs from `base` by more than [`NOTHING`].
+    fn is_like(&self, base: &Self) -> bool {
+        let near = |ratio: f64| (ratio - 1.0).abs() <= NOTHING;
+        near(self.work_over(base))
+            && near(self.median / base.median)
             && (self.answers, self.beyond) == (base.answers, base.beyond)
     }
 }
@@ -153,8 +149,7 @@ impl Policy {
 
     /// Names of those that do nothing here, up or down.
     pub fn idle(&self) -> Vec<&'static str> {
-        let [transients, others] = &self.base;
-        let like = |[a, b]: &Both| a.is_like(transients, NOTHING) && b.is_like(others, NO_TIME);
+        let like = |it: &Both| it.iter().zip(&self.base).all(|(it, base)| it.is_like(base));
         let idle = self.rows.iter().filter(|row| row.moved.iter().all(like));
         idle.map(|row| row.chosen.name).collect()
     }
@@ -165,9 +160,9 @@ impl Policy {
             "# The numbers that were chosen\n\n\
              What each does, a fifth lower and a fifth higher: `cargo run --release --bin lab -- policy`. Transients are those scenes\n\
              of the calibration that take less than half a processor second, at tolerances of 1e-2 and 1e-3; other questions are those of\n\
-             [questions.toml](questions.toml), each held against itself at a tenth of its tolerance. Work is cells times steps of the finest\n\
-             run, of other questions processor seconds, the geometric mean over the runs; beyond are numbers whose error is above its\n\
-             estimate; median is that of estimate over error.\n\n",
+             [questions.toml](questions.toml), each held against itself at a tenth of its tolerance. Work is unknowns times steps or solves of\n\
+             the finest run, the geometric mean over the runs; beyond are numbers whose error is above its estimate; median is that of\n\
+             estimate over error.\n\n",
         );
         for (what, it) in ["Transients", "Other questions"].iter().zip(&self.base) {
             let _ = writeln!(
@@ -204,8 +199,8 @@ impl Policy {
         let names = idle.iter().map(|it| format!("`{it}`")).collect::<Vec<_>>();
         let _ = writeln!(
             text,
-            "\n{} of {} change here neither median nor work by more than 3 %, nor processor seconds by more than 10 %, nor how many runs \
-             meet their tolerance and how many numbers are beyond: {}.",
+            "\n{} of {} change here neither work nor median by more than 3 %, nor how many runs meet their tolerance and how many numbers \
+             are beyond: {}.",
             idle.len(),
             self.rows.len(),
             if names.is_empty() {
@@ -242,7 +237,7 @@ mod tests {
         let others = |a, b| [[same(), a], [same(), b]];
         let moved = [
             transients(outcome(102.0, 1, 10.1), outcome(99.0, 1, 10.0)),
-            others(outcome(107.0, 1, 10.0), outcome(94.0, 1, 10.2)),
+            others(outcome(98.0, 1, 10.0), outcome(101.0, 1, 10.2)),
             transients(same(), outcome(110.0, 1, 10.0)),
             transients(outcome(100.0, 2, 10.0), same()),
             others(outcome(100.0, 1, 9.0), same()),

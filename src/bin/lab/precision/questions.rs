@@ -1,13 +1,12 @@
 //! Scenes of every question but the transient, each held against itself at a tenth of its tolerance.
 
 use super::clock::Clock;
+use super::references;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use toml::Table;
-use vibroimpact::error::{Error, Result};
+use vibroimpact::error::Result;
 use vibroimpact::plan::Plan;
 use vibroimpact::scene::Scene;
-use vibroimpact::scene::text::SceneText;
 
 const SCENES: &str = include_str!("../../../../validation/precision/questions.toml");
 
@@ -26,6 +25,8 @@ type Numbers = BTreeMap<String, [f64; 2]>;
 pub struct Answer {
     /// Processor seconds.
     pub seconds: f64,
+    /// Unknowns times steps or solves; None where the results do not say them.
+    pub work: Option<f64>,
     /// Whether it met its tolerance.
     pub met: bool,
     /// Of each number error, error estimate, and what the reference may be off by.
@@ -50,23 +51,14 @@ impl Question {
     /// # Errors
     /// What a scene or a run of it says.
     pub fn all() -> Result<Vec<Self>> {
-        let wrong = |it| {
-            let name = "validation/precision/questions.toml";
-            Error::invalid(name, it, "scenes under [[scene]]")
-        };
-        let file: Table = SCENES.parse().map_err(|it| wrong(format!("{it}")))?;
-        let scenes = file.get("scene").and_then(|it| it.as_array());
-        let scenes = scenes.ok_or_else(|| wrong("none".into()))?;
-        let question = |it: &toml::Value| {
-            let text = it.as_table().map(Table::to_string).unwrap_or_default();
-            let text = SceneText::parse("questions.toml", &text, &[]);
-            let scene = text.map_err(|it| wrong(it.to_string()))?.scene().clone();
+        let question = |scene: Scene| {
             let mut tight = scene.clone();
             tight.accuracy.tolerance *= 0.1;
             let known = numbers(&Plan::of(&tight)?.run_quietly()?.tree());
             Ok(Self { scene, known })
         };
-        scenes.iter().map(question).collect()
+        let scenes = references::listed("validation/precision/questions.toml", SCENES)?;
+        scenes.into_iter().map(question).collect()
     }
 
     /// Runs it.
@@ -75,17 +67,32 @@ impl Question {
         let results = Plan::of(&self.scene).and_then(|it| it.run_quietly());
         let seconds = clock.seconds();
         let met = results.as_ref().is_ok_and(|it| !it.falls_short());
-        let found = results.map_or_else(|_| Numbers::new(), |it| numbers(&it.tree()));
+        let tree = results.map_or(Value::Null, |it| it.tree());
+        let found = numbers(&tree);
         let judged = found.iter().filter_map(|(place, [value, error])| {
             let [known, doubt] = self.known.get(place)?;
             Some([(value - known).abs(), *error, *doubt])
         });
         Answer {
             seconds,
+            work: work(&tree),
             met,
             numbers: judged.collect(),
         }
     }
+}
+
+/// What the methods of a tree took, all together.
+fn work(tree: &Value) -> Option<f64> {
+    let sections = tree.as_object()?.values();
+    let method = |section: &Value| {
+        let it = section.get("method")?;
+        let unknowns = it.get("cells").or(it.get("functions"))?.as_array()?;
+        let unknowns: f64 = unknowns.iter().filter_map(Value::as_f64).product();
+        let times = it.get("steps").or(it.get("solves"));
+        Some(unknowns * times.and_then(Value::as_f64).unwrap_or(1.0))
+    };
+    sections.filter_map(method).reduce(|a, b| a + b)
 }
 
 /// Every number of a tree that has an error.
@@ -127,6 +134,17 @@ fn walk(tree: &Value, place: &str, all: &mut Numbers) {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn work_is_unknowns_times_steps_or_solves() {
+        let tree = json!({
+            "scene": {"method": {"cells": null}},
+            "spectrum": {"method": {"functions": [3, 4], "solves": 5}},
+            "steady": {"method": {"cells": [10, 2]}},
+        });
+        assert_eq!(work(&tree), Some(80.0));
+        assert_eq!(work(&json!({"decay_rates": []})), None);
+    }
 
     #[test]
     fn numbers_curves_and_eigenvalues_are_found() {

@@ -38,25 +38,33 @@ pub fn cases() -> Result<Vec<Case>> {
     read(SCENES, CONTACTS, REFERENCES)
 }
 
+/// The scenes of a file that lists them under [[scene]].
+pub(super) fn listed(name: &'static str, text: &str) -> Result<Vec<Scene>> {
+    let wrong = |what: String| Error::invalid(name, what, "[[scene]]");
+    let mut file: Table = text.parse().map_err(|it| wrong(format!("{it}")))?;
+    let scenes = match file.remove("scene") {
+        Some(Value::Array(scenes)) => scenes,
+        _ => Vec::new(),
+    };
+    let scene = |(k, it): (usize, &Value)| {
+        let scene = it.as_table().map(Table::to_string).unwrap_or_default();
+        let text = SceneText::parse(name, &scene, &[]);
+        let text = text.map_err(|it| wrong(format!("scene {}: {it}", k + 1)))?;
+        Ok(text.scene().clone())
+    };
+    scenes.iter().enumerate().map(scene).collect()
+}
+
 /// The scenes and references of tables in the form of those stored.
 fn read(scenes: &str, contacts: &str, references: &str) -> Result<Vec<Case>> {
     let scenes = rows("validation/precision/scenes.csv", scenes, ',');
     let mut cases: Vec<Case> = scenes.map(|row| case(&row)).collect::<Result<_>>()?;
-    let wrong =
-        |what: String| Error::invalid("validation/precision/contacts.toml", what, "[[scene]]");
-    let mut file: Table = contacts.parse().map_err(|it| wrong(format!("{it}")))?;
-    if let Some(Value::Array(scenes)) = file.remove("scene") {
-        for scene in &scenes {
-            let number = cases.len() + 1;
-            let scene = scene.as_table().map(Table::to_string).unwrap_or_default();
-            let text = SceneText::parse("contacts.toml", &scene, &[]);
-            let text = text.map_err(|it| wrong(format!("scene {number}: {it}")))?;
-            cases.push(Case {
-                number,
-                scene: text.scene().clone(),
-                references: Vec::new(),
-            });
-        }
+    for scene in listed("validation/precision/contacts.toml", contacts)? {
+        cases.push(Case {
+            number: cases.len() + 1,
+            scene,
+            references: Vec::new(),
+        });
     }
     for row in rows("validation/precision/references.csv", references, ',') {
         let number: usize = row.get(0)?;
