@@ -6,7 +6,7 @@ use toml::{Table, Value};
 use vibroimpact::error::{Error, Result};
 use vibroimpact::moments::Moment;
 use vibroimpact::scene::Scene;
-use vibroimpact::scene::text::SceneText;
+use vibroimpact::scene::text::{SceneError, SceneText};
 
 const SCENES: &str = include_str!("../../../../validation/precision/scenes.csv");
 const CONTACTS: &str = include_str!("../../../../validation/precision/contacts.toml");
@@ -40,19 +40,28 @@ pub fn cases() -> Result<Vec<Case>> {
 
 /// The scenes of a file that lists them under [[scene]].
 pub(super) fn listed(name: &'static str, text: &str) -> Result<Vec<Scene>> {
-    let wrong = |what: String| Error::invalid(name, what, "[[scene]]");
-    let mut file: Table = text.parse().map_err(|it| wrong(format!("{it}")))?;
+    let unread = |it: toml::de::Error| Error::invalid(name, it.message(), "TOML");
+    let mut file: Table = text.parse().map_err(unread)?;
     let scenes = match file.remove("scene") {
         Some(Value::Array(scenes)) => scenes,
         _ => Vec::new(),
     };
     let scene = |(k, it): (usize, &Value)| {
         let scene = it.as_table().map(Table::to_string).unwrap_or_default();
-        let text = SceneText::parse(name, &scene, &[]);
-        let text = text.map_err(|it| wrong(format!("scene {}: {it}", k + 1)))?;
-        Ok(text.scene().clone())
+        match SceneText::parse(name, &scene, &[]) {
+            Ok(text) => Ok(text.scene().clone()),
+            Err(it) => Err(placed(name, k + 1, &it)),
+        }
     };
     scenes.iter().enumerate().map(scene).collect()
+}
+
+/// What is wrong with a scene, with its file and number before the key.
+fn placed(name: &str, number: usize, wrong: &SceneError) -> Error {
+    let key = wrong.key().unwrap_or_default();
+    let accepted = wrong.accepted().unwrap_or("a scene");
+    let value = wrong.value().unwrap_or("what stands there");
+    Error::invalid(format!("{name}, scene {number}: {key}"), value, accepted)
 }
 
 /// The scenes and references of tables in the form of those stored.
@@ -148,7 +157,10 @@ mod tests {
         assert!(read(&scenes.replace("hertz", "steel"), "", "").is_err());
         let steel = "[[scene]]\noscillator = { contact = \"steel\", zeta = 1, h = 1 }";
         let wrong = read(scenes, steel, "").unwrap_err().to_string();
-        assert!(wrong.contains("scene 2"), "{wrong}");
+        assert!(
+            wrong.contains("contacts.toml, scene 1: oscillator.contact = "),
+            "{wrong}"
+        );
         let good = read(scenes, "", "scene,...\n1,2,var_q,0.5,1e-9,m\n").unwrap();
         assert_eq!(good[0].references[0].index, 1);
     }
