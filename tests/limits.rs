@@ -58,7 +58,7 @@ const SCENES: [(&str, &str, &str); 16] = [
     (
         "steady state, order 8",
         "zeta = 0.005\nh = 2e-3\n",
-        "[outputs]\nsteady = true\n[method]\ndrift = 8\ncells = [180, 135]\n[accuracy]\n",
+        "[outputs]\nsteady = true\n[method]\ndrift = 8\ncells = [150, 112]\n[accuracy]\n",
     ),
     (
         "decay rates, a tolerance out of reach",
