@@ -208,6 +208,14 @@ fn flights_without_friction_leave_no_rate_but_where_none_is_seen() {
 }
 
 #[test]
+fn where_hermite_functions_do_not_hold_the_law_the_search_says_so() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.2, 0.5).unwrap();
+    let it = it.with_damping(Damping::HuntCrossley).unwrap();
+    let error = decay_rates(&it, 3, &Settings::default()).unwrap_err();
+    assert!(error.to_string().contains("falls too slowly"), "{error}");
+}
+
+#[test]
 fn the_slowest_real_rate_is_always_among_those_printed_and_a_pair_counts_once() {
     for (zeta, h, count) in [(0.008, 1.14e-3, 2), (0.005, 3e-6, 1), (0.005, 8e-5, 2)] {
         let it = solve(&ContactLaw::Hertz, zeta, h, count, 1e-3);

@@ -2,10 +2,10 @@
 
 use super::arnoldi::{Arnoldi, Mode};
 use super::decay_rates::{DecayRate, DecayRates, Eigenvalues, FAR_BELOW, MOST_VECTORS, SHIFTS};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
-use crate::fokker_planck::hermite::{Hierarchy, REACH, Resolution};
+use crate::fokker_planck::hermite::{Hierarchy, REACH, Resolution, heavy};
 use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, RATES_SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -192,11 +192,16 @@ impl Question for Search<'_> {
         let weighed = self.oscillator.weighed(REACH);
         let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
         let mut modes = Vec::new();
-        if done == 0 {
-            self.places = self.sweep(&full, &mut modes)?;
+        let found = if done == 0 {
+            let places = self.sweep(&full, &mut modes);
+            places.map(|it| self.places = it)
         } else {
-            self.near(&full, &self.places, self.recipe.vectors / 2, &mut modes)?;
-        }
+            self.near(&full, &self.places, self.recipe.vectors / 2, &mut modes)
+        };
+        found.map_err(|error| match error {
+            Error::Linear { what, .. } if self.recipe.local => heavy(self.oscillator, &what),
+            error => error,
+        })?;
         self.levels.push(modes);
         if let [.., coarse, middle, fine] = &self.levels[..] {
             // Finer resolutions lose digits of close eigenvalues to rounding.

@@ -47,7 +47,7 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
 
 /// A law that Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
 /// height x falls as exp(-c sqrt(x)), and over weights that fall as exp(-H/T) that grows without bound.
-pub(super) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
+pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
     let damping = oscillator.damping().name();
     Error::Unresolved {
         what: format!(

@@ -99,6 +99,9 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
             };
             words.push(format!("continuous from {edge} on"));
         }
+        if words.is_empty() {
+            words.push("none known".into());
+        }
         table.line("");
         table.paragraph("decay rates:  ", &words.join(";  "));
     }
