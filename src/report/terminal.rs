@@ -7,6 +7,7 @@ mod passage;
 mod plan;
 mod stationary;
 
+#[cfg(feature = "cli")]
 pub(crate) use layout::wrap;
 pub use plan::plan;
 
