@@ -34,6 +34,7 @@ fn a_stationary_scene_builds_no_mesh_and_draws_no_path() {
     assert!(plan.has(Part::Stationary) && plan.stages()[0].cost.cells.is_none());
     let results = plan.run_quietly().unwrap();
     assert!(results.transient.is_none() && results.monte_carlo.is_none());
+    assert!(results.run.wall_seconds < 1.0);
 }
 
 #[test]
@@ -199,6 +200,8 @@ fn every_built_in_sample_has_its_recipe() {
             println!("{name}: {found:?}");
             assert!(found.method.starts_with(words), "{name}: {}", found.method);
             assert_eq!(found.steps, *steps, "{name}");
+            // No companion, for the bias of a step.
+            assert!(!found.method.contains("as many by"), "{name}");
         }
         let sampled = [
             Part::MonteCarlo,

@@ -191,14 +191,7 @@ impl Question for Search<'_> {
         let resolution = self.recipe.resolution(done);
         let weighed = self.oscillator.weighed(REACH);
         let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
-        let mut modes = Vec::new();
-        let found = if done == 0 {
-            let places = self.sweep(&full, &mut modes);
-            places.map(|it| self.places = it)
-        } else {
-            self.near(&full, &self.places, self.recipe.vectors / 2, &mut modes)
-        };
-        found.map_err(|error| match error {
+        let modes = self.modes(&full).map_err(|error| match error {
             Error::Linear { what, .. } if self.recipe.local => heavy(self.oscillator, &what),
             error => error,
         })?;
@@ -224,6 +217,17 @@ impl Search<'_> {
     fn slowest<'b>(&self, modes: &'b [Mode], count: usize) -> &'b [Mode] {
         let above = modes.partition_point(|it| it.value.re > self.recipe.edge);
         &modes[..above.min(count)]
+    }
+
+    /// The modes of a resolution; the coarsest says where finer ones look.
+    fn modes(&mut self, full: &Hierarchy) -> Result<Vec<Mode>> {
+        let mut modes = Vec::new();
+        if self.levels.is_empty() {
+            self.places = self.sweep(full, &mut modes)?;
+        } else {
+            self.near(full, &self.places, self.recipe.vectors / 2, &mut modes)?;
+        }
+        Ok(modes)
     }
 
     /// Modes of a coarse operator, and where finer ones are to look. Shifts lie along the imaginary axis, up to
