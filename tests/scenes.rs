@@ -1600,6 +1600,14 @@ const BAD: &[(&str, &str)] = &[
         "@[excitation]\ndrive = { amplitude = 0.02, frequenzy = 1 }",
     ),
     (
+        "drive beyond every mesh",
+        "@mean = [0.0, 0.0]\n[excitation]\ndrive = { amplitude = 1e6, frequency = 1 }\n[outputs]\nmoments_at = [1]",
+    ),
+    (
+        "initial condition beyond every mesh, under a drive",
+        "@mean = [1e30, 0.0]\n[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]",
+    ),
+    (
         "envelope out of order",
         "@[excitation]\nenvelope = { times = [0, 5, 4], factors = [0, 1, 1] }",
     ),

@@ -92,11 +92,20 @@ impl Recipe {
 
 impl Question<'_> {
     fn recipe(&self) -> Result<Recipe> {
+        let fits_undriven = || {
+            let undriven = Self {
+                forcing: None,
+                ..*self
+            };
+            undriven.decided().is_ok()
+        };
         self.decided().map_err(|error| match error {
-            Error::Mesh { what, .. } if self.settings.excitation.drive.is_some() => Error::Mesh {
-                what,
-                help: "a smaller amplitude in excitation.drive".into(),
-            },
+            Error::Mesh { what, .. }
+                if self.settings.excitation.drive.is_some() && fits_undriven() =>
+            {
+                let help = "a smaller amplitude in excitation.drive".into();
+                Error::Mesh { what, help }
+            }
             other => other,
         })
     }

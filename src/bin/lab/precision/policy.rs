@@ -33,7 +33,7 @@ struct Outcome {
     beyond: usize,
     /// The largest error over its estimate among these.
     worst: f64,
-    /// Medians of estimate over error, their geometric mean.
+    /// Medians of estimate over error, of each tolerance or question, their geometric mean.
     median: f64,
 }
 
@@ -48,7 +48,7 @@ impl Outcome {
         });
         let answers = it.runs.iter().filter(|run| run.end == End::Met).count();
         let wrong = it.wrong();
-        let logarithms = verdicts.iter().map(|it| it.median.ln());
+        let medians: Vec<f64> = verdicts.iter().map(|it| it.median).collect();
         Self {
             work: work.collect(),
             seconds: verdicts.iter().map(|it| it.seconds).sum(),
@@ -58,7 +58,7 @@ impl Outcome {
             worst: wrong
                 .first()
                 .map_or(0.0, |(_, it)| it.error() / it.estimate),
-            median: (logarithms.sum::<f64>() / verdicts.len() as f64).exp(),
+            median: geometric_mean(&medians),
         }
     }
 
@@ -67,16 +67,16 @@ impl Outcome {
         let answers: Vec<Answer> = questions.iter().map(Question::answer).collect();
         let judged = || answers.iter().flat_map(|it| &it.numbers);
         let beyond = judged().filter(|it| Answer::is_beyond(it));
-        let mut ratios: Vec<f64> = judged().filter_map(Answer::ratio).collect();
-        ratios.sort_by(f64::total_cmp);
+        let ratios = judged().filter_map(Answer::ratio);
+        let medians: Vec<f64> = answers.iter().filter_map(Answer::median).collect();
         Self {
             work: answers.iter().map(|it| it.work).collect(),
             seconds: answers.iter().map(|it| it.seconds).sum(),
             answers: answers.iter().filter(|it| it.met).count(),
             numbers: judged().count(),
             beyond: beyond.count(),
-            worst: 1.0 / ratios.first().copied().unwrap_or(f64::INFINITY),
-            median: ratios.get(ratios.len() / 2).copied().unwrap_or(f64::NAN),
+            worst: 1.0 / ratios.fold(f64::INFINITY, f64::min),
+            median: geometric_mean(&medians),
         }
     }
 
@@ -84,9 +84,9 @@ impl Outcome {
     fn work_over(&self, base: &Self) -> f64 {
         let pairs = self.work.iter().zip(&base.work);
         let ratios: Vec<f64> = pairs
-            .filter_map(|(a, b)| Some((a.as_ref()? / b.as_ref()?).ln()))
+            .filter_map(|(a, b)| Some(a.as_ref()? / b.as_ref()?))
             .collect();
-        (ratios.iter().sum::<f64>() / ratios.len().max(1) as f64).exp()
+        geometric_mean(&ratios)
     }
 
     /// Whether neither work nor what is known of the estimates differs from `base` by more than [`NOTHING`].
@@ -96,6 +96,11 @@ impl Outcome {
             && near(self.median / base.median)
             && (self.answers, self.beyond) == (base.answers, base.beyond)
     }
+}
+
+fn geometric_mean(all: &[f64]) -> f64 {
+    let logarithms = all.iter().map(|it| it.ln());
+    (logarithms.sum::<f64>() / all.len().max(1) as f64).exp()
 }
 
 /// Transients, and every other question.
@@ -162,7 +167,7 @@ impl Policy {
              of the calibration that take less than half a processor second, at tolerances of 1e-2 and 1e-3; other questions are those of\n\
              [questions.toml](questions.toml), each held against itself at a tenth of its tolerance. Work is unknowns times steps or solves of\n\
              the finest run, the geometric mean over the runs; beyond are numbers whose error is above its estimate; median is that of\n\
-             estimate over error.\n\n",
+             estimate over error at a tolerance or of a question, the geometric mean over these.\n\n",
         );
         for (what, it) in ["Transients", "Other questions"].iter().zip(&self.base) {
             let _ = writeln!(

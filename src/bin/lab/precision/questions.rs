@@ -43,6 +43,13 @@ impl Answer {
     pub fn ratio([error, estimate, doubt]: &[f64; 3]) -> Option<f64> {
         (error > doubt).then_some(estimate / error)
     }
+
+    /// Median of these, if there is one.
+    pub fn median(&self) -> Option<f64> {
+        let mut ratios: Vec<f64> = self.numbers.iter().filter_map(Self::ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        ratios.get(ratios.len() / 2).copied()
+    }
 }
 
 impl Question {
@@ -67,6 +74,12 @@ impl Question {
         let results = Plan::of(&self.scene).and_then(|it| it.run_quietly());
         let seconds = clock.seconds();
         let met = results.as_ref().is_ok_and(|it| !it.falls_short());
+        let resolutions = results.as_ref().map_or([None; 2], |it| {
+            [
+                it.decay_rates.as_ref().map(|it| it.functions),
+                it.solved.as_ref().map(|it| it.functions),
+            ]
+        });
         let tree = results.map_or(Value::Null, |it| it.tree());
         let found = numbers(&tree);
         let judged = found.iter().filter_map(|(place, [value, error])| {
@@ -75,15 +88,15 @@ impl Question {
         });
         Answer {
             seconds,
-            work: work(&tree),
+            work: work(&tree, &resolutions),
             met,
             numbers: judged.collect(),
         }
     }
 }
 
-/// What the methods of a tree took, all together.
-fn work(tree: &Value) -> Option<f64> {
+/// What the methods of a tree took, and searches of these resolutions, all together.
+fn work(tree: &Value, searches: &[Option<[usize; 2]>]) -> Option<f64> {
     let sections = tree.as_object()?.values();
     let method = |section: &Value| {
         let it = section.get("method")?;
@@ -92,7 +105,9 @@ fn work(tree: &Value) -> Option<f64> {
         let times = it.get("steps").or(it.get("solves"));
         Some(unknowns * times.and_then(Value::as_f64).unwrap_or(1.0))
     };
-    sections.filter_map(method).reduce(|a, b| a + b)
+    let searches = searches.iter().flatten().map(|[q, v]| (q * v) as f64);
+    let all = sections.filter_map(method).chain(searches);
+    all.reduce(|a, b| a + b)
 }
 
 /// Every number of a tree that has an error.
@@ -142,8 +157,9 @@ mod tests {
             "spectrum": {"method": {"functions": [3, 4], "solves": 5}},
             "steady": {"method": {"cells": [10, 2]}},
         });
-        assert_eq!(work(&tree), Some(80.0));
-        assert_eq!(work(&json!({"decay_rates": []})), None);
+        assert_eq!(work(&tree, &[None]), Some(80.0));
+        assert_eq!(work(&tree, &[None, Some([2, 3])]), Some(86.0));
+        assert_eq!(work(&json!({"decay_rates": []}), &[]), None);
     }
 
     #[test]
