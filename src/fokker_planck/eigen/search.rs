@@ -20,8 +20,8 @@ const HARMONICS: usize = 12;
 /// Resolutions that may bring nothing before the search ends.
 const STALLS: usize = 2;
 
-/// Resolutions at most; the last has 32 times the unknowns of the first.
-const RESOLUTIONS: usize = 6;
+/// Resolutions at most; the last has a hundred times the unknowns of the first.
+const RESOLUTIONS: usize = 8;
 
 /// The `count` slowest decay rates of an oscillator with a stationary law, each to `settings.tolerance` of its
 /// modulus; `settings.cells` fixes the finest resolution, as functions of q and of v.
@@ -201,7 +201,7 @@ impl Question for Search<'_> {
             let answer = self.judge([coarse, middle, fine], resolution);
             match &self.best {
                 Some(best) if best.shortage() <= answer.shortage() => self.stalls += 1,
-                _ => self.best = Some(answer),
+                _ => (self.best, self.stalls) = (Some(answer), 0),
             }
         }
         Ok(())
@@ -387,13 +387,18 @@ impl Search<'_> {
     }
 }
 
+/// Fall of the changes from resolution to resolution from which on they show no order.
+const SLOWEST: f64 = 0.8;
+
 /// An eigenvalue at three resolutions, the finest last, with its estimate; None if it is not known. Changes
-/// that halve at least show its order; where they do not, twice the larger must be within the tolerance.
+/// that fall show what they leave; where they do not, twice the larger must be within the tolerance.
 fn believed(path: [C; 3], algebraic: f64, tolerance: f64) -> Option<DecayRate> {
     let [earlier, last] = [(path[1] - path[0]).norm(), (path[2] - path[1]).norm()];
     let size = path[2].norm();
-    let (change, limit) = if last <= 0.5 * earlier {
-        (last.max(0.25 * earlier), RATES_KNOWN.get())
+    let (change, limit) = if last <= SLOWEST * earlier {
+        // As a geometric series at that rate, and at a half at least.
+        let left = (last / (earlier - last)).max(1.0);
+        ((left * last).max(0.25 * earlier), RATES_KNOWN.get())
     } else {
         (last.max(earlier), tolerance.min(RATES_KNOWN.get()))
     };

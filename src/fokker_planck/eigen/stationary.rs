@@ -83,8 +83,8 @@ pub(crate) struct StationaryState {
     pub(crate) cost: Cost,
 }
 
-/// Resolutions at most; the last has 32 times the unknowns of the first.
-const RESOLUTIONS: usize = 6;
+/// Resolutions at most; the last has 64 times the unknowns of the first.
+const RESOLUTIONS: usize = 7;
 
 /// Rounding of the null vector, relative to the scale of a number.
 const ROUNDING: f64 = 1e-11;
@@ -111,7 +111,7 @@ impl StationaryState {
             .damping()
             .depends_on_displacement("the stationary law")?;
         let mut it = Self {
-            first: Resolution::first(settings.cells, 2, [6, 14], LAW_LEVEL.get()),
+            first: Resolution::first(settings.cells, 2, [4, 10], LAW_LEVEL.get()),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             cost: Cost {

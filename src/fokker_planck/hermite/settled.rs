@@ -18,8 +18,8 @@ pub(in crate::fokker_planck) struct Settled {
 /// The coarsest resolution of such a law, and how many there are at most: the last has
 /// as many functions as ten seconds solve for.
 const FIRST: Resolution = Resolution {
-    elements: 6,
-    pairs: 14,
+    elements: 4,
+    pairs: 10,
     level: 18.0,
 };
 const MOST: usize = 6;
