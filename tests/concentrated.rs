@@ -268,3 +268,54 @@ fn moments_from_rest_and_from_dropped_points_agree_with_ten_million_paths() {
     // top.
     assert!(worst > 1.0, "errors are far too large: {worst}");
 }
+
+#[test]
+fn from_energies_far_above_the_stationary_law_a_linear_oscillator_keeps_its_closed_form() {
+    // p over the stationary law spans e^60 to e^400; taken against a hotter law, meshes are as coarse as anywhere.
+    for (zeta, temperature, mean) in [
+        (0.2, 0.04, [0.5, 0.0]),
+        (0.2, 0.01, [0.5, 0.0]),
+        (0.02, 0.03, [-1.5, 0.5]),
+        (0.005, 0.01, [0.6, 0.3]),
+    ] {
+        let h = 2.0 * zeta * temperature / std::f64::consts::PI;
+        let it = Oscillator::new(ContactLaw::Linear, zeta, h).unwrap();
+        let start = Initial::gaussian(mean, [0.3, 0.25]).unwrap();
+        let times = [1.0, 4.0, 15.0, 60.0];
+        let settings = Settings {
+            tolerance: 1e-3,
+            ..Settings::default()
+        };
+        let answer = transient(&it, &start, &times, &[], &settings, &|_| ()).unwrap();
+        let law = Gaussian::of(&it, &start).unwrap();
+        let cells = answer.method.cells;
+        println!("zeta = {zeta}, T = {temperature}: {cells:?} cells");
+        assert!(
+            answer.shortfall.is_none(),
+            "{:?} {:?}",
+            answer.shortfall,
+            answer.warnings
+        );
+        assert!(cells[0] * cells[1] < 200 * 200, "{cells:?}");
+        for (k, (t, m)) in times.iter().zip(&answer.moments).enumerate() {
+            let exact = law.after(&it, *t).unwrap();
+            let [[qq, qv], [_, vv]] = exact.covariance;
+            let square = exact.mean.map(|x| x * x);
+            // Of one Gaussian to another, T the identity.
+            let entropy = 0.5 * ((qq + vv + square[0] + square[1]) / temperature - 2.0)
+                - 0.5 * ((qq * vv - qv * qv) / temperature.powi(2)).ln();
+            for (number, x, y) in [
+                ("E[q]", m.mean_q, exact.mean[0]),
+                ("E[v]", m.mean_v, exact.mean[1]),
+                ("Var q", m.var_q, qq),
+                ("Cov qv", m.cov_qv, qv),
+                ("Var v", m.var_v, vv),
+                ("entropy", answer.relative_entropy[k].unwrap(), entropy),
+            ] {
+                let wrong = (x.value - y).abs();
+                println!("  t = {t}: {number} = {x}, wrong by {wrong:.1e}");
+                assert!(wrong <= x.error, "{number} at t = {t}");
+            }
+        }
+    }
+}

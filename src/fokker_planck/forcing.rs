@@ -20,8 +20,12 @@
 //! p over the stationary law of the undriven oscillator grows as e^{(shift of v) v/T}, beyond any bound where the drive is
 //! strong. The law that p is taken against is that of a temperature T + A^2/2, A the amplitude of the motion without noise:
 //! p over it stays of order 1 wherever p does, and for A = 0 it is the stationary law.
+//!
+//! So is p over the stationary law beyond bounds where it begins far above it: at e^89 rounding leaves nothing of it. Without
+//! any excitation too it is then taken against a law as hot as [`SPANNED`] asks.
 
 use super::ornstein_uhlenbeck::Kick;
+use super::policy::SPANNED;
 use crate::error::Result;
 use crate::excitation::Excitation;
 use crate::initial::Initial;
@@ -97,6 +101,25 @@ impl Forcing {
         Ok(Some(Self { orbits, ..it }))
     }
 
+    /// No excitation, but energies up to `highest` above the lowest potential: a hotter law that p is taken against. None where
+    /// the stationary law itself will do.
+    ///
+    /// # Errors
+    /// Those of [`Oscillator::new`].
+    pub(crate) fn hot(
+        oscillator: &Oscillator,
+        initial: &Initial,
+        highest: f64,
+    ) -> Result<Option<Self>> {
+        let above = highest / SPANNED.get() - oscillator.temperature();
+        if above <= 0.0 {
+            return Ok(None);
+        }
+        let swing = (2.0 * above).sqrt();
+        let it = Self::by(oscillator, initial, &Excitation::default(), (0.0, swing))?;
+        Ok(Some(Self { swing: 0.0, ..it }))
+    }
+
     fn by(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -138,6 +161,11 @@ impl Forcing {
                 Some(_) => factor * (1 + excitation.bends(0.0, until).count()) as f64,
             },
         })
+    }
+
+    /// Whether anything acts beside stationary noise.
+    pub(crate) fn acts(&self) -> bool {
+        !self.excitation.is_plain()
     }
 
     /// Drive and envelope.

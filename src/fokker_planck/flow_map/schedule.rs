@@ -22,7 +22,8 @@ impl FlowMap {
         duration: f64,
         late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<()> {
-        let same_time = self.forcing.is_none() || self.schedule.start == self.now;
+        let forced = self.forcing.as_ref().is_some_and(|it| it.acts());
+        let same_time = !forced || self.schedule.start == self.now;
         if self.schedule.duration == duration && same_time {
             return Ok(());
         }
@@ -35,7 +36,6 @@ impl FlowMap {
             self.maps.clear();
             self.matrices.clear();
         }
-        let forced = self.forcing.is_some();
         if forced {
             // What one node does no other does again.
             self.matrices.clear();

@@ -170,7 +170,7 @@ pub(super) fn run(
         Scheme::FlowMap => CHUNK * rung.flow_map().step,
         Scheme::Volumes(_) => 0.0,
     };
-    let end = match rung.forcing {
+    let end = match rung.acting() {
         None => (settled(oscillator, initial, rung.tolerance) + chunk).min(until),
         Some(_) => until,
     };
@@ -193,7 +193,7 @@ pub(super) fn run(
             let [each, rest] = Settings::bytes();
             bytes = n * (maps.min(HELD) * each + rest);
             let mut pass = timing::PASS;
-            if rung.forcing.is_some() {
+            if rung.acting().is_some() {
                 // A matrix of its own for every node.
                 let side = cells[1] as f64;
                 bytes += 8.0 * side * side * passes.min(CHUNK);

@@ -116,6 +116,10 @@ impl Question<'_> {
         }
         self.check_forcing()?;
         let (layout, first_grid) = self.laid_out()?;
+        if let Some(hot) = self.hot(&layout, first_grid)? {
+            let forcing = Some(&hot);
+            return Question { forcing, ..*self }.decided();
+        }
         let draft = Recipe {
             scheme: Scheme::FlowMap,
             first_grid,
@@ -158,6 +162,17 @@ impl Question<'_> {
             otherwise: otherwise.map(Box::new),
             ..recipe
         })
+    }
+
+    /// A hotter law to take p against, for a flow map of an initial condition far above the stationary one.
+    fn hot(&self, layout: &Layout, first_grid: FirstGrid) -> Result<Option<Arc<Forcing>>> {
+        let free = self.forcing.is_none() && self.period.is_none();
+        let begins = matches!(self.initial, Initial::Gaussian { .. });
+        if !(free && begins && self.takes_flow_map()) || first_grid == FirstGrid::MovingForGood {
+            return Ok(None);
+        }
+        let highest = 0.5 * layout.domain.v[1].powi(2);
+        Ok(Forcing::hot(self.oscillator, self.initial, highest)?.map(Arc::new))
     }
 
     /// What takes over from a flow map that does not hold the scene: a moving local grid first, on cells of the scene; finite
@@ -274,6 +289,13 @@ impl Question<'_> {
             }
             FirstGrid::Mesh | FirstGrid::MovingForGood => "",
         };
+        let hot = recipe.forcing.as_ref().filter(|it| !it.acts());
+        if let Some(reference) = hot.map(|it| it.reference().temperature()) {
+            let times = reference / self.oscillator.temperature();
+            reason += &format!(
+                "; the initial condition lies so far above the stationary law that p is taken against one {times:.1} times as hot"
+            );
+        }
         recipe.reason = reason;
         recipe.cost = cost::foreseen(
             &recipe,

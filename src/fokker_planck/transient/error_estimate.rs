@@ -207,7 +207,10 @@ impl Errors {
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
                 let steps = rung.flow_map();
-                let own = steps.splitting_error(task.oscillator);
+                // Over the deviation of the law that p is taken against.
+                let reference = rung.reference(task.oscillator).temperature();
+                let wider = (reference / task.oscillator.temperature()).sqrt();
+                let own = wider * steps.splitting_error(task.oscillator);
                 let forced = rung.forcing.as_ref();
                 let forced =
                     forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);

@@ -134,6 +134,11 @@ impl Rung {
         forcing.map_or(oscillator, |it| it.reference())
     }
 
+    /// What acts beside stationary noise.
+    pub(crate) fn acting(&self) -> Option<&Arc<Forcing>> {
+        self.forcing.as_ref().filter(|it| it.acts())
+    }
+
     /// The same with half the step of the scene, to tell what that does.
     pub(crate) fn halved(self) -> Self {
         Self {

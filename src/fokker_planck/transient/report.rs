@@ -8,7 +8,7 @@ use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::Method;
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 
 /// The answer of a transient solve, one entry per output time.
 #[derive(Debug, Clone, PartialEq)]
@@ -159,8 +159,8 @@ impl Task<'_> {
         stop: Stop,
         mut warnings: Vec<String>,
     ) -> Transient {
-        // Under a forcing no law is stationary, and densities are taken against another.
-        let stationary = self.recipe.forcing.is_none();
+        // Under what acts in time no law is stationary, and densities are taken against another.
+        let stationary = self.recipe.forcing.as_ref().is_none_or(|it| !it.acts());
         let known = self.knows_law() && stationary;
         if stationary && self.oscillator.contact().is_confining() && !self.knows_law() {
             let damping = self.oscillator.damping().name();
@@ -195,10 +195,20 @@ impl Task<'_> {
             ));
         }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);
+        // E[H]/T is a part of the entropy.
+        let part = |it: &Moments| {
+            let energy = it.get(Moment::MeanEnergy);
+            [
+                energy.map_or(0.0, |it| it.error) / self.oscillator.temperature(),
+                0.0,
+            ]
+        };
+        let parts: Vec<[f64; 2]> = moments.iter().map(part).collect();
         let both = |f: fn(&Output) -> f64, law: usize| -> Vec<Option<Estimate>> {
-            pairs()
-                .map(|(a, b)| {
-                    let error = (f(a) - f(b)).abs() + outside + a.doubt[law];
+            let pairs = pairs().zip(&parts);
+            pairs
+                .map(|((a, b), part)| {
+                    let error = (f(a) - f(b)).abs() + part[law] + outside + a.doubt[law];
                     known.then(|| Estimate::new(f(a), error, Origin::Space))
                 })
                 .collect()

@@ -186,9 +186,17 @@ impl Task<'_> {
         let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
         let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
-        let laws = self.law.map(|it| {
-            [&it.law, &it.coarser].map(|law| propagator.sampled(&|points| law.densities(points)))
-        });
+        let laws = match self.law {
+            Some(it) => Some(
+                [&it.law, &it.coarser]
+                    .map(|law| propagator.sampled(&|points| law.densities(points))),
+            ),
+            None if rung.forcing.is_some() && rung.acting().is_none() && self.knows_law() => {
+                let law = propagator.stationary(oscillator, [0.0; 2])?;
+                Some([law.clone(), law])
+            }
+            None => None,
+        };
         let law = laws.as_ref().map(|it| &it[0]);
         let (mut density, handed) = match (&phase, law) {
             (None, Some(law)) if *initial == Initial::Stationary => (law.clone(), 0.0),
@@ -196,7 +204,7 @@ impl Task<'_> {
             (Some(phase), _) => phase.density(&propagator),
         };
         // What is forced comes to no stationary law.
-        let settles = self.knows_law() && rung.forcing.is_none();
+        let settles = self.knows_law() && rung.acting().is_none();
         let close = SETTLED.get() * rung.tolerance;
         let mut settled = None;
         // Short steps are not all looked at.

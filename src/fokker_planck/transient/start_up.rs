@@ -87,7 +87,7 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     };
     let strong = (LOCAL_STEP_DAMPING.get() * tolerance / zeta.powi(3)).powf(0.25);
     // A drive asks no more of these steps than of those on a mesh, which are of lower order.
-    let driven = match &rung.forcing {
+    let driven = match rung.acting() {
         Some(_) => rung.flow_map().step,
         None => f64::INFINITY,
     };
@@ -164,7 +164,7 @@ impl<'a> StartUp<'a> {
         let early = EARLY.get() * later / (1.0 + oscillator.zeta());
         let fineness = fineness(oscillator, rung);
         let grid = LocalGrid::new(oscillator, initial, early, fineness)?;
-        let grid = grid.forced(oscillator, rung.forcing.clone());
+        let grid = grid.forced(oscillator, rung.acting().cloned());
         let goal = (rung.first_grid != FirstGrid::MovingForGood)
             .then(|| rung.mesh(oscillator))
             .transpose()?;
