@@ -1,4 +1,4 @@
-//! A minimum and a point of change of a function of one number.
+//! A minimum, a zero and a point of change of a function of one number.
 
 use crate::error::Result;
 
@@ -43,4 +43,35 @@ pub(crate) fn bisect(mut before: f64, mut after: f64, beyond: impl Fn(f64) -> bo
         }
     }
     0.5 * (before + after)
+}
+
+/// The zero of a rising function between `low` and `high`, to `width`, from its value and its slope: Newton's steps from
+/// `start`, halves of the bracket where they do not shrink.
+#[inline]
+pub(crate) fn rising(
+    f: impl Fn(f64) -> (f64, f64),
+    [mut low, mut high]: [f64; 2],
+    start: f64,
+    width: f64,
+) -> f64 {
+    let (mut x, mut before) = (start, high - low);
+    for _ in 0..100 {
+        let (value, slope) = f(x);
+        if value < 0.0 {
+            low = x;
+        } else {
+            high = x;
+        }
+        let mut next = x - value / slope;
+        // Far from the zero, on either side of a steep part, steps lead from one side to the other.
+        if !(next > low && next < high && (next - x).abs() <= 0.5 * before) {
+            next = 0.5 * (low + high);
+        }
+        before = (next - x).abs();
+        x = next;
+        if before <= width {
+            break;
+        }
+    }
+    x
 }

@@ -105,7 +105,7 @@ impl Domain {
             stationary
                 .value
                 .max(oscillator.averaged_beyond(level))
-                .max(start_outside(oscillator, initial, lowest + level))
+                .max(start_outside(oscillator, initial, level))
         };
         // ln P(H > level) falls nearly in proportion to the level: its secant, in a bracket.
         let excess = |level: f64| (outside(level) / neglected).max(1e-300).ln();
@@ -256,8 +256,9 @@ impl Domain {
     }
 }
 
-/// P(H > energy) of the start.
-fn start_outside(oscillator: &Oscillator, initial: &Initial, energy: f64) -> f64 {
+/// Probability that the energy of the initial condition lies so far above the lowest potential.
+pub(crate) fn start_outside(oscillator: &Oscillator, initial: &Initial, level: f64) -> f64 {
+    let energy = level + oscillator.contact().lowest_potential().unwrap_or(0.0);
     let Initial::Gaussian { mean, deviation } = *initial else {
         return 0.0;
     };

@@ -2,6 +2,7 @@
 
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
+use crate::roots::rising;
 
 /// A smooth monotone map from the mesh coordinate s to x; slope 1 where the mesh is finest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,38 +36,24 @@ impl Grading {
         }
     }
 
-    /// By Newton's method on a concave monotone function, bracketed.
     fn left_of(self, x: f64, beta: f64, knee: f64) -> f64 {
         // The slope lies in [1, 1 + beta] and x(s) <= s.
-        let (mut low, mut high) = (x.min(knee), x);
+        let (low, mut high) = (x.min(knee), x);
         high = high.max(x + beta * (knee - x).max(0.0) + 1.0);
         while self.at(high).0 < x {
             high += (high - low).max(1.0);
         }
-        let mut s = if x > knee {
+        let s = if x > knee {
             x
         } else {
             knee + (x - knee) / (1.0 + beta)
         };
-        for _ in 0..100 {
+        let width = 4.0 * f64::EPSILON * s.abs().max(1e-3);
+        let beyond = |s: f64| {
             let (value, slope) = self.at(s);
-            if value < x {
-                low = s
-            } else {
-                high = s
-            }
-            let next = s - (value - x) / slope;
-            let next = if next > low && next < high {
-                next
-            } else {
-                0.5 * (low + high)
-            };
-            if (next - s).abs() <= 4.0 * f64::EPSILON * s.abs().max(1e-3) {
-                return next;
-            }
-            s = next;
-        }
-        s
+            (value - x, slope)
+        };
+        rising(beyond, [low, high], s, width)
     }
 }
 
@@ -113,32 +100,18 @@ impl Focus {
         sum
     }
 
-    /// s with u(s) = u, by Newton's method, bracketed: u is monotone.
+    /// s with u(s) = u.
     fn inverse(&self, u: f64) -> f64 {
         let most: f64 = self.places.iter().map(|[_, b]| b * self.width).sum();
         if most == 0.0 {
             return u;
         }
-        let (mut low, mut high, mut s) = (u - most, u + most, u);
-        for _ in 0..100 {
+        let beyond = |s: f64| {
             let [value, slope] = self.of(s);
-            if value < u {
-                low = s;
-            } else {
-                high = s;
-            }
-            let next = s - (value - u) / slope;
-            // What is left is the square of it.
-            if (next - s).abs() <= 1e-9 * self.width {
-                return next;
-            }
-            s = if next > low && next < high {
-                next
-            } else {
-                0.5 * (low + high)
-            };
-        }
-        s
+            (value - u, slope)
+        };
+        // What is left of a step is the square of it.
+        rising(beyond, [u - most, u + most], u, 1e-9 * self.width)
     }
 }
 

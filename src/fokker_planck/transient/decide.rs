@@ -6,12 +6,13 @@ use super::recipe::{self, FirstGrid, Recipe, Rung, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::Cost;
+use crate::fokker_planck::domain::start_outside;
 use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::layout::{Cells, Layout};
-use crate::fokker_planck::policy::{FIRST_CELLS, LADDER_RATIO};
+use crate::fokker_planck::policy::{FIRST_CELLS, LADDER_RATIO, SPANNED};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::format::num;
 use crate::initial::Initial;
@@ -116,10 +117,12 @@ impl Question<'_> {
         }
         self.check_forcing()?;
         let (layout, first_grid) = self.laid_out()?;
-        if let Some(hot) = self.hot(&layout, first_grid)? {
-            let forcing = Some(&hot);
-            return Question { forcing, ..*self }.decided();
-        }
+        let hot = self.hot(&layout, first_grid)?;
+        let forcing = hot.as_ref().or(self.forcing);
+        Question { forcing, ..*self }.by_layout(layout, first_grid)
+    }
+
+    fn by_layout(&self, layout: Layout, first_grid: FirstGrid) -> Result<Recipe> {
         let draft = Recipe {
             scheme: Scheme::FlowMap,
             first_grid,
@@ -164,11 +167,17 @@ impl Question<'_> {
         })
     }
 
-    /// A hotter law to take p against, for a flow map of an initial condition far above the stationary one.
+    /// A hotter law to take p against, for a flow map of an initial condition of which the domain holds energies that p over
+    /// the stationary law does not span. The tails of that law itself ask for no other.
     fn hot(&self, layout: &Layout, first_grid: FirstGrid) -> Result<Option<Arc<Forcing>>> {
         let free = self.forcing.is_none() && self.period.is_none();
-        let begins = matches!(self.initial, Initial::Gaussian { .. });
-        if !(free && begins && self.takes_flow_map()) || first_grid == FirstGrid::MovingForGood {
+        let far = || {
+            let spanned = SPANNED.get() * self.oscillator.temperature();
+            start_outside(self.oscillator, self.initial, spanned) > layout.domain.neglected
+        };
+        let confined = self.oscillator.contact().is_confining();
+        let meshed = confined && self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;
+        if !(free && meshed && far()) {
             return Ok(None);
         }
         let highest = 0.5 * layout.domain.v[1].powi(2);
