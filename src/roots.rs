@@ -45,8 +45,8 @@ pub(crate) fn bisect(mut before: f64, mut after: f64, beyond: impl Fn(f64) -> bo
     0.5 * (before + after)
 }
 
-/// The zero of a rising function between `low` and `high`, to `width`, from its value and its slope: Newton's steps from
-/// `start`, halves of the bracket where they do not shrink.
+/// The zero of a rising function between `low` and `high`, from its value and its slope: Newton's steps from `start` until one
+/// is no longer than `width`, halves of the bracket where they do not shrink.
 #[inline]
 pub(crate) fn rising(
     f: impl Fn(f64) -> (f64, f64),
@@ -62,16 +62,38 @@ pub(crate) fn rising(
         } else {
             high = x;
         }
-        let mut next = x - value / slope;
-        // Far from the zero, on either side of a steep part, steps lead from one side to the other.
-        if !(next > low && next < high && (next - x).abs() <= 0.5 * before) {
-            next = 0.5 * (low + high);
+        let next = x - value / slope;
+        if (next - x).abs() <= width {
+            return next;
         }
+        // Far from the zero, on either side of a steep part, steps lead from one side to the other.
+        let shrinks = next > low && next < high && (next - x).abs() <= 0.5 * before;
+        let next = if shrinks { next } else { 0.5 * (low + high) };
         before = (next - x).abs();
         x = next;
-        if before <= width {
-            break;
-        }
     }
     x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rising;
+
+    #[test]
+    fn a_zero_on_a_steep_part_between_two_flat_ones_is_found_from_far() {
+        for (steep, zero) in [(3.0, 0.0), (30.0, 0.01), (3e4, -0.3), (3e4, 7.0)] {
+            let of = |x: f64| {
+                let root = x.hypot(1.0);
+                (x + steep * x / root, 1.0 + steep / root.powi(3))
+            };
+            let level = of(zero).0;
+            let beyond = |x: f64| (of(x).0 - level, of(x).1);
+            let bracket = [level - steep - 1.0, level + steep + 1.0];
+            let found = rising(beyond, bracket, level, 1e-9);
+            assert!(
+                (found - zero).abs() < 1e-11 * (1.0 + steep),
+                "{found} for {zero}"
+            );
+        }
+    }
 }
