@@ -235,7 +235,7 @@ fn every_question_of_the_default_scene_has_its_recipe() {
         ("first_loss", [67, 96], 832),
         ("transient", [200, 122], 981),
         ("steady", [115, 68], 60),
-        ("decay_rates", [89, 96], 15),
+        ("decay_rates", [49, 40], 15),
         ("spectrum", [153, 152], 21),
     ];
     assert_eq!(found, expected);
