@@ -1,11 +1,7 @@
 //! What every scheme keeps exactly: mass, the stationary law, the sign of the entropy's change.
 
-mod mesh_modes;
-
-mod runge_kutta;
-
-use mesh_modes::slowest;
-use runge_kutta::RungeKutta4;
+use crate::mesh_modes::slowest;
+use crate::runge_kutta::RungeKutta4;
 use sprs::{CsMat, TriMat};
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{

@@ -1,9 +1,7 @@
 //! Every scheme in space shows its order, against closed forms wherever there is one.
 
-mod runge_kutta;
-
 use rayon::prelude::*;
-use runge_kutta::RungeKutta4;
+use crate::runge_kutta::RungeKutta4;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
     Axis, Density, Domain, Drift, Generator, Mesh, Observables, Settings, TimeIntegration,

@@ -1,9 +1,7 @@
 //! Decay rates: against the closed form of G = q, against a mesh, against themselves at a finer resolution,
 //! and the edge of the continuous spectrum.
 
-mod mesh_modes;
-
-use mesh_modes::slowest;
+use crate::mesh_modes::slowest;
 use num_complex::Complex;
 use std::sync::LazyLock;
 use vibroimpact::contact::ContactLaw;

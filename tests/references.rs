@@ -2,16 +2,13 @@
 //! their numbers come from, none of them one of the program's own. To make them again:
 //!
 //! ```text
-//! cargo test --release --test references write_references -- --ignored --nocapture
+//! cargo test --release --test all references::write_references -- --ignored --nocapture
 //! ```
 //!
 //! with SCENES="3 17" for some scenes only; the others keep what is stored.
 
-mod hermite;
-mod moving;
-
-use hermite::{Hermite, Resolution};
-use moving::Moving;
+use crate::hermite::{Hermite, Resolution};
+use crate::moving::Moving;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
@@ -464,7 +461,7 @@ const KNOWN: f64 = 1e-3;
 
 const ABOUT: &str = "\
 # References of the calibration: cargo run --release --bin lab -- precision --calibrate judges error estimates by them.
-# Made by: cargo test --release --test references write_references -- --ignored --nocapture
+# Made by: cargo test --release --test all references::write_references -- --ignored --nocapture
 # scene: a line of scenes.csv, or from 49 on an entry of contacts.toml.
 # method: \"gaussian\" and \"stationary\" are closed forms; \"hermite ExP N\" is E spectral elements of degree P in q
 # times N Hermite functions in v (tests/hermite), \"moving N\" N by N Hermite functions in the frame of a
