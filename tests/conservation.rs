@@ -254,7 +254,7 @@ fn a_thousand_backward_euler_steps_stay_positive_and_keep_their_mass() {
 fn ten_thousand_explicit_steps_keep_g_equal_to_one_and_the_mass() {
     for t in [0.63, 10.0] {
         let it = oscillator(ContactLaw::Hertz, 0.005, t);
-        let cells = if t < 1.0 { [44, 28] } else { [56, 32] };
+        let cells = if t < 1.0 { [34, 24] } else { [54, 26] };
         for drift in Drift::ALL {
             let mesh = mesh(&it, drift, cells, 1e-4);
             assert_eq!(mesh.q.is_uniform(), t < 1.0);

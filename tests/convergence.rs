@@ -1,7 +1,7 @@
 //! Every scheme in space shows its order, against closed forms wherever there is one.
 
-use rayon::prelude::*;
 use crate::runge_kutta::RungeKutta4;
+use rayon::prelude::*;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
     Axis, Density, Domain, Drift, Generator, Mesh, Observables, Settings, TimeIntegration,
@@ -492,7 +492,7 @@ fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
 
 #[test]
 fn levels_from_1e_minus_6_to_0_3_are_steady_and_obey_the_energy_law() {
-    for (h, cells) in [(0.3, [200, 90]), (1e-6, [70, 70])] {
+    for (h, cells) in [(0.3, [170, 76]), (1e-6, [60, 60])] {
         let it = Oscillator::new(ContactLaw::Hertz, 0.005, h).unwrap();
         let t = it.temperature();
         let steady = Settings {

@@ -190,7 +190,7 @@ fn the_periodic_law_of_a_linear_oscillator_is_gaussian_about_its_response() {
     let it = Oscillator::new(ContactLaw::Linear, 0.005, 0.002).unwrap();
     let excitation = driven(0.02, 0.95, 0.4);
     let asked = Settings {
-        cells: Some([80, 80]),
+        cells: Some([60, 60]),
         step: Some(0.07),
         neglected: Some(1e-10),
         ..settings(&excitation, 1e-9)

@@ -389,7 +389,7 @@ fn the_standard_errors_of_few_bursts_hold_for_other_oscillators_than_the_one_the
     // Bursts of one or two losses, bursts of dozens, and a contact with a kink.
     let bilinear = Oscillator::new(ContactLaw::Bilinear, 0.005, 2.9e-4).unwrap();
     for (it, durations) in [
-        (hertz(0.04, 4e-3), [2e4, 4e5]),
+        (hertz(0.04, 4e-3), [2e4, 2e5]),
         (hertz(0.001, 1.3e-4), [1e5, 4e5]),
         (bilinear, [4e4, 2e5]),
     ] {

@@ -14,6 +14,7 @@ use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
+use crate::matrix::dot;
 use crate::quadrature::gauss;
 use rayon::prelude::*;
 
@@ -27,6 +28,32 @@ struct Row {
     /// Per node of v the first quadrature point its kernel reaches, and where its weights start.
     spans: Vec<(u32, u32)>,
     kernel: Vec<f64>,
+}
+
+/// A row after a step, from the field before it; `moved` is room for what the noise averages.
+struct Carry<'a> {
+    row: &'a Row,
+    before: &'a [f64],
+    moved: &'a mut Vec<f64>,
+    out: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Carry<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let nv = self.out.len();
+        self.moved.resize(self.row.stencils.len(), 0.0);
+        for (moved, stencil) in self.moved.iter_mut().zip(&self.row.stencils) {
+            *moved = stencil.value(self.before, nv);
+        }
+        for (out, ends) in self.out.iter_mut().zip(self.row.spans.windows(2)) {
+            let ((first, start), end) = (ends[0], ends[1].1);
+            let kernel = &self.row.kernel[start as usize..end as usize];
+            *out = dot(kernel, &self.moved[first as usize..]);
+        }
+    }
 }
 
 /// The survival of contact over one step, on a mesh.
@@ -170,19 +197,13 @@ impl Absorbed {
         let before: &[f64] = field;
         scratch.par_chunks_mut(nv).zip(&self.rows).for_each_init(
             Vec::new,
-            |moved: &mut Vec<f64>, (row_out, row)| {
-                moved.clear();
-                moved.extend(row.stencils.iter().map(|it| it.value(before, nv)));
-                for (j, out) in row_out.iter_mut().enumerate() {
-                    let (low, start) = row.spans[j];
-                    let end = row.spans[j + 1].1;
-                    let kernel = &row.kernel[start as usize..end as usize];
-                    *out = kernel
-                        .iter()
-                        .zip(&moved[low as usize..])
-                        .map(|(k, w)| k * w)
-                        .sum();
-                }
+            |moved: &mut Vec<f64>, (out, row)| {
+                pulp::Arch::new().dispatch(Carry {
+                    row,
+                    before,
+                    moved,
+                    out,
+                });
             },
         );
         std::mem::swap(field, scratch);

@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
+use rayon::prelude::*;
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// The density of the time of flight.
@@ -58,7 +59,7 @@ pub fn flight_law(oscillator: &Oscillator) -> Result<FlightLaw> {
     let gap = last / POINTS as f64;
     let times: Vec<f64> = (0..POINTS).map(|k| (k as f64 + 0.5) * gap).collect();
     Ok(FlightLaw {
-        density: times.iter().map(|t| flight.density(*t)).collect(),
+        density: times.par_iter().map(|t| flight.density(*t)).collect(),
         times,
     })
 }
@@ -152,9 +153,7 @@ impl Flight {
             };
             quadrature::integrate(outer, &breaks, relative)
         };
-        let value = total(false, 1e-8);
-        let second = total(true, 1e-3).value;
-        Estimate::new(value.value, 2.0 * value.error + second, Origin::Quadrature)
+        expanded(&total)
     }
 
     /// The unit of velocities, sqrt(2D).
@@ -207,8 +206,7 @@ impl Flight {
             let it = |w: f64| self.mckean(t, [w, c / unit], doubt) / unit;
             quadrature::integrate(it, &breaks, relative)
         };
-        let (value, second) = (total(false, 1e-8), total(true, 1e-3).value);
-        let first = Estimate::new(value.value, 2.0 * value.error + second, Origin::Quadrature);
+        let first = expanded(&total);
         if all.error < first.error { all } else { first }
     }
 
@@ -276,6 +274,20 @@ impl Free {
         let x = w * self.once - self.fallen;
         (x, -(w * self.left - self.pulled - self.slope * x))
     }
+}
+
+/// The integral of an expansion in the friction, with that of what it leaves out as its error: to 1e-8, or to a hundredth of
+/// that error.
+fn expanded(total: &dyn Fn(bool, f64) -> Estimate) -> Estimate {
+    const ROUGH: f64 = 1e-3;
+    let (rough, second) = (total(false, ROUGH), total(true, ROUGH).value);
+    let relative = (0.01 * second / rough.value).max(1e-8);
+    let value = if relative < ROUGH {
+        total(false, relative)
+    } else {
+        rough
+    };
+    Estimate::new(value.value, 2.0 * value.error + second, Origin::Quadrature)
 }
 
 /// Breaks about a peak on the positive axis.

@@ -132,16 +132,19 @@ pub(super) struct Stencil {
 }
 
 impl Stencil {
+    #[inline(always)]
     pub(super) fn value(&self, field: &[f64], nv: usize) -> f64 {
         let start = self.first[0] as usize * nv + self.first[1] as usize;
-        let mut sum = 0.0;
+        let mut parts = [0.0; POINTS];
         for (a, wa) in self.weights[0].iter().enumerate() {
             let row = &field[start + a * nv..start + a * nv + POINTS];
-            let mut part = 0.0;
-            for (x, wb) in row.iter().zip(&self.weights[1]) {
-                part += x * wb;
+            for b in 0..POINTS {
+                parts[b] += wa * row[b];
             }
-            sum += wa * part;
+        }
+        let mut sum = 0.0;
+        for (part, wb) in parts.iter().zip(&self.weights[1]) {
+            sum += part * wb;
         }
         sum
     }
