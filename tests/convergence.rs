@@ -466,7 +466,12 @@ fn the_energy_law_holds_at_order_6_and_8_and_upwind_breaks_it() {
     let energy = |r: &RawMoments| 0.5 * r.vv + r.potential;
     let rate = |r: &RawMoments| it.noise() - 2.0 * it.zeta() * r.vv;
     for drift in [Drift::Upwind, Drift::Order6, Drift::Order8] {
-        let mut case = Case::new(&it, &start, &domain, drift, [210, 136]);
+        // What upwind breaks, it breaks on any mesh.
+        let cells = match drift {
+            Drift::Upwind => [140, 90],
+            _ => [210, 136],
+        };
+        let mut case = Case::new(&it, &start, &domain, drift, cells);
         let step = 0.0625;
         case.run(1.0);
         let begin = case.raw();
