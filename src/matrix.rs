@@ -11,8 +11,8 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (other, last) = b[..both].as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
     for (a, b) in whole.iter().zip(other) {
-        for k in 0..LANES {
-            sums[k] += a[k] * b[k];
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
         }
     }
     let mut sum = 0.0;

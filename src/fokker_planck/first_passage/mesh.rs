@@ -138,8 +138,8 @@ impl Stencil {
         let mut parts = [0.0; POINTS];
         for (a, wa) in self.weights[0].iter().enumerate() {
             let row = &field[start + a * nv..start + a * nv + POINTS];
-            for b in 0..POINTS {
-                parts[b] += wa * row[b];
+            for (part, x) in parts.iter_mut().zip(row) {
+                *part += wa * x;
             }
         }
         let mut sum = 0.0;

@@ -288,7 +288,7 @@ impl Question<'_> {
 
     /// The recipe with its foreseen cost.
     fn costed(&self, mut recipe: Recipe, mut reason: String) -> Result<Recipe> {
-        reason += match recipe.first_grid {
+        reason.push_str(match recipe.first_grid {
             FirstGrid::Moving => {
                 "; the initial condition is too narrow for a mesh, so a small mesh moves with it at first"
             }
@@ -297,12 +297,13 @@ impl Question<'_> {
                  friction has brought it in"
             }
             FirstGrid::Mesh | FirstGrid::MovingForGood => "",
-        };
+        });
         let hot = recipe.forcing.as_ref().filter(|it| !it.acts());
         if let Some(reference) = hot.map(|it| it.reference().temperature()) {
             let times = reference / self.oscillator.temperature();
-            reason += &format!(
-                "; the initial condition lies so far above the stationary law that p is taken against one {times:.1} times as hot"
+            reason = format!(
+                "{reason}; the initial condition lies so far above the stationary law that p is taken against one {times:.1} \
+                 times as hot"
             );
         }
         recipe.reason = reason;

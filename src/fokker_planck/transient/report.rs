@@ -195,24 +195,8 @@ impl Task<'_> {
             ));
         }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);
-        // E[H]/T is a part of the entropy.
-        let part = |it: &Moments| {
-            let energy = it.get(Moment::MeanEnergy);
-            [
-                energy.map_or(0.0, |it| it.error) / self.oscillator.temperature(),
-                0.0,
-            ]
-        };
-        let parts: Vec<[f64; 2]> = moments.iter().map(part).collect();
-        let both = |f: fn(&Output) -> f64, law: usize| -> Vec<Option<Estimate>> {
-            let pairs = pairs().zip(&parts);
-            pairs
-                .map(|((a, b), part)| {
-                    let error = (f(a) - f(b)).abs() + part[law] + outside + a.doubt[law];
-                    known.then(|| Estimate::new(f(a), error, Origin::Space))
-                })
-                .collect()
-        };
+        let [relative_entropy, distance] = self.beside_the_law(&fine, coarse, &moments, outside);
+        let of_law = |it: Vec<Estimate>| it.into_iter().map(|it| known.then_some(it)).collect();
         let negative = fine.outputs.iter().map(|o| o.negative).fold(0.0, f64::max);
         if negative > self.recipe.tolerance {
             warnings.push(format!(
@@ -240,8 +224,8 @@ impl Task<'_> {
                     Estimate::new(a.negative, error, Origin::Space)
                 })
                 .collect(),
-            relative_entropy: both(|o| o.entropy, 0),
-            distance: both(|o| o.distance, 1),
+            relative_entropy: of_law(relative_entropy),
+            distance: of_law(distance),
             method: Method {
                 name: self.recipe.name(),
                 reason,
@@ -263,5 +247,29 @@ impl Task<'_> {
                 .collect(),
             warnings,
         }
+    }
+
+    /// Relative entropy and L1 distance to the stationary law at each time.
+    fn beside_the_law(
+        &self,
+        fine: &Run,
+        coarse: &Run,
+        moments: &[Moments],
+        outside: f64,
+    ) -> [Vec<Estimate>; 2] {
+        let of = |law: usize, f: fn(&Output) -> f64| {
+            let pairs = fine.outputs.iter().zip(&coarse.outputs).zip(moments);
+            let one = |((a, b), moments): ((&Output, &Output), &Moments)| {
+                // E[H]/T is a part of the entropy.
+                let energy = match (law, moments.get(Moment::MeanEnergy)) {
+                    (0, Some(energy)) => energy.error / self.oscillator.temperature(),
+                    _ => 0.0,
+                };
+                let error = (f(a) - f(b)).abs() + energy + outside + a.doubt[law];
+                Estimate::new(f(a), error, Origin::Space)
+            };
+            pairs.map(one).collect()
+        };
+        [of(0, |it| it.entropy), of(1, |it| it.distance)]
     }
 }

@@ -186,17 +186,7 @@ impl Task<'_> {
         let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
         let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
-        let laws = match self.law {
-            Some(it) => Some(
-                [&it.law, &it.coarser]
-                    .map(|law| propagator.sampled(&|points| law.densities(points))),
-            ),
-            None if rung.forcing.is_some() && rung.acting().is_none() && self.knows_law() => {
-                let law = propagator.stationary(oscillator, [0.0; 2])?;
-                Some([law.clone(), law])
-            }
-            None => None,
-        };
+        let laws = self.laws(rung, &propagator)?;
         let law = laws.as_ref().map(|it| &it[0]);
         let (mut density, handed) = match (&phase, law) {
             (None, Some(law)) if *initial == Initial::Stationary => (law.clone(), 0.0),
@@ -269,6 +259,21 @@ impl Task<'_> {
             settled,
             floquet: None,
         })
+    }
+
+    /// The stationary law on the mesh, twice for what it may be off, where that is not what p is taken against.
+    fn laws(&self, rung: &Rung, propagator: &Propagator) -> Result<Option<[Density; 2]>> {
+        if let Some(it) = self.law {
+            let laws = [&it.law, &it.coarser];
+            return Ok(Some(
+                laws.map(|law| propagator.sampled(&|points| law.densities(points))),
+            ));
+        }
+        if rung.forcing.is_none() || rung.acting().is_some() || !self.knows_law() {
+            return Ok(None);
+        }
+        let law = propagator.stationary(self.oscillator, [0.0; 2])?;
+        Ok(Some([law.clone(), law]))
     }
 
     /// The mesh of a run, if it fits.
