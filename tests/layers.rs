@@ -193,6 +193,29 @@ fn no_source_file_unwraps_outside_its_tests() {
     }
 }
 
+#[test]
+fn every_file_of_tests_is_run() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |name: &str| fs::read_to_string(root.join(name)).unwrap();
+    let (all, manifest) = (read("tests/all.rs"), read("Cargo.toml"));
+    let mut run = 0;
+    for entry in fs::read_dir(root.join("tests")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|it| it != "rs") {
+            continue;
+        }
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let alone = manifest.contains(&format!("[[test]]\nname = \"{name}\""));
+        let listed = all.contains(&format!("\nmod {name};"));
+        assert!(
+            alone != listed,
+            "tests/{name}.rs: a module of tests/all.rs or a test of Cargo.toml"
+        );
+        run += 1;
+    }
+    assert!(run > 20);
+}
+
 /// The modules of the tree by their path, each with its file and its code.
 struct Tree {
     files: Vec<(Vec<String>, String, String)>,
