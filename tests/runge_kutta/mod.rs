@@ -30,7 +30,6 @@ impl RungeKutta4 {
 
     /// Advances by `duration` in equal steps of at most `step` and of at most a third of the longest
     /// stable one, where the error in time is far below that in space; returns how many.
-    #[allow(dead_code)] // Each test file uses a part.
     pub(crate) fn advance(&mut self, density: &mut Density, duration: f64, step: f64) -> u64 {
         let steps = (duration / step.min(self.longest / 3.0)).ceil().max(1.0);
         let inverse = self.generator.inverse_weights();
