@@ -1,7 +1,7 @@
 //! The schedule of an interval between outputs, and the flow maps and matrices that it still lacks.
 
 use super::interval::{Leg, Noise, Schedule};
-use super::pass::{Blocks, Matrix};
+use super::pass::{self, Blocks, Matrix};
 use super::{FlowMap, KEPT, splitting};
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::{self, Kick};
@@ -36,8 +36,8 @@ impl FlowMap {
             self.maps.clear();
             self.matrices.clear();
         }
-        if forced {
-            // What one node does no other does again.
+        if forced && self.matrices.len() > self.most_matrices() {
+            // No other node does what one did, but that of the next period.
             self.matrices.clear();
         }
         // Kept: what this interval may use again.
@@ -99,6 +99,12 @@ impl FlowMap {
             self.maps.extend(new.iter().copied().zip(maps));
         }
         Ok(())
+    }
+
+    /// Matrices under a forcing that take about as much memory as `KEPT` maps.
+    fn most_matrices(&self) -> usize {
+        let (map, row) = (pass::STENCIL * self.mesh.q.len(), self.buffers.stride);
+        KEPT * map / (row * self.rates.blocks(&self.mesh).len())
     }
 
     /// What to nudge v by at each node of an interval of `steps` steps from now on, for the kicks that a drive asks for where
