@@ -1,6 +1,11 @@
-//! Vectors, and the exponential of a small dense matrix.
+//! Vectors, products of long rows, and the exponential of a small dense matrix.
 
-use ndarray::Array2;
+use ndarray::linalg::general_mat_mul;
+use ndarray::{Array2, ArrayRef2, Axis};
+use rayon::prelude::*;
+
+/// Columns of long rows that one thread multiplies at a time; the same for any number of threads.
+const COLUMNS: usize = 4096;
 
 /// The scalar product of what two vectors have in common, in eight sums: vectors of the caller's instructions.
 #[inline(always)]
@@ -28,6 +33,34 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// |x|.
 pub(crate) fn norm(x: &[f64]) -> f64 {
     dot(x, x).sqrt()
+}
+
+/// A B^T of long rows, on all threads.
+pub(crate) fn overlaps(a: &ArrayRef2<f64>, b: &ArrayRef2<f64>) -> Array2<f64> {
+    let [left, right] = [a, b].map(|of| of.axis_chunks_iter(Axis(1), COLUMNS).collect::<Vec<_>>());
+    let both = left.par_iter().zip(&right);
+    let parts: Vec<Array2<f64>> = both.map(|(a, b)| a.dot(&b.t())).collect();
+    let mut sum = Array2::zeros((a.nrows(), b.nrows()));
+    for part in parts {
+        sum += &part;
+    }
+    sum
+}
+
+/// X <- X - A B, X and B of long rows, on all threads.
+fn take_off(x: &mut Array2<f64>, a: &Array2<f64>, b: &Array2<f64>) {
+    let into: Vec<_> = x.axis_chunks_iter_mut(Axis(1), COLUMNS).collect();
+    let from: Vec<_> = b.axis_chunks_iter(Axis(1), COLUMNS).collect();
+    into.into_par_iter()
+        .zip(from)
+        .for_each(|(mut x, b)| general_mat_mul(-1.0, a, &b, 1.0, &mut x));
+}
+
+/// Takes off rows what they have of orthonormal ones, and answers with how much.
+pub(crate) fn project(x: &mut Array2<f64>, basis: &Array2<f64>) -> Array2<f64> {
+    let held = overlaps(x, basis);
+    take_off(x, &held, basis);
+    held
 }
 
 /// e^{A t}: Taylor's series of degree 18 where |A t| < 1/2, to rounding, and squaring.

@@ -3,10 +3,10 @@
 use super::hessenberg::{hessenberg, reflect};
 use super::{Answer, C, End, Form, POWERS, Reduced, Side};
 use crate::error::Result;
-use crate::fokker_planck::hermite::Factored;
-use crate::matrix::norm;
+use crate::fokker_planck::hermite::{Factored, Hierarchy};
+use crate::matrix::{norm, overlaps, project};
 use crate::sparse::eigenvalues;
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
 use rayon::prelude::*;
 
 /// States at a frequency, and by how much the largest was stretched.
@@ -16,6 +16,9 @@ type States = (Vec<Vec<f64>>, f64);
 /// to place them well.
 const ROUND: usize = 4;
 const GROWTH: f64 = 0.3;
+
+/// Rows that are made orthonormal one by one, before the next as many are taken together: the states of two frequencies.
+const TOGETHER: usize = 4 * POWERS;
 
 /// A part of a new state beyond this, relative to it, is rounding.
 const NEW: f64 = 1e-9;
@@ -104,7 +107,7 @@ impl<'a> Builder<'a> {
             let twice = full.apply(&once);
             first.extend([start, once, twice]);
         }
-        it.add(first);
+        it.add(&first);
         it
     }
 
@@ -150,67 +153,55 @@ impl<'a> Builder<'a> {
             new.extend(states);
             self.stretched = self.stretched.max(stretched);
         }
-        self.add(new);
+        self.add(&new);
         self.solved.extend(omegas);
         Ok(())
     }
 
     /// Adds what is new of some vectors: Gram and Schmidt, twice, first against all rows that are there.
-    fn add(&mut self, vectors: Vec<Vec<f64>>) {
+    fn add(&mut self, vectors: &[Vec<f64>]) {
         let len = self.form.full.len();
         let sizes: Vec<f64> = vectors.iter().map(|x| norm(x)).collect();
-        let mut new = rows(&vectors, len);
-        drop(vectors);
+        let mut new = rows(vectors, len);
         for _ in 0..2 {
-            new -= &new.dot(&self.basis.t()).dot(&self.basis);
+            project(&mut new, &self.basis);
         }
-        let mut kept: Vec<Array1<f64>> = Vec::new();
-        for (mut x, size) in new.rows().into_iter().map(|x| x.to_owned()).zip(sizes) {
-            for _ in 0..2 {
-                for b in &kept {
-                    let overlap = b.dot(&x);
-                    x.scaled_add(-overlap, b);
-                }
-            }
-            let left = x.dot(&x).sqrt();
-            if left > NEW * size {
-                kept.push(x / left);
-            }
-        }
-        let kept: Vec<Vec<f64>> = kept.into_iter().map(|x| x.to_vec()).collect();
-        let images: Vec<Vec<f64>> = kept.par_iter().map(|x| self.form.full.apply(x)).collect();
-        let transposed = self.form.adjoint.as_ref().map(|it| &it.operator);
-        let shadows: Option<Vec<Vec<f64>>> =
-            transposed.map(|it| kept.par_iter().map(|x| it.apply(x)).collect());
-        let (kept, images) = (rows(&kept, len), rows(&images, len));
+        let kept = orthonormal(&new, &sizes);
+        let mut images = self.images(&self.form.full, &kept);
         // What the new rows hold of the old residuals, and all rows of the new images.
-        let held = self.residuals.dot(&kept.t());
-        self.residuals -= &held.dot(&kept);
+        let held = project(&mut self.residuals, &kept);
         let matrix = join(Axis(0), &self.matrix, &held.t());
-        self.basis = join(Axis(0), &self.basis, &kept.view());
-        let held = images.dot(&self.basis.t());
+        let shadows = self.form.adjoint.as_ref().map(|it| {
+            project(&mut self.shadows, &kept);
+            self.images(&it.operator, &kept)
+        });
+        append(&mut self.basis, &kept);
+        let held = project(&mut images, &self.basis);
         self.matrix = join(Axis(1), &matrix, &held.t());
-        let left = images - held.dot(&self.basis);
-        self.residuals = join(Axis(0), &self.residuals, &left.view());
-        if let Some(shadows) = shadows {
-            let held = self.shadows.dot(&kept.t());
-            self.shadows -= &held.dot(&kept);
-            let shadows = rows(&shadows, len);
-            let held = shadows.dot(&self.basis.t());
-            let left = shadows - held.dot(&self.basis);
-            self.shadows = join(Axis(0), &self.shadows, &left.view());
+        append(&mut self.residuals, &images);
+        if let Some(mut shadows) = shadows {
+            project(&mut shadows, &self.basis);
+            append(&mut self.shadows, &shadows);
         }
+    }
+
+    /// What an operator makes of rows.
+    fn images(&self, operator: &Hierarchy, of: &Array2<f64>) -> Array2<f64> {
+        let of: Vec<_> = of.rows().into_iter().collect();
+        let images: Vec<Vec<f64>> = of.par_iter().map(|x| operator.apply(&x.to_vec())).collect();
+        rows(&images, self.form.full.len())
     }
 
     /// The model as far as it has been built.
     fn model(&self) -> Result<Reduced> {
         let mut matrix = self.matrix.clone();
-        let mut gram = self.residuals.dot(&self.residuals.t());
+        let mut gram = overlaps(&self.residuals, &self.residuals);
         let start = self.form.full.start();
         let Some(adjoint) = &self.form.adjoint else {
             let product = |part: Slice| {
-                let cut = |of: &Array2<f64>| of.slice_axis(Axis(1), part).to_owned();
-                cut(&self.basis).dot(&cut(&self.residuals).t())
+                let [basis, residuals] =
+                    [&self.basis, &self.residuals].map(|it| it.slice_axis(Axis(1), part));
+                overlaps(&basis, &residuals)
             };
             let even = self.form.full.even();
             let mut dual = product(Slice::from(..even)) - product(Slice::from(even..));
@@ -234,7 +225,7 @@ impl<'a> Builder<'a> {
         let mut state = self.basis.dot(&weighed);
         // The transposed equation on the basis that begins with its own state.
         let (mut turned, size) = (matrix.t().to_owned(), state.dot(&state).sqrt());
-        let mut shadow = self.shadows.dot(&self.shadows.t());
+        let mut shadow = overlaps(&self.shadows, &self.shadows);
         let mut u = &state / size;
         u[0] += 1f64.copysign(u[0]);
         let whole = Slice::from(..);
@@ -265,10 +256,45 @@ impl<'a> Builder<'a> {
     }
 }
 
+/// Rows orthonormal one to the other that span what rows of these sizes, `new` of which is left, are beyond rounding.
+fn orthonormal(new: &Array2<f64>, sizes: &[f64]) -> Array2<f64> {
+    let mut all = Array2::zeros((0, new.ncols()));
+    let blocks = new.axis_chunks_iter(Axis(0), TOGETHER);
+    for (block, sizes) in blocks.zip(sizes.chunks(TOGETHER)) {
+        let mut block = block.to_owned();
+        for _ in 0..2 {
+            project(&mut block, &all);
+        }
+        let mut kept: Vec<Vec<f64>> = Vec::new();
+        for (x, size) in block.rows().into_iter().zip(sizes) {
+            let mut x = x.to_owned();
+            for _ in 0..2 {
+                for b in &kept {
+                    let b = ArrayView1::from(b);
+                    let overlap = b.dot(&x);
+                    x.scaled_add(-overlap, &b);
+                }
+            }
+            let left = x.dot(&x).sqrt();
+            if left > NEW * size {
+                kept.push((x / left).to_vec());
+            }
+        }
+        append(&mut all, &rows(&kept, new.ncols()));
+    }
+    all
+}
+
 /// Vectors of a length as rows.
 fn rows(vectors: &[Vec<f64>], length: usize) -> Array2<f64> {
     let all = vectors.concat();
     Array2::from_shape_vec((vectors.len(), length), all).unwrap_or_default()
+}
+
+/// Rows below others of the same length.
+fn append(to: &mut Array2<f64>, rows: &Array2<f64>) {
+    // Rows of another length there are none.
+    let _ = to.append(Axis(0), rows.view());
 }
 
 /// One matrix beside another.
