@@ -372,15 +372,36 @@ impl Band {
 
     /// Solves for so many right-hand sides that stand side by side.
     fn solve(&self, x: &mut [C], columns: usize) {
-        let n = self.rows;
-        for (k, pivot) in self.pivots.iter().enumerate() {
+        pulp::Arch::new().dispatch(Solve {
+            band: self,
+            x,
+            columns,
+        });
+    }
+}
+
+/// Right-hand sides of a band, overwritten with the solutions. A type, since a closure would not be compiled for the CPU.
+struct Solve<'a> {
+    band: &'a Band,
+    x: &'a mut [C],
+    columns: usize,
+}
+
+impl pulp::WithSimd for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { band, x, columns } = self;
+        let n = band.rows;
+        for (k, pivot) in band.pivots.iter().enumerate() {
             if *pivot != k {
                 let (head, tail) = x.split_at_mut(pivot * columns);
                 head[k * columns..(k + 1) * columns].swap_with_slice(&mut tail[..columns]);
             }
             let (head, tail) = x.split_at_mut((k + 1) * columns);
             let here = &head[k * columns..];
-            let factors = &self.lower[k * BAND..(k + 1) * BAND];
+            let factors = &band.lower[k * BAND..(k + 1) * BAND];
             if let [here] = here {
                 add(&mut tail[..BAND.min(n - k - 1)], factors, -here);
                 continue;
@@ -394,7 +415,7 @@ impl Band {
         for k in (0..n).rev() {
             let (head, tail) = x.split_at_mut((k + 1) * columns);
             let here = &mut head[k * columns..];
-            let row = &self.entries[k * WIDTH + BAND..(k + 1) * WIDTH];
+            let row = &band.entries[k * WIDTH + BAND..(k + 1) * WIDTH];
             let over = row[0].inv();
             if let [here] = here {
                 let known: C = row[1..].iter().zip(&*tail).map(|(a, x)| a * x).sum();
@@ -414,7 +435,7 @@ impl Band {
 }
 
 /// Adds a multiple of a row.
-#[inline]
+#[inline(always)]
 fn add(to: &mut [C], what: &[C], times: C) {
     for (to, what) in to.iter_mut().zip(what) {
         to.re += times.re * what.re - times.im * what.im;
