@@ -12,6 +12,7 @@ use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Work;
 use crate::fokker_planck::layout::STEEPER_TRIES;
 use crate::fokker_planck::policy::{BEST_FALL, STALLED};
+use rayon::prelude::*;
 
 /// How often rungs below the cells of the scene are brought nearer to them, by half.
 const HALVINGS: usize = 2;
@@ -71,6 +72,8 @@ struct Ladder<'a> {
     laid_out: Vec<(f64, Rung)>,
     /// The rung to be run next, and whether with half the step of the scene.
     next: (f64, bool),
+    /// That and those to be run beside it.
+    beside: Vec<(f64, bool)>,
     /// Rungs from one run to the next.
     stride: f64,
     /// The last three runs, the finest last.
@@ -99,6 +102,7 @@ impl<'a> Ladder<'a> {
             task,
             laid_out: Vec::new(),
             next: (first, false),
+            beside: Vec::new(),
             stride: 1.0,
             runs: Vec::new(),
             halved: None,
@@ -142,6 +146,64 @@ impl<'a> Ladder<'a> {
             ..
         } = self.task;
         cost::run(&rung, oscillator, initial, times, limits.memory).map(Work::from)
+    }
+
+    /// What the next rung takes with those that are run beside it: at first as many as an answer needs, if they fit.
+    fn together(&mut self) -> Result<Work> {
+        let (r, halved) = self.next;
+        let mut all = self.work((r, halved))?;
+        self.beside = vec![(r, halved)];
+        let more = match self.task.recipe.step {
+            None => (RUNGS - 1).saturating_sub(self.runs.len()),
+            Some(_) => 0,
+        };
+        let (mut longest, mut sum) = (all.seconds, all.seconds);
+        for k in 1..=more {
+            let which = (r + k as f64 * self.stride, false);
+            let Ok(it) = self.work(which) else { break };
+            if all.memory + it.memory > self.task.limits.memory {
+                break;
+            }
+            all.memory += it.memory;
+            longest = longest.max(it.seconds);
+            sum += it.seconds;
+            self.beside.push(which);
+        }
+        all.seconds = longest.max(sum / rayon::current_num_threads() as f64);
+        Ok(all)
+    }
+
+    /// Takes what came of the next rung.
+    fn take(&mut self, rung: &Rung, run: Result<Run>) -> Result<()> {
+        let recipe = self.task.recipe;
+        let (r, halved) = self.next;
+        let run = match run {
+            Err(error) if self.skips(&error) => return Ok(()),
+            it => it?,
+        };
+        if halved {
+            self.halved = Some(run);
+            self.next = (r, false);
+            return Ok(());
+        }
+        if self.halved.is_some() && self.whole.is_none() {
+            self.whole = Some(run.clone());
+        }
+        self.runs.push(run);
+        if self.runs.len() > RUNGS {
+            self.runs.remove(0);
+        }
+        let with_half = recipe.step.is_some() && self.runs.len() == RUNGS - 1;
+        self.next = (r + self.stride, with_half);
+        if let [coarsest, coarse, fine] = &self.runs[..] {
+            let mut errors = Errors::of(&self.task, (rung, self.stride), [coarsest, coarse, fine]);
+            if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
+                errors = errors.with_steps(whole, halved);
+            }
+            self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
+            self.errors = Some(errors);
+        }
+        Ok(())
     }
 
     /// Whether finer cells may hold what those of a first rung do not: begins again with the next, or nearer to the cells
@@ -190,10 +252,9 @@ impl Question for Ladder<'_> {
 
     fn next(&mut self) -> Result<Next> {
         let recipe = self.task.recipe;
-        let (r, halved) = self.next;
         let stop = |text: &str, free| Ok(Next::Stop(Stop::new(text, free)));
         let Some(ratio) = self.ratio() else {
-            return match self.work((r, halved)) {
+            return match self.together() {
                 Err(error) if self.skips(&error) => self.next(),
                 now => Ok(Next::Run {
                     now: now?,
@@ -219,46 +280,38 @@ impl Question for Ladder<'_> {
             1.0
         };
         let more = (known.ln() / -BEST_FALL.get().ln()).max(0.0).floor();
-        Ok(Next::Run {
-            now: self.work((r, halved))?,
-            then: Some(self.work((r + more, false))?),
-        })
+        let now = self.together()?;
+        let then = Some(self.work((self.next.0 + more, false))?);
+        Ok(Next::Run { now, then })
     }
 
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
-        let recipe = self.task.recipe;
-        let (r, halved) = self.next;
-        let rung = self.rung(self.next)?;
-        let times = self.task.times;
-        let run = match recipe.period {
-            None => self.task.run(&rung, times, progress),
-            Some(period) => self.task.lasting(&rung, period, times, progress),
-        };
-        let run = match run {
-            Err(error) if self.skips(&error) => return Ok(()),
-            it => it?,
-        };
-        if halved {
-            self.halved = Some(run);
-            self.next = (r, false);
-            return Ok(());
-        }
-        if self.halved.is_some() && self.whole.is_none() {
-            self.whole = Some(run.clone());
-        }
-        self.runs.push(run);
-        if self.runs.len() > RUNGS {
-            self.runs.remove(0);
-        }
-        let with_half = recipe.step.is_some() && self.runs.len() == RUNGS - 1;
-        self.next = (r + self.stride, with_half);
-        if let [coarsest, coarse, fine] = &self.runs[..] {
-            let mut errors = Errors::of(&self.task, (&rung, self.stride), [coarsest, coarse, fine]);
-            if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
-                errors = errors.with_steps(whole, halved);
+        let task = self.task;
+        let beside = std::mem::take(&mut self.beside);
+        let rungs: Result<Vec<Rung>> = beside.iter().map(|which| self.rung(*which)).collect();
+        let rungs = rungs?;
+        let last = rungs.len() - 1;
+        let one = |(k, rung): (usize, &Rung)| {
+            // The last takes the longest.
+            let told = |x: f64| {
+                if k == last {
+                    progress(x);
+                }
+            };
+            match task.recipe.period {
+                None => task.run(rung, task.times, &told),
+                Some(period) => task.lasting(rung, period, task.times, &told),
             }
-            self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
-            self.errors = Some(errors);
+        };
+        let all = rungs.par_iter().enumerate().with_max_len(1);
+        // It is begun first.
+        let mut runs: Vec<Result<Run>> = all.rev().map(one).collect();
+        runs.reverse();
+        for ((which, rung), run) in beside.iter().zip(&rungs).zip(runs) {
+            // What a rung before it turned away from is not asked for.
+            if *which == self.next {
+                self.take(rung, run)?;
+            }
         }
         Ok(())
     }

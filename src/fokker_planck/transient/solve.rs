@@ -359,12 +359,15 @@ mod tests {
             (0.05, Initial::Rest),
         ] {
             let oscillator = Oscillator::new(ContactLaw::Hertz, zeta, 0.4 * zeta).unwrap();
-            NORMALISED.set(0);
-            CLOSED.take();
             let settings = Settings::default();
-            let it =
-                transient(&oscillator, &initial, &[0.5, 2.0], &[], &settings, &|_| ()).unwrap();
-            let (laws, domains) = (NORMALISED.get(), CLOSED.take());
+            // Rungs are run on any thread, and the counters are those of one.
+            let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+            let (it, laws, domains) = one.unwrap().install(|| {
+                NORMALISED.set(0);
+                CLOSED.take();
+                let it = transient(&oscillator, &initial, &[0.5, 2.0], &[], &settings, &|_| ());
+                (it.unwrap(), NORMALISED.get(), CLOSED.take())
+            });
             println!(
                 "zeta = {zeta}, {}: {laws} laws, {} domains",
                 it.method.name,
