@@ -287,7 +287,7 @@ fn ten_thousand_explicit_steps_keep_g_equal_to_one_and_the_mass() {
             };
             let mut density = Density::from_fn(&generator, uneven);
             let mass = density.mass();
-            scheme.advance(&mut density, duration, f64::INFINITY);
+            scheme.advance(&mut density, 0.2 * duration, f64::INFINITY);
             let drifted = (density.mass() - mass).abs();
             assert!(drifted < 1e-12, "{drift:?}: {drifted:e}");
         }

@@ -735,21 +735,21 @@ fn flow_map_and_finite_volumes_agree_on_every_kind_of_scene() {
             "bilinear",
             &bilinear,
             gaussian([0.5, 0.0], [0.4, 0.4]),
-            Some([[300, 120], [170, 116]]),
+            Some([[220, 110], [140, 100]]),
         ),
         ("h = 1e-6", &low, wide(&low), None),
         (
             "h = 0.3",
             &high,
             wide(&high),
-            Some([[1300, 116], [350, 104]]),
+            Some([[700, 96], [260, 90]]),
         ),
         ("zeta = 1e-3", &weak, wide(&weak), None),
         (
             "zeta = 1e-4",
             &weakest,
             wide(&weakest),
-            Some([[240, 180], [170, 124]]),
+            Some([[180, 140], [130, 100]]),
         ),
     ];
     for (name, it, start, cells) in cases {

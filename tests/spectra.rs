@@ -166,8 +166,8 @@ fn the_resolvent_agrees_with_the_correlation_function_of_the_flow_map() {
     let domain = Domain::closed(&it, &Initial::Stationary, 1e-11).unwrap();
     let law = it.contact();
     let mesh = Mesh {
-        q: Axis::displacement(law, it.temperature(), domain.q, 112, 1).unwrap(),
-        v: Axis::velocity(domain.v[1], 92, 1).unwrap(),
+        q: Axis::displacement(law, it.temperature(), domain.q, 100, 1).unwrap(),
+        v: Axis::velocity(domain.v[1], 82, 1).unwrap(),
     };
     let settings = flow_map::Settings {
         step,
