@@ -738,12 +738,7 @@ fn flow_map_and_finite_volumes_agree_on_every_kind_of_scene() {
             Some([[220, 110], [140, 100]]),
         ),
         ("h = 1e-6", &low, wide(&low), None),
-        (
-            "h = 0.3",
-            &high,
-            wide(&high),
-            Some([[700, 96], [260, 90]]),
-        ),
+        ("h = 0.3", &high, wide(&high), Some([[700, 96], [260, 90]])),
         ("zeta = 1e-3", &weak, wide(&weak), None),
         (
             "zeta = 1e-4",
