@@ -18,17 +18,12 @@ pub struct Cost {
     pub seconds: f64,
 }
 
-/// Whether threads share the work of a stage.
-pub(super) fn is_shared([nq, nv]: [usize; 2]) -> bool {
-    nq * nv >= timing::SHARED
-}
-
 /// Seconds of one core on all threads.
-pub(super) fn on_threads(cells: [usize; 2], seconds: f64) -> f64 {
-    if is_shared(cells) {
-        seconds / (rayon::current_num_threads() as f64).powf(timing::GAIN)
-    } else {
+pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
+    if nq * nv < timing::SHARED {
         seconds
+    } else {
+        seconds / (rayon::current_num_threads() as f64).powf(timing::GAIN)
     }
 }
 

@@ -43,11 +43,10 @@ pub(super) fn foreseen(
     let finer = |k: usize| cost(&rung(end + k as f64)?);
     let last = recipe.layout.carried(finer)?;
     // With the rungs before it, and the one that is run with half the step of the scene too.
-    let each = LADDER_RATIO.get().powi(-3);
     let mut seconds = if alone {
         last.seconds * RUNGS as f64
     } else {
-        last.seconds / (1.0 - each)
+        last.seconds / (1.0 - LADDER_RATIO.get().powi(-3))
     };
     if recipe.step.is_some() {
         let shown = if recipe.layout.is_given() {
@@ -57,15 +56,7 @@ pub(super) fn foreseen(
         };
         seconds += cost(&rung(shown)?.halved())?.seconds;
     }
-    let mut seconds = budget::on_threads(last.cells, seconds);
-    if !budget::is_shared(last.cells) && recipe.step.is_none() && rayon::current_num_threads() > 1 {
-        // The first rungs are run beside the third.
-        seconds -= if alone {
-            last.seconds * first
-        } else {
-            last.seconds * each.powf(end - first) * each / (1.0 - each)
-        };
-    }
+    let seconds = budget::on_threads(last.cells, seconds);
     // The stationary law that distances are taken to.
     let (bytes, operations) = if oscillator.damping().has_closed_form() {
         (0, 0.0)
