@@ -193,6 +193,11 @@ impl Forcing {
         &self.orbits
     }
 
+    /// Whether it is that of a law which lasts, and every period comes again.
+    pub(crate) fn recurs(&self) -> bool {
+        !self.orbits.is_empty()
+    }
+
     /// By how much more than under stationary noise a splitting errs under the envelope: its level, and the ends of the
     /// intervals that it cuts. 0 without one.
     pub(crate) fn uneven(&self) -> f64 {

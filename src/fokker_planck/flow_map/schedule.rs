@@ -36,7 +36,8 @@ impl FlowMap {
             self.maps.clear();
             self.matrices.clear();
         }
-        if forced && self.matrices.len() > self.most_matrices() {
+        let recurs = self.forcing.as_ref().is_some_and(|it| it.recurs());
+        if forced && !(recurs && self.matrices.len() <= self.most_matrices()) {
             // No other node does what one did, but that of the next period.
             self.matrices.clear();
         }
