@@ -108,6 +108,25 @@ fn friction_takes_what_noise_gives_and_the_mean_force_is_zero() {
 }
 
 #[test]
+fn a_run_begun_in_a_law_that_is_solved_for_stays_there_within_its_errors() {
+    let it = oscillator(Damping::Contact);
+    let (begun, times) = (Initial::Stationary, [0.0, 4.0]);
+    let run = transient(&it, &begun, &times, &[], &settings(2e-3), &|_| ()).unwrap();
+    assert!(run.shortfall.is_none(), "{:?}", run.shortfall);
+    let [first, last] = [0, 1].map(|k| run.moments[k].named());
+    for ((name, before), (_, after)) in first.into_iter().zip(last) {
+        let (before, after) = (before.unwrap(), after.unwrap());
+        println!("{name}: {before}, then {after}");
+        assert!(
+            (before.value - after.value).abs() <= before.error + after.error,
+            "{name}: {before}, then {after}"
+        );
+    }
+    let lost = run.moments[0].contact_loss_probability.unwrap();
+    assert!(lost.error < 1e-3, "{lost}");
+}
+
+#[test]
 fn damping_in_contact_alone_shakes_harder_than_hunt_and_crossley_s_as_monte_carlo_says() {
     // Strang splitting, dt = 0.05, 24 records of 2e4 each: value and standard error of E[v^2], Var q, P(loss).
     let known = [

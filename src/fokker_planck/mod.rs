@@ -18,6 +18,7 @@
 mod adaptive;
 #[doc(hidden)]
 pub mod budget;
+mod convergence;
 mod density;
 mod eigen;
 mod first_passage;

@@ -61,15 +61,12 @@ table! {
         pays for empty cells.";
     SPANNED = 16.0: "Energies, over the temperature of the law that a flow map takes p against, that p spans at most. With 24, at \
         zeta = 0.05, h = 3e-3 from (0.5, 0) with deviations of 0.3, rounding asks for 165 x 140 cells in place of 47 x 44.";
-    BEST_FALL = 0.1: "What is left of an error from rung to rung at best: the fewest runs that are still foreseen before a \
-        limit of time ends the ladder.";
-    STALLED = 0.7: "Largest of three error estimates over that of the three before from which on finer rungs are tried.";
     INITIAL_CELLS = 0.6: "Cells per deviation of an initial condition over those of the stationary law: noise smooths it.";
     REFINED = 2.0: "How many times finer than for the stationary law a mesh may be for the sake of its initial condition: beyond, \
         a moving local grid carries it until it is wide enough.";
     FALLING = 1.25: "Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong \
-        friction. At 2 a mesh takes over earlier, and has three times the cells.";
-    ROOM = 1.2: "Amplitude of the domain over that of what it takes over. With 1 the tails cut off then were 7e-5 of a variance.";
+        friction, and of their domain over that: with less room the tails cut off were 7e-5 of a variance. At 2 a mesh takes over \
+        earlier, and has three times the cells.";
     KINK_FINER = 3.6: "Cells of a flow map where contact begins over those elsewhere, under much noise: the kink of the force leaves \
         order 3 to equal cells. Twice as many bring a bilinear contact to 1e-4 in a third of the time, cost a Hertzian one a tenth, \
         and change nothing over the calibration.";
@@ -78,6 +75,9 @@ table! {
         the second harmonic of the motion.";
     SETTLED = 1e-2: "Distance to the stationary law, over what a rung aims at, at which a run ends: less runs on for nothing, \
         more adds to the errors of late times.";
+
+    SHARE = 0.03: "Part of the tolerance that is left to each error beside those of mesh and domain: of steps, of Krylov vectors and \
+        reduced models, of the mass that a local grid loses.";
 
     // Error estimates.
     SAFETY = 3.25: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
@@ -89,8 +89,6 @@ table! {
     AS_MANY = 1.15: "Steps of a run over those of the rung before below which they are about as many.";
     POOLED = 0.5: "A difference is not taken for less than this part of those of the same moment within a quarter of a period, of the \
         moments that the motion turns into it, and of the median over all moments.";
-    CONVERGING = 0.62: "Weight of the negative cells over that on the rung before below which the difference of the runs shows \
-        what they do.";
 
     // Concentrated initial conditions.
     EARLY = 0.02: "Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the order \
@@ -104,13 +102,9 @@ table! {
         fourth moments, which weigh them.";
     LOCAL_BORDER = 1e-6: "P on the border of that square over the tolerance, above which it is widened: tails that were cut \
         weighed two hundred times in a kurtosis (a point dropped at q = 1, t = 12).";
-    MASS_DEFECT = 0.03: "Part of the tolerance that the changes of a local grid's mass may add up to before a finer mesh takes \
-        over: a kurtosis weighs them ten times.";
     GIVEN_CELLS = 1.9: "Cells of the scene per deviation of what is handed over to them, at least.";
 
     // Finite volumes.
-    TIME_SHARE = 0.03: "Part of a transient's tolerance that the errors of the steps may add up to in the L1 norm: the mesh and \
-        the truncated domain have the rest.";
     SERIES_SHARE = 1e-3: "The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.";
     BOUNDARY_RATE = 4.0: "Rate of the exchange between neighbours among the boundary cells: a few times the oscillator's own \
         frequency, so that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.";
@@ -118,46 +112,29 @@ table! {
         nor a useful step (a hundredth of the transport's at 6, measured).";
     FORGOTTEN_SHARE = 0.3: "Part of what the steps may err by that is granted to errors which the evolution erases as fast as they \
         are made: how fast is told by one more step, of the error itself.";
-    SHARP_SHARE = 0.6: "Part of it that is granted to a scheme which chooses its accuracy: its bound is nearly sharp.";
-    STEP_AIM = 0.8: "Part of the allowed error that a step aims at: more has steps refused, less has more of them.";
-    STEP_GROWTH = 10.0: "Longest step over the one before: the first is a guess that may be far too short.";
+    STEP_AIM = 0.8: "Part of the allowed error that a step aims at, and that a scheme which chooses its accuracy may use up: more \
+        has steps refused, less has more of them.";
     STEP_GAIN = 1.35: "From this factor on a longer step is worth new factorisations.";
 
-    // The law that lasts under a drive.
-    FIXED_POINT_SHARE = 1e-2: "Error of the fixed point over what the rung aims at: Krylov vectors against an error that no finer mesh shows.";
-
-    // Laws without a closed form, and operators that stand on them.
-    LAW_LEVEL = 16.0: "Energy at which the first domain of such a law ends, in T of the reference law: tails against functions.";
-    LAW_HIGHER = 4.0: "How much higher, in T, that of the next resolution ends.";
-    LAW_SAFETY = 2.0: "Error estimate over the last change of a number of such a law, and of the law itself.";
-    LAW_BEFORE = 0.25: "Part of the change before that a change is taken for at least: a single one may pass through zero.";
-    LAW_POOLED = 0.2: "Part of the largest change of all numbers that it is taken for at least.";
-    SETTLED_LAW_HIGHER = 3.0: "How much higher, in T, the domain of the law ends from one resolution to the next where eigenvalues and \
-        spectra stand on it.";
+    // Resolutions of an operator: laws without a closed form, eigenvalues, spectra.
+    HIGHER = 2.0: "How much higher, in T, the domain ends from one resolution to the next: tails against functions.";
+    LEFT = 2.0: "Error estimate over what changes leave if they go on falling as they did.";
+    SLOWEST = 0.8: "The slowest fall that is believed: of changes that hardly shrink four times the last is left; error estimates of \
+        a ladder that fall by less over three rungs end it.";
     SETTLED_LAW_SHARE = 0.1: "Part of the tolerance that is left to that law.";
 
     // Eigenvalues.
-    RATES_HIGHER = 4.0: "How much higher, in T, the domain ends from one resolution to the next: tails against functions.";
     RATES_APART = 0.25: "Distance of the shifts along the imaginary axis, in frequencies of small motions: fewer find fewer modes.";
     RATES_BESIDE = 0.97: "A shift beside a mode that no other is near, over the mode: the nearer, the fewer vectors, and the worse its \
         factors.";
-    RATES_SHARE = 0.02: "Part of the tolerance that is left to the algebraic error.";
     RATES_KNOWN = 0.05: "Error estimate over the eigenvalue beyond which it is none.";
 
     // Spectra.
-    MODEL_SHARE = 0.05: "Part of the tolerance that is left to the reduced model.";
-    ROUGH_SHARE = 0.1: "The same before the last resolution, of the error of the one before it.";
-    SPECTRUM_HIGHER = 1.5: "How much higher, in T, the domain ends from one resolution to the next.";
-    SPECTRUM_SAFETY = 2.0: "Error estimate over what is left after a change, if changes go on shrinking as the largest one did.";
-    SPECTRUM_LEAST = 0.5: "Part of a change that is left after it, at least.";
-    SPECTRUM_MOST = 0.8: "The same at most: of changes that hardly shrink.";
     SPECTRUM_NEARBY = 0.5: "Distance, in frequencies of small motions, within which an answer is as uncertain as where it changes: changes \
         of a smooth spectrum cross zero no more often.";
 
     // First passage.
     PASSAGE_OUTPUTS = 200.0: "Most output times after t = 0: each is a stop for the steps.";
-    PASSAGE_ALONE = 0.5: "Error of mesh or step, over the tolerance, beyond which it is refined even where the other is larger.";
-    PASSAGE_COARSE = 0.7: "Nodes of the coarse run over those of the fine one: the more, the dearer and the less is seen.";
 }
 
 #[cfg(test)]

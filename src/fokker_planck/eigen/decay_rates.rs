@@ -27,7 +27,6 @@ use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, Work, timing};
 use crate::fokker_planck::hermite::{REACH, Resolution, work as friction_work};
-use crate::fokker_planck::policy::RATES_HIGHER;
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -178,7 +177,7 @@ impl Eigenvalues {
 
     /// A resolution, 0 for the coarsest.
     pub(super) fn resolution(&self, level: usize) -> Resolution {
-        self.first.refined(level, RATES_HIGHER.get())
+        self.first.refined(level)
     }
 
     /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many

@@ -5,8 +5,9 @@ use super::decay_rates::{DecayRate, DecayRates, Eigenvalues, FAR_BELOW, MOST_VEC
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
+use crate::fokker_planck::convergence::left_of;
 use crate::fokker_planck::hermite::{Hierarchy, REACH, Resolution, heavy};
-use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, RATES_SHARE};
+use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use num_complex::Complex;
@@ -323,7 +324,7 @@ impl Search<'_> {
                     let worst = errors.fold(0.0, f64::max);
                     // Close eigenvalues stay badly known, however many vectors there are.
                     let enough =
-                        worst <= RATES_SHARE.get() * self.recipe.tolerance || worst > 0.5 * before;
+                        worst <= SHARE.get() * self.recipe.tolerance || worst > 0.5 * before;
                     if enough || !grown || arnoldi.size() >= MOST_VECTORS * self.recipe.vectors {
                         return Ok(modes);
                     }
@@ -339,12 +340,7 @@ impl Search<'_> {
 
     /// What the last three resolutions, the finest last, say of the modes asked for.
     fn judge(&self, levels: [&Vec<Mode>; 3], resolution: Resolution) -> Answer {
-        let Eigenvalues {
-            count,
-            edge,
-            tolerance,
-            ..
-        } = *self.recipe;
+        let Eigenvalues { count, edge, .. } = *self.recipe;
         let [coarse, middle, fine] = &levels.map(|it| conjugates(it));
         let (to_middle, to_coarse) = (partners(fine, middle), partners(middle, coarse));
         let mut answer = Answer {
@@ -365,7 +361,7 @@ impl Search<'_> {
             let first = before.and_then(|k| to_coarse[k]);
             let rate = before.zip(first).and_then(|(before, first)| {
                 let path = [coarse[first], middle[before], mode.value];
-                believed(path, mode.error, tolerance)
+                believed(path, mode.error)
             });
             match rate {
                 Some(rate) => {
@@ -387,23 +383,11 @@ impl Search<'_> {
     }
 }
 
-/// Fall of the changes from resolution to resolution from which on they show no order.
-const SLOWEST: f64 = 0.8;
-
-/// An eigenvalue at three resolutions, the finest last, with its estimate; None if it is not known. Changes
-/// that fall show what they leave; where they do not, twice the larger must be within the tolerance.
-fn believed(path: [C; 3], algebraic: f64, tolerance: f64) -> Option<DecayRate> {
-    let [earlier, last] = [(path[1] - path[0]).norm(), (path[2] - path[1]).norm()];
-    let size = path[2].norm();
-    let (change, limit) = if last <= SLOWEST * earlier {
-        // As a geometric series at that rate, and at a half at least.
-        let left = (last / (earlier - last)).max(1.0);
-        ((left * last).max(0.25 * earlier), RATES_KNOWN.get())
-    } else {
-        (last.max(earlier), tolerance.min(RATES_KNOWN.get()))
-    };
-    let error = 2.0 * change + algebraic;
-    (error <= limit * size).then_some(DecayRate {
+/// An eigenvalue at three resolutions, the finest last, with its estimate; None where it is not known.
+fn believed(path: [C; 3], algebraic: f64) -> Option<DecayRate> {
+    let changes = [path[1] - path[0], path[2] - path[1]].map(C::norm);
+    let error = left_of(changes) + algebraic;
+    (error <= RATES_KNOWN.get() * path[2].norm()).then_some(DecayRate {
         re: path[2].re,
         im: path[2].im,
         error,

@@ -5,8 +5,9 @@ use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, work};
-use crate::fokker_planck::policy::{LAW_BEFORE, LAW_HIGHER, LAW_LEVEL, LAW_POOLED, LAW_SAFETY};
+use crate::fokker_planck::policy::CARRIED;
 use crate::fokker_planck::settings::Settings;
 use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
@@ -111,7 +112,7 @@ impl StationaryState {
             .damping()
             .depends_on_displacement("the stationary law")?;
         let mut it = Self {
-            first: Resolution::first(settings.cells, 2, [4, 10], LAW_LEVEL.get()),
+            first: Resolution::first(settings.cells, 2, [4, 10], 18.0),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             cost: Cost {
@@ -131,7 +132,7 @@ impl StationaryState {
                                     form under this damping";
 
     fn resolution(&self, level: usize) -> Resolution {
-        self.first.refined(level, LAW_HIGHER.get())
+        self.first.refined(level)
     }
 
     fn work(&self, level: usize) -> Work {
@@ -262,16 +263,12 @@ impl Question for Task<'_> {
             let [earlier, last] = [(&a, &b), (&b, &c)]
                 .map(|(x, y)| all.clone().map(|k| change(x, y, k)).collect::<Vec<f64>>());
             // Rates and times of what hardly ever happens say nothing of the rest.
-            let pooled = last[..Moment::ALL.len()]
-                .iter()
-                .copied()
-                .fold(0.0, f64::max);
-            let rounding = ROUNDING.max(LAW_SAFETY.get() * kept.rounding);
+            let moments = last[..Moment::ALL.len()].iter();
+            let pooled = CARRIED.get() * moments.copied().fold(0.0, f64::max);
+            let rounding = ROUNDING.max(left(UNKNOWN) * kept.rounding);
             let error = |k: usize| {
-                let largest = last[k]
-                    .max(LAW_BEFORE.get() * earlier[k])
-                    .max(LAW_POOLED.get() * pooled);
-                scales[k] * (LAW_SAFETY.get() * largest + rounding)
+                let left = left_of([earlier[k], last[k].max(pooled)]);
+                scales[k] * (left + rounding)
             };
             let mut moments = fine.moments;
             let mut worst = (0.0, "mean_q");

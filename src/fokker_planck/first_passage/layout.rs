@@ -4,7 +4,7 @@ use super::mesh::{Fineness, POINTS};
 use super::region::{Barrier, Region};
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
-use crate::fokker_planck::policy::{PASSAGE_ALONE, PASSAGE_COARSE, PASSAGE_OUTPUTS};
+use crate::fokker_planck::policy::{LADDER_RATIO, PASSAGE_OUTPUTS};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
@@ -127,11 +127,11 @@ impl Layout {
     }
 
     /// The next layout, for what the mesh and the step err, over the tolerance: whatever errs most is made finer, and
-    /// the other too where it errs by more than [`PASSAGE_ALONE`].
+    /// the other too where it errs by more than its half of the tolerance.
     pub(super) fn finer(&self, [mesh, step]: [f64; 2]) -> Self {
         let mut it = self.clone();
-        let mut wanted = mesh / PASSAGE_ALONE.get();
-        if step > mesh || step > PASSAGE_ALONE.get() {
+        let mut wanted = 2.0 * mesh;
+        if step > mesh || step > 0.5 {
             it.every *= 2;
             it.step *= 0.5;
             // Twice as many interpolations, of what a kick smooths over half the root of the distance.
@@ -140,7 +140,7 @@ impl Layout {
         if mesh > step || wanted > 1.0 {
             let times = wanted
                 .powf(1.0 / POINTS as f64)
-                .clamp(1.0 / PASSAGE_COARSE.get(), 2.0);
+                .clamp(LADDER_RATIO.get(), 2.0);
             it.nodes = it.nodes.map(|n| (n as f64 * times).ceil() as usize);
         }
         it
@@ -151,7 +151,7 @@ impl Layout {
         let Self {
             nodes, step, level, ..
         } = *self;
-        let coarse = nodes.map(|n| ((n as f64 * PASSAGE_COARSE.get()) as usize).max(12));
+        let coarse = nodes.map(|n| ((n as f64 / LADDER_RATIO.get()) as usize).max(12));
         let of = |nodes, step| Fineness { nodes, step, level };
         [of(nodes, step), of(coarse, step), of(nodes, 2.0 * step)]
     }

@@ -19,6 +19,7 @@
 use super::basis::{Basis, DEGREE, INNER, LOCAL, Number};
 use super::local::Local;
 use crate::error::Result;
+use crate::fokker_planck::policy::HIGHER;
 use crate::oscillator::{Oscillator, Quantity};
 
 /// How finely the operator is resolved.
@@ -34,7 +35,7 @@ pub(in crate::fokker_planck) struct Resolution {
 
 impl Resolution {
     /// Growth of elements and functions from one resolution to the next.
-    pub(in crate::fokker_planck) const FINER: f64 = 1.4;
+    const FINER: f64 = 1.4;
 
     /// The coarsest, whose `rounds`-th refinement has the scene's cells, if it gives them; else so many elements and pairs.
     pub(in crate::fokker_planck) fn first(
@@ -56,17 +57,17 @@ impl Resolution {
     }
 
     /// The refinement of that number.
-    pub(in crate::fokker_planck) fn refined(self, rounds: usize, higher: f64) -> Self {
-        (0..rounds).fold(self, |it, _| it.finer(Self::FINER, higher))
+    pub(in crate::fokker_planck) fn refined(self, rounds: usize) -> Self {
+        (0..rounds).fold(self, |it, _| it.finer(1.0))
     }
 
-    /// Of so many times the elements and functions, in a domain `higher` by so many T.
-    pub(in crate::fokker_planck) fn finer(self, times: f64, higher: f64) -> Self {
-        let more = |n: usize| (n as f64 * times).round() as usize;
+    /// The one that is finer by so many refinements.
+    pub(in crate::fokker_planck) fn finer(self, rounds: f64) -> Self {
+        let more = |n: usize| (n as f64 * Self::FINER.powf(rounds)).round() as usize;
         Self {
             elements: more(self.elements),
             pairs: more(self.pairs),
-            level: self.level + higher,
+            level: self.level + HIGHER.get() * rounds,
         }
     }
 

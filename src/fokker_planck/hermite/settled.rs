@@ -3,8 +3,11 @@
 use super::friction::{Kept, heavy, work};
 use super::operator::Resolution;
 use crate::error::{Error, Result};
-use crate::fokker_planck::policy::{LAW_SAFETY, SETTLED_LAW_HIGHER, SETTLED_LAW_SHARE};
+use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
+use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
+use crate::moments::Moments;
 use crate::oscillator::Oscillator;
+use crate::scales::Scales;
 
 /// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
 #[derive(Debug, Clone)]
@@ -13,6 +16,8 @@ pub(in crate::fokker_planck) struct Settled {
     pub(in crate::fokker_planck) coarser: Kept,
     /// What it may be off, in L1.
     pub(in crate::fokker_planck) error: f64,
+    /// What each of its moments may be off, over the normalisation.
+    pub(in crate::fokker_planck) of_moments: f64,
 }
 
 /// The coarsest resolution of such a law, and how many there are at most: the last has
@@ -30,11 +35,7 @@ const FARTHEST: f64 = 2.0;
 impl Settled {
     /// Bytes and operations of the two resolutions that most laws take.
     pub(in crate::fokker_planck) fn work() -> (u64, f64) {
-        let [first, second] = [
-            FIRST,
-            FIRST.finer(Resolution::FINER, SETTLED_LAW_HIGHER.get()),
-        ]
-        .map(work);
+        let [first, second] = [FIRST, FIRST.refined(1)].map(work);
         (second.0, first.1 + second.1)
     }
 
@@ -47,16 +48,27 @@ impl Settled {
         tolerance: f64,
         late: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
+        let contact = oscillator.contact();
         let mut resolution = FIRST;
         let mut coarser = Kept::new(oscillator, resolution, late)?;
+        let scales = Scales::of(oscillator);
         let mut best: Option<Self> = None;
+        let mut before = None;
         for _ in 1..MOST {
-            resolution = resolution.finer(Resolution::FINER, SETTLED_LAW_HIGHER.get());
+            resolution = resolution.refined(1);
             let law = match Kept::new(oscillator, resolution, late) {
                 Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
                 law => law?,
             };
-            let error = LAW_SAFETY.get() * (law.distance(&coarser) + law.rounding);
+            let changes = [
+                law.distance(&coarser),
+                moved(&scales, [&coarser, &law].map(|it| it.raw.moments(contact))),
+            ];
+            let earlier = before.replace(changes);
+            let [error, of_moments] = std::array::from_fn(|k| {
+                let both = earlier.map(|it: [f64; 2]| [it[k], changes[k]]);
+                both.map_or(left(UNKNOWN) * changes[k], left_of) + left(UNKNOWN) * law.rounding
+            });
             let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
             if error > FARTHEST && best.is_some() {
                 break;
@@ -67,6 +79,7 @@ impl Settled {
                     law,
                     coarser,
                     error,
+                    of_moments,
                 });
             }
             if error <= SETTLED_LAW_SHARE.get() * tolerance {
@@ -75,4 +88,13 @@ impl Settled {
         }
         best.ok_or_else(|| heavy(oscillator, "and no two resolutions agree"))
     }
+}
+
+/// The largest difference of the moments of two laws, the finer one second, over their normalisation.
+fn moved(scales: &Scales, [coarse, fine]: [Moments; 2]) -> f64 {
+    let rows = coarse.named().into_iter().zip(fine.named());
+    let rows = rows.zip(scales.each(&fine));
+    let moved =
+        rows.filter_map(|(((_, a), (_, b)), scale)| Some((a?.value - b?.value).abs() / scale));
+    moved.fold(0.0, f64::max)
 }

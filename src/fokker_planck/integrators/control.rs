@@ -3,9 +3,7 @@
 use super::Integrator;
 use crate::error::{Error, Result};
 use crate::fokker_planck::density::Density;
-use crate::fokker_planck::policy::{
-    FORGOTTEN_SHARE, SHARP_SHARE, STEP_AIM, STEP_GAIN, STEP_GROWTH,
-};
+use crate::fokker_planck::policy::{FORGOTTEN_SHARE, STEP_AIM, STEP_GAIN};
 
 /// What decides about the length of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -184,7 +182,7 @@ impl TimeIntegration {
             self.before.extend_from_slice(density.cells());
         }
         self.scheme
-            .advance(density.cells_mut(), dt, SHARP_SHARE.get() * steady)?;
+            .advance(density.cells_mut(), dt, STEP_AIM.get() * steady)?;
         if check {
             let size = |x: &[f64]| x.iter().map(|x| x.abs()).sum::<f64>();
             self.error.resize(self.before.len(), 0.0);
@@ -208,7 +206,7 @@ impl TimeIntegration {
             }
             self.unchecked = 0;
             self.seen = (error, kept);
-            let next = (dt * factor.min(STEP_GROWTH.get())).min(ceiling);
+            let next = (dt * factor).min(ceiling);
             if next > STEP_GAIN.get() * self.wanted || next < 0.99 * self.wanted.min(dt) {
                 self.wanted = next;
             }
@@ -216,7 +214,7 @@ impl TimeIntegration {
         self.unchecked += 1;
         let (error, kept) = self.seen;
         self.left =
-            kept * self.left + error + self.scheme.algebraic_part() * SHARP_SHARE.get() * steady;
+            kept * self.left + error + self.scheme.algebraic_part() * STEP_AIM.get() * steady;
         self.keep(dt);
         Ok(true)
     }

@@ -6,11 +6,9 @@ use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::hermite::{Adjoint, Hierarchy, REACH, Resolution, work as friction_work};
-use crate::fokker_planck::policy::{
-    MODEL_SHARE, ROUGH_SHARE, SPECTRUM_HIGHER, SPECTRUM_LEAST, SPECTRUM_MOST, SPECTRUM_NEARBY,
-    SPECTRUM_SAFETY,
-};
+use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
@@ -84,10 +82,7 @@ impl Resolvent {
             _ => 5.0 + 4.0 * until.min(20.0),
         };
         let rounds = settings.cells.map_or(rounds, |_| 1.0);
-        let finest = first.finer(
-            Resolution::FINER.powf(rounds),
-            SPECTRUM_HIGHER.get() * rounds,
-        );
+        let finest = first.finer(rounds);
         let local = !oscillator.is_viscous();
         let Work { seconds, memory } = work(finest, solves, local);
         Self {
@@ -201,7 +196,7 @@ impl Question for Task<'_> {
         }
         let Resolvent { solves, local, .. } = *self.recipe;
         let then = self.last.is_none();
-        let then = then.then(|| work(self.next.refined(1, SPECTRUM_HIGHER.get()), solves, local));
+        let then = then.then(|| work(self.next.refined(1), solves, local));
         let now = work(self.next, solves, local);
         Ok(Next::Run { now, then })
     }
@@ -227,15 +222,17 @@ impl Question for Task<'_> {
             progress((solved as f64 / recipe.solves).min(1.0));
             limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
         };
-        // A resolution that is compared with a coarser one need not be known much better than that one was.
-        let known = self
-            .best
-            .as_ref()
-            .map_or(ROUGH_SHARE.get(), |it| ROUGH_SHARE.get() * it.worst().0);
+        // A resolution that is compared with a coarser one need not be known much better than that one was, and the coarsest
+        // had better not be: it has modes that are there for want of functions.
+        let known = match &self.best {
+            _ if recipe.given => 0.0,
+            Some(best) => best.worst().0,
+            None => SHARE.get(),
+        };
         let model = Reduced::new(
             &form,
             control,
-            MODEL_SHARE.get() * recipe.tolerance.max(if recipe.given { 0.0 } else { known }),
+            SHARE.get() * recipe.tolerance.max(known),
             FLOOR,
             (&self.solved, SOLVES),
             &go_on,
@@ -254,10 +251,7 @@ impl Question for Task<'_> {
                 coarse.iter().zip(&fine).map(relative).collect()
             };
             let largest = changes(FLOOR * peak).into_iter().fold(0.0, f64::max);
-            let left = self.largest.map_or(SPECTRUM_SAFETY.get(), |before| {
-                let left = (largest / before).min(SPECTRUM_MOST.get());
-                (SPECTRUM_SAFETY.get() * left / (1.0 - left)).max(SPECTRUM_LEAST.get())
-            });
+            let left = left(self.largest.map_or(UNKNOWN, |before| largest / before));
             self.largest = Some(largest);
             let change = changes(f64::MIN_POSITIVE);
             let answers = model.all(omegas);
@@ -275,7 +269,7 @@ impl Question for Task<'_> {
             });
         }
         self.last = Some(fine);
-        self.next = next.refined(1, SPECTRUM_HIGHER.get());
+        self.next = next.refined(1);
         Ok(())
     }
 

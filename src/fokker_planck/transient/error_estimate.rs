@@ -4,7 +4,7 @@
 use super::recipe::{Rung, Scheme};
 use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin};
-use crate::fokker_planck::policy::{AS_MANY, CARRIED, CONVERGING, FLOOR, POOLED, SAFETY, UNSEEN};
+use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, POOLED, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
 use std::f64::consts::FRAC_PI_2;
@@ -153,10 +153,10 @@ fn of_lost(it: &Output, scale: &[f64; 11]) -> [f64; 11] {
 }
 
 /// What negative cells weigh in the error of a number, from what they weigh in a fine and in a coarse run.
-/// Where they converge the difference of the runs holds what they do; where they stand, both may agree on
+/// Where they fall with order 1 the difference of the runs holds what they do; where they stand, both may agree on
 /// what is wrong.
 fn standing(fine: f64, coarse: f64) -> f64 {
-    if fine < CONVERGING.get() * coarse {
+    if fine < coarse / LADDER_RATIO.get() {
         0.0
     } else {
         fine.max(coarse)

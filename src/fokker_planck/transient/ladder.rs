@@ -11,8 +11,11 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Work;
 use crate::fokker_planck::layout::STEEPER_TRIES;
-use crate::fokker_planck::policy::{BEST_FALL, STALLED};
+use crate::fokker_planck::policy::{LADDER_RATIO, SLOWEST};
 use rayon::prelude::*;
+
+/// The order of the best kernel: the fewest rungs that are foreseen before a limit of time ends the ladder.
+const BEST_ORDER: u32 = 8;
 
 /// How often rungs below the cells of the scene are brought nearer to them, by half.
 const HALVINGS: usize = 2;
@@ -234,7 +237,7 @@ impl<'a> Ladder<'a> {
         let (before, last) = self
             .ratios
             .split_at(self.ratios.len().saturating_sub(RUNGS));
-        let falls = least(last) < STALLED.get() * least(before);
+        let falls = least(last) < SLOWEST.get() * least(before);
         !before.is_empty() && !falls
     }
 }
@@ -279,7 +282,8 @@ impl Question for Ladder<'_> {
         } else {
             1.0
         };
-        let more = (known.ln() / -BEST_FALL.get().ln()).max(0.0).floor();
+        let fall = f64::from(BEST_ORDER) * LADDER_RATIO.get().ln();
+        let more = (known.ln() / fall).max(0.0).floor();
         let now = self.together()?;
         let then = Some(self.work((self.next.0 + more, false))?);
         Ok(Next::Run { now, then })

@@ -10,7 +10,7 @@ use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
-use crate::fokker_planck::policy::FIXED_POINT_SHARE;
+use crate::fokker_planck::policy::SHARE;
 use std::sync::Arc;
 
 /// Most vectors of the Krylov space, and the part of the memory that they may take.
@@ -61,7 +61,7 @@ impl Task<'_> {
         let each = 8 * mesh.len() as u64;
         let room = (MEMORY * limits.memory as f64) as u64 / each.max(1);
         let goal = Goal {
-            error: FIXED_POINT_SHARE.get() * rung.tolerance,
+            error: SHARE.get() * rung.tolerance,
             eigenvalue: self.recipe.tolerance,
             vectors: VECTORS.min(room as usize).max(8),
         };

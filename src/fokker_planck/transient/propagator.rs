@@ -14,7 +14,7 @@ use crate::fokker_planck::integrators::{
     never,
 };
 use crate::fokker_planck::mesh::{Axis, Mesh};
-use crate::fokker_planck::policy::{SERIES_SHARE, TIME_SHARE};
+use crate::fokker_planck::policy::{SERIES_SHARE, SHARE};
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -255,7 +255,7 @@ pub(super) fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
 fn time_share(time: TimeScheme) -> f64 {
     match time {
         TimeScheme::Explicit => SERIES_SHARE.get(),
-        _ => TIME_SHARE.get(),
+        _ => SHARE.get(),
     }
 }
 

@@ -9,8 +9,7 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{Cells, Layout, times};
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::policy::{
-    COARSEST, FALLING, FIRST_CELLS, LADDER_RATIO, LONGEST_STEP, OUTSIDE, OUTSIDE_FALL, ROOM,
-    SPLITTING,
+    COARSEST, FALLING, FIRST_CELLS, LADDER_RATIO, LONGEST_STEP, OUTSIDE, OUTSIDE_FALL, SPLITTING,
 };
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
@@ -171,7 +170,7 @@ impl Rung {
         let law = self
             .layout
             .domain
-            .enlarged(oscillator, 1.0 / (ROOM.get() * FALLING.get()));
+            .enlarged(oscillator, 1.0 / (FALLING.get().powi(2)));
         law.amplitude(oscillator, mean, deviation)
     }
 
@@ -320,7 +319,7 @@ fn unforced(
     }
     let law = Domain::closed(oscillator, &Initial::Rest, neglected)?;
     Ok(match first_grid {
-        FirstGrid::Falling(_) => law.enlarged(oscillator, ROOM.get() * FALLING.get()),
+        FirstGrid::Falling(_) => law.enlarged(oscillator, FALLING.get().powi(2)),
         _ => law.raised(oscillator, initial, until),
     })
 }

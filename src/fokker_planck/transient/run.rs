@@ -5,6 +5,7 @@ use super::recipe::{Recipe, Rung, Scheme};
 use super::start_up::StartUp;
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
+use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
@@ -13,7 +14,7 @@ use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
-use crate::fokker_planck::policy::{LAW_SAFETY, SETTLED};
+use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -208,6 +209,7 @@ impl Task<'_> {
             (grid.time(), it.loss() + handed, grid.steps())
         });
         let lost = lost + self.begun();
+        let solved = self.solved_for(&propagator, &observables, &density);
         propagator.set_time(now);
         let mut looks = 0_u64;
         for &t in &times[outputs.len()..] {
@@ -235,10 +237,13 @@ impl Task<'_> {
                 propagator.advance(&mut density, stop - now, &mut watch)?;
                 now = stop;
             }
+            let output = self.observe(t, &propagator, &observables, (&density, laws.as_ref()));
+            let beyond = |k: usize| (output.undershoot[k] - solved[k]).max(0.0);
             outputs.push(Output {
                 steps: propagator.steps(),
+                undershoot: std::array::from_fn(beyond),
                 lost,
-                ..self.observe(t, &propagator, &observables, (&density, laws.as_ref()))
+                ..output
             });
         }
         let domain = phase.as_ref().map_or(rung.layout.domain, StartUp::domain);
@@ -286,10 +291,26 @@ impl Task<'_> {
         Ok(mesh)
     }
 
-    /// The error of a stationary initial condition that is solved for.
+    /// What the negative cells weigh of a stationary initial condition that is solved for: they are in its own error.
+    fn solved_for(
+        &self,
+        propagator: &Propagator,
+        observables: &Observables,
+        density: &Density,
+    ) -> [f64; 11] {
+        if self.law.is_none() || *self.initial != Initial::Stationary {
+            return [0.0; 11];
+        }
+        let g = propagator.ratio(density);
+        let moments = observables.raw(&g).moments(observables.contact());
+        undershoot(&moments, &g, observables)
+    }
+
+    /// The error of a stationary initial condition that is solved for: what its moments may be off, of which the motion keeps
+    /// no more.
     fn begun(&self) -> f64 {
         let law = self.law.filter(|_| *self.initial == Initial::Stationary);
-        law.map_or(0.0, |law| law.error)
+        law.map_or(0.0, |law| law.of_moments)
     }
 
     /// Whether a run on so many cells fits.
@@ -360,7 +381,7 @@ impl Task<'_> {
             ),
             doubt: laws.zip(self.law).map_or([0.0; 2], |([law, coarser], it)| {
                 [
-                    LAW_SAFETY.get() * density.entropy_between(law, coarser),
+                    left(UNKNOWN) * density.entropy_between(law, coarser),
                     it.error,
                 ]
             }),

@@ -5,6 +5,7 @@ use super::propagator::Propagator;
 use super::recipe::{FirstGrid, Rung};
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::timing;
+use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::hermite::{Column, Kept, Settled};
@@ -12,8 +13,8 @@ use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
 use crate::fokker_planck::policy::{
-    EARLY, GIVEN_CELLS, INITIAL_CELLS, LAW_SAFETY, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH,
-    LOCAL_STEP, LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, MASS_DEFECT, REFINED,
+    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_STEP,
+    LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, REFINED, SHARE,
 };
 use crate::initial::Initial;
 use crate::moments::Moments;
@@ -257,7 +258,7 @@ impl<'a> StartUp<'a> {
 
     /// Whether the local grid no longer resolves the density: it does not fit its frame.
     fn is_unresolved(&self) -> bool {
-        self.grid.defect() > MASS_DEFECT.get() * self.rung.tolerance
+        self.grid.defect() > SHARE.get() * self.rung.tolerance
     }
 
     /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
@@ -410,7 +411,7 @@ impl<'a> StartUp<'a> {
                     let apart = grid.sum(|[q, v], p| {
                         entropy_apart(p, both.each_ref().map(|it| it.density(q, v)))
                     });
-                    [LAW_SAFETY.get() * apart, law.error]
+                    [left(UNKNOWN) * apart, law.error]
                 }),
         }
     }
