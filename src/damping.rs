@@ -95,6 +95,14 @@ impl Damping {
         }
     }
 
+    /// The words of its name before others of an oscillator; none for viscous damping.
+    pub(crate) fn words(&self) -> String {
+        match self {
+            Self::Viscous => String::new(),
+            it => format!("{} damping, ", it.name()),
+        }
+    }
+
     /// Whether c is the same everywhere: the stationary law is then exp(-H/T)/Z.
     pub fn is_viscous(&self) -> bool {
         matches!(self, Self::Viscous)

@@ -101,6 +101,24 @@ pub struct RunRecord {
 }
 
 impl Results {
+    /// Where the stationary numbers come from.
+    pub(crate) fn origin(&self) -> &'static str {
+        if self.solved.is_some() {
+            "solved"
+        } else {
+            "closed form"
+        }
+    }
+
+    /// What a steady state on the mesh is held against.
+    pub(crate) fn known_law(&self) -> &'static str {
+        if self.scene.oscillator.damping().has_closed_form() {
+            "closed form"
+        } else {
+            "law solved for"
+        }
+    }
+
     /// Nothing computed yet.
     pub(crate) fn empty(scene: &Scene) -> Self {
         Self {

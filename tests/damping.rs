@@ -111,7 +111,7 @@ fn friction_takes_what_noise_gives_and_the_mean_force_is_zero() {
 fn a_run_begun_in_a_law_that_is_solved_for_stays_there_within_its_errors() {
     let it = oscillator(Damping::Contact);
     let (begun, times) = (Initial::Stationary, [0.0, 4.0]);
-    let run = transient(&it, &begun, &times, &[], &settings(2e-3), &|_| ()).unwrap();
+    let run = transient(&it, &begun, &times, &[], &settings(1e-2), &|_| ()).unwrap();
     assert!(run.shortfall.is_none(), "{:?}", run.shortfall);
     let [first, last] = [0, 1].map(|k| run.moments[k].named());
     for ((name, before), (_, after)) in first.into_iter().zip(last) {
@@ -348,7 +348,7 @@ fn the_spectrum_under_hunt_and_crossley_s_damping_has_the_variance_of_the_law_as
     let law = law(&damping);
     let omegas: Vec<f64> = (0..=600).map(|k| 0.02 * f64::from(k)).collect();
     for quantity in [Quantity::Force, Quantity::Displacement] {
-        let found = spectrum(&it, quantity, &omegas, &settings(2e-3), &|_| ()).unwrap();
+        let found = spectrum(&it, quantity, &omegas, &settings(1e-2), &|_| ()).unwrap();
         assert!(found.shortfall.is_none(), "{:?}", found.shortfall);
         // q'' + c(q) q' + G = f: what is a derivative has no share at omega = 0.
         let exact = 2.0 * it.h();

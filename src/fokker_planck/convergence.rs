@@ -15,7 +15,12 @@ pub(super) fn left(fall: f64) -> f64 {
 /// The error of a number after two changes, either of which may pass through zero.
 pub(super) fn left_of([earlier, last]: [f64; 2]) -> f64 {
     let fall = if last < earlier { last / earlier } else { 1.0 };
-    (left(fall) * last).max(LEFT.get() * CARRIED.get() * earlier)
+    at_least(left(fall) * last, LEFT.get() * CARRIED.get() * earlier)
+}
+
+/// A change, or what it is taken for at least; NaN, which is none, stays.
+pub(super) fn at_least(change: f64, least: f64) -> f64 {
+    if change < least { least } else { change }
 }
 
 #[cfg(test)]
@@ -41,5 +46,6 @@ mod tests {
         assert!(left_of([1e-3, 0.0]) > 4e-4);
         assert!(left_of([0.0, 1e-3]) > 1e-3);
         assert_eq!(left_of([0.0, 0.0]), 0.0);
+        assert!(left_of([1.0, f64::NAN]).is_nan());
     }
 }

@@ -82,7 +82,8 @@ table! {
     // Error estimates.
     SAFETY = 3.25: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
         half of them.";
-    CARRIED = 0.25: "The difference before that, where the last one passes through zero: the same of it.";
+    CARRIED = 0.25: "Part of the difference before that a difference is taken for at least, since one may pass through zero; and of the \
+        largest change of a law's moments that each is taken for.";
     FLOOR = 2.5e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
     UNSEEN = 0.5: "The part of the splitting error that runs with about as many steps do not show.";
@@ -105,7 +106,7 @@ table! {
     GIVEN_CELLS = 1.9: "Cells of the scene per deviation of what is handed over to them, at least.";
 
     // Finite volumes.
-    SERIES_SHARE = 1e-3: "The same where accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.";
+    SERIES_SHARE = 1e-3: "The same of steps whose accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.";
     BOUNDARY_RATE = 4.0: "Rate of the exchange between neighbours among the boundary cells: a few times the oscillator's own \
         frequency, so that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.";
     STEEPEST = 3.5: "Largest change of ln p_s from cell to cell: a wide stencil keeps its stability beyond, but neither its order \

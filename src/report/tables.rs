@@ -64,23 +64,29 @@ fn shown(it: Option<Estimate>) -> String {
 pub(super) fn summary(results: &Results) -> String {
     let oscillator = &results.scene.oscillator;
     let contact = oscillator.contact().name();
+    let damping = oscillator.damping().words();
     let mut text = format!(
-        "A {contact} contact with damping ratio \u{3b6} = {} under white noise of level h = {}, T = \
+        "A {contact} contact with {damping}damping ratio \u{3b6} = {} under white noise of level h = {}, T = \
          \u{3c0}h/(2\u{3b6}) = {}.",
         brief(oscillator.zeta()),
         brief(oscillator.h()),
-        brief(oscillator.temperature())
+        brief(oscillator.viscous_temperature())
     );
     let rig = results.scene.rig.as_ref();
     let law = results.stationary.as_ref();
     let of = |name: &str| law.and_then(|it| it.get(name)).map(|it| it.value);
+    let undriven = if results.scene.excitation.is_plain() {
+        ""
+    } else {
+        " of a steady noise alone, without the excitation's drive and envelope,"
+    };
     if let Some(deviation) = of("std_force") {
         let newtons = rig.map_or(String::new(), |rig| {
             format!("{} N, ", brief(rounded(rig.newtons(deviation))))
         });
         let _ = write!(
             text,
-            " In the stationary motion the contact force deviates by {newtons}{deviation:.3} static loads from its mean"
+            " In the stationary motion{undriven} the contact force deviates by {newtons}{deviation:.3} static loads from its mean"
         );
         match of("contact_loss_probability") {
             Some(lost) if lost > 0.0 => {
@@ -161,7 +167,7 @@ pub(super) fn symbols(results: &Results) -> String {
          displacement, z the compression and z_s the static one; v = dq/d\u{3c4} with \u{3c4} = \u{3a9}t; N = F/F_s \
          \u{2212} 1 is the dynamic contact force, F_s the static load; H = v\u{b2}/2 + U(q) is the energy; P(loss) is the \
          probability of no contact; {times}. h is the two-sided density of the excitation per unit of \u{3c9}: 2h \
-         is the one-sided one. T = \u{3c0}h/(2\u{3b6}) is the stationary variance of v.</p>\n<p>Without sampling, \
+         is the one-sided one. T = \u{3c0}h/(2\u{3b6}) is the stationary variance of v under viscous damping.</p>\n<p>Without sampling, \
          \u{b1} is an estimate that the actual error is meant to stay below: mesh, time steps, truncated domain, \
          rounding. With sampling it is one standard error. It covers the numerics, not the model and not the \
          values of the scene.</p></details>\n"
@@ -247,7 +253,7 @@ fn stationary(results: &Results) -> String {
     let mut table = Table::of([
         "",
         "symbol",
-        "closed form",
+        results.origin(),
         "stationary solution on the mesh",
         "long realisations",
         "z",
@@ -272,7 +278,12 @@ fn crossings(results: &Results) -> String {
         return String::new();
     };
     let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
-    let mut table = Table::of(["", "symbol", "Rice, closed form", "long realisations"]);
+    let rice = if results.solved.is_some() {
+        "flux, solved"
+    } else {
+        "Rice, closed form"
+    };
+    let mut table = Table::of(["", "symbol", rice, "long realisations"]);
     for (name, number) in numbers.iter() {
         let Some(entry) = entries().find(|it| it.name == name) else {
             continue;

@@ -16,7 +16,7 @@ use crate::format::{brief, bytes, seconds};
 use crate::results::Results;
 use course::{course, deterministic, reach, spectrum};
 use driven::{periodic, response};
-use layout::{Table, damping};
+use layout::Table;
 use passage::{first_loss, first_passage};
 use stationary::{crossings, physical, records, stationary};
 
@@ -57,7 +57,7 @@ fn head(table: &mut Table, results: &Results) {
         "{} contact, {}damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
          T\u{a0}=\u{a0}{:.6}",
         oscillator.contact().name(),
-        damping(oscillator),
+        oscillator.damping().words(),
         brief(oscillator.zeta()),
         brief(oscillator.h()),
         oscillator.viscous_temperature()

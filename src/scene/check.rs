@@ -217,7 +217,9 @@ impl Scene {
         if contact.loss_point().is_none() {
             let law = contact.name();
             let accepted = if key == "until" {
-                format!("a contact law that can lose contact; \"{law}\" never does")
+                format!(
+                    "a contact law that can lose contact: the force of \"{law}\" is constant below no point"
+                )
             } else {
                 format!(
                     "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{law}\" holds \

@@ -2,9 +2,8 @@
 //!
 //! Shift-invert Arnoldi on the operator in Hermite functions of v and spectral elements of q (`hermite`), at
 //! three resolutions or more, each finer in elements, functions and domain. An eigenvalue is believed if the
-//! last three have it and its changes shrink; the error estimate is twice the last change, or half of the one
-//! before where that is larger (the last may pass through zero), the algebraic error
-//! |residual| / |left . right|, and rounding. The left eigenvector is the right one with v reversed.
+//! last three have it and its error is small beside it: what its changes leave if they go on falling as they did
+//! (`convergence`), the algebraic error |residual| / |left . right|, and rounding. The left eigenvector is the right one with v reversed.
 //!
 //! **Continuous spectrum.** Out of contact the force is a constant -f, and flights can be arbitrarily high.
 //! Functions g = e^{kappa q} phi(v) solve the equation there, with kappa = -f/(2T) + ik where they stay bounded in the
@@ -115,7 +114,7 @@ impl Eigenvalues {
         let contact = oscillator.contact();
         let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
         let local = !oscillator.is_viscous();
-        // The least whose third knows four rates of thirty oscillators to 1e-2: what lies beyond e^-26 in probability moves a
+        // The least whose third knows four rates of thirty oscillators to 1e-2: what lies beyond e^-22 in probability moves a
         // slow mode by the square of its size there, about 1e4. Laws of a friction that ends with contact fall more slowly.
         let (least, level) = if local {
             ([6, 24], 27.0)

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
+use crate::fokker_planck::convergence::{UNKNOWN, at_least, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, work};
 use crate::fokker_planck::policy::CARRIED;
 use crate::fokker_planck::settings::Settings;
@@ -263,11 +263,17 @@ impl Question for Task<'_> {
             let [earlier, last] = [(&a, &b), (&b, &c)]
                 .map(|(x, y)| all.clone().map(|k| change(x, y, k)).collect::<Vec<f64>>());
             // Rates and times of what hardly ever happens say nothing of the rest.
-            let moments = last[..Moment::ALL.len()].iter();
-            let pooled = CARRIED.get() * moments.copied().fold(0.0, f64::max);
+            let pooled = |changes: &[f64]| {
+                let moments = changes[..Moment::ALL.len()].iter();
+                CARRIED.get() * moments.copied().fold(0.0, f64::max)
+            };
+            let pooled = [pooled(&earlier), pooled(&last)];
             let rounding = ROUNDING.max(left(UNKNOWN) * kept.rounding);
             let error = |k: usize| {
-                let left = left_of([earlier[k], last[k].max(pooled)]);
+                let left = left_of([
+                    at_least(earlier[k], pooled[0]),
+                    at_least(last[k], pooled[1]),
+                ]);
                 scales[k] * (left + rounding)
             };
             let mut moments = fine.moments;

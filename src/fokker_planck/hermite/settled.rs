@@ -5,9 +5,7 @@ use super::operator::Resolution;
 use crate::error::{Error, Result};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
-use crate::moments::Moments;
 use crate::oscillator::Oscillator;
-use crate::scales::Scales;
 
 /// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
 #[derive(Debug, Clone)]
@@ -16,8 +14,8 @@ pub(in crate::fokker_planck) struct Settled {
     pub(in crate::fokker_planck) coarser: Kept,
     /// What it may be off, in L1.
     pub(in crate::fokker_planck) error: f64,
-    /// What each of its moments may be off, over the normalisation.
-    pub(in crate::fokker_planck) of_moments: f64,
+    /// That over the distance of the two: what a difference of them leaves.
+    pub(in crate::fokker_planck) left: f64,
 }
 
 /// The coarsest resolution of such a law, and how many there are at most: the last has
@@ -29,7 +27,7 @@ const FIRST: Resolution = Resolution {
 };
 const MOST: usize = 6;
 
-/// Two laws are no farther apart in L1: where the error comes out larger, rounding spoils this resolution and finer ones.
+/// Two laws are no farther apart in L1: where they seem to be, rounding spoils this resolution and finer ones.
 const FARTHEST: f64 = 2.0;
 
 impl Settled {
@@ -48,10 +46,8 @@ impl Settled {
         tolerance: f64,
         late: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
-        let contact = oscillator.contact();
         let mut resolution = FIRST;
         let mut coarser = Kept::new(oscillator, resolution, late)?;
-        let scales = Scales::of(oscillator);
         let mut best: Option<Self> = None;
         let mut before = None;
         for _ in 1..MOST {
@@ -60,26 +56,21 @@ impl Settled {
                 Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
                 law => law?,
             };
-            let changes = [
-                law.distance(&coarser),
-                moved(&scales, [&coarser, &law].map(|it| it.raw.moments(contact))),
-            ];
-            let earlier = before.replace(changes);
-            let [error, of_moments] = std::array::from_fn(|k| {
-                let both = earlier.map(|it: [f64; 2]| [it[k], changes[k]]);
-                both.map_or(left(UNKNOWN) * changes[k], left_of) + left(UNKNOWN) * law.rounding
-            });
-            let known = best.as_ref().map_or(FARTHEST, |it: &Self| it.error);
-            if error > FARTHEST && best.is_some() {
+            let change = law.distance(&coarser);
+            if change > FARTHEST && best.is_some() {
                 break;
             }
+            let error = before.map_or(left(UNKNOWN) * change, |it| left_of([it, change]))
+                + left(UNKNOWN) * law.rounding;
+            before = Some(change);
             let coarser = std::mem::replace(&mut coarser, law.clone());
-            if error < known {
+            let known = best.as_ref().map_or(f64::INFINITY, |it: &Self| it.error);
+            if error < known && change <= FARTHEST {
                 best = Some(Self {
                     law,
                     coarser,
                     error,
-                    of_moments,
+                    left: error / change.max(f64::MIN_POSITIVE),
                 });
             }
             if error <= SETTLED_LAW_SHARE.get() * tolerance {
@@ -88,13 +79,4 @@ impl Settled {
         }
         best.ok_or_else(|| heavy(oscillator, "and no two resolutions agree"))
     }
-}
-
-/// The largest difference of the moments of two laws, the finer one second, over their normalisation.
-fn moved(scales: &Scales, [coarse, fine]: [Moments; 2]) -> f64 {
-    let rows = coarse.named().into_iter().zip(fine.named());
-    let rows = rows.zip(scales.each(&fine));
-    let moved =
-        rows.filter_map(|(((_, a), (_, b)), scale)| Some((a?.value - b?.value).abs() / scale));
-    moved.fold(0.0, f64::max)
 }

@@ -20,7 +20,7 @@ pub(super) struct Errors {
     time: Table,
     /// What negative cells weigh.
     undershoot: Table,
-    /// What lost probability has done, over the normalisation.
+    /// What lost probability and a stationary initial condition that is solved for have done, over the normalisation.
     lost: Table,
     /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
@@ -94,6 +94,11 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
         }
     }
     table
+}
+
+/// The differences of a run to another, none far below those of its neighbours.
+pub(super) fn difference(run: &Run, other: &Run, scales: &Table) -> Table {
+    pooled(run, &plain(run, other), scales)
 }
 
 /// What an error of each number at one time means for that at another: skewness and kurtosis err as the third and
@@ -187,7 +192,7 @@ fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride
 }
 
 /// The normalisation of every number of a run.
-fn scales(task: &Task, run: &Run) -> Table {
+pub(super) fn scales(task: &Task, run: &Run) -> Table {
     let scales = Scales::of(task.oscillator);
     let rows = run.outputs.iter();
     rows.map(|it| scales.each(&it.moments)).collect()
@@ -203,7 +208,7 @@ impl Errors {
         let scales = scales(task, fine);
         let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
         let space = of_differences(fine, [&now, &before], &scales, stride);
-        let mut errors = Self::beside(space, scales, [coarse, fine]);
+        let mut errors = Self::beside(task, space, scales, [coarse, fine]);
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
                 let steps = rung.flow_map();
@@ -246,15 +251,15 @@ impl Errors {
     /// Those of a fine run from its difference to a coarse one, `factor` times.
     pub(super) fn between(task: &Task, run: &Run, coarse: &Run, factor: f64) -> Self {
         let scales = scales(task, run);
-        let mut space = pooled(run, &plain(run, coarse), &scales);
+        let mut space = difference(run, coarse, &scales);
         for x in space.iter_mut().flatten() {
             *x *= factor;
         }
-        Self::beside(space, scales, [coarse, run])
+        Self::beside(task, space, scales, [coarse, run])
     }
 
     /// What there is beside the error in space of a run, from it and a coarser one.
-    fn beside(space: Table, scales: Table, [coarse, run]: [&Run; 2]) -> Self {
+    fn beside(task: &Task, space: Table, scales: Table, [coarse, run]: [&Run; 2]) -> Self {
         Self {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
@@ -269,7 +274,14 @@ impl Errors {
                 .outputs
                 .iter()
                 .zip(&scales)
-                .map(|(it, scale)| of_lost(it, scale))
+                .enumerate()
+                .map(|(k, (it, scale))| {
+                    let lost = of_lost(it, scale);
+                    match task.begun {
+                        Some(begun) => std::array::from_fn(|i| lost[i] + begun[k][i]),
+                        None => lost,
+                    }
+                })
                 .collect(),
             settled: run
                 .outputs
@@ -295,7 +307,7 @@ impl Errors {
     /// Adds what steps of the scene do, from two runs on one mesh, one with half of them: of order 2 or more, and of order 1
     /// where an output time cuts few of them.
     pub(super) fn with_steps(mut self, run: &Run, halved: &Run) -> Self {
-        self.time = pooled(run, &plain(run, halved), &self.scales);
+        self.time = difference(run, halved, &self.scales);
         for x in self.time.iter_mut().flatten() {
             *x *= SAFETY.get();
         }

@@ -47,7 +47,7 @@ pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
 }
 
 /// Whether it is the mesh that does not hold the scene.
-fn is_unfit(error: &Error) -> bool {
+pub(super) fn is_unfit(error: &Error) -> bool {
     match error {
         Error::Mesh { .. } | Error::Linear { .. } => true,
         Error::Invalid { key, .. } => key == "method.cells",
@@ -272,6 +272,10 @@ impl Question for Ladder<'_> {
             && errors.steps() > recipe.tolerance
         {
             return stop("method.step is that of the scene", false);
+        }
+        let begun = self.task.begun.iter().copied().flatten().flatten();
+        if begun.copied().any(|it| it > recipe.tolerance) {
+            return stop("the law that it begins in is known no better", true);
         }
         if self.stalled() {
             return stop("finer meshes change it no more", recipe.step.is_none());

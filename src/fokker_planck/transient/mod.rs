@@ -1,5 +1,6 @@
 //! The transient: from an initial condition through the output times, on two meshes, with an error on every number.
 
+mod begun;
 mod cost;
 mod decide;
 mod error_estimate;

@@ -17,7 +17,7 @@ use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
-use crate::moments::Moments;
+use crate::moments::{Moments, PerMoment};
 use crate::oscillator::Oscillator;
 use std::sync::Arc;
 
@@ -38,8 +38,8 @@ pub(super) struct Output {
     pub(super) snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a local grid not counted.
     pub(super) steps: u64,
-    /// Probability that the local grid of a concentrated initial condition has lost so far, that a solved initial law may be
-    /// off, or that a periodic law leaves open; and rounding.
+    /// Probability that the local grid of a concentrated initial condition has lost so far, or that a periodic law leaves open;
+    /// and rounding.
     pub(super) lost: f64,
     /// Whether a local grid in its own frame said it, not a density in the truncated domain.
     pub(super) framed: bool,
@@ -91,6 +91,8 @@ pub(super) struct Task<'a> {
     pub(super) limits: &'a Limits,
     /// The stationary law, where it is not the one that g is taken against.
     pub(super) law: Option<&'a Settled>,
+    /// What a law that it begins in may have done, over the normalisations.
+    pub(super) begun: Option<&'a [PerMoment<f64>]>,
 }
 
 impl Task<'_> {
@@ -117,6 +119,16 @@ fn undershoot(moments: &Moments, g: &[f64], observables: &Observables) -> [f64; 
         change.is_finite().then_some(change)
     };
     std::array::from_fn(|k| change(k).unwrap_or(0.0))
+}
+
+/// What negative cells weigh beyond those of the law that a run began in, as far as noise has not filled them up.
+fn beyond(output: &Output, (negative, weights): &(f64, [f64; 11])) -> [f64; 11] {
+    let left = if output.negative < *negative {
+        output.negative / negative
+    } else {
+        1.0
+    };
+    std::array::from_fn(|k| (output.undershoot[k] - left * weights[k]).max(0.0))
 }
 
 /// Refuses outputs that are no densities.
@@ -208,7 +220,6 @@ impl Task<'_> {
             let grid = it.grid();
             (grid.time(), it.loss() + handed, grid.steps())
         });
-        let lost = lost + self.begun();
         let solved = self.solved_for(&propagator, &observables, &density);
         propagator.set_time(now);
         let mut looks = 0_u64;
@@ -238,10 +249,9 @@ impl Task<'_> {
                 now = stop;
             }
             let output = self.observe(t, &propagator, &observables, (&density, laws.as_ref()));
-            let beyond = |k: usize| (output.undershoot[k] - solved[k]).max(0.0);
             outputs.push(Output {
                 steps: propagator.steps(),
-                undershoot: std::array::from_fn(beyond),
+                undershoot: beyond(&output, &solved),
                 lost,
                 ..output
             });
@@ -291,26 +301,21 @@ impl Task<'_> {
         Ok(mesh)
     }
 
-    /// What the negative cells weigh of a stationary initial condition that is solved for: they are in its own error.
+    /// The negative mass of a stationary initial condition that is solved for, and what its cells weigh: they are in its own
+    /// error.
     fn solved_for(
         &self,
         propagator: &Propagator,
         observables: &Observables,
         density: &Density,
-    ) -> [f64; 11] {
-        if self.law.is_none() || *self.initial != Initial::Stationary {
-            return [0.0; 11];
+    ) -> (f64, [f64; 11]) {
+        if self.begun.is_none() {
+            return (0.0, [0.0; 11]);
         }
         let g = propagator.ratio(density);
         let moments = observables.raw(&g).moments(observables.contact());
-        undershoot(&moments, &g, observables)
-    }
-
-    /// The error of a stationary initial condition that is solved for: what its moments may be off, of which the motion keeps
-    /// no more.
-    fn begun(&self) -> f64 {
-        let law = self.law.filter(|_| *self.initial == Initial::Stationary);
-        law.map_or(0.0, |law| law.of_moments)
+        let weights = undershoot(&moments, &g, observables);
+        (density.negative_mass(), weights)
     }
 
     /// Whether a run on so many cells fits.

@@ -1,5 +1,6 @@
 //! A transient from its recipe.
 
+use super::begun::begun;
 use super::cost;
 use super::error_estimate::Errors;
 use super::ladder;
@@ -103,6 +104,7 @@ fn single(
         recipe,
         limits: &limits,
         law: None,
+        begun: None,
     };
     let until = times.last().copied().unwrap_or(0.0);
     let rung = recipe.rung(oscillator, initial, until, recipe.expected)?;
@@ -166,6 +168,12 @@ impl Recipe {
             recipe: self,
             limits,
             law: law.as_ref(),
+            begun: None,
+        };
+        let begun = begun(&task)?;
+        let task = Task {
+            begun: begun.as_deref(),
+            ..task
         };
         if self.drift() == Drift::Upwind {
             return adaptive::pursue(Upwind::new(task)?, limits, progress);

@@ -324,8 +324,11 @@ pub(crate) fn steady(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     let title = format!(
-        "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the closed form {:.0e}",
-        it.method.cells[0], it.method.cells[1], it.l1_error.value
+        "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the {} {:.0e}",
+        it.method.cells[0],
+        it.method.cells[1],
+        results.known_law(),
+        it.l1_error.value
     );
     let picture = density_picture("steady.svg".into(), &title, &it.density, results)?;
     Ok(picture.into_iter().collect())

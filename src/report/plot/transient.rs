@@ -185,7 +185,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
                 (panel.left, 22.0),
                 TITLE,
             )?;
-            panel.axes(area, time, "distance to (21)")?;
+            panel.axes(area, time, "distance to it")?;
             panel.curve(area, &distance, BLUE, 2.0)?;
             panel.curve(area, &entropy, VERMILION, 2.0)?;
             let (x, y) = (panel.right() - 246.0, panel.top + 16.0);
@@ -210,7 +210,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
                 (panel.left, 22.0),
                 TITLE,
             )?;
-            panel.axes(area, time, "L\u{b9} distance to (21)")?;
+            panel.axes(area, time, "L\u{b9} distance to the closed form")?;
             panel.curve(area, &integrated, BLUE, 2.0)?;
             panel.frame(area)?;
         }

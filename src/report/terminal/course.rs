@@ -68,8 +68,11 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
     if let Some(it) = &results.steady {
         let [nq, nv] = it.method.cells;
         let text = format!(
-            "{nq} x {nv} cells, {}: L1 distance to the closed form {:.1e}, residual {:.1e}",
-            it.method.name, it.l1_error.value, it.residual
+            "{nq} x {nv} cells, {}: L1 distance to the {} {:.1e}, residual {:.1e}",
+            it.method.name,
+            results.known_law(),
+            it.l1_error.value,
+            it.residual
         );
         table.line("");
         table.paragraph("steady state: ", &text);

@@ -3,7 +3,6 @@
 use crate::estimate::Estimate;
 use crate::format::cell;
 use crate::moments::Entry;
-use crate::oscillator::Oscillator;
 use crate::results::distance;
 use std::fmt::Write;
 
@@ -99,16 +98,6 @@ pub(super) fn cells(numbers: &[Option<Estimate>], compared: bool) -> String {
 /// Symbol and words of a number.
 pub(super) fn words(it: &Entry) -> String {
     format!("{:<8} {}", it.symbol, it.words)
-}
-
-/// The damping law, if it is not viscous.
-pub(super) fn damping(oscillator: &Oscillator) -> String {
-    let name = oscillator.damping().name();
-    if oscillator.is_viscous() {
-        String::new()
-    } else {
-        format!("{name} damping, ")
-    }
 }
 
 #[cfg(test)]

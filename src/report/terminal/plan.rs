@@ -1,6 +1,6 @@
 //! A plan on the terminal.
 
-use super::layout::{Table, damping};
+use super::layout::Table;
 use crate::format::{brief, bytes, seconds};
 use crate::plan::{Part, Plan, Stage};
 
@@ -18,7 +18,7 @@ pub fn plan(plan: &Plan) -> String {
             "{}: {} contact, {}zeta = {}, h = {}, T = {:.6}",
             scene.title,
             oscillator.contact().name(),
-            damping(oscillator),
+            oscillator.damping().words(),
             brief(oscillator.zeta()),
             brief(oscillator.h()),
             oscillator.viscous_temperature()
@@ -26,7 +26,7 @@ pub fn plan(plan: &Plan) -> String {
     );
     table.line("");
     table.line(format!(
-        "{:<17}{:>11}{:>8}{:>8}{:>8}  needed by",
+        "{:<20}{:>11}{:>8}{:>8}{:>8}  needed by",
         "stage", "cells", "steps", "memory", "time"
     ));
     for stage in plan.stages() {
@@ -35,7 +35,7 @@ pub fn plan(plan: &Plan) -> String {
             .cells
             .map_or("no mesh".into(), |[q, v]| format!("{q} x {v}"));
         table.line(format!(
-            "{:<17}{:>11}{:>8}{:>8}{:>8}  {}",
+            "{:<20}{:>11}{:>8}{:>8}{:>8}  {}",
             stage.part.name(),
             cells,
             cost.steps,
@@ -46,7 +46,7 @@ pub fn plan(plan: &Plan) -> String {
     }
     table.line("");
     for stage in plan.stages() {
-        table.paragraph(&format!("{:<18}", stage.part.name()), &stage.cost.method);
+        table.paragraph(&format!("{:<21}", stage.part.name()), &stage.cost.method);
     }
     table.line("");
     let memory = plan

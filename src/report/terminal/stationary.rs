@@ -91,21 +91,12 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     }
 }
 
-/// Where stationary numbers come from.
-fn origin(results: &Results) -> &'static str {
-    if results.solved.is_some() {
-        "solved"
-    } else {
-        "closed form"
-    }
-}
-
 /// A table of what is known exactly and what was sampled; either may be missing altogether.
 fn sides(table: &mut Table, results: &Results, title: &str, rows: &[Sides]) {
     let exact = rows.iter().any(|(_, it, _)| it.is_some());
     let sampled = rows.iter().any(|(.., it)| it.is_some());
     let mut head = format!("{title:<26}");
-    let heads = [(origin(results), exact), ("long records", sampled)];
+    let heads = [(results.origin(), exact), ("long records", sampled)];
     for (words, _) in heads.iter().filter(|(_, there)| *there) {
         let _ = write!(head, "{words:>18}");
     }
@@ -187,7 +178,7 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
         table.line(format!(
             "{:<26}{:>18}{:>18}",
             "",
-            origin(results),
+            results.origin(),
             "long records"
         ));
     }
