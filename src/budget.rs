@@ -1,6 +1,7 @@
 //! What a machine takes for a piece of work, and the limits a scene sets.
 
 use crate::error::{Error, Result};
+use crate::format::num;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -94,6 +95,8 @@ pub(crate) struct Limits {
     stop: StopFlag,
     /// Seconds allowed.
     pub(crate) seconds: f64,
+    /// What the scene allows, of which these may be a share.
+    told: f64,
     /// Bytes allowed.
     pub(crate) memory: u64,
 }
@@ -105,8 +108,14 @@ impl Limits {
             began: Instant::now(),
             stop: StopFlag::default(),
             seconds,
+            told: seconds,
             memory,
         }
+    }
+
+    /// The same as a share of so many seconds, which errors name.
+    pub(crate) fn share_of(self, told: f64) -> Self {
+        Self { told, ..self }
     }
 
     /// The same, over as soon as `stop` is raised.
@@ -134,7 +143,7 @@ impl Limits {
         }
         Error::Limit {
             key: "accuracy.max_seconds",
-            limit: format!("{}", self.seconds),
+            limit: num(self.told),
             what,
         }
     }

@@ -44,7 +44,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     with(arguments, command)
 }
 
-/// Whether a command line without a command has a scene file: `vibroimpact my.toml --quiet`.
+/// Whether a command line without a command has a scene: `vibroimpact my.toml --quiet`, `vibroimpact default`.
 fn names_a_scene(arguments: &[OsString]) -> bool {
     let given = || arguments.iter().skip(1);
     let command = |it: &OsString| {
@@ -54,8 +54,11 @@ fn names_a_scene(arguments: &[OsString]) -> bool {
                 .get_subcommands()
                 .any(|it| it.get_name() == name)
     };
-    let file = |it: &OsString| Path::new(it).extension().is_some_and(|it| it == "toml");
-    // Behind --set or --out a name of that ending may stand too; then another argument is the scene, or none.
+    let file = |it: &OsString| {
+        let known = it.to_str().is_some_and(|it| built_in(it).is_some());
+        known || Path::new(it).extension().is_some_and(|it| it == "toml")
+    };
+    // Behind --set or --out such a name may stand too; then another argument is the scene, or none.
     let value = |k: usize| {
         let before = arguments.get(k.wrapping_sub(1)).and_then(|it| it.to_str());
         before.is_some_and(|it| matches!(it, "--set" | "--out" | "--threads"))
@@ -99,7 +102,8 @@ fn command(cli: Cli) -> Outcome {
         Some(Command::Run { scene, options }) => run(scene.scene.as_deref(), &options),
         Some(Command::Plan { scene, set }) => {
             let text = read(scene.scene.as_deref(), &set)?;
-            let plan = Plan::of(text.scene()).map_err(|error| Stop::scene(text.explain(&error)))?;
+            let plan = Plan::of(text.scene())
+                .map_err(|error| Stop::explained(&error, text.explain(&error)))?;
             print(&terminal::plan(&plan)).map(|()| 0)
         }
         Some(Command::Map { scene, options }) => map(scene.scene.as_deref(), &options),
@@ -153,18 +157,19 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         Ok(results) => results,
         Err(error @ Error::Io { .. }) => return Err(error.into()),
         Err(error @ Error::Stopped { .. }) => {
-            let kept = path.join("report.html");
-            let kept = if kept.is_file() {
-                format!("what had ended is kept: {}", kept.display())
-            } else {
-                "no stage had ended: there is nothing to keep".to_owned()
-            };
+            let kept = kept(&path)
+                .unwrap_or_else(|| "no stage had ended: there is nothing to keep".into());
             let _ = writeln!(io::stderr(), "{error}; {kept}");
             // The shell learns that it was the signal, and ends its loop too.
             let _ = signal_hook::low_level::emulate_default_handler(SIGINT);
             return Ok(1);
         }
-        Err(error) => return Err(explain(error)),
+        Err(error) => {
+            if let Some(kept) = kept(&path) {
+                let _ = writeln!(io::stderr(), "{kept}");
+            }
+            return Err(explain(error));
+        }
     };
     let status = if results.falls_short() { 3 } else { 0 };
     if options.quiet {
@@ -184,6 +189,13 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         }
     }
     Ok(status)
+}
+
+/// Where to find what had ended of a run that is over early.
+fn kept(folder: &Path) -> Option<String> {
+    let page = folder.join("report.html");
+    page.is_file()
+        .then(|| format!("what had ended is kept: {}", page.display()))
 }
 
 fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
@@ -206,8 +218,9 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
     let tally = tally?;
     if !options.quiet {
         print(&format!(
-            "{tally}lines: {}\n",
-            options.out.join(part.file()).display()
+            "{tally}lines: {}\ntable, arrays and picture: vibroimpact collect {}\n",
+            options.out.join(part.file()).display(),
+            options.out.display()
         ))?;
     }
     Ok(if tally.failed + tally.short > 0 { 3 } else { 0 })

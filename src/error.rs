@@ -46,9 +46,7 @@ pub enum Error {
         help: String,
     },
     /// No mesh of the program's own choice that resolves the scene.
-    #[error(
-        "no mesh within the limits resolves the scene: {what}; use [monte_carlo], or a wider initial condition"
-    )]
+    #[error("no mesh within the limits resolves the scene: {what}; [monte_carlo] needs none")]
     Unresolved {
         /// What the last one lacked.
         what: String,
@@ -143,6 +141,14 @@ impl Error {
                 | Self::NotAvailable { .. }
                 | Self::NoStationaryLaw { .. }
                 | Self::Mesh { .. }
+        )
+    }
+
+    /// Whether the computation found no answer within its limits: other questions may have one.
+    pub(crate) fn is_unanswered(&self) -> bool {
+        matches!(
+            self,
+            Self::Limit { .. } | Self::Unresolved { .. } | Self::Linear { .. }
         )
     }
 

@@ -1,5 +1,6 @@
 //! A number that never travels alone: value, error and where the error comes from.
 
+use crate::error::Error;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::fmt;
 
@@ -98,7 +99,7 @@ impl Serialize for Estimate {
 /// What an answer did not reach of the tolerance that was asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shortfall {
-    /// The number whose error is farthest above, with its time if it has one.
+    /// The number whose error is farthest above, with its time if it has one; empty where there is no answer.
     pub number: String,
     /// Its error over the tolerance, relative to its normalisation.
     pub ratio: f64,
@@ -110,6 +111,19 @@ pub struct Shortfall {
     pub reason: String,
 }
 
+impl Shortfall {
+    /// That of a question without an answer.
+    pub(crate) fn unanswered(error: &Error, tolerance: f64) -> Self {
+        Self {
+            number: String::new(),
+            ratio: f64::INFINITY,
+            tolerance,
+            free: true,
+            reason: error.to_string(),
+        }
+    }
+}
+
 impl fmt::Display for Shortfall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
@@ -119,11 +133,15 @@ impl fmt::Display for Shortfall {
             reason,
             ..
         } = self;
+        if number.is_empty() {
+            return write!(f, "no answer: {reason}");
+        }
         write!(f, "the tolerance {tolerance:e} is not met: ")?;
         if ratio.is_finite() {
             write!(
                 f,
-                "the error of {number} is {ratio:.1} times too large; {reason}"
+                "the error of {number} is {:.1} times too large; {reason}",
+                (10.0 * ratio).ceil() / 10.0
             )
         } else {
             write!(f, "{number} is not known; {reason}")

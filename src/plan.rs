@@ -13,7 +13,7 @@ pub use watch::Watch;
 
 pub use crate::budget::StopFlag;
 use crate::clock::Clock;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fokker_planck::Settings;
 #[doc(hidden)]
 pub use crate::format::{bytes, seconds};
@@ -49,7 +49,7 @@ impl Plan {
     /// The plan of a scene. Computes nothing but sizes.
     ///
     /// # Errors
-    /// Whatever [`Scene::check`] finds, and sizes beyond the memory the scene allows.
+    /// Whatever [`Scene::check`] finds, cells of the scene that do not fit its memory, and stages none of which fits.
     pub fn of(scene: &Scene) -> Result<Self> {
         scene.check()?;
         let start = Instant::now();
@@ -79,22 +79,29 @@ impl Plan {
         };
         // A time that is short in its unit may be too long in dimensionless time.
         scene.check().map_err(|error| plan.as_typed(error))?;
+        let mut beyond = Vec::new();
         for (part, keys) in asked(scene) {
             let keys = keys.into_iter().filter(|(_, asked)| *asked);
             let needed_by: Vec<&'static str> = keys.map(|(key, _)| key).collect();
             if needed_by.is_empty() {
                 continue;
             }
-            let cost = plan.cost(part).and_then(|cost| {
-                plan.check_cost(part, &cost)?;
-                Ok(cost)
-            });
-            let cost = cost.map_err(|error| plan.as_typed(error))?;
+            let cost = plan.cost(part).map_err(|error| plan.as_typed(error))?;
+            match plan.check_cost(part, &cost) {
+                // Other stages may fit.
+                Err(error @ Error::Limit { .. }) => beyond.push(error),
+                checked => checked.map_err(|error| plan.as_typed(error))?,
+            }
             plan.stages.push(Stage {
                 part,
                 needed_by,
                 cost,
             });
+        }
+        if beyond.len() == plan.stages.len()
+            && let Some(first) = beyond.into_iter().next()
+        {
+            return Err(first);
         }
         plan.planning = start.elapsed().as_secs_f64();
         Ok(plan)

@@ -162,9 +162,10 @@ class Scene:
         contact = contact if isinstance(contact, str) else contact["law"]
         asked = [name for name, value in it["outputs"].items() if value]
         asked += ["monte_carlo"] if "monte_carlo" in it else []
+        level = "h" if "h" in oscillator else "force_psd"
         return (
             f"<Scene {it['title']!r}: {contact}, zeta = {oscillator['zeta']:g}, "
-            f"h = {oscillator['h']:g}; {', '.join(asked)}>"
+            f"{level} = {oscillator[level]:g}; {', '.join(asked)}>"
         )
 
     def _repr_html_(self) -> str:

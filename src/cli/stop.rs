@@ -76,7 +76,7 @@ fn status(error: &Error) -> u8 {
     match error {
         error if error.is_refusal() => 2,
         // An equation that was not solved reached no tolerance.
-        Error::Limit { .. } | Error::Unresolved { .. } | Error::Linear { .. } => 3,
+        error if error.is_unanswered() => 3,
         _ => 1,
     }
 }

@@ -72,6 +72,9 @@ impl Stop {
 /// takes, but for a few. Later ones are measured by the run before.
 const MAX_FORESEEN_OVERRUN: f64 = 10.0;
 
+/// A tolerance that is out of reach is pursued for this part of the time: what is known better is worth something too.
+const OUT_OF_REACH: f64 = 0.1;
+
 /// The part of what is left to do that a run is shown to take if nothing is known to follow it.
 const LAST: f64 = 0.9;
 
@@ -85,6 +88,7 @@ pub(super) fn pursue<Q: Question>(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Q::Answer> {
     let (mut pace, mut done) = (None, 0.0);
+    let given = limits.left();
     let stop = loop {
         let ratio = question.ratio();
         if ratio.is_some_and(|ratio| ratio <= 1.0) {
@@ -105,7 +109,9 @@ pub(super) fn pursue<Q: Question>(
             Some(_) => ("the next refinement".to_owned(), "reaching the tolerance"),
             None => (question.name(), "a first answer"),
         };
-        let end = then.map(|then| (then, end));
+        let ends = limits.left() - now.seconds * pace.unwrap_or(1.0);
+        let early = ends > (1.0 - OUT_OF_REACH) * given;
+        let end = then.filter(|_| !early).map(|then| (then, end));
         let mut over = [(now, &name[..])].into_iter().chain(end);
         let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
         if let Some((what, error)) = over {

@@ -3,7 +3,7 @@
 use super::events::unseen;
 use super::law::Law;
 use super::noise::{LANES, Lanes};
-use super::statistics::skewed_variance;
+use super::statistics::{skewed_variance, times};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
 use crate::matrix::dot;
@@ -74,30 +74,34 @@ impl Batch {
     pub(super) fn sample<L: Law>(&mut self, law: L, units: &Units, q: &Lanes, v: &Lanes) {
         self.samples += 1.0;
         let inverse = [units.q, units.v, units.force, units.energy].map(|[_, unit]| 1.0 / unit);
+        let [mut x, mut y, mut force, mut energy, mut lost] = [[0.0; LANES]; 5];
         for lane in 0..LANES {
-            let (x, y) = (q[lane], v[lane]);
-            let force = law.force(x) * inverse[2];
-            let energy = (0.5 * y * y + law.potential(x) - units.energy[0]) * inverse[3];
-            let lost = if law.is_lost(x) { 1.0 } else { 0.0 };
-            let (x, y) = ((x - units.q[0]) * inverse[0], y * inverse[1]);
-            let square = force * force;
-            let terms: Vector = [
-                x,
-                x * x,
-                y,
-                y * y,
-                x * y,
-                force,
-                square,
-                square * force,
-                square * square,
-                energy,
-                energy * energy,
-                lost,
-                x * force,
-            ];
-            for k in 0..TERMS {
-                self.sums[k][lane] += terms[k];
+            let (q, v) = (q[lane], v[lane]);
+            x[lane] = (q - units.q[0]) * inverse[0];
+            y[lane] = v * inverse[1];
+            force[lane] = law.force(q) * inverse[2];
+            energy[lane] = (0.5 * v * v + law.potential(q) - units.energy[0]) * inverse[3];
+            lost[lane] = if law.is_lost(q) { 1.0 } else { 0.0 };
+        }
+        let square = times(&force, &force);
+        let terms: [Lanes; TERMS] = [
+            x,
+            times(&x, &x),
+            y,
+            times(&y, &y),
+            times(&x, &y),
+            force,
+            square,
+            times(&square, &force),
+            times(&square, &square),
+            energy,
+            times(&energy, &energy),
+            lost,
+            times(&x, &force),
+        ];
+        for (sum, term) in self.sums.iter_mut().zip(&terms) {
+            for lane in 0..LANES {
+                sum[lane] += term[lane];
             }
         }
     }

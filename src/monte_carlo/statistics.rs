@@ -91,22 +91,23 @@ impl Sums {
     #[inline(always)]
     pub(super) fn of<L: Law>(law: L, frames: &Frames, q: &[f64], v: &[f64]) -> Self {
         let mut sums = [[0.0; WIDTH]; TERMS];
-        let whole = q.len() - q.len() % WIDTH;
-        for (q, v) in q[..whole]
-            .chunks_exact(WIDTH)
-            .zip(v[..whole].chunks_exact(WIDTH))
-        {
-            for lane in 0..WIDTH {
-                let terms = terms(law, frames, q[lane], v[lane]);
-                for k in 0..TERMS {
-                    sums[k][lane] += terms[k];
+        let ((blocks_q, rest_q), (blocks_v, rest_v)) = (q.as_chunks(), v.as_chunks());
+        for (q, v) in blocks_q.iter().zip(blocks_v) {
+            let terms = terms(law, frames, q, v);
+            for (sum, term) in sums.iter_mut().zip(&terms) {
+                for lane in 0..WIDTH {
+                    sum[lane] += term[lane];
                 }
             }
         }
-        for (lane, (q, v)) in q[whole..].iter().zip(&v[whole..]).enumerate() {
-            let terms = terms(law, frames, *q, *v);
-            for k in 0..TERMS {
-                sums[k][lane] += terms[k];
+        let count = rest_q.len();
+        let (mut last_q, mut last_v) = ([0.0; WIDTH], [0.0; WIDTH]);
+        last_q[..count].copy_from_slice(rest_q);
+        last_v[..count].copy_from_slice(rest_v);
+        let terms = terms(law, frames, &last_q, &last_v);
+        for (sum, term) in sums.iter_mut().zip(&terms) {
+            for lane in 0..count {
+                sum[lane] += term[lane];
             }
         }
         let s: [f64; TERMS] = sums.map(|lanes| lanes.iter().sum());
@@ -189,39 +190,56 @@ impl Sums {
     }
 }
 
-/// What one path adds to the sums.
+/// One number for each of the paths that are added side by side.
+type Block = [f64; WIDTH];
+
+/// Lane by lane; a loop over few arrays, which the compiler makes vectors of.
 #[inline(always)]
-fn terms<L: Law>(law: L, frames: &Frames, q: f64, v: f64) -> [f64; TERMS] {
+pub(super) fn times<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
+    let mut product = [0.0; N];
+    for lane in 0..N {
+        product[lane] = a[lane] * b[lane];
+    }
+    product
+}
+
+/// What some paths add to the sums.
+#[inline(always)]
+fn terms<L: Law>(law: L, frames: &Frames, q: &Block, v: &Block) -> [Block; TERMS] {
     let [fq, fv, fn_, fh] = frames.0;
-    let force = fn_.apply(law.force(q));
-    let energy = fh.apply(0.5 * v * v + law.potential(q));
-    let lost = if law.is_lost(q) { 1.0 } else { 0.0 };
-    let (q, v) = (fq.apply(q), fv.apply(v));
-    let (qq, vv, f2) = (q * q, v * v, force * force);
-    let f4 = f2 * f2;
+    let [mut x, mut y, mut force, mut energy, mut lost] = [[0.0; WIDTH]; 5];
+    for lane in 0..WIDTH {
+        let (q, v) = (q[lane], v[lane]);
+        (x[lane], y[lane]) = (fq.apply(q), fv.apply(v));
+        force[lane] = fn_.apply(law.force(q));
+        energy[lane] = fh.apply(0.5 * v * v + law.potential(q));
+        lost[lane] = if law.is_lost(q) { 1.0 } else { 0.0 };
+    }
+    let (xx, yy, f2) = (times(&x, &x), times(&y, &y), times(&force, &force));
+    let f4 = times(&f2, &f2);
     [
-        q,
-        qq,
-        qq * q,
-        qq * qq,
-        v,
-        vv,
-        vv * v,
-        vv * vv,
-        q * v,
-        qq * v,
-        q * vv,
-        qq * vv,
+        x,
+        xx,
+        times(&xx, &x),
+        times(&xx, &xx),
+        y,
+        yy,
+        times(&yy, &y),
+        times(&yy, &yy),
+        times(&x, &y),
+        times(&xx, &y),
+        times(&x, &yy),
+        times(&xx, &yy),
         force,
         f2,
-        f2 * force,
+        times(&f2, &force),
         f4,
-        f4 * force,
-        f4 * f2,
-        f4 * f2 * force,
-        f4 * f4,
+        times(&f4, &force),
+        times(&f4, &f2),
+        times(&times(&f4, &f2), &force),
+        times(&f4, &f4),
         energy,
-        energy * energy,
+        times(&energy, &energy),
         lost,
     ]
 }

@@ -7,9 +7,9 @@ use super::watch::{Nobody, Watch};
 use crate::budget::Limits;
 use crate::budget::StopFlag;
 use crate::error::{Error, Result};
-use crate::estimate::Warning;
+use crate::estimate::{Shortfall, Warning};
 use crate::fokker_planck::{self};
-use crate::format::num;
+use crate::format::{num, seconds};
 use crate::results::in_unit::InUnit;
 use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
 use crate::scene::Scene;
@@ -34,6 +34,28 @@ impl Plan {
         (RESERVED * seconds.iter().sum::<f64>()).clamp(0.1 * left, 0.5 * left)
     }
 
+    /// Seconds that a stage may take after those spent.
+    fn share(&self, part: Part, spent: f64) -> f64 {
+        let most = self.settings.max_seconds;
+        let own = self.stages.iter().find(|it| it.part == part);
+        let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
+        let mut left = most - spent;
+        if spent + least <= OVERRUN * most {
+            left = left.max(least);
+        }
+        left - self.reserved(part, left)
+    }
+
+    /// Whether there is what a stage adds to.
+    fn has_base(part: Part, results: &Results) -> bool {
+        match part {
+            Part::FirstLossPaths => results.first_loss.is_some(),
+            Part::FirstPassagePaths => results.first_passage.is_some(),
+            Part::Series => results.spectrum.is_some(),
+            _ => true,
+        }
+    }
+
     #[allow(clippy::too_many_lines)] // One arm a part.
     fn compute(
         &self,
@@ -47,15 +69,9 @@ impl Plan {
             outputs,
             ..
         } = &self.scene;
-        let mut settings = self.settings.clone();
-        let own = self.stages.iter().find(|it| it.part == part);
-        let least = RESERVED * own.map_or(0.0, |it| it.cost.seconds);
-        let mut left = settings.max_seconds - results.run.wall_seconds;
-        if results.run.wall_seconds + least <= OVERRUN * settings.max_seconds {
-            left = left.max(least);
-        }
-        settings.max_seconds = left - self.reserved(part, left);
-        let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
+        let settings = &self.settings;
+        let seconds = self.share(part, results.run.wall_seconds);
+        let limits = Limits::from_now(seconds, settings.max_memory).share_of(settings.max_seconds);
         let limits = limits.until(stop.clone());
         match part {
             Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
@@ -300,11 +316,12 @@ impl Plan {
         Ok(())
     }
 
-    /// Run every stage; `watch` is told as it goes.
+    /// Run every stage; `watch` is told as it goes. A stage that finds no answer within the limits is a shortfall of the
+    /// results, and the others are run.
     ///
     /// # Errors
-    /// The first error of a stage or of `watch`, or [`Error::Stopped`]. Results of the stages before it have been shown
-    /// to `watch`.
+    /// The first error of a stage that no stage answered beside, or that is none of its limits; that of `watch`, or
+    /// [`Error::Stopped`]. Results of the stages before it have been shown to `watch`.
     pub fn run(&self, watch: &dyn Watch) -> Result<Results> {
         let mut results = Results::empty(&self.given);
         self.run_on(&mut results, watch)?;
@@ -337,6 +354,7 @@ impl Plan {
             .warnings
             .extend(doubts.into_iter().map(Warning::from));
         let stop = watch.stop();
+        let mut unanswered = None;
         for (k, stage) in self.stages.iter().enumerate() {
             let limit = self.scene.accuracy.max_seconds;
             results.run.wall_seconds = spent();
@@ -350,29 +368,45 @@ impl Plan {
                 });
             }
             let part = stage.part;
+            if !Self::has_base(part, results) {
+                continue;
+            }
             watch.begins(part);
             let begin = Instant::now();
             let told = (results.run.warnings.len(), results.shortfalls.len());
             let progress = |fraction| watch.progress(part, fraction);
-            let computed = self.compute(part, results, (&progress, &stop));
+            let share = self.share(part, results.run.wall_seconds);
+            let computed = self
+                .check_cost(part, &stage.cost)
+                .and_then(|()| self.compute(part, results, (&progress, &stop)));
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
                 return Err(Error::Stopped { what });
             }
-            // A stage knows only what the stages before it left of the time.
-            let computed = computed.map_err(|error| self.as_typed(error));
-            computed.map_err(|error| match error {
+            // A stage knows only its share of the time.
+            let computed = computed.map_err(|error| match self.as_typed(error) {
                 Error::Limit {
                     key: key @ "accuracy.max_seconds",
+                    limit: most,
                     what,
-                    ..
-                } => Error::Limit {
+                } if share < 0.95 * limit => Error::Limit {
                     key,
-                    limit: num(limit),
-                    what,
+                    limit: most,
+                    what: format!("{what} in the {} that other stages leave", seconds(share)),
                 },
                 other => other,
-            })?;
+            });
+            match computed {
+                Ok(()) => {}
+                Err(error) if error.is_unanswered() => {
+                    let shortfall = Shortfall::unanswered(&error, self.scene.accuracy.tolerance);
+                    results.fall_short(part.name(), Some(&shortfall), true);
+                    results.run.wall_seconds = spent();
+                    unanswered = unanswered.or(Some(error));
+                    continue;
+                }
+                Err(error) => return Err(error),
+            }
             self.put_in_unit(part, results, told);
             results
                 .run
@@ -392,7 +426,10 @@ impl Plan {
                 results.run.warnings.pop();
             }
         }
-        Ok(())
+        match unanswered {
+            Some(error) if results.run.stages.is_empty() => Err(error),
+            _ => Ok(()),
+        }
     }
 
     /// What is left to do after these results, as the warning that they then carry.

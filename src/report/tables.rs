@@ -1,5 +1,8 @@
 //! The results in words and in tables of HTML, for the page.
 
+mod driven;
+mod passage;
+
 use super::html::escaped;
 use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
@@ -201,9 +204,12 @@ pub(super) fn tables(results: &Results) -> String {
         physical(results),
         stationary(results),
         crossings(results),
-        first_passage(results),
+        passage::first_loss(results),
+        passage::first_passage(results),
         spectrum(results),
         eigenvalues(results),
+        driven::periodic(results),
+        driven::response(results),
         course(results),
         stages(results),
     ];
@@ -293,39 +299,6 @@ fn crossings(results: &Results) -> String {
         table.put([words, symbol, shown(number), shown(seen)]);
     }
     table.html("Losses of contact")
-}
-
-fn first_passage(results: &Results) -> String {
-    let Some(it) = &results.first_loss else {
-        return String::new();
-    };
-    let paths = results.first_loss_paths.as_ref();
-    let mut table = Table::of(["", "backward equation", "Monte Carlo"]);
-    let last = it.times.len() - 1;
-    for k in [last / 8, last / 4, last / 2, last] {
-        let t = format!("{}{}", brief(it.times[k]), unit(results));
-        let survival = paths.and_then(|it| it.survival.get(k).copied());
-        table.put([
-            format!("probability of no loss until {t}"),
-            shown(Some(it.survival[k])),
-            shown(survival),
-        ]);
-        table.put([
-            format!("probability of a loss until {t}"),
-            shown(Some(it.lost[k])),
-            shown(survival.map(Estimate::complement)),
-        ]);
-    }
-    for (words, number) in [
-        ("mean time to contact loss", it.mean_time),
-        ("asymptotic hazard rate", it.rate),
-        ("the same over Rice's rate", it.rate_over_rice),
-    ] {
-        if !number.value.is_nan() {
-            table.put([words.to_owned(), shown(Some(number)), String::new()]);
-        }
-    }
-    table.html("First passage to contact loss")
 }
 
 fn spectrum(results: &Results) -> String {

@@ -66,6 +66,7 @@ impl Scene {
         let outputs = &self.outputs;
         let asked = Outputs {
             time_unit: None,
+            moments: None,
             ..outputs.clone()
         };
         if asked == Outputs::nothing() && self.monte_carlo.is_none() {

@@ -14,6 +14,9 @@ pub(super) const KIND: Kind = Kind {
     make,
 };
 
+/// Names of columns that are accepted.
+const COLUMNS: &str = "the columns q and G in this order, both dimensionless (displacement and force as in (9)), or no names";
+
 /// Points beyond which a table is refused: every point is a kink of the third derivative.
 const MOST: usize = 10_000;
 
@@ -33,6 +36,9 @@ pub(super) struct Table {
 fn make(given: &Parameters) -> Result<Arc<dyn Restoring>> {
     let file = given.text("file")?;
     let points = match (given.numbers("q")?, given.numbers("force")?, file) {
+        (Some(_), _, Some(_)) | (_, Some(_), Some(_)) => {
+            return Err(given.refuse("file", "a file, or q and force, but not both"));
+        }
         (Some(q), Some(force), _) => {
             if q.len() != force.len() {
                 return Err(given.refuse("force", format!("as many numbers as q has, {}", q.len())));
@@ -120,10 +126,11 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
                 }
                 points.push([q, force]);
             }
-            // Names of the columns.
+            // Names of the columns: any others may mean other units.
             [None, None] if points.is_empty() && !named => {
-                if fields[0].eq_ignore_ascii_case("g") || fields[1].eq_ignore_ascii_case("q") {
-                    return Err(wrong(line, "the columns q and G, in this order"));
+                let is = |k: usize, name: &str| fields[k].eq_ignore_ascii_case(name);
+                if !(is(0, "q") && (is(1, "g") || is(1, "force"))) {
+                    return Err(wrong(line, COLUMNS));
                 }
                 named = true;
             }

@@ -227,11 +227,12 @@ impl Absorbed {
     /// A start at a point.
     pub(crate) fn point(&self, region: &Region<'_>, z: [f64; 2]) -> Start {
         let outside = z[0] < self.loss || z[0] > self.high;
-        let lost = outside || {
+        // Beyond the level from the first, it has no weight; lost within half a step, it has.
+        let lost = !outside && {
             let [cut, top] = self.cuts(region, &[z[0]])[0];
             z[1] < cut || z[1] > top
         };
-        let alive: &[([f64; 2], f64)] = if lost { &[] } else { &[(z, 1.0)] };
+        let alive: &[([f64; 2], f64)] = if outside || lost { &[] } else { &[(z, 1.0)] };
         self.seen(region, alive, f64::from(u8::from(lost)))
     }
 

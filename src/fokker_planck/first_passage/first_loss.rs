@@ -10,13 +10,13 @@
 //! step, on one mesh of 118 x 168, the rate changes by 5.6e-7 from 1 to 0.5 and by 4e-8 from 0.5 to 0.25;
 //! splitting is of second order, and the density of the stationary start of first order in
 //! the step near grazing losses. Under strong friction (zeta = 5, h = 0.4) the rate changes by 8.4e-2, 2.9e-2 and
-//! 1.1e-2 as steps of 0.125 are halved: order 1.5. Error estimates come from the differences from twice the step and
-//! from a coarser mesh; whichever is larger is refined.
+//! 1.1e-2 as steps of 0.125 are halved: order 1.5. Error estimates come from runs of twice and four times
+//! the step and from a coarser mesh; whichever is larger is refined.
 
 use super::layout::{Asked, Layout};
 use super::mesh::Fineness;
 use super::region::{Barrier, Region};
-use super::run::{NAME, Problem, Run};
+use super::run::{Problem, Run};
 use crate::error::{Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
@@ -26,6 +26,7 @@ use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
 use crate::oscillator::{Oscillator, Side};
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 /// The first loss of contact: going down through q_loss.
@@ -56,9 +57,18 @@ pub struct FirstLoss {
 
 /// Rounds that may bring nothing before the refinement ends: the first meshes may be too coarse to show an error.
 const STALLS: usize = 2;
-/// Of the differences from the coarse mesh, of 1.35 times fewer nodes, and from twice the step, what the fine run errs: what
-/// orders 3 and 1 would leave. Seen: 5 and 2, and in the step 1.0 to 1.5 under strong friction.
-const SHARES: [f64; 2] = [0.7, 1.0];
+/// Of the difference from the coarse mesh, of 1.35 times fewer nodes, what the fine run errs: what order 3 would leave. Seen: 5.
+const OF_MESH: f64 = 0.7;
+
+/// What the steps err, from runs with one, twice and four times the step: splitting errs with order 2, a passage missed between
+/// two kicks of the noise with order 1 to 1.25, and where friction is strong the two have opposite signs, so that a difference
+/// of two runs may vanish where neither is small. Both parts count.
+fn of_steps([one, two, four]: [f64; 3]) -> f64 {
+    let (near, far) = (two - one, four - two);
+    let first = 2.0 * near - 0.5 * far;
+    let second = (far - 2.0 * near) / 6.0;
+    first.abs() + second.abs()
+}
 
 /// What is solved.
 fn equation(driven: bool) -> &'static str {
@@ -93,7 +103,8 @@ impl FirstPassage {
     ) -> Result<Self> {
         positive("outputs.first_loss.until", until)?;
         let barrier = Barrier::loss(oscillator)?;
-        Self::beyond(oscillator, initial, (barrier, until), settings)
+        let name = "the first loss of contact";
+        Self::beyond(oscillator, initial, (name, barrier, until), settings)
     }
 
     /// The recipe for the first passage of a level of q from `initial`, up to the time `until`.
@@ -109,13 +120,14 @@ impl FirstPassage {
     ) -> Result<Self> {
         positive("outputs.first_passage.until", until)?;
         let barrier = Barrier::of(oscillator, level, side)?;
-        Self::beyond(oscillator, initial, (barrier, until), settings)
+        let name = "the first passage of the level";
+        Self::beyond(oscillator, initial, (name, barrier, until), settings)
     }
 
     fn beyond(
         oscillator: &Oscillator,
         initial: &Initial,
-        (barrier, until): (Barrier, f64),
+        (name, barrier, until): (&'static str, Barrier, f64),
         settings: &Settings,
     ) -> Result<Self> {
         positive("accuracy.tolerance", settings.tolerance)?;
@@ -126,6 +138,7 @@ impl FirstPassage {
             .damping()
             .depends_on_displacement("a first passage")?;
         let asked = Asked {
+            name,
             barrier,
             until,
             tolerance: settings.tolerance,
@@ -253,7 +266,7 @@ impl Question for Task<'_> {
     type Answer = FirstLoss;
 
     fn name(&self) -> String {
-        NAME.into()
+        self.problem.asked.name.into()
     }
 
     fn ratio(&self) -> Option<f64> {
@@ -277,14 +290,14 @@ impl Question for Task<'_> {
         })
     }
 
-    /// A fine run, and its error from one on a coarser mesh and one of twice the step. The next is finer in whatever
-    /// errs most.
+    /// A fine run, and its error from one on a coarser mesh and from two of twice and four times the step. The next is finer in
+    /// whatever errs most.
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
         let layout = self.layout.clone();
         let mut runs = Vec::new();
         for (k, fineness) in layout.runs().into_iter().enumerate() {
             let before = self.runs.iter().find(|it| it.0 == fineness);
-            let (from, part) = [(0.0, 0.5), (0.5, 0.25), (0.75, 0.25)][k];
+            let (from, part) = [(0.0, 0.45), (0.45, 0.25), (0.7, 0.2), (0.9, 0.1)][k];
             let run = match before {
                 Some((_, run)) => run.clone(),
                 None => self
@@ -293,7 +306,7 @@ impl Question for Task<'_> {
             };
             runs.push((fineness, run));
         }
-        let found = self.report(&layout, &runs[0].1, [&runs[1].1, &runs[2].1]);
+        let found = self.report(&layout, [0, 1, 2, 3].map(|k| &runs[k].1));
         self.runs = runs;
         self.layout = layout.finer(found.1.parts);
         // NaN is no error estimate.
@@ -317,15 +330,25 @@ impl Question for Task<'_> {
 
 impl Task<'_> {
     /// The fine run with its errors, and the largest of them over the tolerance.
-    fn report(&self, layout: &Layout, fine: &Run, others: [&Run; 2]) -> (FirstLoss, Worst) {
+    fn report(&self, layout: &Layout, runs: [&Run; 4]) -> (FirstLoss, Worst) {
+        let [fine, coarse, two, four] = runs;
         let tolerance = self.problem.asked.tolerance;
         // What the edge of the mesh leaves out of the losses.
         let outside = layout.outside;
-        let gaps = |f: &dyn Fn(&Run) -> f64| -> f64 {
-            let each = others.iter().zip(SHARES);
-            each.map(|(other, share)| share * (f(fine) - f(other)).abs())
-                .sum()
+        // What the mesh and the steps err.
+        let both = |f: &dyn Fn(&Run) -> f64| -> [f64; 2] {
+            let mesh = OF_MESH * (f(fine) - f(coarse)).abs();
+            [mesh, of_steps([fine, two, four].map(f))]
         };
+        let gaps = |f: &dyn Fn(&Run) -> f64| -> f64 { both(f).iter().sum() };
+        // A difference passes through zero: the largest since so long ago stands for it.
+        let since = |k: usize, ago: f64, f: &dyn Fn(&Run, usize) -> f64| -> f64 {
+            let recent = (0..=k).rev();
+            let recent = recent.take_while(|l| layout.times[k] - layout.times[*l] <= ago);
+            let each = recent.map(|l| gaps(&|run| f(run, l)));
+            each.fold(0.0, |a, b| if b < a { a } else { b })
+        };
+        let forgets = layout.correlation_time;
         let mut worst = (0.0, "", None);
         let mut note = |ratio: f64, name, t| {
             if ratio > worst.0 || ratio.is_nan() {
@@ -338,14 +361,14 @@ impl Task<'_> {
         let largest = fine.density.iter().fold(0.0f64, |a, b| a.max(*b));
         let mut parts = [0.0f64; 2];
         let mut part = |f: &dyn Fn(&Run) -> f64, scale: f64| {
-            for ((part, other), share) in parts.iter_mut().zip(others).zip(SHARES) {
-                *part = part.max(share * (f(fine) - f(other)).abs() / (tolerance * scale));
+            for (part, error) in parts.iter_mut().zip(both(f)) {
+                *part = part.max(error / (tolerance * scale));
             }
         };
         let (mut survival, mut lost, mut density) = (Vec::new(), Vec::new(), Vec::new());
         for (k, t) in layout.times.iter().enumerate() {
             // Beyond the edge all is lost, whatever the mesh says.
-            let error = gaps(&|run| run.survival[k])
+            let error = since(k, forgets, &|run, l| run.survival[l])
                 + fine.drift[k]
                 + outside * (1.0 - fine.survival[k])
                 + begun
@@ -353,10 +376,12 @@ impl Task<'_> {
             note(error / tolerance, "survival", Some(*t));
             part(&|run| run.survival[k], 1.0);
             survival.push(Estimate::new(fine.survival[k], error, Origin::Space));
-            let error =
-                gaps(&|run| run.lost[k]) + fine.drift[k] + (outside + 1e-12) * fine.lost[k] + begun;
+            let error = since(k, forgets, &|run, l| run.lost[l])
+                + fine.drift[k]
+                + (outside + 1e-12) * fine.lost[k]
+                + begun;
             lost.push(Estimate::new(fine.lost[k], error, Origin::Space));
-            let error = gaps(&|run| run.density[k])
+            let error = since(k, FRAC_PI_2, &|run, l| run.density[l])
                 + fine.wobble[k]
                 + outside * fine.density[k].abs()
                 + begun * largest;
@@ -364,12 +389,13 @@ impl Task<'_> {
         }
         part(&|run| run.mean_time, fine.mean_time);
         part(&|run| run.rate, fine.rate);
-        let number = |f: &dyn Fn(&Run) -> f64, residual: f64| {
-            let error = gaps(f) + (residual + outside) * f(fine);
+        // Or what a number that is found in two ways differs by.
+        let number = |f: &dyn Fn(&Run) -> f64, differs: f64| {
+            let error = gaps(f).max(differs * f(fine).abs()) + outside * f(fine).abs();
             Estimate::new(f(fine), error, Origin::Space)
         };
-        let mut mean_time = number(&|run| run.mean_time, fine.residuals[0]);
-        mean_time.error += 2.0 * begun * mean_time.value;
+        let mut mean_time = number(&|run| run.mean_time, 0.0);
+        mean_time.error += (fine.residuals[0] + 2.0 * begun) * mean_time.value;
         let rate = number(&|run| run.rate, fine.residuals[1]);
         let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
         // Of an initial condition beyond the level nothing is left to be known relative to itself.
@@ -390,7 +416,6 @@ impl Task<'_> {
             number,
             parts,
         };
-        let [nq, nv] = layout.nodes;
         let it = FirstLoss {
             times: layout.times.clone(),
             survival,
@@ -399,22 +424,27 @@ impl Task<'_> {
             mean_time,
             rate,
             rate_over_rice,
-            method: Method {
-                name: format!(
-                    "{} along the exact motion, order 6",
-                    equation(layout.driven)
-                ),
-                reason: "absorbed where each motion loses contact".into(),
-                cells: layout.nodes,
-                unknowns: nq * nv,
-                domain: self.domain(layout),
-                step: layout.step,
-                steps: fine.steps + others.iter().map(|other| other.steps).sum::<u64>(),
-                neglected: outside,
-            },
+            method: self.method(layout, runs.iter().map(|it| it.steps).sum()),
             shortfall: None,
         };
         (it, worst)
+    }
+
+    fn method(&self, layout: &Layout, steps: u64) -> Method {
+        let [nq, nv] = layout.nodes;
+        Method {
+            name: format!(
+                "{} along the exact motion, order 6",
+                equation(layout.driven)
+            ),
+            reason: "absorbed where each motion loses contact".into(),
+            cells: layout.nodes,
+            unknowns: nq * nv,
+            domain: self.domain(layout),
+            step: layout.step,
+            steps,
+            neglected: layout.outside,
+        }
     }
 
     fn domain(&self, layout: &Layout) -> [f64; 4] {

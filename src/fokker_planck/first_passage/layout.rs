@@ -8,9 +8,14 @@ use crate::fokker_planck::policy::{LADDER_RATIO, PASSAGE_OUTPUTS};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
+/// What runs with other steps differ by, over the error of the mesh that they share, if it is that of the mesh alone.
+const OF_A_MESH: f64 = 3.0;
+
 /// What is asked, and what the scene fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Asked {
+    /// The question in messages.
+    pub(super) name: &'static str,
     /// The loss point, or any other level.
     pub(super) barrier: Barrier,
     pub(super) until: f64,
@@ -23,7 +28,7 @@ pub(super) struct Asked {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
     pub(super) times: Vec<f64>,
-    /// Steps between times of the fine run, even.
+    /// Steps between times of the fine run, a multiple of four.
     pub(super) every: usize,
     pub(super) step: f64,
     pub(super) nodes: [usize; 2],
@@ -97,12 +102,12 @@ impl Layout {
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         let longest = asked.step.unwrap_or(automatic);
-        // The coarse step is twice the fine one and still ends on every time.
-        let outputs = (until / (2.0 * longest))
-            .floor()
-            .clamp(8.0, PASSAGE_OUTPUTS.get());
+        // The coarsest step is four times the fine one and still ends on every time.
+        let quadruples = until / (4.0 * longest);
+        let each = (quadruples / PASSAGE_OUTPUTS.get()).ceil();
+        let outputs = (quadruples / each).ceil().max(8.0);
         let gap = until / outputs;
-        let every = 2 * (gap / (2.0 * longest)).ceil().max(1.0) as usize;
+        let every = 4 * (gap / (4.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
         let correlation_time = oscillator.correlation_time();
         let nodes = match asked.cells {
@@ -126,18 +131,20 @@ impl Layout {
         }
     }
 
-    /// The next layout, for what the mesh and the step err, over the tolerance: whatever errs most is made finer, and
-    /// the other too where it errs by more than its half of the tolerance.
+    /// The next layout, for what the mesh and the step err, over the tolerance: the mesh is made finer, and
+    /// the steps where they err by more than a mesh so coarse may make of them; with them the mesh too, which errs by more
+    /// the more often it is interpolated on.
     pub(super) fn finer(&self, [mesh, step]: [f64; 2]) -> Self {
         let mut it = self.clone();
         let mut wanted = 2.0 * mesh;
-        if step > mesh || step > 0.5 {
+        let halve = step > OF_A_MESH * mesh;
+        if halve {
             it.every *= 2;
             it.step *= 0.5;
             // Twice as many interpolations, of what a kick smooths over half the root of the distance.
             wanted *= 2.0 * 2f64.sqrt().powi(POINTS as i32);
         }
-        if mesh > step || wanted > 1.0 {
+        if !halve || wanted > 1.0 {
             let times = wanted
                 .powf(1.0 / POINTS as f64)
                 .clamp(LADDER_RATIO.get(), 2.0);
@@ -146,14 +153,15 @@ impl Layout {
         it
     }
 
-    /// The mesh and the step of a run: the fine one, on a coarser mesh, of twice the step.
-    pub(super) fn runs(&self) -> [Fineness; 3] {
+    /// The mesh and the step of a run: the fine one, on a coarser mesh, of twice and four times the step.
+    pub(super) fn runs(&self) -> [Fineness; 4] {
         let Self {
             nodes, step, level, ..
         } = *self;
         let coarse = nodes.map(|n| ((n as f64 / LADDER_RATIO.get()) as usize).max(12));
         let of = |nodes, step| Fineness { nodes, step, level };
-        [of(nodes, step), of(coarse, step), of(nodes, 2.0 * step)]
+        let steps = [step, 2.0 * step, 4.0 * step].map(|step| of(nodes, step));
+        [steps[0], of(coarse, step), steps[1], steps[2]]
     }
 
     /// Krylov vectors a tenth of the correlation time apart, and a quarter of a period at the least: closer ones span
@@ -188,8 +196,8 @@ impl Layout {
             cells: self.nodes,
             steps: steps as u64,
             memory: self.memory_bytes(oscillator) as u64,
-            // The runs that measure the error take as long again.
-            seconds: 2.0
+            // The runs that measure the error take longer than the fine one.
+            seconds: 2.3
                 * nq
                 * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * steps)
                     + nv * self.node_seconds() * steps),
@@ -231,12 +239,12 @@ fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64, part: f64) -
 /// Time from the loss point back to it at this speed.
 fn bounce(region: &Region<'_>, speed: f64) -> f64 {
     let loss = region.barrier.low;
-    // Contact is never softer than the preload: the time is found from below.
+    // A motion that takes longer than the last of these is slow.
     let times: Vec<f64> = (-60..=20).map(|k| (0.1 * f64::from(k)).exp()).collect();
     let mut ends = vec![[0.0; 2]; times.len()];
     region.after(&[[loss, speed]], &times, &mut ends);
     let back = ends.iter().position(|end| end[0] <= loss);
-    back.map_or(1.0, |k| times[k.saturating_sub(1)])
+    back.map_or(f64::INFINITY, |k| times[k.saturating_sub(1)])
 }
 
 /// The largest rate of friction where an energy above the lowest reaches.

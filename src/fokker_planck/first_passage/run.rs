@@ -14,9 +14,6 @@ use crate::initial::Initial;
 use crate::matrix::dot;
 use crate::oscillator::Oscillator;
 
-/// The question in messages.
-pub(super) const NAME: &str = "the first passage";
-
 /// The numbers of one mesh and step.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Run {
@@ -30,7 +27,7 @@ pub(super) struct Run {
     pub(super) mean_time: f64,
     pub(super) rate: f64,
     pub(super) over_rice: f64,
-    /// Relative error of mean time and rate beyond mesh and step.
+    /// Relative error of the mean time beyond mesh and step, and what the rate, found in two ways, differs by.
     pub(super) residuals: [f64; 2],
     pub(super) steps: u64,
     /// Weight of the start, lost at once or not: the probability of what it is given.
@@ -168,7 +165,7 @@ impl Problem<'_> {
         progress: &dyn Fn(f64),
     ) -> Result<Run> {
         let it = self.oscillator;
-        let late = self.limits.late(NAME);
+        let late = self.limits.late(self.asked.name);
         let region = &self.region();
         let absorbed = Absorbed::new(region, fineness, &late)?;
         let law = it.displacement_law()?;
@@ -275,7 +272,7 @@ impl Problem<'_> {
         (start, total): (&Start, f64),
         progress: &dyn Fn(f64),
     ) -> Result<Run> {
-        let late = self.limits.late(NAME);
+        let late = self.limits.late(self.asked.name);
         let every = (layout.every as f64 * layout.step / driven.step()).round() as usize;
         let count = every * (layout.times.len() - 1);
         let (mut gone, mut whole) = (vec![0.0], start.lost);
@@ -326,7 +323,7 @@ impl Problem<'_> {
             entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
             hazard: None,
         };
-        let late = self.limits.late(NAME);
+        let late = self.limits.late(self.asked.name);
         let mut losses = absorbed.lost_second();
         let mut scratch = vec![0.0; losses.len()];
         let mut hazards = [f64::INFINITY; 3];

@@ -116,11 +116,8 @@ impl Domain {
             (low, above) = (high, below);
             high *= 1.5;
             if !high.is_finite() {
-                let what = "no energy level holds the initial condition".to_string();
-                return Err(Error::Mesh {
-                    what,
-                    help: "an initial condition nearer to equilibrium".into(),
-                });
+                let accepted = "one nearer to equilibrium: no energy level holds it";
+                return Err(Error::invalid("initial", "this one", accepted));
             }
             below = excess(high);
         }

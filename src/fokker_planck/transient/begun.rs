@@ -39,13 +39,14 @@ pub(super) fn begun(task: &Task) -> Result<Option<Table>> {
         ..law.clone()
     };
     for k in 0..STEEPER_TRIES {
-        let both = [law, &coarser].map(|law| {
+        let one = |law| {
             let rung = recipe.rung(oscillator, initial, until, first + k as f64)?;
             let law = Some(law);
             Task { law, ..*task }.run(&rung, times, &|_| ())
-        });
+        };
+        let both = rayon::join(|| one(law), || one(&coarser));
         match both {
-            [Ok(run), Ok(other)] => {
+            (Ok(run), Ok(other)) => {
                 let scales = scales(task, &run);
                 let mut table = difference(&run, &other, &scales);
                 for (x, scale) in table.iter_mut().flatten().zip(scales.iter().flatten()) {
@@ -57,7 +58,7 @@ pub(super) fn begun(task: &Task) -> Result<Option<Table>> {
                 }
                 return Ok(Some(table));
             }
-            [Err(error), _] | [_, Err(error)] if !is_unfit(&error) => return Err(error),
+            (Err(error), _) | (_, Err(error)) if !is_unfit(&error) => return Err(error),
             _ => {}
         }
     }

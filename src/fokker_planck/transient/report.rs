@@ -139,8 +139,8 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
             error: it.error + SAFETY * nearest,
         }
     };
-    // One that is not known to a tenth is not known.
-    let known = |it: &Multiplier| it.error < 0.1;
+    // One that is not known to a tenth, or not from zero, is not known.
+    let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
     fine.multipliers
         .iter()
         .map(multiplier)

@@ -4,6 +4,7 @@ use super::canvas::{BLUE, GREY, Points, TITLE, VERMILION, picture, write};
 use super::legend::{Mark, legend};
 use super::panel::{Panel, range};
 use crate::error::Result;
+use crate::format::brief;
 use crate::oscillator::Quantity;
 use crate::report::File;
 use crate::results::Results;
@@ -58,7 +59,7 @@ pub(crate) fn spectrum(results: &Results) -> Result<Vec<File>> {
         let title = format!(
             "One-sided spectrum, {} contact, h = {}",
             results.contact().name(),
-            results.scene.oscillator.h()
+            brief(results.scene.oscillator.h())
         );
         write(area, &title, (panel.left, 22.0), TITLE)?;
         panel.axes(area, x_label, y_label)?;

@@ -65,6 +65,7 @@ pub fn plan(plan: &Plan) -> String {
         bytes(scene.accuracy.max_memory)
     );
     table.paragraph("", &text);
+    refused(&mut table, plan);
     let refines = |it: &Stage| {
         matches!(
             it.part,
@@ -103,4 +104,15 @@ pub fn plan(plan: &Plan) -> String {
         table.paragraph("warning: ", text);
     }
     table.text
+}
+
+/// Stages that do not fit the memory.
+fn refused(table: &mut Table, plan: &Plan) {
+    let most = plan.scene().accuracy.max_memory;
+    for stage in plan.stages() {
+        if stage.cost.memory_bytes > most {
+            let text = format!("{} does not fit: it will not be run", stage.part.name());
+            table.paragraph("", &text);
+        }
+    }
 }

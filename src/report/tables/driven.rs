@@ -1,0 +1,86 @@
+//! Tables of what a drive does: the law that lasts under it, and the response over its frequency.
+
+use super::{Table, shown};
+use crate::estimate::Estimate;
+use crate::format::{brief, cell, spread};
+use crate::results::Results;
+
+/// Frequencies of a response shown on the page; all are in the files.
+const FREQUENCIES: usize = 25;
+
+/// Harmonics, loss of contact and Floquet multipliers of the law that lasts under a drive.
+pub(super) fn periodic(results: &Results) -> String {
+    let Some(it) = &results.periodic else {
+        return String::new();
+    };
+    let mut table = Table::of(["", "amplitude", "phase, rad"]);
+    for (symbol, all) in [
+        ("E[q]", &it.mean_q),
+        ("E[v]", &it.mean_v),
+        ("E[N]", &it.mean_force),
+    ] {
+        for (k, harmonic) in (1..).zip(all).take(2) {
+            let phase = Some(harmonic.phase).filter(|it| it.value.is_finite());
+            table.put([
+                format!("{symbol}, harmonic {k}"),
+                shown(Some(harmonic.amplitude)),
+                shown(phase),
+            ]);
+        }
+    }
+    let mut others = Table::of(["", "value"]);
+    if let Some(lost) = it.contact_loss_probability {
+        others.put(["P(loss) over a period".into(), shown(Some(lost))]);
+    }
+    for law in it.metastable.iter().flatten() {
+        others.put([
+            "probability of the motion about one of two orbits".into(),
+            shown(Some(law.probability)),
+        ]);
+    }
+    for (k, it) in (1..).zip(&it.multipliers) {
+        let part = |value: f64| {
+            cell(Some(Estimate {
+                value,
+                error: it.error,
+                ..Estimate::default()
+            }))
+        };
+        let imaginary = match it.im {
+            0.0 => String::new(),
+            im => format!(" and {} i", part(im)),
+        };
+        let value = format!("{}{imaginary}", part(it.re));
+        others.put([format!("Floquet multiplier {k}"), value]);
+    }
+    table.html("The law that lasts under the drive: harmonics of the period")
+        + &others.html("The law that lasts under the drive")
+}
+
+/// The response curve at some of its frequencies.
+pub(super) fn response(results: &Results) -> String {
+    let Some(it) = &results.response else {
+        return String::new();
+    };
+    let mut table = Table::of([
+        "\u{3c9} of the drive",
+        "|E[q]|, harmonic 1",
+        "|E[q]|, harmonic 2",
+        "|E[N]|, harmonic 1",
+        "P(loss)",
+        "modulus of the slowest multiplier",
+    ]);
+    for k in spread(it.frequency.len(), FREQUENCIES) {
+        let lost = it.contact_loss_probability.as_ref().map(|it| it[k]);
+        let number = |it: Estimate| shown(Some(it));
+        table.put([
+            brief(it.frequency[k]),
+            number(it.mean_q_1[k]),
+            number(it.mean_q_2[k]),
+            number(it.mean_force_1[k]),
+            shown(lost),
+            number(it.multiplier[k]),
+        ]);
+    }
+    table.html("Response to the drive")
+}

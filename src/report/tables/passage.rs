@@ -1,0 +1,68 @@
+//! Tables of first losses of contact and of first passages.
+
+use super::{Table, shown, unit};
+use crate::estimate::Estimate;
+use crate::fokker_planck::FirstLoss;
+use crate::format::brief;
+use crate::monte_carlo::FirstLossResult;
+use crate::oscillator::Side;
+use crate::results::Results;
+
+pub(super) fn first_loss(results: &Results) -> String {
+    let paths = results.first_loss_paths.as_ref();
+    results.first_loss.as_ref().map_or(String::new(), |it| {
+        let words = ["a loss", "contact loss"];
+        survival(unit(results), words, (it, paths)).html("First passage to contact loss")
+    })
+}
+
+pub(super) fn first_passage(results: &Results) -> String {
+    let (Some(it), Some(asked)) = (&results.first_passage, results.scene.outputs.first_passage)
+    else {
+        return String::new();
+    };
+    let level = brief(asked.level);
+    let level = match asked.side {
+        Side::Below => format!("q below {level}"),
+        Side::Above => format!("q above {level}"),
+        Side::Either => format!("|q| above {level}"),
+    };
+    let paths = results.first_passage_paths.as_ref();
+    let table = survival(unit(results), ["a passage", "the passage"], (it, paths));
+    table.html(&format!("First passage of {level}"))
+}
+
+/// `[event, target]`: what is survived, and what the mean time leads to.
+fn survival(
+    unit: &str,
+    [event, target]: [&str; 2],
+    (it, paths): (&FirstLoss, Option<&FirstLossResult>),
+) -> Table {
+    let mut table = Table::of(["", "backward equation", "Monte Carlo"]);
+    let last = it.times.len() - 1;
+    for k in [last / 8, last / 4, last / 2, last] {
+        let t = format!("{}{unit}", brief(it.times[k]));
+        let survival = paths.and_then(|it| it.survival.get(k).copied());
+        let event_free = event.replacen("a ", "no ", 1);
+        table.put([
+            format!("probability of {event_free} until {t}"),
+            shown(Some(it.survival[k])),
+            shown(survival),
+        ]);
+        table.put([
+            format!("probability of {event} until {t}"),
+            shown(Some(it.lost[k])),
+            shown(survival.map(Estimate::complement)),
+        ]);
+    }
+    for (words, number) in [
+        (format!("mean time to {target}"), it.mean_time),
+        ("asymptotic hazard rate".into(), it.rate),
+        ("the same over Rice's rate".into(), it.rate_over_rice),
+    ] {
+        if !number.value.is_nan() {
+            table.put([words, shown(Some(number)), String::new()]);
+        }
+    }
+    table
+}
