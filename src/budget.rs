@@ -1,7 +1,7 @@
 //! What a machine takes for a piece of work, and the limits a scene sets.
 
 use crate::error::{Error, Result};
-use crate::format::num;
+use crate::format::{bytes as shown, num};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -162,11 +162,10 @@ impl Limits {
         if bytes <= self.memory {
             return Ok(());
         }
-        let gigabytes = |bytes: u64| format!("{:.3} GB", bytes as f64 * 1e-9);
         Err(Error::Limit {
             key: "accuracy.max_memory",
-            limit: gigabytes(self.memory),
-            what: format!("{name} would need {}", gigabytes(bytes)),
+            limit: shown(self.memory),
+            what: format!("{name} would need {}", shown(bytes)),
         })
     }
 

@@ -612,3 +612,21 @@ fn a_contact_that_is_never_there_falls_under_a_drive_as_the_equation_says() {
         assert!(wrong < 1e-4);
     }
 }
+
+#[test]
+fn a_law_found_in_few_periods_has_no_multiplier_one() {
+    // A period of 16 leaves 0.2846 of the slowest mode: the Krylov space ends in rounding before its eigenvalues do.
+    let it = Oscillator::new(ContactLaw::Linear, 0.08, 0.01).unwrap();
+    let drive = Some(Drive::new(0.1, 0.4, 0.0).unwrap());
+    let settings = Settings {
+        excitation: Excitation {
+            drive,
+            envelope: None,
+        },
+        ..Settings::default()
+    };
+    let got = periodic(&it, 4, &settings, &|_| {}).unwrap();
+    println!("{:?}", got.multipliers);
+    let exact = (-0.08 * std::f64::consts::TAU / 0.4f64).exp();
+    assert!((got.multipliers[0].modulus() - exact).abs() <= got.multipliers[0].error);
+}

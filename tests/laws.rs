@@ -497,6 +497,10 @@ fn the_file_of_a_table_stands_beside_its_scene_and_the_resolved_scene_stands_alo
     for (text, word) in [
         ("q,G\n0,0\n1,nan\n", "line 3"),
         ("G,q\n-1,-2\n0,0\n", "line 1: G,q"),
+        (
+            "displacement_um,force_N\n-1,-1\n1,2\n",
+            "line 1: displacement_um",
+        ),
         ("0,0\n1,1\n1,2\n", "line 3: q = 1.0"),
         ("0,0\n1,one\n", "line 2"),
         ("0,0\n1,1,1\n", "line 2"),

@@ -245,6 +245,31 @@ fn every_question_of_the_default_scene_has_its_recipe() {
 }
 
 #[test]
+fn a_stage_without_an_answer_is_a_shortfall_and_the_others_are_run() {
+    let mut scene = scene();
+    scene.outputs.first_loss = Some(20.0);
+    scene.accuracy.max_memory = 1_000_000;
+    let plan = Plan::of(&scene).unwrap();
+    assert!(terminal::plan(&plan).contains("first_loss does not fit"));
+    let results = plan.run_quietly().unwrap();
+    assert!(results.stationary.is_some() && results.first_loss.is_none() && results.falls_short());
+    let (stage, shortfall) = &results.shortfalls[0];
+    let said = shortfall.to_string();
+    assert!(
+        *stage == "first_loss" && said.starts_with("no answer: accuracy.max_memory"),
+        "{said}"
+    );
+    // Alone it is an error.
+    scene.outputs.stationary = false;
+    assert!(
+        Plan::of(&scene)
+            .unwrap_err()
+            .to_string()
+            .contains("first_loss stage")
+    );
+}
+
+#[test]
 fn a_mesh_beyond_the_memory_is_refused_before_anything_is_built() {
     let mut scene = scene();
     scene.outputs.steady = true;

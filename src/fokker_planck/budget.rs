@@ -4,6 +4,7 @@ use super::flux::Drift;
 use super::settings::TimeScheme;
 pub(crate) use crate::budget::{Limits, timing};
 use crate::error::{Error, Result};
+use crate::format::bytes;
 
 /// What a computation will take, as far as can be said without doing it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -132,8 +133,7 @@ pub(super) fn check_memory(
     if needed <= max_memory {
         return Ok(());
     }
-    let gigabytes = |bytes: u64| format!("{:.3} GB", bytes as f64 * 1e-9);
-    let (limit, needed) = (gigabytes(max_memory), gigabytes(needed));
+    let (limit, needed) = (bytes(max_memory), bytes(needed));
     if given {
         let accepted =
             format!("cells that fit accuracy.max_memory = {limit}; these need about {needed}");
@@ -146,6 +146,6 @@ pub(super) fn check_memory(
     Err(Error::Limit {
         key: "accuracy.max_memory",
         limit,
-        what: format!("a mesh of {cells:?} cells needs about {needed}"),
+        what: format!("a mesh of {cells:?} cells would need about {needed}"),
     })
 }

@@ -2,6 +2,7 @@
 
 mod driven;
 mod passage;
+mod table;
 
 use super::html::escaped;
 use crate::clock::TimeUnit;
@@ -11,57 +12,10 @@ use crate::initial::Initial;
 use crate::moments::{Entry, Moment, Moments};
 use crate::results::{Results, distance, entries, physical_words};
 use std::fmt::Write;
+use table::{Table, shown};
 
 /// Times of a transient shown on the page; all are in the files.
 const TIMES: usize = 12;
-
-/// A table: heads, and rows of as many cells.
-struct Table {
-    heads: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn of<const N: usize>(heads: [&str; N]) -> Self {
-        Self {
-            heads: heads.map(str::to_owned).to_vec(),
-            rows: Vec::new(),
-        }
-    }
-
-    fn put<const N: usize>(&mut self, cells: [String; N]) {
-        self.rows.push(cells.into());
-    }
-
-    /// With its title; nothing without rows. Columns without a single entry are left out.
-    fn html(&self, title: &str) -> String {
-        if self.rows.is_empty() {
-            return String::new();
-        }
-        let filled = |k: usize| {
-            self.rows
-                .iter()
-                .any(|row| !matches!(row[k].as_str(), "" | "-"))
-        };
-        let kept: Vec<usize> = (0..self.heads.len()).filter(|k| filled(*k)).collect();
-        let row = |tag: &str, cells: &[String]| {
-            let cells = kept
-                .iter()
-                .map(|k| format!("<{tag}>{}</{tag}>", escaped(&cells[*k])));
-            format!("<tr>{}</tr>\n", cells.collect::<String>())
-        };
-        let body: String = self.rows.iter().map(|it| row("td", it)).collect();
-        let head = row("th", &self.heads);
-        format!(
-            "<h2>{}</h2>\n<table>\n{head}{body}</table>\n",
-            escaped(title)
-        )
-    }
-}
-
-fn shown(it: Option<Estimate>) -> String {
-    it.map_or(String::new(), |it| cell(Some(it)))
-}
 
 /// What came out, in a few sentences.
 pub(super) fn summary(results: &Results) -> String {

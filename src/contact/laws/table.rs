@@ -36,9 +36,6 @@ pub(super) struct Table {
 fn make(given: &Parameters) -> Result<Arc<dyn Restoring>> {
     let file = given.text("file")?;
     let points = match (given.numbers("q")?, given.numbers("force")?, file) {
-        (Some(_), _, Some(_)) | (_, Some(_), Some(_)) => {
-            return Err(given.refuse("file", "a file, or q and force, but not both"));
-        }
         (Some(q), Some(force), _) => {
             if q.len() != force.len() {
                 return Err(given.refuse("force", format!("as many numbers as q has, {}", q.len())));

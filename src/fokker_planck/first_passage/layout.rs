@@ -28,7 +28,7 @@ pub(super) struct Asked {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
     pub(super) times: Vec<f64>,
-    /// Steps between times of the fine run, a multiple of four.
+    /// Steps between times of the fine run, two or a multiple of four.
     pub(super) every: usize,
     pub(super) step: f64,
     pub(super) nodes: [usize; 2],
@@ -102,12 +102,16 @@ impl Layout {
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         let longest = asked.step.unwrap_or(automatic);
-        // The coarsest step is four times the fine one and still ends on every time.
-        let quadruples = until / (4.0 * longest);
-        let each = (quadruples / PASSAGE_OUTPUTS.get()).ceil();
-        let outputs = (quadruples / each).ceil().max(8.0);
+        // The coarsest step is four times the fine one and ends on every time, or on every second one.
+        let pairs = until / (2.0 * longest);
+        let (each, every) = if pairs <= PASSAGE_OUTPUTS.get() {
+            (1.0, 2)
+        } else {
+            let each = (0.5 * pairs / PASSAGE_OUTPUTS.get()).ceil();
+            (2.0 * each, 4 * each as usize)
+        };
+        let outputs = (pairs / each).ceil().max(8.0);
         let gap = until / outputs;
-        let every = 4 * (gap / (4.0 * longest)).ceil().max(1.0) as usize;
         let step = gap / every as f64;
         let correlation_time = oscillator.correlation_time();
         let nodes = match asked.cells {
@@ -162,6 +166,15 @@ impl Layout {
         let of = |nodes, step| Fineness { nodes, step, level };
         let steps = [step, 2.0 * step, 4.0 * step].map(|step| of(nodes, step));
         [steps[0], of(coarse, step), steps[1], steps[2]]
+    }
+
+    /// Steps of another length between two of the times that they end on, and how many times these are.
+    pub(super) fn of_steps(&self, step: f64) -> (usize, usize) {
+        let every = self.every as f64 * self.step / step;
+        if every < 0.75 {
+            return (1, self.times.len().div_ceil(2));
+        }
+        (every.round() as usize, self.times.len())
     }
 
     /// Krylov vectors a tenth of the correlation time apart, and a quarter of a period at the least: closer ones span

@@ -34,6 +34,27 @@ pub(super) struct Run {
     pub(super) total: f64,
 }
 
+impl Run {
+    /// The same at the times of `finer`, where it has every second of them: between them it differs by what it differed by
+    /// before.
+    pub(super) fn at_times_of(&self, finer: &Self) -> Self {
+        let mut it = self.clone();
+        let count = finer.survival.len();
+        if self.survival.len() == count {
+            return it;
+        }
+        for (all, (own, finer)) in [
+            (&mut it.survival, (&self.survival, &finer.survival)),
+            (&mut it.lost, (&self.lost, &finer.lost)),
+            (&mut it.density, (&self.density, &finer.density)),
+        ] {
+            let at = |k: usize| finer[k] + own[k / 2] - finer[k - k % 2];
+            *all = (0..count).map(at).collect();
+        }
+        it
+    }
+}
+
 /// Losses up to each step.
 struct Integration {
     gone: Vec<f64>,
@@ -185,12 +206,12 @@ impl Problem<'_> {
         let entering = absorbed.entering(region, region.density(&law, low));
         let balance = balanced.then_some([&outflow, &entering]);
         let step = fineness.step;
-        let every = (layout.every as f64 * layout.step / step).round() as usize;
+        let (every, times) = layout.of_steps(step);
         let integration = self.integrate(
             &absorbed,
             &start,
             balance,
-            every * (layout.times.len() - 1),
+            every * (times - 1),
             (0.5 * layout.correlation_time / step).ceil() as usize,
             &|part| progress(0.4 * part),
         )?;
@@ -234,8 +255,7 @@ impl Problem<'_> {
         }
         let entering = balanced.then_some(entering.total);
         let ends = (inside, total, entering);
-        let mut run =
-            integration.curves(ends, (rate * step, step), doubt, every, layout.times.len());
+        let mut run = integration.curves(ends, (rate * step, step), doubt, every, times);
         let (mean_time, direct) = match &long.sum {
             Some(sum) => {
                 let sum = dot(&start.weights, sum);
@@ -273,8 +293,8 @@ impl Problem<'_> {
         progress: &dyn Fn(f64),
     ) -> Result<Run> {
         let late = self.limits.late(self.asked.name);
-        let every = (layout.every as f64 * layout.step / driven.step()).round() as usize;
-        let count = every * (layout.times.len() - 1);
+        let (every, times) = layout.of_steps(driven.step());
+        let count = every * (times - 1);
         let (mut gone, mut whole) = (vec![0.0], start.lost);
         while gone.len() <= count + ENDS {
             let [first, second] = driven.advance(&late)?;
@@ -291,7 +311,7 @@ impl Problem<'_> {
             hazard: None,
         };
         let ends = (start.total / total, total, None);
-        let run = integration.curves(ends, (0.0, driven.step()), 0.0, every, layout.times.len());
+        let run = integration.curves(ends, (0.0, driven.step()), 0.0, every, times);
         Ok(Run {
             mean_time: f64::NAN,
             rate: f64::NAN,

@@ -1,6 +1,6 @@
 //! Tables of what a drive does: the law that lasts under it, and the response over its frequency.
 
-use super::{Table, shown};
+use super::table::{Table, shown};
 use crate::estimate::Estimate;
 use crate::format::{brief, cell, spread};
 use crate::results::Results;

@@ -1,6 +1,6 @@
 //! Tables of first losses of contact and of first passages.
 
-use super::{Table, shown, unit};
+use super::table::{Table, shown};
 use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::brief;
@@ -12,7 +12,8 @@ pub(super) fn first_loss(results: &Results) -> String {
     let paths = results.first_loss_paths.as_ref();
     results.first_loss.as_ref().map_or(String::new(), |it| {
         let words = ["a loss", "contact loss"];
-        survival(unit(results), words, (it, paths)).html("First passage to contact loss")
+        survival(results.scene.clock().symbol()[1], words, (it, paths))
+            .html("First passage to contact loss")
     })
 }
 
@@ -28,7 +29,11 @@ pub(super) fn first_passage(results: &Results) -> String {
         Side::Either => format!("|q| above {level}"),
     };
     let paths = results.first_passage_paths.as_ref();
-    let table = survival(unit(results), ["a passage", "the passage"], (it, paths));
+    let table = survival(
+        results.scene.clock().symbol()[1],
+        ["a passage", "the passage"],
+        (it, paths),
+    );
     table.html(&format!("First passage of {level}"))
 }
 
