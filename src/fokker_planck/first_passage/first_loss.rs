@@ -397,7 +397,16 @@ impl Task<'_> {
         };
         let mut mean_time = number(&|run| run.mean_time, 0.0);
         mean_time.error += (fine.residuals[0] + 2.0 * begun) * mean_time.value;
-        let rate = number(&|run| run.rate, fine.residuals[1]);
+        let mut rate = number(&|run| run.rate, fine.residuals[1]);
+        // The larger of both: the difference of either may pass through zero. Of an initial condition beyond the level the mean
+        // time is 0, and nothing is relative to it.
+        let relative = [&mean_time, &rate].map(|it| it.error / it.value.abs());
+        if relative.iter().all(|it| it.is_finite()) {
+            let larger = relative[0].max(relative[1]);
+            for it in [&mut mean_time, &mut rate] {
+                it.error = larger * it.value.abs();
+            }
+        }
         let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
         // Of an initial condition beyond the level nothing is left to be known relative to itself.
         if !layout.driven && fine.survival.first().is_some_and(|s| *s > 1e-9) {
