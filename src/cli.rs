@@ -174,7 +174,7 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     let status = if results.falls_short() { 3 } else { 0 };
     if options.quiet {
         // Only errors are printed, and this is one.
-        if let Some((stage, it)) = results.shortfalls.iter().find(|(_, it)| it.free) {
+        for (stage, it) in results.shortfalls.iter().filter(|(_, it)| it.free) {
             let _ = writeln!(io::stderr(), "{stage}: {it}");
         }
         return Ok(status);

@@ -40,11 +40,12 @@ def run(
 
     Raises:
         SceneError: the scene, or an argument, is wrong.
-        LimitError: ``accuracy.max_seconds`` or ``max_memory`` was reached before the answer.
+        LimitError: ``accuracy.max_seconds`` or ``max_memory`` was reached before any answer.
         VibroimpactError: anything else that fails.
 
     Warns:
-        ToleranceWarning: a number did not reach ``accuracy.tolerance``, as exit status 3 of the program says.
+        ToleranceWarning: a number did not reach ``accuracy.tolerance``, or a stage beside
+            others has no answer, as exit status 3 of the program says.
     """
     threads = threads_of(threads)
     planned = scene._native if isinstance(scene, Plan) else None

@@ -4,6 +4,7 @@
 use super::budget::{Limits, Work};
 use crate::error::{Error, Result};
 use crate::estimate::Shortfall;
+use crate::format::bytes;
 use std::time::Instant;
 
 /// A question that is answered by runs, each finer than the one before. What a run does between two looks at
@@ -111,7 +112,9 @@ pub(super) fn pursue<Q: Question>(
         };
         let ends = limits.left() - now.seconds * pace.unwrap_or(1.0);
         let early = ends > (1.0 - OUT_OF_REACH) * given;
-        let end = then.filter(|_| !early).map(|then| (then, end));
+        let end = then
+            .filter(|_| ratio.is_none() || !early)
+            .map(|then| (then, end));
         let mut over = [(now, &name[..])].into_iter().chain(end);
         let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
         if let Some((what, error)) = over {
@@ -135,17 +138,16 @@ pub(super) fn pursue<Q: Question>(
 /// What the limits do not allow of a run, in words and as an error; `pace` is what the last one took over what was
 /// foreseen of it.
 fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<(String, Error)> {
-    let [needed, most] = [work.memory, limits.memory].map(|bytes| bytes as f64);
     let (seconds, left) = (work.seconds * pace.unwrap_or(1.0), limits.left().max(0.0));
-    if needed > most {
-        let what = format!("{name} would need about {needed:.1e} bytes");
+    if work.memory > limits.memory {
+        let what = format!("{name} would need about {}", bytes(work.memory));
         let error = Error::Limit {
             key: "accuracy.max_memory",
-            limit: format!("{:.3} GB", 1e-9 * most),
+            limit: bytes(limits.memory),
             what: what.clone(),
         };
         Some((
-            format!("{what}, and accuracy.max_memory = {most:.1e}"),
+            format!("{what}, and accuracy.max_memory = {}", bytes(limits.memory)),
             error,
         ))
     } else if seconds > pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left) {

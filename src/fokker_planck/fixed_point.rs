@@ -156,7 +156,8 @@ pub(super) fn solve(
                 break;
             }
         }
-        if fixed.eigenvalues.is_empty() {
+        // Of a space that begins near the fixed point those before are better.
+        if fixed.eigenvalues.is_empty() || restart == 0 {
             (fixed.eigenvalues, fixed.slow) = arnoldi.eigenvalues()?;
         }
         for (x, d) in x.iter_mut().zip(arnoldi.combined(&arnoldi.solution())) {

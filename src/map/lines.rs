@@ -22,10 +22,18 @@ pub(super) struct Head {
 
 #[derive(Debug, Deserialize)]
 struct Short {
+    #[serde(default)]
+    number: Option<String>,
     free: bool,
 }
 
 impl Head {
+    /// Whether the point, or a stage of it, has no answer: another try may find one.
+    pub(super) fn lacks(&self) -> bool {
+        let none = |it: &Short| it.number.as_deref() == Some("");
+        self.error.is_some() || self.shortfalls.iter().any(none)
+    }
+
     pub(super) fn ending(&self) -> Ending {
         if self.error.is_some() {
             Ending::Failed

@@ -180,7 +180,7 @@ impl Map {
         let mut missing = names;
         let lines = Lines::open(folder, part, |head: &Head| {
             let ours = missing.get(&head.index) == Some(&head.name);
-            let wanted = ours && !(retry && head.ending() == Ending::Failed);
+            let wanted = ours && !(retry && head.lacks());
             if wanted {
                 missing.remove(&head.index);
                 tally.before += 1;

@@ -46,9 +46,13 @@ impl Plan {
         left - self.reserved(part, left)
     }
 
-    /// Whether there is what a stage adds to.
-    fn has_base(part: Part, results: &Results) -> bool {
+    /// Whether there is what a stage adds to, or stands on.
+    fn has_base(&self, part: Part, results: &Results) -> bool {
         match part {
+            Part::Crossings => {
+                let solved = results.solved.is_some() || !self.has(Part::Stationary);
+                self.scene.oscillator.is_viscous() || solved
+            }
             Part::FirstLossPaths => results.first_loss.is_some(),
             Part::FirstPassagePaths => results.first_passage.is_some(),
             Part::Series => results.spectrum.is_some(),
@@ -210,12 +214,9 @@ impl Plan {
             }
             Part::Spectrum => self.compute_spectrum(&limits, results, progress)?,
             Part::Series => {
-                if let (Some(recipe), Some(mut it)) =
-                    (&self.recipes.series, results.spectrum.take())
-                {
-                    let (welch, _) = self.welch()?;
+                let (welch, _) = self.welch()?;
+                if let (Some(recipe), Some(it)) = (&self.recipes.series, &mut results.spectrum) {
                     let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
-                    results.spectrum = Some(it);
                     let warning = recipe.warning(oscillator, averages);
                     results.run.warnings.extend(warning);
                     results.agreement = results.agree();
@@ -356,28 +357,34 @@ impl Plan {
         let stop = watch.stop();
         let mut unanswered = None;
         for (k, stage) in self.stages.iter().enumerate() {
+            let part = stage.part;
+            if !self.has_base(part, results) {
+                continue;
+            }
             let limit = self.scene.accuracy.max_seconds;
             results.run.wall_seconds = spent();
             // What little is left to do is done: a stage before it may have overrun its part of the time.
             let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
-            if results.run.wall_seconds > limit && end > OVERRUN * limit {
-                return Err(Error::Limit {
+            let in_time = if results.run.wall_seconds > limit && end > OVERRUN * limit {
+                Err(Error::Limit {
                     key: "accuracy.max_seconds",
                     limit: num(limit),
-                    what: format!("the {} stage had not begun", stage.part.name()),
-                });
-            }
-            let part = stage.part;
-            if !Self::has_base(part, results) {
-                continue;
-            }
-            watch.begins(part);
+                    what: format!("the {} stage had not begun", part.name()),
+                })
+            } else {
+                watch.begins(part);
+                Ok(())
+            };
             let begin = Instant::now();
             let told = (results.run.warnings.len(), results.shortfalls.len());
             let progress = |fraction| watch.progress(part, fraction);
-            let share = self.share(part, results.run.wall_seconds);
-            let computed = self
-                .check_cost(part, &stage.cost)
+            let share = if in_time.is_ok() {
+                self.share(part, results.run.wall_seconds)
+            } else {
+                limit
+            };
+            let computed = in_time
+                .and_then(|()| self.check_cost(part, &stage.cost))
                 .and_then(|()| self.compute(part, results, (&progress, &stop)));
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
@@ -399,6 +406,8 @@ impl Plan {
             match computed {
                 Ok(()) => {}
                 Err(error) if error.is_unanswered() => {
+                    results.run.warnings.truncate(told.0);
+                    results.shortfalls.truncate(told.1);
                     let shortfall = Shortfall::unanswered(&error, self.scene.accuracy.tolerance);
                     results.fall_short(part.name(), Some(&shortfall), true);
                     results.run.wall_seconds = spent();

@@ -113,12 +113,21 @@ fn foot(table: &mut Table, results: &Results) {
     table.paragraph("time: ", &text);
     if results.falls_short() {
         let free = results.shortfalls.iter().filter(|(_, it)| it.free);
-        let stages: Vec<&str> = free.map(|it| it.0).collect();
-        let text = format!(
-            "{} (exit status 3); the numbers stand with their errors",
-            stages.join(", ")
-        );
-        table.paragraph("TOLERANCE NOT REACHED: ", &text);
+        let (none, short): (Vec<_>, Vec<_>) = free.partition(|(_, it)| it.number.is_empty());
+        for (all, title, end) in [
+            (
+                short,
+                "TOLERANCE NOT REACHED: ",
+                "; the numbers stand with their errors",
+            ),
+            (none, "NO ANSWER: ", ""),
+        ] {
+            let stages: Vec<&str> = all.iter().map(|it| it.0).collect();
+            if !stages.is_empty() {
+                let text = format!("{} (exit status 3){end}", stages.join(", "));
+                table.paragraph(title, &text);
+            }
+        }
     }
     for warning in &run.warnings {
         table.paragraph("warning: ", &warning.text);

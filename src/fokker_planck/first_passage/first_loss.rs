@@ -61,7 +61,7 @@ const STALLS: usize = 2;
 const OF_MESH: f64 = 0.7;
 
 /// What the steps err, from runs with one, twice and four times the step: splitting errs with order 2, a passage missed between
-/// two kicks of the noise with order 1 to 1.25, and where friction is strong the two have opposite signs, so that a difference
+/// two kicks of the noise with order 1 to 1.5, and where friction is not weak the two have opposite signs, so that a difference
 /// of two runs may vanish where neither is small. Both parts count.
 fn of_steps([one, two, four]: [f64; 3]) -> f64 {
     let (near, far) = (two - one, four - two);
@@ -225,7 +225,7 @@ struct Task<'a> {
 }
 
 /// The first loss of contact from `initial`, up to the time `until` and in the long run. Errors from two
-/// meshes and two steps.
+/// meshes and three steps.
 ///
 /// # Errors
 /// [`Error::Invalid`](crate::Error::Invalid) for a contact law that cannot lose contact, or a time, tolerance or step that is not
@@ -347,7 +347,7 @@ impl Task<'_> {
             let recent = (0..=k).rev();
             let recent = recent.take_while(|l| layout.times[k] - layout.times[*l] <= ago);
             let each = recent.map(|l| gaps(&|run| f(run, l)));
-            each.fold(0.0, |a, b| if b < a { a } else { b })
+            each.fold(0.0, |a, b| if a.is_nan() || b < a { a } else { b })
         };
         let forgets = layout.correlation_time;
         let mut worst = (0.0, "", None);
@@ -398,16 +398,16 @@ impl Task<'_> {
         let mut mean_time = number(&|run| run.mean_time, 0.0);
         mean_time.error += (fine.residuals[0] + 2.0 * begun) * mean_time.value;
         let mut rate = number(&|run| run.rate, fine.residuals[1]);
+        let mut rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
         // The larger of both: the difference of either may pass through zero. Of an initial condition beyond the level the mean
         // time is 0, and nothing is relative to it.
         let relative = [&mean_time, &rate].map(|it| it.error / it.value.abs());
         if relative.iter().all(|it| it.is_finite()) {
             let larger = relative[0].max(relative[1]);
-            for it in [&mut mean_time, &mut rate] {
+            for it in [&mut mean_time, &mut rate, &mut rate_over_rice] {
                 it.error = larger * it.value.abs();
             }
         }
-        let rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
         // Of an initial condition beyond the level nothing is left to be known relative to itself.
         if !layout.driven && fine.survival.first().is_some_and(|s| *s > 1e-9) {
             note(

@@ -117,7 +117,13 @@ impl Domain {
             high *= 1.5;
             if !high.is_finite() {
                 let accepted = "one nearer to equilibrium: no energy level holds it";
-                return Err(Error::invalid("initial", "this one", accepted));
+                let value = match initial {
+                    Initial::Gaussian { mean, deviation } => {
+                        format!("mean {mean:?}, deviation {deviation:?}")
+                    }
+                    other => other.name().to_owned(),
+                };
+                return Err(Error::invalid("initial", value, accepted));
             }
             below = excess(high);
         }
