@@ -261,6 +261,15 @@ impl Side {
             Self::Either => "either",
         }
     }
+
+    /// What passes a level, and which way.
+    pub(crate) fn words(self) -> [&'static str; 2] {
+        match self {
+            Self::Below => ["q", "below"],
+            Self::Above => ["q", "above"],
+            Self::Either => ["|q|", "above"],
+        }
+    }
 }
 
 /// What a spectrum is of.

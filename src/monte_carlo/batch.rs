@@ -3,7 +3,7 @@
 use super::events::unseen;
 use super::law::Law;
 use super::noise::{LANES, Lanes};
-use super::statistics::{skewed_variance, times};
+use super::statistics::{add, product, skewed_variance};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
 use crate::matrix::dot;
@@ -83,27 +83,23 @@ impl Batch {
             energy[lane] = (0.5 * v * v + law.potential(q) - units.energy[0]) * inverse[3];
             lost[lane] = if law.is_lost(q) { 1.0 } else { 0.0 };
         }
-        let square = times(&force, &force);
+        let square = product(&force, &force);
         let terms: [Lanes; TERMS] = [
             x,
-            times(&x, &x),
+            product(&x, &x),
             y,
-            times(&y, &y),
-            times(&x, &y),
+            product(&y, &y),
+            product(&x, &y),
             force,
             square,
-            times(&square, &force),
-            times(&square, &square),
+            product(&square, &force),
+            product(&square, &square),
             energy,
-            times(&energy, &energy),
+            product(&energy, &energy),
             lost,
-            times(&x, &force),
+            product(&x, &force),
         ];
-        for (sum, term) in self.sums.iter_mut().zip(&terms) {
-            for lane in 0..LANES {
-                sum[lane] += term[lane];
-            }
-        }
+        add(&mut self.sums, &terms, LANES);
     }
 
     /// The batch mean of one lane.

@@ -93,23 +93,13 @@ impl Sums {
         let mut sums = [[0.0; WIDTH]; TERMS];
         let ((blocks_q, rest_q), (blocks_v, rest_v)) = (q.as_chunks(), v.as_chunks());
         for (q, v) in blocks_q.iter().zip(blocks_v) {
-            let terms = terms(law, frames, q, v);
-            for (sum, term) in sums.iter_mut().zip(&terms) {
-                for lane in 0..WIDTH {
-                    sum[lane] += term[lane];
-                }
-            }
+            add(&mut sums, &terms(law, frames, q, v), WIDTH);
         }
         let count = rest_q.len();
         let (mut last_q, mut last_v) = ([0.0; WIDTH], [0.0; WIDTH]);
         last_q[..count].copy_from_slice(rest_q);
         last_v[..count].copy_from_slice(rest_v);
-        let terms = terms(law, frames, &last_q, &last_v);
-        for (sum, term) in sums.iter_mut().zip(&terms) {
-            for lane in 0..count {
-                sum[lane] += term[lane];
-            }
-        }
+        add(&mut sums, &terms(law, frames, &last_q, &last_v), count);
         let s: [f64; TERMS] = sums.map(|lanes| lanes.iter().sum());
         Self {
             count: q.len() as f64,
@@ -195,12 +185,26 @@ type Block = [f64; WIDTH];
 
 /// Lane by lane; a loop over few arrays, which the compiler makes vectors of.
 #[inline(always)]
-pub(super) fn times<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
-    let mut product = [0.0; N];
+pub(super) fn product<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
+    let mut it = [0.0; N];
     for lane in 0..N {
-        product[lane] = a[lane] * b[lane];
+        it[lane] = a[lane] * b[lane];
     }
-    product
+    it
+}
+
+/// Adds to each sum its term, in the first `lanes`.
+#[inline(always)]
+pub(super) fn add<const N: usize, const K: usize>(
+    sums: &mut [[f64; N]; K],
+    terms: &[[f64; N]; K],
+    lanes: usize,
+) {
+    for (sum, term) in sums.iter_mut().zip(terms) {
+        for lane in 0..lanes {
+            sum[lane] += term[lane];
+        }
+    }
 }
 
 /// What some paths add to the sums.
@@ -215,31 +219,31 @@ fn terms<L: Law>(law: L, frames: &Frames, q: &Block, v: &Block) -> [Block; TERMS
         energy[lane] = fh.apply(0.5 * v * v + law.potential(q));
         lost[lane] = if law.is_lost(q) { 1.0 } else { 0.0 };
     }
-    let (xx, yy, f2) = (times(&x, &x), times(&y, &y), times(&force, &force));
-    let f4 = times(&f2, &f2);
+    let (xx, yy, f2) = (product(&x, &x), product(&y, &y), product(&force, &force));
+    let f4 = product(&f2, &f2);
     [
         x,
         xx,
-        times(&xx, &x),
-        times(&xx, &xx),
+        product(&xx, &x),
+        product(&xx, &xx),
         y,
         yy,
-        times(&yy, &y),
-        times(&yy, &yy),
-        times(&x, &y),
-        times(&xx, &y),
-        times(&x, &yy),
-        times(&xx, &yy),
+        product(&yy, &y),
+        product(&yy, &yy),
+        product(&x, &y),
+        product(&xx, &y),
+        product(&x, &yy),
+        product(&xx, &yy),
         force,
         f2,
-        times(&f2, &force),
+        product(&f2, &force),
         f4,
-        times(&f4, &force),
-        times(&f4, &f2),
-        times(&times(&f4, &f2), &force),
-        times(&f4, &f4),
+        product(&f4, &force),
+        product(&f4, &f2),
+        product(&product(&f4, &f2), &force),
+        product(&f4, &f4),
         energy,
-        times(&energy, &energy),
+        product(&energy, &energy),
         lost,
     ]
 }

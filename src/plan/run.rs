@@ -65,6 +65,7 @@ impl Plan {
         &self,
         part: Part,
         results: &mut Results,
+        seconds: f64,
         (progress, stop): (&(dyn Fn(f64) + Sync), &StopFlag),
     ) -> Result<()> {
         let Scene {
@@ -74,7 +75,6 @@ impl Plan {
             ..
         } = &self.scene;
         let settings = &self.settings;
-        let seconds = self.share(part, results.run.wall_seconds);
         let limits = Limits::from_now(seconds, settings.max_memory).share_of(settings.max_seconds);
         let limits = limits.until(stop.clone());
         match part {
@@ -365,7 +365,12 @@ impl Plan {
             results.run.wall_seconds = spent();
             // What little is left to do is done: a stage before it may have overrun its part of the time.
             let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
-            let in_time = if results.run.wall_seconds > limit && end > OVERRUN * limit {
+            let late = results.run.wall_seconds > limit && end > OVERRUN * limit;
+            let share = self.share(part, results.run.wall_seconds);
+            let begin = Instant::now();
+            let told = (results.run.warnings.len(), results.shortfalls.len());
+            let progress = |fraction| watch.progress(part, fraction);
+            let computed = if late {
                 Err(Error::Limit {
                     key: "accuracy.max_seconds",
                     limit: num(limit),
@@ -373,19 +378,9 @@ impl Plan {
                 })
             } else {
                 watch.begins(part);
-                Ok(())
+                self.check_cost(part, &stage.cost)
+                    .and_then(|()| self.compute(part, results, share, (&progress, &stop)))
             };
-            let begin = Instant::now();
-            let told = (results.run.warnings.len(), results.shortfalls.len());
-            let progress = |fraction| watch.progress(part, fraction);
-            let share = if in_time.is_ok() {
-                self.share(part, results.run.wall_seconds)
-            } else {
-                limit
-            };
-            let computed = in_time
-                .and_then(|()| self.check_cost(part, &stage.cost))
-                .and_then(|()| self.compute(part, results, (&progress, &stop)));
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
                 return Err(Error::Stopped { what });
@@ -396,7 +391,7 @@ impl Plan {
                     key: key @ "accuracy.max_seconds",
                     limit: most,
                     what,
-                } if share < 0.95 * limit => Error::Limit {
+                } if !late && share < 0.95 * limit => Error::Limit {
                     key,
                     limit: most,
                     what: format!("{what} in the {} that other stages leave", seconds(share)),

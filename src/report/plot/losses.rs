@@ -8,7 +8,6 @@ use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::bare;
 use crate::monte_carlo::FirstLossResult;
-use crate::oscillator::Side;
 use crate::report::File;
 use crate::results::Results;
 use crate::results::centres;
@@ -31,11 +30,7 @@ pub(crate) fn passage(results: &Results) -> Result<Vec<File>> {
     let Some(asked) = results.scene.outputs.first_passage else {
         return Ok(Vec::new());
     };
-    let words = match asked.side {
-        Side::Below => "q below",
-        Side::Above => "q above",
-        Side::Either => "|q| above",
-    };
+    let words = asked.side.words().join(" ");
     let level = bare(asked.level).replace('-', "\u{2212}");
     let title = format!("First passage of {words} {level}: survival, and density of its time");
     let paths = results.first_passage_paths.as_ref();

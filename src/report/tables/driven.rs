@@ -1,8 +1,8 @@
 //! Tables of what a drive does: the law that lasts under it, and the response over its frequency.
 
 use super::table::{Table, shown};
-use crate::estimate::Estimate;
-use crate::format::{brief, cell, spread};
+use crate::estimate::{Estimate, Origin};
+use crate::format::{brief, spread};
 use crate::results::Results;
 
 /// Frequencies of a response shown on the page; all are in the files.
@@ -39,13 +39,7 @@ pub(super) fn periodic(results: &Results) -> String {
         ]);
     }
     for (k, it) in (1..).zip(&it.multipliers) {
-        let part = |value: f64| {
-            cell(Some(Estimate {
-                value,
-                error: it.error,
-                ..Estimate::default()
-            }))
-        };
+        let part = |value: f64| shown(Some(Estimate::new(value, it.error, Origin::Space)));
         let imaginary = match it.im {
             0.0 => String::new(),
             im => format!(" and {} i", part(im)),

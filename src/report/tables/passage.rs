@@ -5,7 +5,6 @@ use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::brief;
 use crate::monte_carlo::FirstLossResult;
-use crate::oscillator::Side;
 use crate::results::Results;
 
 pub(super) fn first_loss(results: &Results) -> String {
@@ -22,12 +21,8 @@ pub(super) fn first_passage(results: &Results) -> String {
     else {
         return String::new();
     };
-    let level = brief(asked.level);
-    let level = match asked.side {
-        Side::Below => format!("q below {level}"),
-        Side::Above => format!("q above {level}"),
-        Side::Either => format!("|q| above {level}"),
-    };
+    let [quantity, way] = asked.side.words();
+    let level = format!("{quantity} {way} {}", brief(asked.level));
     let paths = results.first_passage_paths.as_ref();
     let table = survival(
         results.scene.clock().symbol()[1],

@@ -6,7 +6,6 @@ use crate::fokker_planck::FirstLoss;
 use crate::format::{brief, rounded};
 use crate::initial::Initial;
 use crate::monte_carlo::FirstLossResult;
-use crate::oscillator::Side;
 use crate::results::Results;
 use std::fmt::Write;
 
@@ -23,12 +22,12 @@ pub(super) fn first_passage(table: &mut Table, results: &Results) {
     else {
         return;
     };
-    let words = match asked.side {
-        Side::Below => "q BELOW",
-        Side::Above => "q ABOVE",
-        Side::Either => "|q| ABOVE",
-    };
-    let title = format!("FIRST {words} {}", brief(asked.level));
+    let [quantity, way] = asked.side.words();
+    let title = format!(
+        "FIRST {quantity} {} {}",
+        way.to_uppercase(),
+        brief(asked.level)
+    );
     let words = [&title, "time to the passage", "short of the level"];
     survival(
         table,
