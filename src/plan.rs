@@ -8,7 +8,7 @@ mod run;
 mod stage;
 mod watch;
 
-pub use stage::{Cost, Part, Stage};
+pub use stage::{Cost, Part, Refusal, Stage};
 pub use watch::Watch;
 
 pub use crate::budget::StopFlag;
@@ -79,29 +79,37 @@ impl Plan {
         };
         // A time that is short in its unit may be too long in dimensionless time.
         scene.check().map_err(|error| plan.as_typed(error))?;
-        let mut beyond = Vec::new();
         for (part, keys) in asked(scene) {
             let keys = keys.into_iter().filter(|(_, asked)| *asked);
             let needed_by: Vec<&'static str> = keys.map(|(key, _)| key).collect();
             if needed_by.is_empty() {
                 continue;
             }
-            let cost = plan.cost(part).map_err(|error| plan.as_typed(error))?;
-            match plan.check_cost(part, &cost) {
+            let (cost, checked) = match plan.cost(part) {
+                Ok(cost) => {
+                    let checked = plan.check_cost(part, &cost);
+                    (cost, checked)
+                }
+                Err(error) => (Cost::default(), Err(error)),
+            };
+            let refusal = match checked.map_err(|error| plan.as_typed(error)) {
+                Ok(()) => None,
                 // Other stages may fit.
-                Err(error @ Error::Limit { .. }) => beyond.push(error),
-                checked => checked.map_err(|error| plan.as_typed(error))?,
-            }
+                Err(Error::Limit { key, limit, what }) => Some(Refusal { key, limit, what }),
+                Err(error) => return Err(error),
+            };
             plan.stages.push(Stage {
                 part,
                 needed_by,
                 cost,
+                refusal,
             });
         }
-        if beyond.len() == plan.stages.len()
-            && let Some(first) = beyond.into_iter().next()
+        let mut refusals = plan.stages.iter().map(|it| it.refusal.clone());
+        if let Some(Some(first)) = refusals.next()
+            && refusals.all(|it| it.is_some())
         {
-            return Err(first);
+            return Err(first.error());
         }
         plan.planning = start.elapsed().as_secs_f64();
         Ok(plan)

@@ -250,7 +250,11 @@ fn a_stage_without_an_answer_is_a_shortfall_and_the_others_are_run() {
     scene.outputs.first_loss = Some(20.0);
     scene.accuracy.max_memory = 1_000_000;
     let plan = Plan::of(&scene).unwrap();
-    assert!(terminal::plan(&plan).contains("first_loss does not fit"));
+    let printed = terminal::plan(&plan);
+    assert!(
+        printed.contains("not run: accuracy.max_memory = 1.0 MB"),
+        "{printed}"
+    );
     let results = plan.run_quietly().unwrap();
     assert!(results.stationary.is_some() && results.first_loss.is_none() && results.falls_short());
     let (stage, shortfall) = &results.shortfalls[0];
@@ -259,6 +263,15 @@ fn a_stage_without_an_answer_is_a_shortfall_and_the_others_are_run() {
         *stage == "first_loss" && said.starts_with("no answer: accuracy.max_memory"),
         "{said}"
     );
+    // Nor does one that is refused before its mesh is known, and what would stand beside it says so.
+    let mut both = scene.clone();
+    both.outputs.steady = true;
+    both.outputs.first_loss = Some(20.0);
+    both.accuracy.max_memory = 1_000;
+    both.monte_carlo = Some(MonteCarlo::default());
+    let plan = Plan::of(&both).unwrap();
+    assert!(stage(&plan, Part::Steady).refusal.is_some());
+    println!("{}", terminal::plan(&plan));
     // Alone it is an error.
     scene.outputs.stationary = false;
     assert!(

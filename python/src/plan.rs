@@ -26,8 +26,9 @@ impl Plan {
                 "method": it.cost.method,
                 "cells": it.cost.cells,
                 "steps": it.cost.steps,
-                "memory_bytes": it.cost.memory_bytes,
-                "seconds": it.cost.seconds,
+                "memory_bytes": it.memory_bytes(),
+                "seconds": it.seconds(),
+                "refusal": it.refusal.as_ref().map(|it| it.error().to_string()),
             })
         });
         Ok(pythonize(py, &stages.collect::<Vec<_>>())?)

@@ -31,6 +31,8 @@ class Stage:
     memory_bytes: int
     seconds: float
     """On this machine, within a factor of about three."""
+    refusal: str | None
+    """Why it will not be run, the others being run; None of one that will. It counts no bytes and no seconds."""
 
 
 class Plan:
@@ -95,7 +97,7 @@ def plan(scene: Scene | Mapping[str, Any], threads: int | None = None) -> Plan:
 
     Raises:
         SceneError: the scene is wrong, cells that cannot fit ``accuracy.max_memory`` included.
-        LimitError: a stage needs more memory than ``accuracy.max_memory``.
+        LimitError: every stage needs more memory than ``accuracy.max_memory``.
     """
     scene = as_scene(scene)
     return Plan(_native.plan(scene._native, threads_of(threads)), scene)

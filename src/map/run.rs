@@ -267,7 +267,7 @@ impl Map {
         let plan = Plan::of(text.scene());
         let stages = plan.iter().flat_map(Plan::stages);
         let (seconds, bytes) = stages.fold((0.0, 0), |(seconds, bytes), it| {
-            (seconds + it.cost.seconds, it.cost.memory_bytes.max(bytes))
+            (seconds + it.seconds(), it.memory_bytes().max(bytes))
         });
         Ok(Job {
             index,

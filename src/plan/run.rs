@@ -27,6 +27,7 @@ impl Plan {
     /// Seconds of those left that are kept for the stages after this one.
     fn reserved(&self, part: Part, left: f64) -> f64 {
         let later = self.stages.iter().skip_while(|it| it.part != part).skip(1);
+        let later = later.filter(|it| it.refusal.is_none());
         let seconds: Vec<f64> = later.map(|it| it.cost.seconds).collect();
         if seconds.is_empty() || left <= 0.0 {
             return 0.0;
@@ -359,6 +360,8 @@ impl Plan {
         for (k, stage) in self.stages.iter().enumerate() {
             let part = stage.part;
             if !self.has_base(part, results) {
+                let text = format!("{}: not run: what it adds to has no answer", part.name());
+                results.run.warnings.push(text.into());
                 continue;
             }
             let limit = self.scene.accuracy.max_seconds;
@@ -370,7 +373,9 @@ impl Plan {
             let begin = Instant::now();
             let told = (results.run.warnings.len(), results.shortfalls.len());
             let progress = |fraction| watch.progress(part, fraction);
-            let computed = if late {
+            let computed = if let Some(refusal) = &stage.refusal {
+                Err(refusal.error())
+            } else if late {
                 Err(Error::Limit {
                     key: "accuracy.max_seconds",
                     limit: num(limit),
@@ -378,8 +383,7 @@ impl Plan {
                 })
             } else {
                 watch.begins(part);
-                self.check_cost(part, &stage.cost)
-                    .and_then(|()| self.compute(part, results, share, (&progress, &stop)))
+                self.compute(part, results, share, (&progress, &stop))
             };
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());

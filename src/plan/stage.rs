@@ -1,5 +1,6 @@
 //! One stage of a plan: which question it answers, for which outputs, and what it will cost.
 
+use crate::error::Error;
 use crate::fokker_planck::{self};
 use crate::monte_carlo::{self};
 
@@ -12,6 +13,42 @@ pub struct Stage {
     pub needed_by: Vec<&'static str>,
     /// What it will cost.
     pub cost: Cost,
+    /// Why it will not be run; the others are.
+    pub refusal: Option<Refusal>,
+}
+
+/// A limit of the scene that a stage cannot keep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refusal {
+    /// The key that holds the limit.
+    pub key: &'static str,
+    /// The limit.
+    pub limit: String,
+    /// What would have been needed.
+    pub what: String,
+}
+
+impl Refusal {
+    /// As the error of a plan that has no other stage.
+    pub fn error(&self) -> Error {
+        Error::Limit {
+            key: self.key,
+            limit: self.limit.clone(),
+            what: self.what.clone(),
+        }
+    }
+}
+
+impl Stage {
+    /// Seconds that it is foreseen to take.
+    pub fn seconds(&self) -> f64 {
+        self.refusal.as_ref().map_or(self.cost.seconds, |_| 0.0)
+    }
+
+    /// Bytes that it is foreseen to hold.
+    pub fn memory_bytes(&self) -> u64 {
+        self.refusal.as_ref().map_or(self.cost.memory_bytes, |_| 0)
+    }
 }
 
 /// The parts a plan can have, in the order they run.
@@ -75,8 +112,8 @@ impl Part {
     }
 }
 
-/// The expected cost of a stage.
-#[derive(Debug, Clone, PartialEq)]
+/// The expected cost of a stage; nothing of one that was refused before it was known.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Cost {
     /// How it will be computed, and why so.
     pub method: String,

@@ -4,10 +4,11 @@
 //! is absorbed stay. One step of the survival is u <- P_n u. From the last time backwards each time asked for would want a
 //! run of its own; the weights of the initial condition, w <- P_n^T w, pass all times in one run, with the same numbers.
 
-use super::absorbed::{REACH, Start, lower, normal};
+use super::absorbed::{REACH, lower, normal};
 use super::cut::{between, critical};
 use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
+use super::start::Start;
 use crate::error::Result;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
@@ -47,7 +48,7 @@ pub(super) struct Driven<'a> {
 }
 
 impl<'a> Driven<'a> {
-    /// From a start of [`super::absorbed::Absorbed`] on the same mesh.
+    /// From a start on the same mesh.
     ///
     /// # Errors
     /// As [`super::absorbed::Absorbed::new`].

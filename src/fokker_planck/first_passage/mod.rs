@@ -11,3 +11,4 @@ pub(crate) mod mesh;
 pub(crate) mod pontryagin;
 mod region;
 mod run;
+mod start;

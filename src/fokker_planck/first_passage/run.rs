@@ -1,11 +1,12 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
-use super::absorbed::{Absorbed, Start};
+use super::absorbed::Absorbed;
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::Fineness;
 use super::pontryagin::long_run;
 use super::region::Region;
+use super::start::{Start, Starts};
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
@@ -149,18 +150,18 @@ impl Problem<'_> {
     }
 
     /// The start as weights, and what its survival is divided by.
-    fn start(&self, absorbed: &Absorbed, stationary: &Start) -> (Start, f64) {
-        let region = &self.region();
-        match region.seen(self.initial) {
-            Initial::Rest => (absorbed.point(region, [0.0, 0.0]), 1.0),
+    fn start(&self, starts: &Starts, stationary: &Start) -> Result<(Start, f64)> {
+        let region = starts.region;
+        Ok(match region.seen(self.initial) {
+            Initial::Rest => (starts.point([0.0, 0.0])?, 1.0),
             Initial::Stationary => {
                 let it = match &self.law {
                     None => stationary.clone(),
                     Some(it) => {
                         let scale = 0.5 * self.oscillator.temperature().sqrt();
-                        let lines = absorbed.displacements(region, scale, |_| 1.0);
+                        let lines = starts.displacements(scale, |_| 1.0)?;
                         let law = |x: f64, v: &[f64]| region.along(&it.law, x, v);
-                        absorbed.weighed(region, &lines, 2.0 * scale, &law)
+                        starts.weighed(&lines, 2.0 * scale, &law)?
                     }
                 };
                 let total = it.total;
@@ -171,11 +172,10 @@ impl Problem<'_> {
                     let x = (q - mean[0]) / deviation[0];
                     (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
                 };
-                let lines = absorbed.displacements(region, deviation[0], density);
-                let it = absorbed.lines(region, &lines, mean[1], deviation[1]);
-                (it, 1.0)
+                let lines = starts.displacements(deviation[0], density)?;
+                (starts.lines(&lines, mean[1], deviation[1])?, 1.0)
             }
-        }
+        })
     }
 
     /// The numbers of one mesh and step, at the times of the layout.
@@ -191,20 +191,28 @@ impl Problem<'_> {
         let absorbed = Absorbed::new(region, fineness, &late)?;
         let law = it.displacement_law()?;
         let deviation = it.temperature().sqrt();
-        let lines = absorbed.displacements(region, 0.5 * deviation, |q| region.density(&law, q));
-        let stationary = absorbed.lines(region, &lines, 0.0, deviation);
-        let (start, total) = self.start(&absorbed, &stationary);
+        let starts = Starts {
+            region,
+            absorbed: &absorbed,
+            late: &late,
+        };
+        let lines = starts.displacements(0.5 * deviation, |q| region.density(&law, q))?;
+        let stationary = starts.lines(&lines, 0.0, deviation)?;
+        let (start, total) = self.start(&starts, &stationary)?;
         if let Some(forcing) = self.forcing {
             let driven = Driven::new(region, fineness, forcing, &start)?;
             return self.driven(layout, driven, (&start, total), progress);
         }
         // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by time integration alone.
-        let balances = region.balances();
-        let balanced = balances && *self.initial == Initial::Stationary;
         let low = self.asked.barrier.low;
-        let outflow = absorbed.outflow(region, &lines);
-        let entering = absorbed.entering(region, region.density(&law, low));
-        let balance = balanced.then_some([&outflow, &entering]);
+        let leaving = if region.balances() {
+            let entering = starts.entering(region.density(&law, low))?;
+            Some([starts.outflow(&lines)?, entering])
+        } else {
+            None
+        };
+        let balance = leaving.as_ref().map(|[out, into]| [out, into]);
+        let balance = balance.filter(|_| *self.initial == Initial::Stationary);
         let step = fineness.step;
         let (every, times) = layout.of_steps(step);
         let integration = self.integrate(
@@ -219,24 +227,21 @@ impl Problem<'_> {
         let enough = 1e-3 * self.asked.tolerance.min(1e-3);
         // Losses a step of a mode, by detailed balance; small numbers keep their digits.
         let per_step = |mode: &[f64]| {
-            let held = dot(&stationary.weights, mode);
-            dot(&outflow.weights, mode) / held
+            let [outflow, _] = leaving.as_ref()?;
+            Some(dot(&outflow.weights, mode) / dot(&stationary.weights, mode))
         };
         // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
         // that its error holds.
         let rare = |mode: &[f64]| {
-            let forgotten = per_step(mode) * layout.correlation_time / step;
-            balances && forgotten < 0.3 * self.asked.tolerance
+            let forgotten = |it: f64| it * layout.correlation_time / step;
+            per_step(mode).is_some_and(|it| forgotten(it) < 0.3 * self.asked.tolerance)
         };
         let weights = (&stationary.weights[..], fineness.nodes[1]);
         let long = long_run(&absorbed, weights, stride, enough, &rare, &late)?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
-        let rate = if balances {
-            -(-per_step(&long.mode)).ln_1p() / step
-        } else {
-            -long.factor.ln() / step
-        };
+        let a_step = per_step(&long.mode).map_or(-long.factor.ln(), |it| -(-it).ln_1p());
+        let rate = a_step / step;
         let crossed = region.density(&law, low)
             + region
                 .barrier
@@ -250,11 +255,10 @@ impl Problem<'_> {
         let inside = start.total / total;
         let last = integration.gone.len() - 1;
         let mut doubt = integration.doubt(rate * step, long.sum.is_none());
-        if !balances {
+        if leaving.is_none() {
             doubt += long.residuals[1] * rate * step;
         }
-        let entering = balanced.then_some(entering.total);
-        let ends = (inside, total, entering);
+        let ends = (inside, total, balance.map(|[_, entering]| entering.total));
         let mut run = integration.curves(ends, (rate * step, step), doubt, every, times);
         let (mean_time, direct) = match &long.sum {
             Some(sum) => {

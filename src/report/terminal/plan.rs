@@ -31,31 +31,38 @@ pub fn plan(plan: &Plan) -> String {
     ));
     for stage in plan.stages() {
         let cost = &stage.cost;
-        let cells = cost
-            .cells
-            .map_or("no mesh".into(), |[q, v]| format!("{q} x {v}"));
+        let cells = cost.cells.map(|[q, v]| format!("{q} x {v}"));
+        let [cells, steps, memory, time] = match stage.refusal {
+            Some(_) => [""; 4].map(|_| "-".into()),
+            None => [
+                cells.unwrap_or("no mesh".into()),
+                cost.steps.to_string(),
+                bytes(cost.memory_bytes),
+                seconds(cost.seconds),
+            ],
+        };
         table.line(format!(
-            "{:<20}{:>11}{:>8}{:>8}{:>8}  {}",
+            "{:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {}",
             stage.part.name(),
-            cells,
-            cost.steps,
-            bytes(cost.memory_bytes),
-            seconds(cost.seconds),
             stage.needed_by.join(", ").replace("outputs.", "")
         ));
     }
     table.line("");
     for stage in plan.stages() {
-        table.paragraph(&format!("{:<21}", stage.part.name()), &stage.cost.method);
+        let name = format!("{:<21}", stage.part.name());
+        match &stage.refusal {
+            Some(it) => table.paragraph(&name, &format!("not run: {}", it.error())),
+            None => table.paragraph(&name, &stage.cost.method),
+        }
     }
     table.line("");
     let memory = plan
         .stages()
         .iter()
-        .map(|it| it.cost.memory_bytes)
+        .map(Stage::memory_bytes)
         .max()
         .unwrap_or(0);
-    let time: f64 = plan.stages().iter().map(|it| it.cost.seconds).sum();
+    let time: f64 = plan.stages().iter().map(Stage::seconds).sum();
     let text = format!(
         "in all: about {} and {} on {} threads; allowed: {} and {}",
         seconds(time),
@@ -65,7 +72,6 @@ pub fn plan(plan: &Plan) -> String {
         bytes(scene.accuracy.max_memory)
     );
     table.paragraph("", &text);
-    refused(&mut table, plan);
     let refines = |it: &Stage| {
         matches!(
             it.part,
@@ -104,15 +110,4 @@ pub fn plan(plan: &Plan) -> String {
         table.paragraph("warning: ", text);
     }
     table.text
-}
-
-/// Stages that do not fit the memory.
-fn refused(table: &mut Table, plan: &Plan) {
-    let most = plan.scene().accuracy.max_memory;
-    for stage in plan.stages() {
-        if stage.cost.memory_bytes > most {
-            let text = format!("{} does not fit: it will not be run", stage.part.name());
-            table.paragraph("", &text);
-        }
-    }
 }

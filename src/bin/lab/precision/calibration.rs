@@ -7,7 +7,7 @@ use super::references::{Case, Reference};
 use super::verdict::{GOALS, Verdict};
 use std::fmt::{self, Write};
 use vibroimpact::error::Error;
-use vibroimpact::plan::Plan;
+use vibroimpact::plan::{Plan, Stage};
 use vibroimpact::report::File;
 use vibroimpact::results::Results;
 use vibroimpact::scales::Scales;
@@ -213,7 +213,7 @@ impl Run {
         scene.accuracy.max_seconds = MAX_SECONDS.min(scene.accuracy.max_seconds);
         let clock = Clock::new();
         let plan = Plan::of(&scene);
-        let foreseen = |plan: &Plan| plan.stages().iter().map(|it| it.cost.seconds).sum();
+        let foreseen = |plan: &Plan| plan.stages().iter().map(Stage::seconds).sum();
         let planned = plan.as_ref().map_or(0.0, foreseen);
         let results = plan.and_then(|plan| plan.run_quietly());
         let (seconds, elapsed) = (clock.seconds(), clock.elapsed());
