@@ -89,7 +89,11 @@ fn case_h(c: &mut Criterion) {
             b.iter(|| {
                 pool.install(|| {
                     let mesh = mesh(&oscillator, &start(), neglected, cells);
-                    let settings = Settings { splitting, step };
+                    let settings = Settings {
+                        splitting,
+                        step,
+                        ..Settings::default()
+                    };
                     solve(&oscillator, &start(), &mesh, settings, 50.0)
                 })
             });
@@ -113,7 +117,11 @@ fn case_l(c: &mut Criterion) {
             b.iter(|| {
                 pool.install(|| {
                     let mesh = mesh(&oscillator, &start, neglected, cells);
-                    let settings = Settings { splitting, step };
+                    let settings = Settings {
+                        splitting,
+                        step,
+                        ..Settings::default()
+                    };
                     solve(
                         &oscillator,
                         &start,

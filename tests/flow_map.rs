@@ -24,7 +24,11 @@ fn mesh(oscillator: &Oscillator, initial: &Initial, neglected: f64, [nq, nv]: [u
 }
 
 fn settings(splitting: Splitting, step: f64) -> Settings {
-    Settings { splitting, step }
+    Settings {
+        splitting,
+        step,
+        ..Settings::default()
+    }
 }
 
 /// A propagated density with its propagator.

@@ -263,15 +263,6 @@ fn a_stage_without_an_answer_is_a_shortfall_and_the_others_are_run() {
         *stage == "first_loss" && said.starts_with("no answer: accuracy.max_memory"),
         "{said}"
     );
-    // Nor does one that is refused before its mesh is known, and what would stand beside it says so.
-    let mut both = scene.clone();
-    both.outputs.steady = true;
-    both.outputs.first_loss = Some(20.0);
-    both.accuracy.max_memory = 1_000;
-    both.monte_carlo = Some(MonteCarlo::default());
-    let plan = Plan::of(&both).unwrap();
-    assert!(stage(&plan, Part::Steady).refusal.is_some());
-    println!("{}", terminal::plan(&plan));
     // Alone it is an error.
     scene.outputs.stationary = false;
     assert!(
@@ -279,6 +270,28 @@ fn a_stage_without_an_answer_is_a_shortfall_and_the_others_are_run() {
             .unwrap_err()
             .to_string()
             .contains("first_loss stage")
+    );
+}
+
+#[test]
+fn a_stage_that_is_refused_before_its_mesh_is_known_leaves_the_others() {
+    let mut scene = scene();
+    scene.outputs.steady = true;
+    scene.outputs.first_loss = Some(20.0);
+    scene.accuracy.max_memory = 100_000;
+    scene.monte_carlo = Some(MonteCarlo::default());
+    let plan = Plan::of(&scene).unwrap();
+    println!("{}", terminal::plan(&plan));
+    for part in [Part::Steady, Part::FirstLoss] {
+        let refused = stage(&plan, part);
+        assert!(refused.refusal.is_some() && refused.seconds() == 0.0);
+    }
+    let results = plan.run_quietly().unwrap();
+    assert!(results.stationary.is_some() && results.steady.is_none());
+    let named: Vec<&str> = results.shortfalls.iter().map(|it| it.0).collect();
+    assert!(
+        named.contains(&"steady") && named.contains(&"first_loss"),
+        "{named:?}"
     );
 }
 

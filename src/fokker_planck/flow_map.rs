@@ -56,9 +56,6 @@ use rows::{Rates, active};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Flow maps that are held at once at most: an interval has seven, where friction is not the same everywhere.
-pub(super) const HELD: f64 = KEPT as f64 + 7.0;
-
 /// What propagation did so far.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Progress {
@@ -108,8 +105,6 @@ pub struct FlowMap {
 /// Widest cell in thermal deviations: the midpoint sum of a Gaussian is then off by
 /// 2 exp(-2 pi^2/2^2) = 1 %, and no density of interest is narrower.
 const WIDEST: f64 = 2.0;
-/// Flow maps beyond which all are dropped before new ones are built: intervals of many lengths.
-const KEPT: usize = 24;
 /// Cells from which on the work of a stage is worth sharing between threads.
 const SHARED: usize = 6000;
 

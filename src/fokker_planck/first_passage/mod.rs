@@ -7,6 +7,7 @@ pub(crate) mod first_loss;
 pub(crate) mod flight;
 pub(crate) mod impact;
 mod layout;
+mod limit;
 pub(crate) mod mesh;
 pub(crate) mod pontryagin;
 mod region;

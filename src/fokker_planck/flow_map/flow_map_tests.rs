@@ -163,6 +163,28 @@ fn beyond_the_edge_g_goes_on_as_a_constant_and_a_density_as_nothing() {
 }
 
 #[test]
+fn maps_that_do_not_fit_the_memory_are_made_anew_and_do_the_same() {
+    let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+    let mesh = mesh(&oscillator, &start(), [60, 44]);
+    let run = |memory| {
+        let settings = Settings {
+            memory,
+            ..Settings::default()
+        };
+        let mut flow = FlowMap::new(&oscillator, &mesh, settings).unwrap();
+        let mut density = flow.start(&start()).unwrap();
+        for k in 0..12 {
+            flow.advance(&mut density, 5.0 + 0.07 * f64::from(k))
+                .unwrap();
+        }
+        (flow.maps.len(), density)
+    };
+    let ((all, free), (few, tight)) = (run(u64::MAX), run(0));
+    println!("flow maps: {all} held, {few} in no memory");
+    assert!(few <= 7 && all > 14 && free.cells() == tight.cells());
+}
+
+#[test]
 fn a_step_or_duration_that_makes_no_sense_is_refused_by_name() {
     let oscillator = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
     let mesh = mesh(&oscillator, &start(), [60, 44]);

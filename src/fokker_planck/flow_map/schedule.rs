@@ -2,7 +2,8 @@
 
 use super::interval::{Leg, Noise, Schedule};
 use super::pass::{self, Blocks, Matrix};
-use super::{FlowMap, KEPT, splitting};
+use super::settings::INTERVAL;
+use super::{FlowMap, splitting};
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::{self, Kick};
 use rayon::prelude::*;
@@ -32,12 +33,13 @@ impl FlowMap {
         let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
         // Intervals between output times differ by the rounding of the times: the same maps serve.
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * duration;
-        if self.maps.len() > KEPT {
+        let held = self.settings.held(self.mesh.len() as f64);
+        if self.maps.len() + INTERVAL > held {
             self.maps.clear();
             self.matrices.clear();
         }
         let recurs = self.forcing.as_ref().is_some_and(|it| it.recurs());
-        if forced && !(recurs && self.matrices.len() <= self.most_matrices()) {
+        if forced && !(recurs && self.matrices.len() <= self.most_matrices(held)) {
             // No other node does what one did, but that of the next period.
             self.matrices.clear();
         }
@@ -102,10 +104,10 @@ impl FlowMap {
         Ok(())
     }
 
-    /// Matrices under a forcing that take about as much memory as `KEPT` maps.
-    fn most_matrices(&self) -> usize {
+    /// Matrices under a forcing that take about as much memory as so many maps.
+    fn most_matrices(&self, held: usize) -> usize {
         let (map, row) = (pass::STENCIL * self.mesh.q.len(), self.buffers.stride);
-        KEPT * map / (row * self.rates.blocks(&self.mesh).len())
+        held * map / (row * self.rates.blocks(&self.mesh).len())
     }
 
     /// What to nudge v by at each node of an interval of `steps` steps from now on, for the kicks that a drive asks for where

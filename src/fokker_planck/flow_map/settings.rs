@@ -6,6 +6,12 @@ use crate::error::{Result, positive};
 use crate::fokker_planck::policy::LONGEST_STEP;
 use crate::oscillator::Oscillator;
 
+/// Flow maps of one interval, at most: where friction is not the same everywhere.
+pub(super) const INTERVAL: usize = 7;
+
+/// Flow maps that are held at once at most: intervals of many lengths.
+const HELD: usize = 31;
+
 /// How to propagate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
@@ -13,6 +19,8 @@ pub struct Settings {
     pub splitting: Splitting,
     /// Longest step tau; each interval between outputs is divided into equal steps not above it.
     pub step: f64,
+    /// Bytes to hold: of flow maps as many as fit, those of one interval at the least.
+    pub memory: u64,
 }
 
 impl Default for Settings {
@@ -21,6 +29,7 @@ impl Default for Settings {
         Self {
             splitting: Splitting::EvenFive,
             step: 1.0,
+            memory: u64::MAX,
         }
     }
 }
@@ -88,6 +97,13 @@ impl Settings {
             passes += chunks * nodes.len() as f64;
         }
         [steps, passes, motions.len() as f64]
+    }
+
+    /// Flow maps on so many cells that are held at once, at most.
+    pub(in crate::fokker_planck) fn held(&self, cells: f64) -> usize {
+        let [each, rest] = Self::bytes();
+        let fit = (self.memory as f64 / cells - rest) / each;
+        (fit as usize).clamp(INTERVAL, HELD)
     }
 
     /// Bytes of a map and of everything else, per cell.

@@ -6,7 +6,7 @@ use super::start_up;
 use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
-use crate::fokker_planck::flow_map::{HELD, Settings};
+use crate::fokker_planck::flow_map::Settings;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::policy::{LADDER_RATIO, REFINED, SETTLED};
@@ -116,13 +116,21 @@ fn map_seconds(rung: &Rung, oscillator: &Oscillator) -> f64 {
 }
 
 /// The cost of one run for the law that lasts.
-fn lasting(rung: &Rung, oscillator: &Oscillator, period: f64, times: &[f64]) -> Result<Cost> {
+fn lasting(
+    rung: &Rung,
+    oscillator: &Oscillator,
+    period: f64,
+    times: &[f64],
+    max_memory: u64,
+) -> Result<Cost> {
     let cells = rung.layout.count(oscillator, 1.0)?;
     let n = cells[0] as f64 * cells[1] as f64;
-    let map = rung.flow_map();
+    let mut map = rung.flow_map();
+    map.memory = max_memory;
     let [steps, passes, maps] = map.size(&[period], CHUNK);
     let [phase_steps, phase_passes, phase_maps] = map.size(times, CHUNK);
     let [each, rest] = Settings::bytes();
+    let held = map.held(n) as f64;
     let entries = timing::FORCED_ENTRY * cells[1] as f64 / cells[0] as f64;
     let passing = timing::PASS * (PERIODS * passes + phase_passes);
     let building =
@@ -132,7 +140,7 @@ fn lasting(rung: &Rung, oscillator: &Oscillator, period: f64, times: &[f64]) -> 
     Ok(Cost {
         cells,
         steps: (PERIODS * steps + phase_steps).ceil() as u64,
-        memory: (n * (HELD * each + rest + 8.0 * PERIODS)) as u64,
+        memory: (n * (held * each + rest + 8.0 * PERIODS)) as u64,
         seconds: n * (passing + building + beside),
     })
 }
@@ -146,7 +154,7 @@ pub(super) fn run(
     max_memory: u64,
 ) -> Result<Cost> {
     if let Some(period) = rung.period {
-        return lasting(rung, oscillator, period, times);
+        return lasting(rung, oscillator, period, times, max_memory);
     }
     let until = times.last().copied().unwrap_or(0.0);
     let start_up = start_up::cost(rung, oscillator, initial, until);
@@ -188,10 +196,11 @@ pub(super) fn run(
     let mut bytes = budget::memory(cells, rung.drift(), rung.scheme.factors()) as f64;
     let (steps, seconds) = match rung.scheme {
         Scheme::FlowMap => {
-            let map = rung.flow_map();
+            let mut map = rung.flow_map();
+            map.memory = max_memory;
             let [steps, passes, maps] = map.size(&times, CHUNK);
             let [each, rest] = Settings::bytes();
-            bytes = n * (maps.min(HELD) * each + rest);
+            bytes = n * (maps.min(map.held(n) as f64) * each + rest);
             let mut pass = timing::PASS;
             if rung.acting().is_some() {
                 // A matrix of its own for every node.

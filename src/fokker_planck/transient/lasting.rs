@@ -34,7 +34,8 @@ impl Task<'_> {
         let clock = limits.clone();
         let late = move || clock.in_time(|| "the periodic law had not been found".to_string());
         let late: Late = Arc::new(late);
-        let mut propagator = propagator::build(rung, oscillator, &mesh, period, late)?;
+        let mut propagator =
+            propagator::build(rung, oscillator, &mesh, period, (limits.memory, late))?;
         let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         // About the motions without noise: from elsewhere GMRES has many more modes to find, and of two orbits the way from

@@ -218,11 +218,12 @@ pub(super) fn build(
     oscillator: &Oscillator,
     mesh: &Mesh,
     until: f64,
-    late: Late,
+    (max_memory, late): (u64, Late),
 ) -> Result<Propagator> {
     match rung.scheme {
         Scheme::FlowMap => {
             let mut settings = rung.flow_map();
+            settings.memory = max_memory;
             let reference = rung.reference(oscillator);
             // Shorter steps let grid noise grow.
             settings.step = settings.step.max(FlowMap::shortest_step(reference, mesh));

@@ -196,7 +196,8 @@ impl Task<'_> {
         let clock = limits.clone();
         let late = move || clock.in_time(|| format!("the transient had not come to t = {until}"));
         let late: Late = Arc::new(late);
-        let mut propagator = propagator::build(rung, oscillator, &mesh, until, late)?;
+        let mut propagator =
+            propagator::build(rung, oscillator, &mesh, until, (limits.memory, late))?;
         let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         let laws = self.laws(rung, &propagator)?;

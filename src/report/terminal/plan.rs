@@ -25,36 +25,7 @@ pub fn plan(plan: &Plan) -> String {
         ),
     );
     table.line("");
-    table.line(format!(
-        "{:<20}{:>11}{:>8}{:>8}{:>8}  needed by",
-        "stage", "cells", "steps", "memory", "time"
-    ));
-    for stage in plan.stages() {
-        let cost = &stage.cost;
-        let cells = cost.cells.map(|[q, v]| format!("{q} x {v}"));
-        let [cells, steps, memory, time] = match stage.refusal {
-            Some(_) => [""; 4].map(|_| "-".into()),
-            None => [
-                cells.unwrap_or("no mesh".into()),
-                cost.steps.to_string(),
-                bytes(cost.memory_bytes),
-                seconds(cost.seconds),
-            ],
-        };
-        table.line(format!(
-            "{:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {}",
-            stage.part.name(),
-            stage.needed_by.join(", ").replace("outputs.", "")
-        ));
-    }
-    table.line("");
-    for stage in plan.stages() {
-        let name = format!("{:<21}", stage.part.name());
-        match &stage.refusal {
-            Some(it) => table.paragraph(&name, &format!("not run: {}", it.error())),
-            None => table.paragraph(&name, &stage.cost.method),
-        }
-    }
+    stages(&mut table, plan);
     table.line("");
     let memory = plan
         .stages()
@@ -110,4 +81,38 @@ pub fn plan(plan: &Plan) -> String {
         table.paragraph("warning: ", text);
     }
     table.text
+}
+
+/// The stages with their costs, and how each will be computed.
+fn stages(table: &mut Table, plan: &Plan) {
+    table.line(format!(
+        "{:<20}{:>11}{:>8}{:>8}{:>8}  needed by",
+        "stage", "cells", "steps", "memory", "time"
+    ));
+    for stage in plan.stages() {
+        let cost = &stage.cost;
+        let cells = cost.cells.map(|[q, v]| format!("{q} x {v}"));
+        let [cells, steps, memory, time] = match stage.refusal {
+            Some(_) => [""; 4].map(|_| "-".into()),
+            None => [
+                cells.unwrap_or("no mesh".into()),
+                cost.steps.to_string(),
+                bytes(cost.memory_bytes),
+                seconds(cost.seconds),
+            ],
+        };
+        table.line(format!(
+            "{:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {}",
+            stage.part.name(),
+            stage.needed_by.join(", ").replace("outputs.", "")
+        ));
+    }
+    table.line("");
+    for stage in plan.stages() {
+        let name = format!("{:<21}", stage.part.name());
+        match &stage.refusal {
+            Some(it) => table.paragraph(&name, &format!("not run: {}", it.error())),
+            None => table.paragraph(&name, &stage.cost.method),
+        }
+    }
 }

@@ -63,7 +63,11 @@ pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Re
             let shortest = FlowMap::shortest_step(oscillator, &mesh);
             let step = flow_map::Settings::to(STEPS * level.tolerance, oscillator)?.step;
             let step = step.max(shortest);
-            let settings = flow_map::Settings { splitting, step };
+            let settings = flow_map::Settings {
+                splitting,
+                step,
+                ..flow_map::Settings::default()
+            };
             let mut map = FlowMap::new(oscillator, &mesh, settings)?;
             let mut density = map.start(&case.initial)?;
             map.advance(&mut density, case.until)?;
