@@ -344,8 +344,9 @@ impl Task<'_> {
         // What a start that is solved for may be off, given that nothing is lost at 0.
         let begun = self.begun(fine);
         let number = |of: &dyn Fn(&Run) -> f64, beyond: f64| {
-            let error = runs.error(of) + (beyond + layout.outside) * of(fine).abs();
-            Estimate::new(runs.value(of), error, Origin::Space)
+            let [value, error] = runs.exponential(of);
+            let error = (error + beyond + layout.outside) * value.abs();
+            Estimate::new(value, error, Origin::Space)
         };
         let mut mean_time = number(&|run| run.mean_time, fine.residuals[0] + 2.0 * begun);
         let mut rate = number(&|run| run.rate, fine.residuals[1]);

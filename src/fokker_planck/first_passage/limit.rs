@@ -28,7 +28,7 @@ fn extrapolated([one, two, four]: [f64; 3]) -> [f64; 2] {
     // What further terms leave, if they go on falling as the second does to the first; no more than both.
     let falls = (split / missed).abs().min(SLOWEST.get());
     let both = (missed / (ratio - 1.0)).abs() + (split / 3.0).abs();
-    let left = LEFT.get() * (second / (1.0 - falls)).min(both);
+    let left = (LEFT.get() * second / (1.0 - falls)).min(both);
     let error = left.max(OF_EXTRAPOLATION * change.abs());
     [one + change, error]
 }
@@ -54,6 +54,16 @@ impl<'a> Runs<'a> {
 
     fn extrapolated(&self, of: impl Fn(&Run) -> f64) -> [f64; 2] {
         extrapolated([self.fine, self.two, &self.four].map(of))
+    }
+
+    /// A number that goes as the exponential of the step, as a rate does or its inverse, and what it errs relative to itself.
+    pub(super) fn exponential(&self, of: impl Fn(&Run) -> f64) -> [f64; 2] {
+        let [value, error] = self.extrapolated(|run| of(run).ln());
+        if value.is_finite() {
+            let mesh = OF_MESH * (of(self.fine) - of(self.coarse)).abs() / of(self.fine);
+            return [value.exp(), mesh + error];
+        }
+        [self.value(&of), self.error(&of) / of(self.fine)]
     }
 
     /// A number in the limit of short steps.
