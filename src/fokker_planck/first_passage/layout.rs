@@ -7,6 +7,7 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::{LADDER_RATIO, PASSAGE_OUTPUTS};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
+use std::f64::consts::TAU;
 
 /// What runs with other steps differ by, over the error of the mesh that they share, if it is that of the mesh alone.
 const OF_A_MESH: f64 = 3.0;
@@ -101,6 +102,17 @@ impl Layout {
         let damped = (12.0 * tolerance / zeta).sqrt();
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
+        // Within 2 pi h/f^2 noise turns a motion back that the force f takes through the level. Four steps within it err as
+        // extrapolation has it; up to several times it they err with both signs, and no order shows. Where friction is weak
+        // next to nothing is missed.
+        let push = barrier.high.map_or(0.0, |high| region.force(high).abs());
+        let push = push.max(region.force(barrier.low).abs());
+        let turned = TAU * oscillator.h() / push.powi(2);
+        let automatic = if turned > automatic {
+            automatic.min(0.25 * turned)
+        } else {
+            automatic
+        };
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);

@@ -2,18 +2,15 @@
 //! coarser mesh.
 
 use super::run::Run;
-use crate::fokker_planck::policy::{LEFT, SLOWEST};
+use crate::fokker_planck::policy::{CARRIED, LEFT, SLOWEST};
 
 /// Of the difference from the coarse mesh, of 1.35 times fewer nodes, what the fine run errs: what order 3 would leave. Seen: 5.
 const OF_MESH: f64 = 0.7;
 
-/// Of what the extrapolation to no step changes, the least that it may err: what it leaves may pass through zero.
-const OF_EXTRAPOLATION: f64 = 0.05;
-
 /// A number in the limit of short steps, and what it errs, from runs with one, twice and four times the step. A passage missed
 /// between two kicks of the noise, near v = 0, shifts the level by sqrt(h) tau^(3/2): the error is a tau^(3/2) + b tau^2, the
 /// latter that of the splitting, and the two have opposite signs where friction is not weak. Both are removed (Richardson).
-/// The error is that of the second part and of what would follow it. Where friction is weak there are errors of order 1.
+/// The error is that of the second part and of what would follow it, and a quarter of the change at least.
 fn extrapolated([one, two, four]: [f64; 3]) -> [f64; 2] {
     let ratio = 2f64.powf(1.5);
     let (near, far) = (one - two, two - four);
@@ -29,7 +26,7 @@ fn extrapolated([one, two, four]: [f64; 3]) -> [f64; 2] {
     let falls = (split / missed).abs().min(SLOWEST.get());
     let both = (missed / (ratio - 1.0)).abs() + (split / 3.0).abs();
     let left = (LEFT.get() * second / (1.0 - falls)).min(both);
-    let error = left.max(OF_EXTRAPOLATION * change.abs());
+    let error = left.max(CARRIED.get() * change.abs());
     [one + change, error]
 }
 
