@@ -14,6 +14,7 @@ use precision::by_hand;
 use precision::calibration::{self, Calibration};
 use precision::entry::{Effort, survey};
 use precision::method::Method;
+use precision::passages::Passages;
 use precision::policy::{self, Policy};
 use precision::rates::Rates;
 use precision::{case, cost, references, table};
@@ -131,7 +132,9 @@ fn calibrate(survey: &Survey) -> Outcome {
     print(&by_hand::table(&hands))?;
     let rates = Rates::calibrate(1)?;
     print(&rates.to_string())?;
-    let missed = [calibration.missed(), rates.missed()].concat();
+    let passages = Passages::calibrate(1)?;
+    print(&passages.to_string())?;
+    let missed = [calibration.missed(), rates.missed(), passages.missed()].concat();
     if missed.is_empty() {
         return Ok(0);
     }

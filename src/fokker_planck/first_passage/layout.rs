@@ -257,7 +257,7 @@ fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64, part: f64) -
     let grade = (2.0 * rise / 3.0).max(t).sqrt();
     let v = 2.0 * (speed / grade).asinh() * grade / (0.5 * part * spread);
     // More do not fit a run of seconds; the error then says so.
-    let v = v.clamp(60.0, 600.0);
+    let v = v.clamp(80.0, 600.0);
     [(0.7 * v) as usize, v as usize]
 }
 

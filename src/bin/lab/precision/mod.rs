@@ -10,6 +10,7 @@ pub mod cost;
 pub mod entry;
 pub mod judged;
 pub mod method;
+pub mod passages;
 pub mod policy;
 mod questions;
 pub mod rates;

@@ -53,19 +53,24 @@ impl Answer {
 }
 
 impl Question {
-    /// All of them, their references computed.
+    /// All of every question, their references computed.
     ///
     /// # Errors
     /// What a scene or a run of it says.
     pub fn all() -> Result<Vec<Self>> {
+        Self::listed("validation/precision/questions.toml", SCENES, 1)
+    }
+
+    /// One of `each` of the scenes of a file.
+    pub fn listed(file: &'static str, text: &str, each: usize) -> Result<Vec<Self>> {
         let question = |scene: Scene| {
             let mut tight = scene.clone();
             tight.accuracy.tolerance *= 0.1;
             let known = numbers(&Plan::of(&tight)?.run_quietly()?.tree());
             Ok(Self { scene, known })
         };
-        let scenes = references::listed("validation/precision/questions.toml", SCENES)?;
-        scenes.into_iter().map(question).collect()
+        let scenes = references::listed(file, text)?;
+        scenes.into_iter().step_by(each).map(question).collect()
     }
 
     /// Runs it.
