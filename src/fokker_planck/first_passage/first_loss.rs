@@ -13,7 +13,7 @@
 //! coarser mesh; whichever is larger is refined.
 
 use super::layout::{Asked, Layout};
-use super::limit::Runs;
+use super::limit::{Runs, largest_since};
 use super::mesh::Fineness;
 use super::region::{Barrier, Region};
 use super::run::{Problem, Run};
@@ -414,25 +414,27 @@ impl Task<'_> {
         let mut curves = [Vec::new(), Vec::new(), Vec::new()];
         for k in 0..times.len() {
             // Beyond the edge all is lost, whatever the mesh says.
-            let survival = runs.error_since(times, (k, forgets), |run, l| run.survival[l])
-                + fine.drift[k]
-                + outside * (1.0 - fine.survival[k])
-                + begun
-                + ROUNDING * fine.survival[k]
-                + 4e-16;
-            let lost = runs.error_since(times, (k, forgets), |run, l| run.lost[l])
+            let survival =
+                largest_since(times, (k, forgets), |l| runs.error(|run| run.survival[l]))
+                    + fine.drift[k]
+                    + outside * (1.0 - fine.survival[k])
+                    + begun
+                    + ROUNDING * fine.survival[k]
+                    + 4e-16;
+            let lost = largest_since(times, (k, forgets), |l| runs.error(|run| run.lost[l]))
                 + fine.drift[k]
                 + (outside + 1e-12) * fine.lost[k]
                 + begun
                 + rounding;
-            let density = runs.error_since(times, (k, FRAC_PI_2), |run, l| run.density[l])
-                + fine.wobble[k]
+            let density = largest_since(times, (k, FRAC_PI_2), |l| {
+                runs.error_of_fine(|run| run.density[l])
+            }) + fine.wobble[k]
                 + outside * fine.density[k].abs()
                 + begun * largest;
             let values = [
                 runs.value(|run| run.survival[k]).clamp(0.0, 1.0),
                 runs.value(|run| run.lost[k]).clamp(0.0, 1.0),
-                runs.value(|run| run.density[k]),
+                fine.density[k],
             ];
             for ((curve, value), error) in
                 curves.iter_mut().zip(values).zip([survival, lost, density])

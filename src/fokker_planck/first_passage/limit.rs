@@ -79,18 +79,22 @@ impl<'a> Runs<'a> {
         self.errors(of).iter().sum()
     }
 
-    /// The largest at the times within `ago` before the time k: a difference passes through zero.
-    pub(super) fn error_since(
-        &self,
-        times: &[f64],
-        (k, ago): (usize, f64),
-        of: impl Fn(&Run, usize) -> f64,
-    ) -> f64 {
-        let recent = (0..=k).rev();
-        let recent = recent.take_while(|l| times[k] - times[*l] <= ago);
-        let each = recent.map(|l| self.error(|run| of(run, l)));
-        each.fold(0.0, |a, b| if a.is_nan() || b < a { a } else { b })
+    /// That of the number as the fine run has it: a density is of no order in the step where it begins.
+    pub(super) fn error_of_fine(&self, of: impl Fn(&Run) -> f64) -> f64 {
+        self.error(&of) + (self.value(&of) - of(self.fine)).abs()
     }
+}
+
+/// The largest of errors at the times within `ago` before the time k: a difference passes through zero.
+pub(super) fn largest_since(
+    times: &[f64],
+    (k, ago): (usize, f64),
+    error: impl Fn(usize) -> f64,
+) -> f64 {
+    let recent = (0..=k).rev();
+    let recent = recent.take_while(|l| times[k] - times[*l] <= ago);
+    let each = recent.map(error);
+    each.fold(0.0, |a, b| if a.is_nan() || b < a { a } else { b })
 }
 
 #[cfg(test)]
