@@ -2,6 +2,7 @@
 
 use super::mesh::{Fineness, POINTS};
 use super::region::{Barrier, Region};
+use crate::contact::ContactLaw;
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::{LADDER_RATIO, PASSAGE_OUTPUTS};
@@ -217,6 +218,10 @@ impl Layout {
     pub(super) fn cost(&self, oscillator: &Oscillator) -> Cost {
         let [nq, nv] = self.nodes.map(|n| n as f64);
         let (points, steps) = (self.points(oscillator), self.all_steps());
+        let map = match oscillator.contact() {
+            ContactLaw::Custom(_) => timing::ABSORBED_MAP * timing::TRACED_MAP / timing::MAP,
+            _ => timing::ABSORBED_MAP,
+        };
         Cost {
             cells: self.nodes,
             steps: steps as u64,
@@ -224,7 +229,7 @@ impl Layout {
             // The runs that measure the error take longer than the fine one.
             seconds: 2.3
                 * nq
-                * (points * (timing::ABSORBED_MAP + timing::ABSORBED_POINT * steps)
+                * (points * (map + timing::ABSORBED_POINT * steps)
                     + nv * self.node_seconds() * steps),
         }
     }
