@@ -182,6 +182,12 @@ fn a_level_on_the_wrong_side_is_refused_by_name_and_a_start_beyond_it_is_lost_at
     )
     .unwrap();
     assert!(it.survival.iter().all(|s| s.value < 1e-9));
+    // Nothing is relative to a time of 0, and it has an error.
+    assert!(
+        it.mean_time.value < 1e-9 && it.mean_time.error < 1e-9,
+        "{}",
+        it.mean_time
+    );
 }
 
 #[test]

@@ -61,6 +61,7 @@ const ROUNDS: f64 = 2.0;
 const ROUNDING: f64 = 1e-13;
 /// Rounds that may bring nothing before the refinement ends: the first meshes may be too coarse to show an error.
 const STALLS: usize = 2;
+
 /// What is solved.
 fn equation(driven: bool) -> &'static str {
     if driven {
@@ -348,7 +349,7 @@ impl Task<'_> {
         let begun = self.begun(fine);
         let number = |of: &dyn Fn(&Run) -> f64, beyond: f64| {
             let [value, error] = runs.exponential(of);
-            let error = (error + beyond + layout.outside) * value.abs();
+            let error = error + (beyond + layout.outside) * value.abs();
             Estimate::new(value, error, Origin::Space)
         };
         let mut mean_time = number(&|run| run.mean_time, fine.residuals[0] + 2.0 * begun);

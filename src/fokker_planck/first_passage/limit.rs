@@ -53,14 +53,14 @@ impl<'a> Runs<'a> {
         extrapolated([self.fine, self.two, &self.four].map(of))
     }
 
-    /// A number that goes as the exponential of the step, as a rate does or its inverse, and what it errs relative to itself.
+    /// A number that goes as the exponential of the step, as a rate does or its inverse, and what it errs.
     pub(super) fn exponential(&self, of: impl Fn(&Run) -> f64) -> [f64; 2] {
         let [value, error] = self.extrapolated(|run| of(run).ln());
         if value.is_finite() {
-            let mesh = OF_MESH * (of(self.fine) - of(self.coarse)).abs() / of(self.fine);
-            return [value.exp(), mesh + error];
+            let [mesh, _] = self.errors(&of);
+            return [value.exp(), mesh + error * value.exp()];
         }
-        [self.value(&of), self.error(&of) / of(self.fine)]
+        [self.value(&of), self.error(&of)]
     }
 
     /// A number in the limit of short steps.
