@@ -363,3 +363,19 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
         );
     }
 }
+
+#[test]
+fn a_rate_below_rounding_that_no_detailed_balance_tells_is_not_said_to_be_known() {
+    let it = Oscillator::new(ContactLaw::Linear, 0.2, 0.02).unwrap();
+    let level = 9.5 * it.temperature().sqrt();
+    let how = Settings {
+        max_seconds: 10.0,
+        ..settings(1e-2)
+    };
+    let asked = (level, Side::Either, 20.0);
+    let it = first_passage(&it, &Initial::Rest, asked, &how, &|_| ()).unwrap();
+    println!("rate {}, {:?}", it.rate, it.shortfall);
+    // About 1e-20.
+    assert!(it.shortfall.is_some());
+    assert!(it.rate.value.is_nan() || (it.rate.value - 1e-20).abs() < it.rate.error);
+}

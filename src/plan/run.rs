@@ -374,6 +374,7 @@ impl Plan {
             let told = (results.run.warnings.len(), results.shortfalls.len());
             let progress = |fraction| watch.progress(part, fraction);
             let computed = if let Some(refusal) = &stage.refusal {
+                // As it was typed already; it speaks of no time.
                 Err(refusal.error())
             } else if late {
                 Err(Error::Limit {
@@ -422,10 +423,9 @@ impl Plan {
                 .push((part.name(), begin.elapsed().as_secs_f64()));
             results.run.wall_seconds = spent();
             results.run.peak_memory_bytes = peak_memory();
-            let open: Vec<&str> = self.stages[k + 1..]
-                .iter()
-                .map(|it| it.part.name())
-                .collect();
+            let open = self.stages[k + 1..].iter();
+            let open = open.filter(|it| it.refusal.is_none());
+            let open: Vec<&str> = open.map(|it| it.part.name()).collect();
             if open.is_empty() {
                 watch.ends(part, results)?;
             } else {
@@ -449,7 +449,8 @@ impl Plan {
                 .iter()
                 .any(|(name, _)| *name == it.part.name())
         };
-        let open = self.stages.iter().filter(|it| !ended(it));
+        let open = self.stages.iter();
+        let open = open.filter(|it| it.refusal.is_none() && !ended(it));
         let open: Vec<&str> = open.map(|it| it.part.name()).collect();
         (!open.is_empty()).then(|| unfinished(&open))
     }

@@ -8,8 +8,8 @@
 //! 63 x 90 nodes, the survival from rest errs by 1.7e-3, 4.5e-5 and 6.1e-6, order 8.9 and 4.9: the jump at
 //! (q_loss, 0) costs about one of the six orders of the interpolation on meshes that resolve it. In the
 //! step: where noise turns a motion back within it, order 3/2 (zeta = 1.38, h = 0.11, |q| > 0.98, 160 x 220 nodes: as steps
-//! of 0.16 are halved four times, the mean time changes by 1.23, 0.459, 0.169, 0.0615), and all numbers are extrapolated
-//! in orders 3/2 and 2 from runs with one, twice and four times the step. Error estimates come from these and from a
+//! of 0.16 are halved four times, the mean time changes by 1.23, 0.459, 0.169, 0.0615), and all numbers but the
+//! density are extrapolated in orders 3/2 and 2 from runs with one, twice and four times the step. Error estimates come from these and from a
 //! coarser mesh; whichever is larger is refined.
 
 use super::layout::{Asked, Layout};
@@ -39,7 +39,7 @@ pub struct FirstLoss {
     pub survival: Vec<Estimate>,
     /// P(a loss of contact up to t) = 1 - S, with an error of its own: it may be far below the rounding of S.
     pub lost: Vec<Estimate>,
-    /// Density -dS/dt of the first loss, with its error; the tolerance is asked of the survival, the mean time and the
+    /// Density -dS/dt of the first loss, that of the shortest step, with its error; the tolerance is asked of the survival, the mean time and the
     /// rate alone.
     pub density: Vec<Estimate>,
     /// Mean time to the first loss, by Pontryagin's equation; NaN under a drive or an envelope, as the next two.
@@ -143,7 +143,9 @@ impl FirstPassage {
         let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
         let layout = Layout::of(oscillator, initial, &asked, forcing.as_ref());
         let mut cost = layout.cost(oscillator);
-        cost.seconds *= ROUNDS;
+        if asked.step.is_none() && asked.cells.is_none() {
+            cost.seconds *= ROUNDS;
+        }
         Ok(Self {
             asked,
             layout,
@@ -347,14 +349,21 @@ impl Task<'_> {
         let [survival, lost, mut density] = self.curves(layout, &runs);
         // What a start that is solved for may be off, given that nothing is lost at 0.
         let begun = self.begun(fine);
-        let number = |of: &dyn Fn(&Run) -> f64, beyond: f64| {
-            let [value, error] = runs.exponential(of);
-            let error = error + (beyond + layout.outside) * value.abs();
+        let mut worst = Worst::default();
+        let mut number = |of: &dyn Fn(&Run) -> f64, beyond: f64, judged: bool| {
+            let (value, parts) = runs.exponential(of);
+            if judged {
+                worst.add(parts, tolerance * value.abs());
+            }
+            let error = parts[0] + parts[1] + (beyond + layout.outside) * value.abs();
             Estimate::new(value, error, Origin::Space)
         };
-        let mut mean_time = number(&|run| run.mean_time, fine.residuals[0] + 2.0 * begun);
-        let mut rate = number(&|run| run.rate, fine.residuals[1]);
-        let mut rate_over_rice = number(&|run| run.over_rice, fine.residuals[1]);
+        // Of an initial condition beyond the level nothing is left to be known relative to itself.
+        let lasts = !layout.driven && fine.survival.first().is_some_and(|s| *s > 1e-9);
+        let of_mean = fine.residuals[0] + 2.0 * begun;
+        let mut mean_time = number(&|run| run.mean_time, of_mean, lasts);
+        let mut rate = number(&|run| run.rate, fine.residuals[1], !layout.driven);
+        let mut rate_over_rice = number(&|run| run.over_rice, fine.residuals[1], false);
         // The larger of both: the difference of either may pass through zero. Of an initial condition beyond the level the mean
         // time is 0, and nothing is relative to it.
         let relative = [&mean_time, &rate].map(|it| it.error / it.value.abs());
@@ -368,18 +377,14 @@ impl Task<'_> {
                 it.error = it.error.max(larger * it.value.abs());
             }
         }
-        let mut worst = Worst::default();
         for (t, it) in layout.times.iter().zip(&survival) {
             worst.note(it.error / tolerance, || format!("survival at t = {t}"));
         }
         for k in 0..layout.times.len() {
             worst.add(runs.errors(|run| run.survival[k]), tolerance);
         }
-        worst.add(runs.errors(|run| run.mean_time), tolerance * fine.mean_time);
-        worst.add(runs.errors(|run| run.rate), tolerance * fine.rate);
-        let relative = |it: &Estimate| it.error / (tolerance * it.value);
-        // Of an initial condition beyond the level nothing is left to be known relative to itself.
-        if !layout.driven && fine.survival.first().is_some_and(|s| *s > 1e-9) {
+        let relative = |it: &Estimate| it.error / (tolerance * it.value.abs());
+        if lasts {
             worst.note(relative(&mean_time), || "mean_time".into());
         }
         if !layout.driven {

@@ -104,16 +104,12 @@ impl Layout {
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         // Within 2 pi h/f^2 noise turns a motion back that the force f takes through the level. Four steps within it err as
-        // extrapolation has it; up to several times it they err with both signs, and no order shows. Where friction is weak
-        // next to nothing is missed.
-        let push = barrier.high.map_or(0.0, |high| region.force(high).abs());
-        let push = push.max(region.force(barrier.low).abs());
-        let turned = TAU * oscillator.h() / push.powi(2);
-        let automatic = if turned > automatic {
-            automatic.min(0.25 * turned)
-        } else {
-            automatic
-        };
+        // extrapolation has it; steps of about as long err with both signs, and no order shows. Steps that are longer from the
+        // first, as where friction is weak, miss little, and stay.
+        let levels = [Some(barrier.low), barrier.high].into_iter().flatten();
+        let turned = levels.map(|x| TAU * oscillator.h() / region.force(x).powi(2));
+        let wanted = turned.filter(|it| *it > automatic).map(|it| 0.25 * it);
+        let automatic = wanted.fold(automatic, f64::min);
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);

@@ -10,7 +10,8 @@ const OF_MESH: f64 = 0.7;
 /// A number in the limit of short steps, and what it errs, from runs with one, twice and four times the step. A passage missed
 /// between two kicks of the noise, near v = 0, shifts the level by sqrt(h) tau^(3/2): the error is a tau^(3/2) + b tau^2, the
 /// latter that of the splitting, and the two have opposite signs where friction is not weak. Both are removed (Richardson).
-/// The error is that of the second part and of what would follow it, and a quarter of the change at least.
+/// The error is a margin on what the second part changes in the extrapolation of the first, more by what would follow it, and a
+/// quarter of the whole change at least.
 fn extrapolated([one, two, four]: [f64; 3]) -> [f64; 2] {
     let ratio = 2f64.powf(1.5);
     let (near, far) = (one - two, two - four);
@@ -53,14 +54,14 @@ impl<'a> Runs<'a> {
         extrapolated([self.fine, self.two, &self.four].map(of))
     }
 
-    /// A number that goes as the exponential of the step, as a rate does or its inverse, and what it errs.
-    pub(super) fn exponential(&self, of: impl Fn(&Run) -> f64) -> [f64; 2] {
+    /// A number that goes as the exponential of the step, as a rate does or its inverse, and what mesh and steps err.
+    pub(super) fn exponential(&self, of: impl Fn(&Run) -> f64) -> (f64, [f64; 2]) {
+        let [mesh, linear] = self.errors(&of);
         let [value, error] = self.extrapolated(|run| of(run).ln());
-        if value.is_finite() {
-            let [mesh, _] = self.errors(&of);
-            return [value.exp(), mesh + error * value.exp()];
+        if value.is_finite() && error.is_finite() {
+            return (value.exp(), [mesh, error * value.exp()]);
         }
-        [self.value(&of), self.error(&of)]
+        (self.value(&of), [mesh, linear])
     }
 
     /// A number in the limit of short steps.

@@ -101,7 +101,7 @@ impl Integration {
             run.lost.push((1.0 - inside) + gone / total + later);
             run.drift.push(survival * doubt * beyond);
             let (density, wobble) = if beyond > 0.0 {
-                // Detailed balance has the rate at the end to more digits than the losses of a step.
+                // The slowest mode has the rate at the end to more digits than the losses of a step.
                 let density = rate / step * survival;
                 (density, density * doubt * (1.0 / rate + beyond))
             } else if let Some(entering) = entering {
@@ -241,11 +241,12 @@ impl Problem<'_> {
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         // Detailed balance has digits of a rate below rounding, but sees the mesh near the level; the factor hardly does.
-        let (a_step, unlike) = match per_step(&long.mode).filter(|_| long.sum.is_none()) {
-            Some(lost) => (-(-lost).ln_1p(), 0.0),
-            None => (-long.factor.ln(), long.residuals[1]),
+        let a_step = match per_step(&long.mode).filter(|_| rare(&long.mode)) {
+            Some(lost) => -(-lost).ln_1p(),
+            None => -long.factor.ln(),
         };
         let rate = a_step / step;
+        let unlike = long.sum.as_ref().map_or(0.0, |_| long.residuals[1]);
         let crossed = region.density(&law, low)
             + region
                 .barrier
@@ -278,9 +279,10 @@ impl Problem<'_> {
             0.0
         };
         run.mean_time = mean_time;
-        run.rate = rate;
+        // Below rounding, where no detailed balance tells it, it is not known.
+        run.rate = if rate > 0.0 { rate } else { f64::NAN };
         run.total = total;
-        run.over_rice = rate * stationary.total / rice;
+        run.over_rice = run.rate * stationary.total / rice;
         run.residuals = [long.residuals[0] + forgets, unlike];
         run.steps = last as u64 + long.steps;
         Ok(run)

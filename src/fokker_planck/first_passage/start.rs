@@ -135,6 +135,9 @@ impl Starts<'_> {
             // A panel a cell, but none longer than the density's own scale.
             let parts = ((nodes[1] - nodes[0]) / scale).ceil().max(1.0);
             for part in 0..parts as usize {
+                if part.is_multiple_of(BATCH) {
+                    (self.late)()?;
+                }
                 let width = self.mesh().spacing[0] / parts;
                 let low = i as f64 * self.mesh().spacing[0] + part as f64 * width;
                 for (x, w) in rule {

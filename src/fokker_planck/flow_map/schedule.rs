@@ -2,7 +2,6 @@
 
 use super::interval::{Leg, Noise, Schedule};
 use super::pass::{self, Blocks, Matrix};
-use super::settings::INTERVAL;
 use super::{FlowMap, splitting};
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::{self, Kick};
@@ -34,10 +33,6 @@ impl FlowMap {
         // Intervals between output times differ by the rounding of the times: the same maps serve.
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * duration;
         let held = self.settings.held(self.mesh.len() as f64);
-        if self.maps.len() + INTERVAL > held {
-            self.maps.clear();
-            self.matrices.clear();
-        }
         let recurs = self.forcing.as_ref().is_some_and(|it| it.recurs());
         if forced && !(recurs && self.matrices.len() <= self.most_matrices(held)) {
             // No other node does what one did, but that of the next period.
@@ -81,6 +76,11 @@ impl FlowMap {
             friction: [left, 0.0],
         };
         let last = place(&mut legs, last, |it| it.is(&last, near));
+        if legs.len() > held && !self.maps.is_empty() {
+            self.maps.clear();
+            self.matrices.clear();
+            return self.prepare(duration, late);
+        }
         self.schedule = Schedule {
             duration,
             start: self.now,

@@ -7,7 +7,7 @@ use crate::fokker_planck::policy::LONGEST_STEP;
 use crate::oscillator::Oscillator;
 
 /// Flow maps of one interval, at most: where friction is not the same everywhere.
-pub(super) const INTERVAL: usize = 7;
+const INTERVAL: usize = 7;
 
 /// Flow maps that are held at once at most: intervals of many lengths.
 const HELD: usize = 31;

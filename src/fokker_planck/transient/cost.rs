@@ -126,7 +126,9 @@ fn lasting(
     let cells = rung.layout.count(oscillator, 1.0)?;
     let n = cells[0] as f64 * cells[1] as f64;
     let mut map = rung.flow_map();
-    map.memory = max_memory;
+    // Beside the vectors.
+    let vectors = n * 8.0 * PERIODS;
+    map.memory = max_memory.saturating_sub(vectors as u64);
     let [steps, passes, maps] = map.size(&[period], CHUNK);
     let [phase_steps, phase_passes, phase_maps] = map.size(times, CHUNK);
     let [each, rest] = Settings::bytes();
@@ -140,7 +142,7 @@ fn lasting(
     Ok(Cost {
         cells,
         steps: (PERIODS * steps + phase_steps).ceil() as u64,
-        memory: (n * (held * each + rest + 8.0 * PERIODS)) as u64,
+        memory: (n * (held * each + rest) + vectors) as u64,
         seconds: n * (passing + building + beside),
     })
 }

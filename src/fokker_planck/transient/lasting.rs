@@ -34,8 +34,9 @@ impl Task<'_> {
         let clock = limits.clone();
         let late = move || clock.in_time(|| "the periodic law had not been found".to_string());
         let late: Late = Arc::new(late);
-        let mut propagator =
-            propagator::build(rung, oscillator, &mesh, period, (limits.memory, late))?;
+        let vectors = (MEMORY * limits.memory as f64) as u64;
+        let beside = limits.memory - vectors;
+        let mut propagator = propagator::build(rung, oscillator, &mesh, period, (beside, late))?;
         let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         // About the motions without noise: from elsewhere GMRES has many more modes to find, and of two orbits the way from
@@ -60,7 +61,7 @@ impl Task<'_> {
             }
         }
         let each = 8 * mesh.len() as u64;
-        let room = (MEMORY * limits.memory as f64) as u64 / each.max(1);
+        let room = vectors / each.max(1);
         let goal = Goal {
             error: SHARE.get() * rung.tolerance,
             eigenvalue: self.recipe.tolerance,
