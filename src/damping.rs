@@ -29,8 +29,8 @@ pub enum Damping {
     Viscous,
     /// c = 2 zeta in contact, none in flight.
     Contact,
-    /// c = 2 zeta (1 + G): in proportion to the contact force, which must not pull: G >= -1 (Hunt and Crossley, J. Appl.
-    /// Mech. 42, 440, 1975).
+    /// c = 2 zeta |1 + G|: in proportion to the contact force, which must not pull: G >= -1 but behind a second wall (Hunt
+    /// and Crossley, J. Appl. Mech. 42, 440, 1975).
     HuntCrossley,
     /// c = 2 zeta f(q), from [`Damping::of_displacement`].
     Displacement(Function),
@@ -118,7 +118,8 @@ impl Damping {
         const ROUNDING: f64 = 1e-9;
         let samples = (0..=400).map(|k| (f64::from(k) * 0.02).sinh());
         let samples = samples.flat_map(|q| [-q, q]);
-        let pulls = |q: &f64| contact.force(*q) < -1.0 - ROUNDING;
+        let wall = contact.back_wall().unwrap_or(f64::NEG_INFINITY);
+        let pulls = |q: &f64| *q >= wall && contact.force(*q) < -1.0 - ROUNDING;
         match samples.chain(contact.kinks()).find(pulls) {
             Some(q) if matches!(self, Self::HuntCrossley) => {
                 let name = contact.name();
@@ -148,7 +149,7 @@ impl Damping {
         match self {
             Self::Viscous => 1.0,
             Self::Contact => f64::from(u8::from(!contact.is_lost(q))),
-            Self::HuntCrossley => (1.0 + contact.force(q)).max(0.0),
+            Self::HuntCrossley => (1.0 + contact.force(q)).abs(),
             Self::Displacement(factor) => factor(q),
             Self::Energy(factor) => factor(0.5 * v * v + contact.potential(q)),
         }
@@ -297,8 +298,8 @@ impl Averaged {
 }
 
 /// The integrals of v^2 and of c/(2 zeta) v^2 over the time of one period of the orbit of this energy above the
-/// lowest: of v and c v/(2 zeta) over dq, there and back. With q = middle + half sin(s) the ends are smooth; split at the
-/// loss of contact.
+/// lowest: of v and c v/(2 zeta) over dq, there and back. With q = middle + half sin(s) the ends are smooth; split where
+/// flight begins and ends.
 fn orbit(contact: &ContactLaw, damping: &Damping, energy: f64) -> [f64; 2] {
     let (Some((left, right)), Some(lowest)) =
         (contact.turning_points(energy), contact.lowest_potential())
@@ -308,9 +309,9 @@ fn orbit(contact: &ContactLaw, damping: &Damping, energy: f64) -> [f64; 2] {
     let (middle, half) = (0.5 * (left + right), 0.5 * (right - left));
     let quarter = std::f64::consts::FRAC_PI_2;
     let mut ends = vec![-quarter, quarter];
-    if let Some(loss) = contact.loss_point().filter(|q| *q > left && *q < right) {
-        ends.insert(1, ((loss - middle) / half).asin());
-    }
+    let walls = contact.flight().into_iter().flatten();
+    let within = walls.filter(|q| *q > left && *q < right);
+    ends.splice(1..1, within.map(|q| ((q - middle) / half).asin()));
     let mut sums = [0.0; 2];
     for ends in ends.windows(2) {
         let step = (ends[1] - ends[0]) / POINTS as f64;

@@ -81,14 +81,13 @@ impl Oscillator {
             ..self
         };
         if !damping.is_viscous() {
-            if !it.contact.is_confining() || it.contact.back_wall().is_some() {
+            if !it.contact.is_confining() {
                 let value = format!(
                     "\"{}\" with oscillator.contact = \"{}\"",
                     damping.name(),
                     it.contact.name()
                 );
-                let accepted =
-                    "\"viscous\" for a contact that does not hold the motion, or has a second wall";
+                let accepted = "\"viscous\" for a contact that does not hold the motion";
                 return Err(Error::invalid("oscillator.damping", value, accepted));
             }
             damping.suits(&it.contact)?;

@@ -1,7 +1,7 @@
 //! Damping that depends on the state: the stationary law that no closed form gives, and the approach to it.
 
 use std::sync::LazyLock;
-use vibroimpact::contact::ContactLaw;
+use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{
     Axis, Domain, Drift, Generator, Mesh, Settings, SolvedLaw, TransientMethod, null_vector,
@@ -20,6 +20,14 @@ use vibroimpact::stationary::Stationary;
 fn oscillator(damping: Damping) -> Oscillator {
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 2e-2).unwrap();
     it.with_damping(damping).unwrap()
+}
+
+/// Backlash: a second wall as stiff as the first.
+fn walled(exponent: f64, gap: f64) -> ContactLaw {
+    let given = Parameters::new()
+        .with("exponent", Parameter::Number(exponent))
+        .with("gap", Parameter::Number(gap));
+    ContactLaw::given("power", &given).unwrap()
 }
 
 fn settings(tolerance: f64) -> Settings {
@@ -88,6 +96,8 @@ fn friction_takes_what_noise_gives_and_the_mean_force_is_zero() {
         (ContactLaw::Hertz, 0.005, 8e-5),
         (ContactLaw::Bilinear, 0.02, 5e-3),
         (ContactLaw::Hertz, 0.2, 0.02),
+        (walled(10.0 / 9.0, 2.0), 0.05, 0.05),
+        (walled(1.5, 0.3), 0.02, 0.02),
     ];
     for (contact, zeta, h) in scenes {
         for damping in [Damping::Contact, Damping::HuntCrossley] {
@@ -318,6 +328,25 @@ fn run_to(tolerance: f64, damping: &str, more: &str) -> Results {
     );
     let scene = SceneText::parse("a.toml", &text, &[]).unwrap();
     Plan::of(scene.scene()).unwrap().run_quietly().unwrap()
+}
+
+#[test]
+fn under_backlash_with_damping_in_contact_every_solver_agrees_with_the_paths() {
+    let contact = "contact = { law = \"power\", exponent = 1.111, gap = 2.0 }";
+    for damping in ["contact", "hunt_crossley"] {
+        let text = format!(
+            "[oscillator]\n{contact}\ndamping = \"{damping}\"\nzeta = 0.05\nh = 5e-2\n[outputs]\nstationary = true\n\
+             crossings = {{ window = 20 }}\nmoments_at = [2, 10]\nfirst_loss = {{ until = 10 }}\n\
+             first_passage = {{ level = 2.0, side = \"above\", until = 20 }}\n[monte_carlo]\npaths = 20_000\n\
+             seed = 2\n[accuracy]\ntolerance = 3e-3\n"
+        );
+        let scene = SceneText::parse("a.toml", &text, &[]).unwrap();
+        let results = Plan::of(scene.scene()).unwrap().run_quietly().unwrap();
+        assert!(results.shortfalls.is_empty(), "{:?}", results.run.warnings);
+        let agreement = results.agreement.unwrap();
+        println!("{damping}: {agreement:?}");
+        assert!(agreement.worst < 4.0, "{agreement:?}");
+    }
 }
 
 /// The cells of a spectrum: under damping in contact alone its tails take minutes to a tolerance.

@@ -278,6 +278,13 @@ fn under_a_drive_and_an_envelope_contact_is_lost_as_the_paths_lose_it() {
     let hunt_crossley = friction(Damping::HuntCrossley);
     for (it, excitation, initial, passage) in [
         (&in_contact, driven(0.3, 0.8), Initial::Rest, None),
+        // Friction jumps within what the level leaves.
+        (
+            &in_contact,
+            driven(0.2, 0.9),
+            Initial::Rest,
+            Some((1.3, Side::Above)),
+        ),
         (&it, driven(0.1, 0.9), Initial::Stationary, None),
         (
             &hunt_crossley,

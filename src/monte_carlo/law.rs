@@ -81,7 +81,7 @@ impl<L: Law> Law for Damped<'_, L> {
     fn friction(self, q: f64) -> f64 {
         match self.damping {
             Damping::Contact => f64::from(u8::from(!self.law.is_lost(q))),
-            Damping::HuntCrossley => (1.0 + self.law.force(q)).max(0.0),
+            Damping::HuntCrossley => (1.0 + self.law.force(q)).abs(),
             other => other.factor(self.contact, q, 0.0),
         }
     }

@@ -174,20 +174,28 @@ struct Level {
 impl Level {
     fn of(oscillator: &Oscillator, kept: &Kept) -> Self {
         let moments = kept.raw.moments(oscillator.contact());
-        let loss = oscillator.contact().loss_point();
-        let crossings = loss.map(|loss| kept.crossings(loss));
+        let ends = oscillator.contact().flight();
+        // Out of contact, and back, at either wall.
+        let crossings = ends.map(|[back, loss]| {
+            let [out, home] = kept.crossings(loss);
+            if back.is_finite() {
+                let [struck, left] = kept.crossings(back);
+                return [add(out, left), add(home, struck)];
+            }
+            [out, home]
+        });
         // What goes out comes back: the mean of both.
-        let rate = crossings.map(|[down, up, _]| 0.5 * (down + up));
+        let rate = crossings.map(|[out, home]| 0.5 * (out[0] + home[0]));
         let rate = rate.filter(|rate| *rate > 0.0);
         let lost = moments.contact_loss_probability.map(|it| it.value);
         let flight = lost.zip(rate).map(|(lost, rate)| lost / rate);
-        let speed = crossings.filter(|it| it[1] > 0.0);
+        let returns = crossings.map(|it| it[1]).filter(|it| it[0] > 0.0);
         Self {
             moments,
             beside: [
                 rate,
                 flight,
-                speed.map(|[_, up, square]| square / up),
+                returns.map(|[rate, square]| square / rate),
                 Some(kept.dissipated),
             ],
         }
@@ -203,6 +211,10 @@ impl Level {
         let own = self.beside.map(|it| it.unwrap_or(1.0).abs());
         scales.each(&self.moments).into_iter().chain(own).collect()
     }
+}
+
+fn add(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] + b[0], a[1] + b[1]]
 }
 
 struct Task<'a> {

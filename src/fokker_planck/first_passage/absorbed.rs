@@ -81,20 +81,19 @@ impl Absorbed {
     ) -> Result<Self> {
         let mesh = Contact::new(region, fineness)?;
         let step = fineness.step;
-        // Decay and deviation of the Ornstein-Uhlenbeck step, row by row where friction depends on the displacement.
-        let noise: Vec<[f64; 2]> = (0..fineness.nodes[0])
-            .map(|i| kick(region, mesh.q(i), step))
-            .collect();
-        let spread = noise.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min);
+        let noise = kicks(region, &mesh, step);
+        let least = |kicks: &[[f64; 2]]| kicks.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min);
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
         let [nq, nv] = mesh.nodes;
         let rows: Result<Vec<Row>> = (0..nq)
             .into_par_iter()
             .map(|i| {
                 late()?;
-                let [rest, spread] = noise[i];
+                let kicks = &noise[i * nv..(i + 1) * nv];
+                let spread = least(kicks);
                 let [low, high] = whole[i];
-                let edge = mesh.speed + REACH * spread;
+                let widest = kicks.iter().map(|it| it[1]).fold(0.0, f64::max);
+                let edge = mesh.speed + REACH * widest;
                 let points = between([low, high], [-edge, edge], spread);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
                 let ends = region.ends(&starts, step);
@@ -103,7 +102,7 @@ impl Absorbed {
                     spans: Vec::with_capacity(nv),
                     kernel: Vec::new(),
                 };
-                for j in 0..nv {
+                for (j, &[rest, spread]) in kicks.iter().enumerate() {
                     let centre = rest * mesh.v(j);
                     let first = points.partition_point(|(v, _)| *v < centre - REACH * spread);
                     let end = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
@@ -130,7 +129,7 @@ impl Absorbed {
         let mut second = vec![0.0; nq * nv];
         for i in 0..nq {
             for j in 0..nv {
-                let [rest, spread] = noise[i];
+                let [rest, spread] = noise[i * nv + j];
                 // A difference of tails, taken on the side where they are small.
                 let gap = |half: f64, whole: f64, v: f64| {
                     let (a, b) = (half - rest * v, whole - rest * v);
@@ -152,7 +151,7 @@ impl Absorbed {
         Ok(Self {
             mesh,
             rows: rows?,
-            spread,
+            spread: least(&noise),
             step,
             first,
             second,
@@ -197,11 +196,15 @@ impl Absorbed {
     }
 }
 
-/// Decay and deviation of the Ornstein-Uhlenbeck step at a displacement.
-fn kick(region: &Region<'_>, x: f64, step: f64) -> [f64; 2] {
-    let noise = region.oscillator.noise();
-    let kick = Kick::new(region.friction(x), step, (noise, 0.0), 0.0);
-    [kick.decay, kick.deviation()]
+/// Decay and deviation of the Ornstein-Uhlenbeck step at each node.
+fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
+    let [nq, nv] = mesh.nodes;
+    let of = |i: usize, j: usize| {
+        let rate = region.mean_friction(mesh.q(i), mesh.v(j), step);
+        let kick = Kick::new(rate, step, (region.oscillator.noise(), 0.0), 0.0);
+        [kick.decay, kick.deviation()]
+    };
+    (0..nq).flat_map(|i| (0..nv).map(move |j| of(i, j))).collect()
 }
 
 /// Standard normal density.

@@ -45,6 +45,8 @@ pub(super) struct Driven<'a> {
     weights: Vec<f64>,
     /// Kicks so far.
     kicks: u64,
+    /// Mean rate of friction about each node.
+    rates: Vec<f64>,
 }
 
 impl<'a> Driven<'a> {
@@ -61,6 +63,10 @@ impl<'a> Driven<'a> {
         let mesh = Contact::new(region, fineness)?;
         let step = fineness.step;
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
+        let [nq, nv] = mesh.nodes;
+        let rate = |i, j| region.mean_friction(mesh.q(i), mesh.v(j), step);
+        let rates = (0..nq).flat_map(|i| (0..nv).map(move |j| (i, j)));
+        let rates = rates.map(|(i, j)| rate(i, j)).collect();
         Ok(Self {
             region,
             forcing,
@@ -71,6 +77,7 @@ impl<'a> Driven<'a> {
             fit: 0.0,
             weights: start.weights.clone(),
             kicks: 0,
+            rates,
             mesh,
         })
     }
@@ -88,16 +95,19 @@ impl<'a> Driven<'a> {
         // Noise and drive gather at the middle of the step.
         let middle = (self.kicks as f64 + 0.5) * self.step;
         self.kicks += 1;
-        let kicks: Vec<Kick> = (0..self.mesh.nodes[0])
-            .map(|i| {
-                let rate = self.region.friction(self.mesh.q(i));
-                let kick = self.forcing.kick(rate, [middle, self.step], 0.0, 0.0);
-                Kick {
-                    shift: self.region.seen_force(kick.shift),
-                    ..kick
-                }
-            })
-            .collect();
+        let kick = |rate: f64| {
+            let kick = self.forcing.kick(rate, [middle, self.step], 0.0, 0.0);
+            let shift = self.region.seen_force(kick.shift);
+            Kick { shift, ..kick }
+        };
+        let mut last = (self.rates[0], kick(self.rates[0]));
+        let of = self.rates.iter().map(|rate| {
+            if *rate != last.0 {
+                last = (*rate, kick(*rate));
+            }
+            last.1
+        });
+        let kicks: Vec<Kick> = of.collect();
         let spread = kicks.iter().map(Kick::deviation);
         let [narrowest, widest] = spread.fold([f64::INFINITY, 0.0], |[low, high], it| {
             [f64::min(low, it), f64::max(high, it)]
@@ -111,7 +121,8 @@ impl<'a> Driven<'a> {
         let given: Result<Vec<Given>> = (0..nq)
             .into_par_iter()
             .map(|i| {
-                let weights = &this.weights[i * nv..(i + 1) * nv];
+                let row = i * nv..(i + 1) * nv;
+                let (weights, kicks) = (&this.weights[row.clone()], &kicks[row]);
                 if weights.iter().all(|w| *w == 0.0) {
                     return Ok(Given {
                         moved: Vec::new(),
@@ -120,9 +131,9 @@ impl<'a> Driven<'a> {
                 }
                 late()?;
                 Ok(if needle {
-                    this.by_points(i, weights, kicks[i])
+                    this.by_points(i, weights, kicks)
                 } else {
-                    this.by_rule(i, weights, kicks[i])
+                    this.by_rule(i, weights, kicks)
                 })
             })
             .collect();
@@ -197,36 +208,36 @@ impl<'a> Driven<'a> {
         (lost, above(whole) - above(whole_top))
     }
 
-    /// Passes on the mean of each node's kick, its weight and the share that is not lost; gives what is lost.
+    /// Passes on the mean and deviation of each node's kick, its weight and the share that is not lost; gives what is lost.
     fn each_node(
         &self,
         i: usize,
         weights: &[f64],
-        kick: Kick,
-        mut pass: impl FnMut(f64, f64, f64),
+        kicks: &[Kick],
+        mut pass: impl FnMut([f64; 2], f64, f64),
     ) -> [f64; 2] {
-        let (mut lost, spread) = ([0.0; 2], kick.deviation());
-        for (j, weight) in weights.iter().enumerate() {
+        let mut lost = [0.0; 2];
+        for (j, (weight, kick)) in weights.iter().zip(kicks).enumerate() {
             if *weight == 0.0 {
                 continue;
             }
+            let spread = kick.deviation();
             let centre = kick.decay * self.mesh.v(j) + kick.shift;
             let (gone, held) = self.parts(i, centre, spread);
             for (sum, part) in lost.iter_mut().zip(gone) {
                 *sum += weight * part;
             }
-            pass(centre, *weight, held);
+            pass([centre, spread], *weight, held);
         }
         lost
     }
 
     /// A row by its quadrature rule.
-    fn by_rule(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
+    fn by_rule(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given {
         let row = &self.rows[i];
-        let spread = kick.deviation();
         let mut carried = vec![0.0; row.points.len()];
         let mut kernel = Vec::new();
-        let lost = self.each_node(i, weights, kick, |centre, weight, held| {
+        let lost = self.each_node(i, weights, kicks, |[centre, spread], weight, held| {
             let first = row
                 .points
                 .partition_point(|(v, _)| *v < centre - REACH * spread);
@@ -251,21 +262,20 @@ impl<'a> Driven<'a> {
     }
 
     /// A row node by node: three points of the Gauss-Hermite rule about each mean, or that mean alone.
-    fn by_points(&self, i: usize, weights: &[f64], kick: Kick) -> Given {
-        let spread = kick.deviation();
+    fn by_points(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given {
         let rule = [
             (-3f64.sqrt(), 1.0 / 6.0),
             (0.0, 2.0 / 3.0),
             (3f64.sqrt(), 1.0 / 6.0),
         ];
-        let rule = if spread > 0.0 {
-            &rule[..]
-        } else {
-            &[(0.0, 1.0)]
-        };
         let [low, high] = self.whole[i];
         let (mut starts, mut shares) = (Vec::new(), Vec::new());
-        let lost = self.each_node(i, weights, kick, |centre, weight, held| {
+        let lost = self.each_node(i, weights, kicks, |[centre, spread], weight, held| {
+            let rule = if spread > 0.0 {
+                &rule[..]
+            } else {
+                &[(0.0, 1.0)]
+            };
             let alive = rule
                 .iter()
                 .map(|(x, w)| (centre + spread * x, w))

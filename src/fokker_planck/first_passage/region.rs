@@ -7,6 +7,11 @@ use crate::fokker_planck::hermite::Kept;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::oscillator::{DisplacementLaw, Oscillator, Side};
+use crate::quadrature::gauss;
+use std::sync::LazyLock;
+
+/// Four points of a smooth rate on the way of a step.
+static GAUSS4: LazyLock<[(f64, f64); 4]> = LazyLock::new(gauss);
 
 /// Levels at which a motion is absorbed, in x = sign q.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -143,6 +148,24 @@ impl<'a> Region<'a> {
     /// Rate of friction at x.
     pub(crate) fn friction(&self, x: f64) -> f64 {
         self.oscillator.friction(self.q(x))
+    }
+
+    /// Mean rate of friction on the way of a motion that is at x with velocity v midway through a step. At x alone a rate
+    /// that jumps would jump from node to node of a mesh, and none would be fine enough.
+    pub(super) fn mean_friction(&self, x: f64, v: f64, step: f64) -> f64 {
+        let half = 0.5 * step * v.abs();
+        if self.oscillator.is_viscous() || half == 0.0 {
+            return self.friction(x);
+        }
+        let [from, to] = self.range(x - half, x + half);
+        let walls = self.oscillator.contact().flight().unwrap_or([from; 2]);
+        let [low, high] = walls.map(|wall| wall.clamp(from, to));
+        let pieces = [[from, low], [low, high], [high, to]].into_iter();
+        let parts = pieces.flat_map(|[a, b]| {
+            let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
+            GAUSS4.map(|(s, w)| w * half * self.oscillator.friction(middle + half * s))
+        });
+        parts.sum::<f64>() / (to - from)
     }
 
     /// p_q of the reference law at x.

@@ -5,36 +5,35 @@ use crate::fokker_planck::mesh::Mesh;
 use crate::oscillator::Oscillator;
 use std::ops::Range;
 
-/// The rates of friction that matrices are made for: on either side of the loss of contact what c is there if it jumps,
-/// else the reference rate on both. What c is more or less than these is continuous, and is left to the maps.
-#[derive(Debug, Clone, Copy)]
+/// The rates of friction that matrices are made for: on either side of a wall what c is there if it jumps, else the
+/// reference rate. What c is more or less than these is continuous, and is left to the maps.
+#[derive(Debug, Clone)]
 pub(super) struct Rates {
-    loss: f64,
-    flight: f64,
-    contact: f64,
+    /// The walls at which c jumps, ascending.
+    jumps: Vec<f64>,
+    /// Between them, one more than jumps.
+    between: Vec<f64>,
     /// Whether c is more or less than these anywhere.
     pub(super) vary: bool,
 }
 
 impl Rates {
     pub(super) fn of(oscillator: &Oscillator, mesh: &Mesh) -> Self {
-        /// A jump over c that is one, and how close to the loss of contact it shows.
+        /// A jump over c that is one, and how close to the wall it shows.
         const JUMP: f64 = 1e-3;
         const BESIDE: f64 = 1e-9;
-        let everywhere = oscillator.reference_friction();
         let mut it = Self {
-            loss: oscillator
-                .contact()
-                .loss_point()
-                .unwrap_or(f64::NEG_INFINITY),
-            flight: everywhere,
-            contact: everywhere,
+            jumps: Vec::new(),
+            between: vec![oscillator.reference_friction()],
             vary: false,
         };
-        if it.loss.is_finite() {
-            let [below, above] = [-BESIDE, BESIDE].map(|x| oscillator.friction(it.loss + x));
+        let walls = oscillator.contact().flight().into_iter().flatten();
+        for wall in walls.filter(|q| q.is_finite()) {
+            let [below, above] = [-BESIDE, BESIDE].map(|x| oscillator.friction(wall + x));
             if (above - below).abs() > JUMP * above.max(below).max(oscillator.zeta()) {
-                (it.flight, it.contact) = (below, above);
+                it.between[it.jumps.len()] = below;
+                it.jumps.push(wall);
+                it.between.push(above);
             }
         }
         let beyond = |q: &f64| (oscillator.friction(*q) - it.at(*q)).abs();
@@ -45,25 +44,16 @@ impl Rates {
 
     /// That at a displacement.
     pub(super) fn at(&self, q: f64) -> f64 {
-        if q < self.loss {
-            self.flight
-        } else {
-            self.contact
-        }
+        self.between[self.jumps.partition_point(|jump| *jump <= q)]
     }
 
     /// Rows of one rate.
     pub(super) fn blocks(&self, mesh: &Mesh) -> Vec<(Range<usize>, f64)> {
-        let (all, lost) = (
-            mesh.q.len(),
-            mesh.q.centres().partition_point(|q| *q < self.loss),
-        );
-        let blocks = if self.flight == self.contact {
-            [0..0, 0..all]
-        } else {
-            [0..lost, lost..all]
-        };
-        let both = blocks.into_iter().zip([self.flight, self.contact]);
+        let centres = mesh.q.centres();
+        let row = |jump: &f64| centres.partition_point(|q| q < jump);
+        let ends = self.jumps.iter().map(row).chain([centres.len()]);
+        let rows = ends.scan(0, |from, to| Some(std::mem::replace(from, to)..to));
+        let both = rows.zip(self.between.iter().copied());
         both.filter(|(rows, _)| !rows.is_empty()).collect()
     }
 }

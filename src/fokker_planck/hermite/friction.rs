@@ -302,19 +302,20 @@ impl Kept {
         maxwell(v, self.temperature) * self.sum(&self.means, v)
     }
 
-    /// Crossings of a level a unit of time, down and up, and the integral of v^2 p over those upwards.
-    pub(in crate::fokker_planck) fn crossings(&self, q: f64) -> [f64; 3] {
+    /// Crossings of a level a unit of time and the integral of v^2 p over them, down and up.
+    pub(in crate::fokker_planck) fn crossings(&self, q: f64) -> [[f64; 2]; 2] {
         let (ratios, weight) = (self.ratios(q), self.law.density(q));
-        let (deviation, mut sums) = (self.temperature.sqrt(), [0.0; 3]);
+        let (deviation, mut sums) = (self.temperature.sqrt(), [[0.0; 2]; 2]);
         // Panels of a third of a deviation up to nine of them.
         for k in 0..27 {
             for (x, w) in gauss::<10>() {
                 let v = deviation * (f64::from(k) + 0.5 + 0.5 * x) / 3.0;
                 let part = w * deviation / 6.0 * weight * maxwell(v, self.temperature);
-                let up = part * self.sum(&ratios, v);
-                sums[0] += v * part * self.sum(&ratios, -v);
-                sums[1] += v * up;
-                sums[2] += v * v * up;
+                for (sum, v_signed) in sums.iter_mut().zip([-v, v]) {
+                    let flux = v * part * self.sum(&ratios, v_signed);
+                    sum[0] += flux;
+                    sum[1] += v * flux;
+                }
             }
         }
         sums
