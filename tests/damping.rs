@@ -1,5 +1,6 @@
 //! Damping that depends on the state: the stationary law that no closed form gives, and the approach to it.
 
+use std::f64::consts::PI;
 use std::sync::LazyLock;
 use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
@@ -346,6 +347,46 @@ fn under_backlash_with_damping_in_contact_every_solver_agrees_with_the_paths() {
         let agreement = results.agreement.unwrap();
         println!("{damping}: {agreement:?}");
         assert!(agreement.worst < 4.0, "{agreement:?}");
+    }
+}
+
+/// A stop at the equilibrium that gives a speed v back as r v. Averaged over orbits the energy has an exponential law, of mean
+/// pi h/(2 zeta + (1 - r^2)/pi) (Dimentberg and Menyailov, ZAMM 59, 1979, 709): half a turn after an impact with the energy
+/// H the next takes (1 - r^2) H. Between both the mean of what is there is (1 + r^2) H/2, which is that law a step further.
+#[test]
+fn impacts_that_lose_energy_leave_what_dimentberg_and_menyailov_found() {
+    // So hot that the preload is nothing.
+    let temperature: f64 = 1e8;
+    let solved_for = |zeta: f64, r: f64, back: f64| {
+        let given = Parameters::new()
+            .with("exponent", Parameter::Number(1.0))
+            .with("gap", Parameter::Number(0.0))
+            .with("back", Parameter::Number(back));
+        let contact = ContactLaw::given("power", &given).unwrap();
+        // Half a period of a damped spring of this stiffness gives back r.
+        let decrement = -r.ln() / PI;
+        let ratio = decrement / (1.0 + decrement * decrement).sqrt();
+        let factor = 2.0 * ratio * back.sqrt() / (2.0 * zeta);
+        let damping = Damping::of_displacement(move |q| if q < -1.0 { factor } else { 1.0 });
+        let h = temperature * (2.0 * zeta + (1.0 - r * r) / PI) / PI;
+        let it = Oscillator::new(contact, zeta, h).unwrap();
+        let law = solved(&it.with_damping(damping.unwrap()).unwrap(), 1e-3);
+        law.moments.var_v.value / temperature
+    };
+    for zeta in [0.002, 0.05] {
+        let mut before = f64::INFINITY;
+        for r in [0.9, 0.95, 0.98, 0.99] {
+            // What the stop gives way falls as the root of its stiffness.
+            let [soft, stiff] = [1e3, 1e4].map(|back| solved_for(zeta, r, back));
+            let rigid = stiff - (soft - stiff) / (10f64.sqrt() - 1.0);
+            let averaged = 2.0 * zeta + (1.0 - r * r) / PI;
+            let further = averaged / (2.0 * zeta + 2.0 / PI * (1.0 - r * r) / (1.0 + r * r));
+            println!("zeta = {zeta}, r = {r}: E[v^2] is {rigid:.5} of the averaged law's, a step further {further:.5}");
+            let error = (rigid - 1.0).abs();
+            assert!(error < 1.1 * (1.0 - r) && error < before);
+            assert!((rigid - further).abs() < 0.5 * (1.0 - r).powi(2) + 5e-4);
+            before = error;
+        }
     }
 }
 
