@@ -6,7 +6,7 @@ use crate::map::{self};
 use crate::plan::{Part, StopFlag, Watch};
 use crate::results::Results;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use signal_hook::consts::SIGINT;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::{self, Write};
 use std::sync::Mutex;
 use std::time::Instant;
@@ -32,8 +32,8 @@ pub(super) fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// Watches a run: a progress bar on a terminal, else a line now and then. The first Ctrl-C ends the run where it next looks
-/// at the clock, the second at once.
+/// Watches a run: a progress bar on a terminal, else a line now and then. The first Ctrl-C, or a batch system's
+/// request to end, ends the run where it next looks at the clock, the second at once.
 pub(super) struct Observer {
     pub(super) bar: Mutex<ProgressBar>,
     pub(super) quiet: bool,
@@ -49,9 +49,11 @@ impl Observer {
     pub(super) fn new(quiet: bool) -> Self {
         let (stop, now) = (StopFlag::default(), Instant::now());
         // Where signals cannot be caught the program ends as any other.
-        let again = signal_hook::flag::register_conditional_default(SIGINT, stop.shared());
-        let first = signal_hook::flag::register(SIGINT, stop.shared());
-        let _ = again.and(first);
+        for signal in [SIGINT, SIGTERM] {
+            let again = signal_hook::flag::register_conditional_default(signal, stop.shared());
+            let first = signal_hook::flag::register(signal, stop.shared());
+            let _ = again.and(first);
+        }
         Self {
             bar: Mutex::new(ProgressBar::hidden()),
             quiet,

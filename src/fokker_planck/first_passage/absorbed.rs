@@ -200,7 +200,7 @@ impl Absorbed {
 fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
     let [nq, nv] = mesh.nodes;
     let of = |i: usize, j: usize| {
-        let rate = region.mean_friction(mesh.q(i), mesh.v(j), step);
+        let rate = region.friction_about(mesh.q(i), mesh.v(j), step);
         let kick = Kick::new(rate, step, (region.oscillator.noise(), 0.0), 0.0);
         [kick.decay, kick.deviation()]
     };

@@ -45,7 +45,7 @@ pub(super) struct Driven<'a> {
     weights: Vec<f64>,
     /// Kicks so far.
     kicks: u64,
-    /// Mean rate of friction about each node.
+    /// Rate of friction about each node.
     rates: Vec<f64>,
 }
 
@@ -64,7 +64,7 @@ impl<'a> Driven<'a> {
         let step = fineness.step;
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
         let [nq, nv] = mesh.nodes;
-        let rate = |i, j| region.mean_friction(mesh.q(i), mesh.v(j), step);
+        let rate = |i, j| region.friction_about(mesh.q(i), mesh.v(j), step);
         let rates = (0..nq).flat_map(|i| (0..nv).map(move |j| (i, j)));
         let rates = rates.map(|(i, j)| rate(i, j)).collect();
         Ok(Self {

@@ -1,6 +1,6 @@
 //! Steps, meshes and times of the backward equation.
 
-use super::mesh::{Fineness, POINTS};
+use super::mesh::{Fineness, POINTS, extent};
 use super::region::{Barrier, Region};
 use crate::contact::ContactLaw;
 use crate::fokker_planck::budget::{Cost, timing};
@@ -123,12 +123,14 @@ impl Layout {
         let gap = until / outputs;
         let step = gap / every as f64;
         let correlation_time = oscillator.correlation_time();
+        let right = region.turning_point(rise + level * temperature);
+        let right = barrier.high.or(right).unwrap_or(barrier.low);
         let nodes = match asked.cells {
             Some(cells) => cells.map(|n| n.max(16)),
             None => {
                 // The interpolation of order 6 errs once a step.
                 let part = (2.0 * step * tolerance / 1e-3).powf(1.0 / 6.0);
-                nodes(oscillator, rise, speed, step, part)
+                nodes((&region, right), speed, step, part)
             }
         };
         Self {
@@ -251,15 +253,20 @@ impl Layout {
 
 /// Nodes so that the mesh of v follows the noise of a step: half its deviation (times `part`) at the turning
 /// points, where contact is lost, which errs by a few 1e-4 at a step of 0.5. In sqrt(q - q_loss) survival is
-/// smoother: 0.7 as many.
-fn nodes(oscillator: &Oscillator, rise: f64, speed: f64, step: f64, part: f64) -> [usize; 2] {
+/// smoother: 0.7 as many, and near the level they are no farther apart in speeds of a fall than 2.5 times those of v.
+fn nodes((region, right): (&Region<'_>, f64), speed: f64, step: f64, part: f64) -> [usize; 2] {
+    const SMOOTHER: f64 = 2.5;
+    let (oscillator, rise) = (region.oscillator, region.rise());
     let t = oscillator.temperature();
     let spread = (t * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
     let grade = (2.0 * rise / 3.0).max(t).sqrt();
     let v = 2.0 * (speed / grade).asinh() * grade / (0.5 * part * spread);
     // More do not fit a run of seconds; the error then says so.
     let v = v.clamp(80.0, 600.0);
-    [(0.7 * v) as usize, v as usize]
+    let [bend, reach] = extent(region, right);
+    let apart = 2.0 * (speed / grade).asinh() * grade / v;
+    let q = (bend * reach / (SMOOTHER * apart)).max(0.7 * v);
+    [q as usize, v as usize]
 }
 
 /// Time from the loss point back to it at this speed.

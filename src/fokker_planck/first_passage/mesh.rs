@@ -19,7 +19,7 @@ pub(crate) struct Fineness {
 }
 
 /// Nodes in contact: q = q_loss + b (sqrt(1 + y^2) - 1), v = c sinh(eta), y and eta uniform; between two levels
-/// q = middle - b cos(y).
+/// q = middle - b cos(y). Beyond one level the kink of the force next to it is a node.
 #[derive(Debug, Clone)]
 pub(crate) struct Contact {
     loss: f64,
@@ -32,6 +32,18 @@ pub(crate) struct Contact {
     pub(super) nodes: [usize; 2],
     /// Highest speed.
     pub(crate) speed: f64,
+}
+
+/// b, and how far y goes up to a turning point.
+pub(super) fn extent(region: &Region<'_>, right: f64) -> [f64; 2] {
+    let low = region.barrier.low;
+    if let Some(high) = region.barrier.high {
+        return [0.5 * (high - low), std::f64::consts::PI];
+    }
+    // A fall from rest covers x = a s^2/2: near the wall b y is the speed at which it is hit.
+    let bend = -region.force(low);
+    let far = (right - low) / bend + 1.0;
+    [bend, (far * far - 1.0).sqrt()]
 }
 
 impl Contact {
@@ -47,24 +59,13 @@ impl Contact {
             });
         };
         let speed = (2.0 * top).sqrt();
-        let (bend, middle, reach) = match region.barrier.high {
-            None => {
-                // A fall from rest covers x = a s^2/2: near the wall y is the speed at which it is hit.
-                let bend = -region.force(loss);
-                let reach = (right - loss) / bend + 1.0;
-                (bend, None, (reach * reach - 1.0).sqrt())
-            }
-            Some(high) => (
-                0.5 * (high - loss),
-                Some(0.5 * (high + loss)),
-                std::f64::consts::PI,
-            ),
-        };
+        let [bend, reach] = extent(region, right);
+        let middle = region.barrier.high.map(|high| 0.5 * (high + loss));
         // Twice as fine at the turning points as at the speed at which contact is lost.
         let grade = (2.0 * rise / 3.0).max(oscillator.temperature()).sqrt();
         let end = (speed / grade).asinh();
         let [nq, nv] = fineness.nodes;
-        Ok(Self {
+        let mut it = Self {
             loss,
             bend,
             middle,
@@ -72,7 +73,22 @@ impl Contact {
             spacing: [reach / (nq - 1) as f64, 2.0 * end / (nv - 1) as f64],
             nodes: fineness.nodes,
             speed,
-        })
+        };
+        let inside = region.kinks().filter(|x| *x > loss && *x < right);
+        if let (None, Some(next)) = (middle, inside.reduce(f64::min)) {
+            let y = it.scaled(next);
+            it.spacing[0] = y / (y / it.spacing[0]).floor().max(1.0);
+        }
+        Ok(it)
+    }
+
+    /// y at q.
+    fn scaled(&self, q: f64) -> f64 {
+        if let Some(middle) = self.middle {
+            return ((middle - q) / self.bend).clamp(-1.0, 1.0).acos();
+        }
+        let x = ((q - self.loss) / self.bend).max(0.0);
+        (x * (x + 2.0)).sqrt()
     }
 
     pub(crate) fn q(&self, i: usize) -> f64 {
@@ -103,12 +119,7 @@ impl Contact {
 
     /// The stencil of a point: its first node in each direction, and weights; clamped to the mesh.
     pub(super) fn stencil(&self, [q, v]: [f64; 2]) -> Stencil {
-        let y = if let Some(middle) = self.middle {
-            ((middle - q) / self.bend).clamp(-1.0, 1.0).acos()
-        } else {
-            let x = ((q - self.loss) / self.bend).max(0.0);
-            (x * (x + 2.0)).sqrt()
-        } / self.spacing[0];
+        let y = self.scaled(q) / self.spacing[0];
         let middle = 0.5 * (self.nodes[1] - 1) as f64;
         let eta = (v / self.grade).asinh() / self.spacing[1] + middle;
         let mut it = Stencil::default();

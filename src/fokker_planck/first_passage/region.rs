@@ -7,11 +7,6 @@ use crate::fokker_planck::hermite::Kept;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::oscillator::{DisplacementLaw, Oscillator, Side};
-use crate::quadrature::gauss;
-use std::sync::LazyLock;
-
-/// Four points of a smooth rate on the way of a step.
-static GAUSS4: LazyLock<[(f64, f64); 4]> = LazyLock::new(gauss);
 
 /// Levels at which a motion is absorbed, in x = sign q.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -145,27 +140,45 @@ impl<'a> Region<'a> {
         low.max(high) - lowest
     }
 
-    /// Rate of friction at x.
-    pub(crate) fn friction(&self, x: f64) -> f64 {
-        self.oscillator.friction(self.q(x))
+    /// Walls where flight begins and ends.
+    fn walls(&self) -> impl Iterator<Item = f64> {
+        let ends = self.oscillator.contact().flight().into_iter().flatten();
+        ends.filter(|q| q.is_finite())
     }
 
-    /// Mean rate of friction on the way of a motion that is at x with velocity v midway through a step. At x alone a rate
-    /// that jumps would jump from node to node of a mesh, and none would be fine enough.
-    pub(super) fn mean_friction(&self, x: f64, v: f64, step: f64) -> f64 {
-        let half = 0.5 * step * v.abs();
-        if self.oscillator.is_viscous() || half == 0.0 {
-            return self.friction(x);
+    /// The rate of friction above a wall less that below it.
+    fn jump(&self, wall: f64) -> f64 {
+        /// How close to a wall it shows.
+        const BESIDE: f64 = 1e-9;
+        let it = self.oscillator;
+        it.friction(wall + BESIDE) - it.friction(wall - BESIDE)
+    }
+
+    /// Where the force or its slope jumps.
+    pub(super) fn kinks(&self) -> impl Iterator<Item = f64> {
+        let kinks = self.oscillator.contact().kinks().into_iter();
+        kinks.map(|q| self.barrier.sign * q)
+    }
+
+    /// Rate of friction about (x, v) in steps of this length. Where it jumps, at a wall, it is the mean over the motion through x
+    /// with velocity v, half a step before and after: at x alone it would jump from node to node, and no mesh would be fine
+    /// enough.
+    pub(super) fn friction_about(&self, x: f64, v: f64, step: f64) -> f64 {
+        let q = self.q(x);
+        let rate = self.oscillator.friction(q);
+        if self.oscillator.is_viscous() {
+            return rate;
         }
-        let [from, to] = self.range(x - half, x + half);
-        let walls = self.oscillator.contact().flight().unwrap_or([from; 2]);
-        let [low, high] = walls.map(|wall| wall.clamp(from, to));
-        let pieces = [[from, low], [low, high], [high, to]].into_iter();
-        let parts = pieces.flat_map(|[a, b]| {
-            let (middle, half) = (0.5 * (a + b), 0.5 * (b - a));
-            GAUSS4.map(|(s, w)| w * half * self.oscillator.friction(middle + half * s))
+        let parts = self.walls().map(|wall| {
+            let r = (q - wall) / (0.5 * step * v.abs());
+            if r.abs() >= 1.0 || r.is_nan() {
+                return 0.0;
+            }
+            // What is on the other side.
+            let other = 0.5 * (1.0 - r.abs());
+            self.jump(wall) * if r < 0.0 { other } else { -other }
         });
-        parts.sum::<f64>() / (to - from)
+        rate + parts.sum::<f64>()
     }
 
     /// p_q of the reference law at x.
