@@ -209,11 +209,17 @@ const ROWS: usize = 640;
 const POINTS: usize = 400;
 
 impl Averaged {
-    /// The averaged law of a contact that confines; `temperature` is pi h/(2 zeta).
+    /// The averaged law of a contact that confines; `temperature` is pi h/(2 zeta). It falls no faster than what noise alone
+    /// brings together on an orbit, where friction is less than 2 zeta: an impact that takes all leaves what a flight adds,
+    /// of variance 2 pi h times the integral of v^2 over its time.
     ///
     /// # Errors
     /// [`Error::NoStationaryLaw`] where friction does not hold the motion back.
-    pub(crate) fn of(contact: &ContactLaw, damping: &Damping, temperature: f64) -> Result<Self> {
+    pub(crate) fn of(
+        contact: &ContactLaw,
+        damping: &Damping,
+        [zeta, temperature]: [f64; 2],
+    ) -> Result<Self> {
         let mut it = Self {
             energies: vec![0.0],
             psi: vec![0.0],
@@ -226,8 +232,9 @@ impl Averaged {
         let mut energy = FIRST * temperature;
         let mut lowest: f64 = 0.0;
         for _ in 0..ROWS {
-            let [action, loss] = orbit(contact, damping, energy);
+            let [action, loss, free] = orbit(contact, damping, energy);
             let slope = loss / (action * temperature);
+            let slope = slope.min(energy / (4.0 * zeta * temperature * free));
             let last = it.energies.len() - 1;
             let before = slope_before.unwrap_or(slope);
             let psi = it.psi[last] + 0.5 * (slope + before) * (energy - it.energies[last]);
@@ -273,15 +280,23 @@ impl Averaged {
     }
 
     /// The same where both hold e^-`reach` of themselves.
-    pub(crate) fn temperature_at(&self, reach: f64) -> f64 {
+    fn temperature_at(&self, reach: f64) -> f64 {
+        self.temperatures(reach).last().unwrap_or(f64::INFINITY)
+    }
+
+    /// The temperature of the coldest Gibbs law that is nowhere below this one, down to e^-`reach` of it.
+    pub(crate) fn hottest(&self, reach: f64) -> f64 {
+        self.temperatures(reach).fold(0.0, f64::max)
+    }
+
+    /// Temperatures of the Gibbs laws that meet this one at each energy, up to where both hold e^-`reach` of themselves.
+    fn temperatures(&self, reach: f64) -> impl Iterator<Item = f64> {
         let lowest = self.psi.iter().copied().fold(0.0, f64::min);
-        let k = self
-            .psi
-            .iter()
-            .rposition(|psi| psi - lowest <= reach)
-            .unwrap_or(0)
-            .max(1);
-        self.energies[k] / (self.psi[k] - lowest).max(f64::MIN_POSITIVE)
+        let falls = self.psi.iter().map(move |psi| psi - lowest);
+        let end = falls.clone().rposition(|fall| fall <= reach).unwrap_or(0);
+        let rows = self.energies.iter().zip(falls).skip(1);
+        let at = |(energy, fall): (&f64, f64)| energy / fall.max(f64::MIN_POSITIVE);
+        rows.map(at).take(end.max(1))
     }
 
     /// P(H - U_min > energy); falls by a straight line of its logarithm between rows.
@@ -297,14 +312,14 @@ impl Averaged {
     }
 }
 
-/// The integrals of v^2 and of c/(2 zeta) v^2 over the time of one period of the orbit of this energy above the
-/// lowest: of v and c v/(2 zeta) over dq, there and back. With q = middle + half sin(s) the ends are smooth; split where
+/// The integrals of v^2, of c/(2 zeta) v^2 and of (1 - c/(2 zeta))_+ v^2 over the time of one period of the orbit of this
+/// energy above the lowest: of v times these over dq, there and back. With q = middle + half sin(s) the ends are smooth; split where
 /// flight begins and ends.
-fn orbit(contact: &ContactLaw, damping: &Damping, energy: f64) -> [f64; 2] {
+fn orbit(contact: &ContactLaw, damping: &Damping, energy: f64) -> [f64; 3] {
     let (Some((left, right)), Some(lowest)) =
         (contact.turning_points(energy), contact.lowest_potential())
     else {
-        return [f64::NAN; 2];
+        return [f64::NAN; 3];
     };
     let (middle, half) = (0.5 * (left + right), 0.5 * (right - left));
     let quarter = std::f64::consts::FRAC_PI_2;
@@ -312,7 +327,7 @@ fn orbit(contact: &ContactLaw, damping: &Damping, energy: f64) -> [f64; 2] {
     let walls = contact.flight().into_iter().flatten();
     let within = walls.filter(|q| *q > left && *q < right);
     ends.splice(1..1, within.map(|q| ((q - middle) / half).asin()));
-    let mut sums = [0.0; 2];
+    let mut sums = [0.0; 3];
     for ends in ends.windows(2) {
         let step = (ends[1] - ends[0]) / POINTS as f64;
         for k in 0..POINTS {
@@ -323,7 +338,9 @@ fn orbit(contact: &ContactLaw, damping: &Damping, energy: f64) -> [f64; 2] {
                 .sqrt();
             let part = 2.0 * speed * half * s.cos() * step;
             sums[0] += part;
-            sums[1] += part * damping.factor(contact, q, speed);
+            let factor = damping.factor(contact, q, speed);
+            sums[1] += part * factor;
+            sums[2] += part * (1.0 - factor).max(0.0);
         }
     }
     sums
@@ -337,7 +354,7 @@ mod tests {
     fn viscous_damping_averages_to_the_gibbs_law() {
         for t in [1e-3, 0.6, 90.0] {
             let constant = Damping::of_displacement(|_| 1.0).unwrap();
-            let it = Averaged::of(&ContactLaw::Hertz, &constant, t).unwrap();
+            let it = Averaged::of(&ContactLaw::Hertz, &constant, [0.05, t]).unwrap();
             for (energy, psi) in it.energies.iter().zip(&it.psi) {
                 assert!((psi - energy / t).abs() < 1e-12 * (1.0 + psi));
             }
@@ -345,7 +362,7 @@ mod tests {
         }
         // G = q: P(H > E) = e^{-E/T}.
         let constant = Damping::of_displacement(|_| 1.0).unwrap();
-        let it = Averaged::of(&ContactLaw::Linear, &constant, 0.5).unwrap();
+        let it = Averaged::of(&ContactLaw::Linear, &constant, [0.05, 0.5]).unwrap();
         for energy in [0.1, 1.0, 5.0] {
             let exact: f64 = (-energy / 0.5f64).exp();
             let got = it.beyond(energy);
@@ -357,7 +374,7 @@ mod tests {
     #[test]
     fn damping_in_contact_alone_leaves_long_tails_and_hunt_and_crossley_s_does_not() {
         let ratio = |damping: &Damping, t: f64| {
-            let it = Averaged::of(&ContactLaw::Hertz, damping, t).unwrap();
+            let it = Averaged::of(&ContactLaw::Hertz, damping, [0.005, t]).unwrap();
             it.reference_temperature() / t
         };
         for t in [1e-3, 0.6, 1.0, 20.0] {

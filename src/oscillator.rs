@@ -91,7 +91,7 @@ impl Oscillator {
                 return Err(Error::invalid("oscillator.damping", value, accepted));
             }
             damping.suits(&it.contact)?;
-            let averaged = Averaged::of(&it.contact, &damping, it.temperature)?;
+            let averaged = Averaged::of(&it.contact, &damping, [it.zeta, it.temperature])?;
             it.temperature = averaged.reference_temperature();
             it.averaged = Some(Arc::new(averaged));
         }
@@ -99,14 +99,14 @@ impl Oscillator {
         Ok(it)
     }
 
-    /// The same weighed with the Gibbs law that falls as far as the one averaged over orbits where both hold e^-`reach` of
-    /// themselves: Hermite functions reach to energies of many T, and weigh what a law has there by 1/weight.
+    /// The same weighed with the coldest Gibbs law that is nowhere below the one averaged over orbits, down to e^-`reach` of it:
+    /// Hermite functions reach to energies of many T, and weigh what a law has there by 1/weight.
     pub(crate) fn weighed(&self, reach: f64) -> Self {
         let Some(averaged) = &self.averaged else {
             return self.clone();
         };
         Self {
-            temperature: averaged.temperature_at(reach),
+            temperature: averaged.hottest(reach),
             law: OnceLock::new(),
             ..self.clone()
         }
