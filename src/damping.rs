@@ -280,7 +280,7 @@ impl Averaged {
     }
 
     /// The same where both hold e^-`reach` of themselves.
-    fn temperature_at(&self, reach: f64) -> f64 {
+    pub(crate) fn temperature_at(&self, reach: f64) -> f64 {
         self.temperatures(reach).last().unwrap_or(f64::INFINITY)
     }
 

@@ -102,14 +102,26 @@ impl Oscillator {
     /// The same weighed with the coldest Gibbs law that is nowhere below the one averaged over orbits, down to e^-`reach` of it:
     /// Hermite functions reach to energies of many T, and weigh what a law has there by 1/weight.
     pub(crate) fn weighed(&self, reach: f64) -> Self {
-        let Some(averaged) = &self.averaged else {
-            return self.clone();
-        };
-        Self {
-            temperature: averaged.hottest(reach),
-            law: OnceLock::new(),
-            ..self.clone()
+        let averaged = self.averaged.as_ref();
+        self.of_temperature(averaged.map(|it| it.hottest(reach)))
+    }
+
+    /// The same for modes and spectra, which ask for less far a domain: weighed with the Gibbs law that falls as far as the one
+    /// averaged over orbits where both hold e^-`reach` of themselves, whatever a flight adds.
+    pub(crate) fn weighed_by_orbits(&self, reach: f64) -> Self {
+        let given = [0.0, self.viscous_temperature()];
+        let averaged =
+            (!self.is_viscous()).then(|| Averaged::of(&self.contact, &self.damping, given));
+        self.of_temperature(averaged.and_then(|it| Some(it.ok()?.temperature_at(reach))))
+    }
+
+    fn of_temperature(&self, temperature: Option<f64>) -> Self {
+        let mut it = self.clone();
+        if let Some(temperature) = temperature {
+            it.temperature = temperature;
+            it.law = OnceLock::new();
         }
+        it
     }
 
     /// The contact law.

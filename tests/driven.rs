@@ -511,7 +511,7 @@ fn paths_agree_with_the_transient_and_with_the_periodic_law_under_every_damping(
         let mut worst: (f64, &str, f64) = (0.0, "", 0.0);
         let mut compare = |excitation: &Excitation, initial, times: &[f64], solved: &[Moments]| {
             let sampling = Sampling {
-                paths: 15_000,
+                paths: 25_000,
                 excitation: excitation.clone(),
                 ..Sampling::default()
             };

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::convergence::left_of;
-use crate::fokker_planck::hermite::{Hierarchy, REACH, Resolution, heavy};
+use crate::fokker_planck::hermite::{FAR, Hierarchy, Resolution, heavy};
 use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -190,7 +190,7 @@ impl Question for Search<'_> {
     fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
         let done = self.levels.len();
         let resolution = self.recipe.resolution(done);
-        let weighed = self.oscillator.weighed(REACH);
+        let weighed = self.oscillator.weighed_by_orbits(FAR);
         let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
         let modes = self.modes(&full).map_err(|error| match error {
             Error::Linear { what, .. } if self.recipe.local => heavy(self.oscillator, &what),

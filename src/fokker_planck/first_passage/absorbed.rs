@@ -204,7 +204,9 @@ fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
         let kick = Kick::new(rate, step, (region.oscillator.noise(), 0.0), 0.0);
         [kick.decay, kick.deviation()]
     };
-    (0..nq).flat_map(|i| (0..nv).map(move |j| of(i, j))).collect()
+    (0..nq)
+        .flat_map(|i| (0..nv).map(move |j| of(i, j)))
+        .collect()
 }
 
 /// Standard normal density.

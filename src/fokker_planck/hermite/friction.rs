@@ -11,8 +11,10 @@ use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
 use crate::quadrature::gauss;
 use num_complex::Complex;
 
-/// Powers of e by which the law has fallen where the weights have: half of what the functions of a fine resolution see.
-pub(in crate::fokker_planck) const REACH: f64 = 45.0;
+/// Powers of e by which the law falls as far as it is weighed, and by which it has fallen where the weights of modes and spectra
+/// have: half of what the functions of a fine resolution see.
+const REACH: f64 = 30.0;
+pub(in crate::fokker_planck) const FAR: f64 = 45.0;
 
 /// Degrees of the Legendre polynomials of an element.
 const DEGREES: usize = DEGREE + 1;

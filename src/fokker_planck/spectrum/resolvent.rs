@@ -7,7 +7,7 @@ use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
-use crate::fokker_planck::hermite::{Adjoint, Hierarchy, REACH, Resolution, work as friction_work};
+use crate::fokker_planck::hermite::{Adjoint, FAR, Hierarchy, Resolution, work as friction_work};
 use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -211,7 +211,7 @@ impl Question for Task<'_> {
             quantity,
             ..
         } = self;
-        let weighed = self.oscillator.weighed(REACH);
+        let weighed = self.oscillator.weighed_by_orbits(FAR);
         let full = Hierarchy::new(&weighed, *quantity, *next)?;
         let late = || limits.in_time(|| "the stationary law of the spectrum was not found".into());
         let form = Form {
