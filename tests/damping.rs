@@ -350,6 +350,31 @@ fn under_backlash_with_damping_in_contact_every_solver_agrees_with_the_paths() {
     }
 }
 
+#[test]
+fn a_gap_as_narrow_as_you_please_leaves_the_law_of_none() {
+    let law = |gap: f64| {
+        let it = Oscillator::new(walled(1.5, gap), 0.05, 2e-2).unwrap();
+        solved(&it.with_damping(Damping::Contact).unwrap(), 1e-3).moments
+    };
+    let wide = law(1e-3);
+    for gap in [1e-5, 1e-6, 3e-7, 5e-8, 1e-9] {
+        let narrow = law(gap);
+        for ((name, a), (_, b)) in narrow.named().into_iter().zip(wide.named()) {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            // What the wider one changes by is of the order of its width.
+            assert!(
+                (a.value - b.value).abs() < 4e-3 + a.error,
+                "{gap}: {name:?}"
+            );
+        }
+        let lost = narrow.contact_loss_probability.unwrap();
+        let share = wide.contact_loss_probability.unwrap().value * gap / 1e-3;
+        println!("{gap}: {lost}, {share:e} in proportion");
+        assert!((lost.value - share).abs() <= lost.error.max(2e-2 * share));
+        assert!(lost.error < 1e-3);
+    }
+}
+
 /// A stop at the equilibrium that gives a speed v back as r v. Averaged over orbits the energy has an exponential law, of mean
 /// pi h/(2 zeta + (1 - r^2)/pi) (Dimentberg and Menyailov, ZAMM 59, 1979, 709): half a turn after an impact with the energy
 /// H the next takes (1 - r^2) H. Between both the mean of what is there is (1 + r^2) H/2, which is that law a step further.

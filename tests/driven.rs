@@ -531,6 +531,13 @@ fn paths_agree_with_the_transient_and_with_the_periodic_law_under_every_damping(
         }
         let law = periodic(&it, 8, &settings(&drive, tolerance), &|_| ()).unwrap();
         assert!(law.shortfall.is_none(), "{:?}", law.shortfall);
+        // Without friction in flight the spectrum is continuous up to 1, and the law says so.
+        assert_eq!(law.multipliers.is_empty(), damping.name() == "contact");
+        let said = law
+            .warnings
+            .iter()
+            .any(|it| it.contains("no Floquet multipliers"));
+        assert_eq!(said, law.multipliers.is_empty());
         let period = drive.drive.unwrap().period();
         // e^{-0.05 t} is then 4e-4.
         let late: Vec<f64> = (0..8)

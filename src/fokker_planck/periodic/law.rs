@@ -30,7 +30,8 @@ pub struct Periodic {
     pub mean_force: Vec<Harmonic>,
     /// The probability to be out of contact, averaged over the phase; None for a law that cannot lose contact.
     pub contact_loss_probability: Option<Estimate>,
-    /// The largest eigenvalues of the map over one period but 1: what is left of a deviation a period later.
+    /// The largest eigenvalues of the map over one period but 1: what is left of a deviation a period later. None where flights
+    /// without friction forget ever more slowly.
     pub multipliers: Vec<Multiplier>,
     /// The L1 distance of the law to itself a period later.
     pub residual: f64,
@@ -151,6 +152,15 @@ impl PeriodicLaw {
         let times = (&self.times[..], &self.maps[..]);
         let it = self.recipe.solve(question, times, limits, progress)?;
         let mut law = Periodic::of(it);
+        let flies = |it: &Estimate| it.value > it.error;
+        if oscillator.continuous_from() == Some(0.0)
+            && law.contact_loss_probability.as_ref().is_some_and(flies)
+        {
+            law.multipliers.clear();
+            law.warnings.push(
+                "no Floquet multipliers: without friction in flight the spectrum is continuous up to 1".into(),
+            );
+        }
         if self.has_rivals() {
             let periods = self
                 .slowest(&law)

@@ -53,10 +53,12 @@ fn plain(fine: &Run, coarse: &Run) -> Table {
 }
 
 /// Differences none of which is far below those of its neighbours: the same number at the times within a quarter of a
-/// period, its family and the median of all numbers.
+/// period, or at all phases of a periodic law, its family and the median of all numbers.
 fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
     let outputs = &run.outputs;
-    let near = |k: usize, l: usize| (outputs[k].t - outputs[l].t).abs() <= FRAC_PI_2;
+    // What is wrong with a periodic law comes from every phase to every other.
+    let lasting = run.floquet.is_some();
+    let near = |k: usize, l: usize| lasting || (outputs[k].t - outputs[l].t).abs() <= FRAC_PI_2;
     let mut table = plain.clone();
     for (k, row) in table.iter_mut().enumerate() {
         let scale = scales[k];
