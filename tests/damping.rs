@@ -351,6 +351,22 @@ fn under_backlash_with_damping_in_contact_every_solver_agrees_with_the_paths() {
 }
 
 #[test]
+fn losses_next_to_none_have_a_rate_within_its_error_and_no_flights() {
+    for damping in [Damping::Contact, Damping::HuntCrossley] {
+        let viscous = Oscillator::new(ContactLaw::Hertz, 0.05, 1e-3).unwrap();
+        let law = solved(&viscous.clone().with_damping(damping).unwrap(), 1e-3);
+        let lost = law.moments.contact_loss_probability.unwrap();
+        assert!(lost.value < lost.error);
+        // Contact, where there is next to no flight, is what friction makes of it: the viscous one's by orders.
+        let exact = Stationary::of(&viscous).unwrap().loss_rate().unwrap();
+        let rate = law.loss_rate.unwrap();
+        println!("{rate}, viscous {exact}");
+        assert!((rate.value - exact.value).abs() <= rate.error && rate.error < 1e-5);
+        assert!(law.mean_flight.is_none() && law.mean_impact_speed.is_none());
+    }
+}
+
+#[test]
 fn a_gap_as_narrow_as_you_please_leaves_the_law_of_none() {
     let law = |gap: f64| {
         let it = Oscillator::new(walled(1.5, gap), 0.05, 2e-2).unwrap();

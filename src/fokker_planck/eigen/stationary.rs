@@ -12,7 +12,7 @@ use crate::fokker_planck::settings::Settings;
 use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
 use crate::scales::Scales;
-use std::f64::consts::LN_10;
+use std::f64::consts::{FRAC_PI_2, LN_10};
 
 /// The stationary law p(q, v) of a damping that is not viscous.
 #[derive(Debug, Clone)]
@@ -20,7 +20,7 @@ pub struct SolvedLaw {
     /// All moments with their errors.
     pub moments: Moments,
     /// Losses of contact a unit of time: the flux of probability through the loss point. None for a law that cannot lose
-    /// contact, or where the truncated domain does not reach the loss point.
+    /// contact.
     pub loss_rate: Option<Estimate>,
     /// Mean time out of contact, P(loss)/rate.
     pub mean_flight: Option<Estimate>,
@@ -213,6 +213,18 @@ impl Level {
     }
 }
 
+/// Time out of contact after a loss at the mean speed of a crossing: up and down again, or across a gap.
+fn mean_flight(oscillator: &Oscillator) -> f64 {
+    let (contact, speed) = (
+        oscillator.contact(),
+        (FRAC_PI_2 * oscillator.temperature()).sqrt(),
+    );
+    contact.flight().map_or(1.0, |[low, loss]| {
+        let force = contact.force(low.max(loss - 1e-3 * speed)).abs();
+        (2.0 * speed / force).min((loss - low) / speed)
+    })
+}
+
 fn add(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] + b[0], a[1] + b[1]]
 }
@@ -306,9 +318,18 @@ impl Question for Task<'_> {
             };
             let lost = moments.contact_loss_probability;
             let known = lost.is_some_and(|it| it.value > it.error);
+            let rate = match lost {
+                // Losses that are next to none are no more often than P(loss) leaves room for.
+                Some(it) if !known => {
+                    let value = beside(0).map_or(0.0, |it| it.value);
+                    let room = it.error / mean_flight(self.oscillator);
+                    Some(Estimate::new(value, room, it.origin))
+                }
+                _ => beside(0),
+            };
             let law = SolvedLaw {
                 moments,
-                loss_rate: beside(0).filter(|_| known),
+                loss_rate: rate,
                 mean_flight: beside(1).filter(|_| known),
                 mean_impact_speed: beside(2).filter(|_| known),
                 dissipated: beside(3).unwrap_or_default(),

@@ -161,7 +161,14 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
         .mass_error
         .is_some_and(|it| it > mass_tolerance(&results));
     let unsaid = |it: &str| !warnings.iter().any(|warning| warning.contains(it));
-    row.verdict = if checks.is_empty() || known.iter().any(|it| missing(it)) {
+    row.verdict = if checks.is_empty() && results.falls_short() {
+        // The stage that is held against something has no answer, and says so.
+        if extreme.may_stop.is_some() {
+            Verdict::Stopped
+        } else {
+            Verdict::Unsolved
+        }
+    } else if checks.is_empty() || known.iter().any(|it| missing(it)) {
         Verdict::Silent
     } else if outside || mass_wrong || extreme.against == Against::Refusal {
         Verdict::Outside
