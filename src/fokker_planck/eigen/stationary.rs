@@ -215,13 +215,10 @@ impl Level {
 
 /// Time out of contact after a loss at the mean speed of a crossing: up and down again, or across a gap.
 fn mean_flight(oscillator: &Oscillator) -> f64 {
-    let (contact, speed) = (
-        oscillator.contact(),
-        (FRAC_PI_2 * oscillator.temperature()).sqrt(),
-    );
+    let contact = oscillator.contact();
+    let speed = (FRAC_PI_2 * oscillator.temperature()).sqrt();
     contact.flight().map_or(1.0, |[low, loss]| {
-        let force = contact.force(low.max(loss - 1e-3 * speed)).abs();
-        (2.0 * speed / force).min((loss - low) / speed)
+        (2.0 * speed / contact.force(loss).abs()).min((loss - low) / speed)
     })
 }
 

@@ -113,13 +113,18 @@ pub(super) fn lost(extreme: &Extreme, verdict: Verdict, message: String, seconds
     }
 }
 
+/// What is said of a limit, where the entry of the scene gives a reason for it and where it does not.
+fn stopped(extreme: &Extreme) -> Verdict {
+    match extreme.may_stop {
+        Some(_) => Verdict::Stopped,
+        None => Verdict::Unsolved,
+    }
+}
+
 /// What is said of a limit or a refusal, where the entry of the scene gives a reason for it and where it does not.
 fn no_answer(extreme: &Extreme, error: Option<&Error>) -> Verdict {
     match error {
-        Some(Error::Limit { .. } | Error::Unresolved { .. }) if extreme.may_stop.is_some() => {
-            Verdict::Stopped
-        }
-        Some(Error::Limit { .. } | Error::Unresolved { .. }) => Verdict::Unsolved,
+        Some(Error::Limit { .. } | Error::Unresolved { .. }) => stopped(extreme),
         _ if extreme.may_refuse.is_some() || extreme.against == Against::Refusal => {
             Verdict::Refused
         }
@@ -163,11 +168,7 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
     let unsaid = |it: &str| !warnings.iter().any(|warning| warning.contains(it));
     row.verdict = if checks.is_empty() && results.falls_short() {
         // The stage that is held against something has no answer, and says so.
-        if extreme.may_stop.is_some() {
-            Verdict::Stopped
-        } else {
-            Verdict::Unsolved
-        }
+        stopped(extreme)
     } else if checks.is_empty() || known.iter().any(|it| missing(it)) {
         Verdict::Silent
     } else if outside || mass_wrong || extreme.against == Against::Refusal {
