@@ -118,7 +118,11 @@ impl Damping {
         const ROUNDING: f64 = 1e-9;
         let samples = (0..=400).map(|k| (f64::from(k) * 0.02).sinh());
         let samples = samples.flat_map(|q| [-q, q]);
-        let wall = contact.back_wall().unwrap_or(f64::NEG_INFINITY);
+        // Two walls without a gap meet where either lets go.
+        let meets = |q: &f64| (contact.force(*q) + 1.0).abs() <= ROUNDING;
+        let met = || contact.kinks().into_iter().find(meets);
+        let wall = contact.back_wall().or_else(met);
+        let wall = wall.unwrap_or(f64::NEG_INFINITY);
         let pulls = |q: &f64| *q >= wall && contact.force(*q) < -1.0 - ROUNDING;
         match samples.chain(contact.kinks()).find(pulls) {
             Some(q) if matches!(self, Self::HuntCrossley) => {

@@ -391,6 +391,22 @@ fn a_gap_as_narrow_as_you_please_leaves_the_law_of_none() {
     }
 }
 
+/// Two walls without a gap never pull: what turns the motion back is the other wall.
+#[test]
+fn two_walls_without_a_gap_take_friction_in_proportion_to_their_force() {
+    let law = |gap: f64| {
+        let it = Oscillator::new(walled(1.5, gap), 0.05, 2e-2).unwrap();
+        solved(&it.with_damping(Damping::HuntCrossley).unwrap(), 1e-3).moments
+    };
+    let (none, narrow) = (law(0.0), law(1e-7));
+    for ((name, a), (_, b)) in none.named().into_iter().zip(narrow.named()) {
+        let (Some(a), Some(b)) = (a, b) else { continue };
+        println!("{name:?}: {a}, {b}");
+        assert!((a.value - b.value).abs() < a.error + b.error, "{name:?}");
+    }
+    assert!(none.contact_loss_probability.is_none());
+}
+
 /// A stop at the equilibrium that gives a speed v back as r v. Averaged over orbits the energy has an exponential law, of mean
 /// pi h/(2 zeta + (1 - r^2)/pi) (Dimentberg and Menyailov, ZAMM 59, 1979, 709): half a turn after an impact with the energy
 /// H the next takes (1 - r^2) H. Between both the mean of what is there is (1 + r^2) H/2, which is that law a step further.

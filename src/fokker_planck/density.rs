@@ -195,10 +195,10 @@ impl Density {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// L1 distance to another density on this mesh, on the cells that hold unknowns.
+    /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside.
     pub(crate) fn distance_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
         let nv = self.mesh.v.len();
-        self.sum_active(columns, |i, j, p| (p - law.cells[i * nv + j]).abs())
+        self.distance_from(columns, |i, j| law.cells[i * nv + j])
     }
 
     /// Relative entropy to another density on this mesh, over the cells where both are positive.
@@ -222,9 +222,18 @@ impl Density {
             .sum()
     }
 
-    /// L1 distance to the weights: to the stationary law, on the cells that hold unknowns.
+    /// The same to the weights: to the stationary law.
     pub(crate) fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
-        self.sum_active(columns, |i, j, p| (p - weights.at(i, j)).abs())
+        self.distance_from(columns, |i, j| weights.at(i, j))
+    }
+
+    fn distance_from(&self, columns: &[Range<usize>], law: impl Fn(usize, usize) -> f64) -> f64 {
+        let mut more = 0.0;
+        let inside = self.sum_active(columns, |i, j, p| {
+            more += p - law(i, j);
+            (p - law(i, j)).abs()
+        });
+        inside + f64::max(more, 0.0)
     }
 
     /// Relative entropy, the sum of P ln(P/w) over the positive cells: falls to 0 at the stationary law.
@@ -238,7 +247,11 @@ impl Density {
         })
     }
 
-    fn sum_active(&self, columns: &[Range<usize>], f: impl Fn(usize, usize, f64) -> f64) -> f64 {
+    fn sum_active(
+        &self,
+        columns: &[Range<usize>],
+        mut f: impl FnMut(usize, usize, f64) -> f64,
+    ) -> f64 {
         let nv = self.mesh.v.len();
         let column = |(i, range): (usize, &Range<usize>)| -> f64 {
             range.clone().map(|j| f(i, j, self.cells[i * nv + j])).sum()

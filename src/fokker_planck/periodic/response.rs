@@ -167,8 +167,8 @@ impl ResponseCurve {
         let at: Vec<f64> = both.map(|it| it.0).collect();
         let (first, last) = at.first().zip(at.last())?;
         Some(format!(
-            "two orbits last without noise at {} of the frequencies, {first} to {last}: the law holds both; the multiplier says \
-             how long it takes to form",
+            "two orbits last without noise at {} of the frequencies, {first} to {last}: the law holds both; a multiplier, \
+             where there is one, says how long it takes to form",
             at.len()
         ))
     }

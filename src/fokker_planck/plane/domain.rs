@@ -1,5 +1,6 @@
 //! The truncated domain: as wide as the tolerance needs, and bounded by one energy level.
 
+use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
 use crate::initial::Initial;
@@ -107,49 +108,10 @@ impl Domain {
                 .max(oscillator.averaged_beyond(level))
                 .max(start_outside(oscillator, initial, level))
         };
-        // ln P(H > level) falls nearly in proportion to the level: its secant, in a bracket.
-        let excess = |level: f64| (outside(level) / neglected).max(1e-300).ln();
-        let (mut low, mut above) = (0.0, -neglected.ln());
-        let mut high = (above + 2.0) * t;
-        let mut below = excess(high);
-        while below > 0.0 {
-            (low, above) = (high, below);
-            high *= 1.5;
-            if !high.is_finite() {
-                let accepted = "one nearer to equilibrium: no energy level holds it";
-                let value = match initial {
-                    Initial::Gaussian { mean, deviation } => {
-                        format!("mean {mean:?}, deviation {deviation:?}")
-                    }
-                    other => other.name().to_owned(),
-                };
-                return Err(Error::invalid("initial", value, accepted));
-            }
-            below = excess(high);
-        }
-        for round in 0..60 {
-            if high - low <= 0.002 * high {
-                break;
-            }
-            let secant = low + (high - low) * above / (above - below);
-            // Just beyond the secant's root, so that both ends close in; halves where it crawls.
-            let beyond = secant + 0.0009 * high * if round % 2 == 0 { 1.0 } else { -1.0 };
-            let middle = if round % 8 == 7 {
-                0.5 * (low + high)
-            } else {
-                beyond.clamp(low + 0.05 * (high - low), high - 0.05 * (high - low))
-            };
-            let here = excess(middle);
-            if here > 0.0 {
-                (low, above) = (middle, here);
-            } else {
-                (high, below) = (middle, here);
-            }
-        }
+        let highest = level_of(initial, neglected, t, outside)?;
         // What passes a barrier between two wells is rare, and is what joins them.
-        if let Some(barrier) = contact.barrier() {
-            high = high.max(barrier + OVER_BARRIER * t);
-        }
+        let over = contact.barrier().map_or(0.0, |it| it + OVER_BARRIER * t);
+        let high = highest.max(over);
         let (left, right) = contact.turning_points(high).unwrap_or((0.0, 0.0));
         let reach = (2.0 * high).sqrt();
         Ok(Self {
@@ -157,6 +119,44 @@ impl Domain {
             v: [-reach, reach],
             neglected: outside(high),
         })
+    }
+
+    /// This domain of a stationary law and an initial condition, lowered to what a Gaussian one reaches until `until`. The
+    /// amplitude r = sqrt(2 (H - U_min)) obeys
+    ///
+    /// ```text
+    /// dr = [pi h (1 - v^2/r^2) - c v^2]/r dt + (v/r) sqrt(2 pi h) dW
+    /// ```
+    ///
+    /// and grows, where friction does not drive, by no more than the length of a Gaussian of variance 2 pi h t in two
+    /// directions.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid) for an initial condition that no level holds.
+    pub(crate) fn reached(
+        self,
+        oscillator: &Oscillator,
+        initial: &Initial,
+        until: f64,
+        neglected: f64,
+    ) -> Result<Self> {
+        let Initial::Gaussian { mean: [q, v], .. } = *initial else {
+            return Ok(self);
+        };
+        let contact = oscillator.contact();
+        let drives = matches!(oscillator.damping(), Damping::Energy(_));
+        let noise = (-2.0 * neglected.ln() * 2.0 * oscillator.noise() * until).sqrt();
+        if drives || contact.barrier().is_some() || noise >= self.v[1] {
+            return Ok(self);
+        }
+        let t = oscillator.temperature();
+        let start = |level: f64| start_outside(oscillator, initial, level);
+        let level = level_of(initial, neglected, t, start)?;
+        let lowest = contact.lowest_potential().unwrap_or(0.0);
+        // The start and the noise lead away from the mean independently.
+        let mean = (2.0 * (oscillator.energy(q, v) - lowest)).sqrt();
+        let reach = mean + noise.hypot(((2.0 * level).sqrt() - mean).max(0.0));
+        Ok(self.enlarged(oscillator, (reach / self.v[1]).min(1.0)))
     }
 
     /// This domain of the stationary law, so many times as far along v and as high in amplitude.
@@ -257,6 +257,55 @@ impl Domain {
             neglected,
         })
     }
+}
+
+/// The level, within 0.2 %, above which a probability that falls with it is `neglected`.
+fn level_of(
+    initial: &Initial,
+    neglected: f64,
+    temperature: f64,
+    outside: impl Fn(f64) -> f64,
+) -> Result<f64> {
+    // ln P(H > level) falls nearly in proportion to the level: its secant, in a bracket.
+    let excess = |level: f64| (outside(level) / neglected).max(1e-300).ln();
+    let (mut low, mut above) = (0.0, -neglected.ln());
+    let mut high = (above + 2.0) * temperature;
+    let mut below = excess(high);
+    while below > 0.0 {
+        (low, above) = (high, below);
+        high *= 1.5;
+        if !high.is_finite() {
+            let accepted = "one nearer to equilibrium: no energy level holds it";
+            let value = match initial {
+                Initial::Gaussian { mean, deviation } => {
+                    format!("mean {mean:?}, deviation {deviation:?}")
+                }
+                other => other.name().to_owned(),
+            };
+            return Err(Error::invalid("initial", value, accepted));
+        }
+        below = excess(high);
+    }
+    for round in 0..60 {
+        if high - low <= 0.002 * high {
+            break;
+        }
+        let secant = low + (high - low) * above / (above - below);
+        // Just beyond the secant's root, so that both ends close in; halves where it crawls.
+        let beyond = secant + 0.0009 * high * if round % 2 == 0 { 1.0 } else { -1.0 };
+        let middle = if round % 8 == 7 {
+            0.5 * (low + high)
+        } else {
+            beyond.clamp(low + 0.05 * (high - low), high - 0.05 * (high - low))
+        };
+        let here = excess(middle);
+        if here > 0.0 {
+            (low, above) = (middle, here);
+        } else {
+            (high, below) = (middle, here);
+        }
+    }
+    Ok(high)
 }
 
 /// Probability that the energy of the initial condition lies so far above the lowest potential.

@@ -149,8 +149,11 @@ impl Question<'_> {
                     self.is_held(&laid_out(domain, thermal), mean, deviation)?
                 }
                 Initial::Gaussian { .. } => {
-                    let narrow = |(thermal, width): (f64, f64)| width * REFINED.get() < thermal;
-                    !thermal.into_iter().zip(self.widths()).any(narrow)
+                    // The law that p is taken against is hotter than the stationary one where friction is not constant.
+                    let colder = oscillator.viscous_temperature() / oscillator.temperature();
+                    let law = thermal.map(|it| it * colder.sqrt().min(1.0));
+                    let narrow = |(law, width): (f64, f64)| width * REFINED.get() < law;
+                    !law.into_iter().zip(self.widths()).any(narrow)
                 }
             };
             if fits {

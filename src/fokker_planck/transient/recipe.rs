@@ -315,11 +315,16 @@ fn unforced(
         return Domain::swept(oscillator, initial, until, neglected);
     }
     if first_grid == FirstGrid::Mesh {
-        return Domain::closed(oscillator, initial, neglected);
+        let domain = Domain::closed(oscillator, initial, neglected)?;
+        return domain.reached(oscillator, initial, until, neglected);
     }
     let law = Domain::closed(oscillator, &Initial::Rest, neglected)?;
-    Ok(match first_grid {
-        FirstGrid::Falling(_) => law.enlarged(oscillator, FALLING.get().powi(2)),
-        _ => law.raised(oscillator, initial, until),
-    })
+    if let FirstGrid::Falling(_) = first_grid {
+        return Ok(law.enlarged(oscillator, FALLING.get().powi(2)));
+    }
+    let raised = law.raised(oscillator, initial, until);
+    if raised.v[1] > law.v[1] {
+        return Ok(raised);
+    }
+    law.reached(oscillator, initial, until, neglected)
 }
