@@ -331,10 +331,53 @@ pub(crate) fn start_outside(oscillator: &Oscillator, initial: &Initial, level: f
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::contact::ContactLaw;
     use std::cell::RefCell;
 
     thread_local! {
         /// Initial condition and neglected probability of every domain closed on this thread.
         pub(crate) static CLOSED: RefCell<Vec<(Initial, f64)>> = const { RefCell::new(Vec::new()) };
+    }
+
+    /// A Gaussian under a linear contact stays one, and energies do not see a rotation to its axes.
+    #[test]
+    fn what_is_reached_holds_a_gaussian_until_then_and_is_less_than_what_the_law_needs() {
+        let oscillator = Oscillator::new(ContactLaw::Linear, 0.05, 2e-3).unwrap();
+        let neglected = 1e-7;
+        for (mean, deviation, until) in [
+            ([0.1, 0.05], [0.05, 0.04], 0.5),
+            ([0.0, 0.0], [0.1, 0.1], 2.0),
+            ([-0.3, 0.2], [0.02, 0.1], 1.0),
+        ] {
+            let initial = Initial::Gaussian { mean, deviation };
+            let closed = Domain::closed(&oscillator, &initial, neglected).unwrap();
+            let reached = closed.reached(&oscillator, &initial, until, neglected);
+            let reached = reached.unwrap();
+            assert!(reached.v[1] < 0.95 * closed.v[1], "{reached:?} {closed:?}");
+            let level = 0.5 * reached.v[1].powi(2);
+            let start = Gaussian::of(&oscillator, &initial).unwrap();
+            let mut most = 0.0f64;
+            for k in 0..=40 {
+                let now = start
+                    .after(&oscillator, until * f64::from(k) / 40.0)
+                    .unwrap();
+                let [[a, b], [_, d]] = now.covariance;
+                let (sin, cos) = (0.5 * (2.0 * b).atan2(a - d)).sin_cos();
+                let variance = |x: f64, y: f64| x * x * a + 2.0 * x * y * b + y * y * d;
+                let along = Initial::Gaussian {
+                    mean: [
+                        cos * now.mean[0] + sin * now.mean[1],
+                        cos * now.mean[1] - sin * now.mean[0],
+                    ],
+                    deviation: [variance(cos, sin).sqrt(), variance(-sin, cos).sqrt()],
+                };
+                most = most.max(start_outside(&oscillator, &along, level));
+            }
+            println!(
+                "{most:.1e} outside of {:.3} in {:.3}",
+                reached.v[1], closed.v[1]
+            );
+            assert!(most <= neglected && most > 0.0);
+        }
     }
 }

@@ -104,7 +104,7 @@ impl Task<'_> {
 }
 
 /// Negative mass beyond which nothing is left of a density.
-const NO_DENSITY: f64 = 1.0;
+const NO_DENSITY: f64 = 0.1;
 
 /// The change of every number if the negative cells were positive: where a density undershoots, two
 /// meshes may agree on what is wrong.
