@@ -86,8 +86,7 @@ impl<T: Number> Gmres<T> {
     }
 
     /// Overwrites b with x, so that the L1 norm of the residual is at most `allowed`, or 1e-13 of that
-    /// of b. With a stationary law in the null space of L its part of b is solved exactly, and so is the
-    /// mass.
+    /// of b. Where the weights are in the null space of L their part of b is solved exactly; the mass is everywhere.
     pub(super) fn solve(
         &mut self,
         system: &System,
@@ -100,11 +99,11 @@ impl<T: Number> Gmres<T> {
         // A residual is known to the rounding of a L x, which a stiff L makes larger than 1e-13.
         let rounding = 1e-13f64.max(4.0 * f64::EPSILON * system.rate * a.abs());
         let target = allowed.max(rounding * size(b));
-        // (I - a L) p_s = p_s.
         let share = |x: &[T]| x.iter().fold(T::default(), |sum, x| sum + *x);
         let mass = share(b);
-        if let Some(stationary) = &system.stationary {
-            for (b, p) in b.iter_mut().zip(stationary) {
+        if let Some(weights) = system.weights.as_ref().filter(|_| system.are_stationary) {
+            // (I - a L) p_s = p_s.
+            for (b, p) in b.iter_mut().zip(weights) {
                 *b -= mass * T::real(*p);
             }
         }
@@ -127,9 +126,9 @@ impl<T: Number> Gmres<T> {
             let what = format!("a residual of {left:.1e} was left, above {target:.1e}");
             return Err(Error::linear("GMRES", what));
         }
-        if let Some(stationary) = &system.stationary {
+        if let Some(weights) = &system.weights {
             let kept = mass - share(&x);
-            for (x, p) in x.iter_mut().zip(stationary) {
+            for (x, p) in x.iter_mut().zip(weights) {
                 *x += kept * T::real(*p);
             }
         }

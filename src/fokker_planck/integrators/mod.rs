@@ -39,6 +39,7 @@ pub(crate) use system::{Late, never};
 mod tests {
     use super::*;
     use crate::contact::ContactLaw;
+    use crate::damping::Damping;
     use crate::fokker_planck::density::Density;
     use crate::fokker_planck::flux::Drift;
     use crate::fokker_planck::generator::Generator;
@@ -50,6 +51,10 @@ mod tests {
     fn generator(zeta: f64, temperature: f64, cells: [usize; 2], drift: Drift) -> Generator {
         let h = 2.0 * zeta * temperature / std::f64::consts::PI;
         let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+        on_mesh(&it, temperature, cells, drift)
+    }
+
+    fn on_mesh(it: &Oscillator, temperature: f64, cells: [usize; 2], drift: Drift) -> Generator {
         let margin = drift.margin();
         let level = 8.0 * temperature;
         let (left, right) = it.contact().turning_points(level).unwrap();
@@ -59,7 +64,7 @@ mod tests {
             q: q.unwrap(),
             v: v.unwrap(),
         };
-        Generator::new(&it, &mesh, drift).unwrap()
+        Generator::new(it, &mesh, drift).unwrap()
     }
 
     fn gaussian(generator: &Generator) -> Density {
@@ -98,8 +103,28 @@ mod tests {
 
     #[test]
     fn every_scheme_has_its_order_against_the_matrix_exponential() {
-        for (zeta, drift) in [(0.05, Drift::Order8), (0.5, Drift::Order4)] {
-            let generator = generator(zeta, 0.1, [34, 30], drift);
+        let friction = Oscillator::new(ContactLaw::Hertz, 0.1, 0.2 * 0.1 / std::f64::consts::PI);
+        let friction = friction
+            .unwrap()
+            .with_damping(Damping::HuntCrossley)
+            .unwrap();
+        for (zeta, drift, generator) in [
+            (
+                0.05,
+                Drift::Order8,
+                generator(0.05, 0.1, [34, 30], Drift::Order8),
+            ),
+            (
+                0.5,
+                Drift::Order4,
+                generator(0.5, 0.1, [34, 30], Drift::Order4),
+            ),
+            (
+                0.1,
+                Drift::Order8,
+                on_mesh(&friction, 0.1, [34, 30], Drift::Order8),
+            ),
+        ] {
             let start = gaussian(&generator);
             let t = 0.4;
             let exact = exponential(&generator, &start, t);

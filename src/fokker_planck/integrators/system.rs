@@ -23,13 +23,18 @@ pub(crate) fn never() -> Late {
     Arc::new(|| Ok(()))
 }
 
+/// L of a law over its rate below which it is 0 but for rounding.
+const NULL: f64 = 1e-11;
+
 /// The generator as the resolvents need it, shared between them.
 pub(super) struct System {
     pub(super) generator: Generator,
     /// Cell of each unknown.
     pub(super) cells: Vec<usize>,
-    /// The stationary law on the unknowns, with sum 1; none where probability leaves the domain.
-    pub(super) stationary: Option<Vec<f64>>,
+    /// The weights of the unknowns, with sum 1; none where probability leaves the domain.
+    pub(super) weights: Option<Vec<f64>>,
+    /// Whether they are the stationary law, L of them 0: friction that acts in contact alone has another.
+    pub(super) are_stationary: bool,
     /// A bound on |L|.
     pub(super) rate: f64,
     /// What is factored: L, or its five-point neighbour.
@@ -45,11 +50,13 @@ impl System {
             .flat_map(|i| generator.active(i).map(move |j| i * nv + j))
             .collect();
         let weights = generator.weights();
-        let stationary = generator.is_closed().then(|| {
-            let w = |cell: &usize| weights.at(cell / nv, cell % nv);
-            let sum: f64 = cells.iter().map(w).sum();
-            cells.iter().map(|cell| w(cell) / sum).collect()
-        });
+        let w = |cell: &usize| weights.at(cell / nv, cell % nv);
+        let sum: f64 = cells.iter().map(w).sum();
+        let (transport, diffusion) = generator.rates();
+        let rate = transport + diffusion;
+        let mut change = vec![0.0; generator.mesh().len()];
+        generator.apply(&vec![1.0; change.len()], &mut change);
+        let change: f64 = cells.iter().map(|cell| change[*cell].abs()).sum();
         let solver = if generator.drift() == Drift::Upwind {
             Solver::Direct
         } else {
@@ -61,12 +68,12 @@ impl System {
         };
         Arc::new(Self {
             generator: generator.clone(),
+            weights: generator
+                .is_closed()
+                .then(|| cells.iter().map(|cell| w(cell) / sum).collect()),
             cells,
-            stationary,
-            rate: {
-                let (transport, diffusion) = generator.rates();
-                transport + diffusion
-            },
+            are_stationary: change <= NULL * rate * sum,
+            rate,
             matrix,
             solver,
             late,
