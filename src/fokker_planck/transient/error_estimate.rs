@@ -7,7 +7,6 @@ use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, POOLED, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
-use std::f64::consts::FRAC_PI_2;
 
 /// One value per number of [`Moments::named`] and output time.
 pub(super) type Table = Vec<PerMoment<f64>>;
@@ -52,32 +51,25 @@ fn plain(fine: &Run, coarse: &Run) -> Table {
     rows.map(row).collect()
 }
 
-/// Differences none of which is far below those of its neighbours: the same number at the times within a quarter of a
-/// period, or at all phases of a periodic law, its family and the median of all numbers.
+/// Differences none of which is far below those of the moments that the motion turns into it nor, of a periodic law, below
+/// those of other phases.
 fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
-    let outputs = &run.outputs;
-    // What is wrong with a periodic law comes from every phase to every other.
-    let lasting = run.floquet.is_some();
-    let near = |k: usize, l: usize| lasting || (outputs[k].t - outputs[l].t).abs() <= FRAC_PI_2;
     let mut table = plain.clone();
-    for (k, row) in table.iter_mut().enumerate() {
-        let scale = scales[k];
-        let before = (0..k).rev().take_while(|l| near(k, *l));
-        let after = (k + 1..plain.len()).take_while(|l| near(k, *l));
-        for l in before.chain(after) {
-            let weights = likeness(&outputs[l].moments, &outputs[k].moments);
-            let known = plain[l]
-                .iter()
-                .map(|x| if x.is_finite() { *x } else { 0.0 });
-            for ((x, neighbour), weight) in row.iter_mut().zip(known).zip(weights) {
-                *x = x.max(POOLED.get() * weight * neighbour);
+    if run.floquet.is_some() {
+        // What is wrong with a periodic law comes from every phase to every other.
+        for i in 0..table[0].len() {
+            let phases = plain.iter().map(|row| row[i]);
+            let largest = phases.filter(|x| x.is_finite()).fold(0.0, f64::max);
+            for row in &mut table {
+                row[i] = row[i].max(POOLED.get() * largest);
             }
         }
-        // The motion turns what is wrong with q into what is wrong with v.
+    }
+    for ((row, plain), scale) in table.iter_mut().zip(plain).zip(scales) {
         for family in FAMILIES {
             let largest = family
                 .iter()
-                .map(|it| plain[k][*it as usize] / scale[*it as usize]);
+                .map(|it| plain[*it as usize] / scale[*it as usize]);
             let largest = largest.fold(0.0, f64::max);
             for it in family {
                 let i = *it as usize;
@@ -87,13 +79,6 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
         // N is a function of q, a straight line for small motions.
         let [q, force] = [Moment::MeanQ, Moment::MeanForce].map(|it| it as usize);
         row[force] = row[force].max(row[q] / scale[q] * scale[force]);
-        // Kurtosis and skewness of a narrow force may err far more than anything else: the median speaks for the density.
-        let mut sorted: Vec<f64> = plain[k].iter().zip(scale).map(|(x, s)| x / s).collect();
-        sorted.sort_by(f64::total_cmp);
-        let middle = sorted[sorted.len() / 2];
-        for (x, s) in row.iter_mut().zip(scale) {
-            *x = x.max(POOLED.get() * middle * s);
-        }
     }
     table
 }
@@ -101,18 +86,6 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
 /// The differences of a run to another, none far below those of its neighbours.
 pub(super) fn difference(run: &Run, other: &Run, scales: &Table) -> Table {
     pooled(run, &plain(run, other), scales)
-}
-
-/// What an error of each number at one time means for that at another: skewness and kurtosis err as the third and
-/// fourth power of a deviation that may be far smaller there.
-fn likeness(there: &Moments, here: &Moments) -> [f64; 11] {
-    let ratio = (there.std_force.value / here.std_force.value).min(1.0);
-    // Without a deviation there is no skewness, and nothing to scale.
-    let ratio = if ratio.is_finite() { ratio } else { 1.0 };
-    let mut weights = [1.0; 11];
-    weights[Moment::SkewnessForce as usize] = ratio.powi(3);
-    weights[Moment::KurtosisForce as usize] = ratio.powi(4);
-    weights
 }
 
 /// What a change of the density by its L1 norm weighs in each number, over its normalisation: more in what weighs the
@@ -182,13 +155,24 @@ pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
     outside.max(gone)
 }
 
+/// Error estimate over a difference of runs on a rung: the fewer the cells, the more the next order adds to the leading one.
+fn safety(rung: &Rung) -> f64 {
+    SAFETY.get() * (1.0 + 1.0 / rung.per_deviation)
+}
+
 /// What the differences of three runs, `stride` rungs apart, say of the error of the finest. No order is believed: runs
 /// nearer to each other differ by less of their errors.
-fn of_differences(fine: &Run, [now, before]: [&Table; 2], scales: &Table, stride: f64) -> Table {
+fn of_differences(
+    (rung, stride): (&Rung, f64),
+    fine: &Run,
+    [now, before]: [&Table; 2],
+    scales: &Table,
+) -> Table {
     let [mut now, before] = [now, before].map(|table| pooled(fine, table, scales));
+    let factor = safety(rung) / stride;
     for (now, before) in now.iter_mut().flatten().zip(before.iter().flatten()) {
         let before = if before.is_finite() { *before } else { 0.0 };
-        *now = SAFETY.get() / stride * now.max(CARRIED.get() * before);
+        *now = factor * now.max(CARRIED.get() * before);
     }
     now
 }
@@ -209,7 +193,7 @@ impl Errors {
     ) -> Self {
         let scales = scales(task, fine);
         let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
-        let space = of_differences(fine, [&now, &before], &scales, stride);
+        let space = of_differences((rung, stride), fine, [&now, &before], &scales);
         let mut errors = Self::beside(task, space, scales, [coarse, fine]);
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
@@ -306,12 +290,12 @@ impl Errors {
         parts.fold(0.0, f64::max)
     }
 
-    /// Adds what steps of the scene do, from two runs on one mesh, one with half of them: of order 2 or more, and of order 1
-    /// where an output time cuts few of them.
-    pub(super) fn with_steps(mut self, run: &Run, halved: &Run) -> Self {
+    /// Adds what steps of the scene do, from two runs on the mesh of a rung, one with half of them: of order 2 or more, and of
+    /// order 1 where an output time cuts few of them.
+    pub(super) fn with_steps(mut self, rung: &Rung, run: &Run, halved: &Run) -> Self {
         self.time = difference(run, halved, &self.scales);
         for x in self.time.iter_mut().flatten() {
-            *x *= SAFETY.get();
+            *x *= safety(rung);
         }
         self
     }

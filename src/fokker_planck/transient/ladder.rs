@@ -201,7 +201,7 @@ impl<'a> Ladder<'a> {
         if let [coarsest, coarse, fine] = &self.runs[..] {
             let mut errors = Errors::of(&self.task, (rung, self.stride), [coarsest, coarse, fine]);
             if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
-                errors = errors.with_steps(whole, halved);
+                errors = errors.with_steps(rung, whole, halved);
             }
             self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
             self.errors = Some(errors);
