@@ -57,7 +57,7 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
     let mut table = plain.clone();
     if run.floquet.is_some() {
         // What is wrong with a periodic law comes from every phase to every other.
-        for i in 0..table[0].len() {
+        for i in 0..Moment::ALL.len() {
             let phases = plain.iter().map(|row| row[i]);
             let largest = phases.filter(|x| x.is_finite()).fold(0.0, f64::max);
             for row in &mut table {
