@@ -82,14 +82,12 @@ table! {
     // Error estimates.
     SAFETY = 2.5: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
         half of them, with many cells; as much again over the cells per deviation with few.";
-    CARRIED = 0.25: "Part of the difference before that a difference is taken for at least, since one may pass through zero; and of the \
-        largest change of a law's moments that each is taken for.";
+    CARRIED = 0.25: "Part that a difference is taken for at least, since one may pass through zero: of the difference before, of those \
+        of moments that the motion turns into it, of other phases of a periodic law; and of the largest change of a law's moments.";
     FLOOR = 2e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
     UNSEEN = 0.25: "The part of the splitting error that runs with about as many steps do not show.";
     AS_MANY = 1.15: "Steps of a run over those of the rung before below which they are about as many.";
-    POOLED = 0.25: "A difference is not taken for less than this part of those of the moments that the motion turns into it, and of \
-        other phases of a periodic law.";
 
     // Concentrated initial conditions.
     EARLY = 0.02: "Time after rest at which the linearised Gaussian is taken: its force is wrong by G'' q^2/2, q^2 of the order \

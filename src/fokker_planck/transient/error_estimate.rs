@@ -4,7 +4,7 @@
 use super::recipe::{Rung, Scheme};
 use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin};
-use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, POOLED, SAFETY, UNSEEN};
+use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
 
@@ -31,9 +31,9 @@ pub(super) struct Errors {
     rounding: f64,
 }
 
-/// Moments that the motion turns into each other.
+/// Moments that the motion turns into each other; N is a function of q.
 const FAMILIES: [&[Moment]; 2] = [
-    &[Moment::MeanQ, Moment::MeanV],
+    &[Moment::MeanQ, Moment::MeanV, Moment::MeanForce],
     &[Moment::VarQ, Moment::VarV, Moment::CovQv],
 ];
 
@@ -61,7 +61,7 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
             let phases = plain.iter().map(|row| row[i]);
             let largest = phases.filter(|x| x.is_finite()).fold(0.0, f64::max);
             for row in &mut table {
-                row[i] = row[i].max(POOLED.get() * largest);
+                row[i] = row[i].max(CARRIED.get() * largest);
             }
         }
     }
@@ -73,12 +73,9 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
             let largest = largest.fold(0.0, f64::max);
             for it in family {
                 let i = *it as usize;
-                row[i] = row[i].max(POOLED.get() * largest * scale[i]);
+                row[i] = row[i].max(CARRIED.get() * largest * scale[i]);
             }
         }
-        // N is a function of q, a straight line for small motions.
-        let [q, force] = [Moment::MeanQ, Moment::MeanForce].map(|it| it as usize);
-        row[force] = row[force].max(row[q] / scale[q] * scale[force]);
     }
     table
 }
