@@ -86,7 +86,7 @@ table! {
         of moments that the motion turns into it, of other phases of a periodic law; and of the largest change of a law's moments.";
     FLOOR = 2e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
-    UNSEEN = 0.25: "The part of the splitting error that runs with about as many steps do not show.";
+    UNSEEN = 0.35: "The part of the error of steps that runs with about as many do not show.";
     AS_MANY = 1.15: "Steps of a run over those of the rung before below which they are about as many.";
 
     // Concentrated initial conditions.
@@ -131,9 +131,6 @@ table! {
     // Spectra.
     SPECTRUM_NEARBY = 0.5: "Distance, in frequencies of small motions, within which an answer is as uncertain as where it changes: changes \
         of a smooth spectrum cross zero no more often.";
-
-    // First passage.
-    PASSAGE_OUTPUTS = 200.0: "Most output times after t = 0: each is a stop for the steps.";
 }
 
 #[cfg(test)]

@@ -5,13 +5,16 @@ use super::region::{Barrier, Region};
 use crate::contact::ContactLaw;
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
-use crate::fokker_planck::policy::{LADDER_RATIO, PASSAGE_OUTPUTS};
+use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::f64::consts::TAU;
 
 /// What runs with other steps differ by, over the error of the mesh that they share, if it is that of the mesh alone.
 const OF_A_MESH: f64 = 3.0;
+
+/// Most output times after t = 0: each is a stop for the steps.
+const MOST_OUTPUTS: f64 = 200.0;
 
 /// What is asked, and what the scene fixes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,10 +116,10 @@ impl Layout {
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);
-        let (each, every) = if pairs <= PASSAGE_OUTPUTS.get() {
+        let (each, every) = if pairs <= MOST_OUTPUTS {
             (1.0, 2)
         } else {
-            let each = (0.5 * pairs / PASSAGE_OUTPUTS.get()).ceil();
+            let each = (0.5 * pairs / MOST_OUTPUTS).ceil();
             (2.0 * each, 4 * each as usize)
         };
         let outputs = (pairs / each).ceil().max(8.0);

@@ -202,7 +202,7 @@ impl Errors {
                 let forced = rung.forcing.as_ref();
                 let forced =
                     forced.map_or(0.0, |it| it.splitting_error(steps.step) + it.uneven() * own);
-                UNSEEN.get() * (own + forced)
+                own + forced
             }
             Scheme::Volumes(_) => 0.0,
         };
@@ -221,7 +221,7 @@ impl Errors {
                 let near = uneven || (a.steps as f64) < AS_MANY.get() * b.steps as f64;
                 let alike = rung.automatic && a.steps > 0 && near;
                 let unseen = if alike {
-                    splitting * fading.min(1.0)
+                    UNSEEN.get() * (splitting * fading.min(1.0) + a.step_error)
                 } else {
                     0.0
                 };

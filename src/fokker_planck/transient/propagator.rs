@@ -199,6 +199,14 @@ impl Propagator {
         }
     }
 
+    /// The error that the steps so far have left, in the L1 norm, where their scheme estimates it.
+    pub(super) fn step_error(&self) -> f64 {
+        match self {
+            Self::Volumes { integration, .. } => integration.error(),
+            Self::FlowMap { .. } => 0.0,
+        }
+    }
+
     /// The longest step taken, or allowed.
     pub(super) fn step(&self) -> f64 {
         match self {

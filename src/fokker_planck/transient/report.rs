@@ -4,6 +4,7 @@ use super::error_estimate::{Errors, outside};
 use super::run::{Output, Run, Task};
 use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::fokker_planck::adaptive::Stop;
+use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::policy::SETTLED;
@@ -91,7 +92,7 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
     let joined = |k: usize| {
         let (side, before, other) = (&sides[k], &before[k], &sides[1 - k]);
         let error = |value: f64, before: f64, apart: f64, own: f64| {
-            let error = own + SAFETY * (value - before).abs() + mixed * apart.abs();
+            let error = own + left(UNKNOWN) * (value - before).abs() + mixed * apart.abs();
             Estimate::new(value, error, Origin::Space)
         };
         let rows = side.moments.iter().zip(&before.moments);
@@ -120,9 +121,6 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
     Some([joined(0), joined(1)])
 }
 
-/// Two runs differ by at least half of what the finer one errs: order 2 or more.
-const SAFETY: f64 = 2.0;
-
 /// The multipliers of the finer of two runs: their errors are those of the Krylov space and the distance to the nearest one
 /// of the coarser run, twice, which is of order 2 or more.
 fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
@@ -136,7 +134,7 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
         Multiplier {
             re: it.value.re,
             im: it.value.im,
-            error: it.error + SAFETY * nearest,
+            error: it.error + left(UNKNOWN) * nearest,
         }
     };
     // One that is not known to a tenth, or not from zero, is not known.

@@ -38,6 +38,8 @@ pub(super) struct Output {
     pub(super) snapshot: Option<Snapshot>,
     /// Steps up to here on the mesh, those of a local grid not counted.
     pub(super) steps: u64,
+    /// What they are known to have left, in the L1 norm: embedded estimates of schemes of finite volumes.
+    pub(super) step_error: f64,
     /// Probability that the local grid of a concentrated initial condition has lost so far, or that a periodic law leaves open;
     /// and rounding.
     pub(super) lost: f64,
@@ -252,6 +254,7 @@ impl Task<'_> {
             let output = self.observe(t, &propagator, &observables, (&density, laws.as_ref()));
             outputs.push(Output {
                 steps: propagator.steps(),
+                step_error: propagator.step_error(),
                 undershoot: beyond(&output, &solved),
                 lost,
                 ..output
@@ -393,6 +396,7 @@ impl Task<'_> {
             }),
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
+            step_error: 0.0,
             lost: 0.0,
             framed: false,
         }
@@ -415,6 +419,7 @@ impl Task<'_> {
             doubt: look.doubt,
             snapshot: wanted.then(|| start_up.snapshot()).transpose()?,
             steps: 0,
+            step_error: 0.0,
             lost: start_up.loss(),
             framed: true,
         })

@@ -62,6 +62,8 @@ pub fn plan(plan: &Plan) -> String {
         (Part::FirstPassagePaths, "paths of the first passage"),
         (Part::Transient, "transient"),
         (Part::Reach, "time to a level"),
+        (Part::Periodic, "periodic law"),
+        (Part::Response, "response curve"),
         (Part::Steady, "steady state"),
         (Part::DecayRates, "decay rates"),
         (Part::Spectrum, "spectrum"),
