@@ -139,6 +139,20 @@ impl Oscillator {
         self.damping.is_viscous()
     }
 
+    /// Refuses friction under which the stationary law is not exp(-H/T)/Z.
+    pub(crate) fn with_closed_form(&self) -> Result<&Self> {
+        if self.is_viscous() {
+            return Ok(self);
+        }
+        let accepted =
+            "\"viscous\" for a closed form: under other damping the stationary law is solved for";
+        Err(Error::invalid(
+            "oscillator.damping",
+            self.damping.name(),
+            accepted,
+        ))
+    }
+
     /// c at displacement q; for a rate that depends on the energy at v = 0.
     pub fn friction(&self, q: f64) -> f64 {
         self.friction_at(q, 0.0)

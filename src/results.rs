@@ -257,7 +257,7 @@ impl Results {
             ("period_ms", exact(1e3 / rig.frequency())),
             (
                 "memory_s",
-                exact(rig.seconds(0.5 / self.scene.oscillator.zeta())),
+                exact(rig.seconds(self.scene.oscillator.correlation_time())),
             ),
         ];
         let window = self.scene.window_seconds(rig);

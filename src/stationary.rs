@@ -45,10 +45,11 @@ impl Stationary {
     /// The stationary law of `oscillator`.
     ///
     /// # Errors
-    /// [`crate::Error::NoStationaryLaw`] for a contact that does not confine.
+    /// [`crate::Error::NoStationaryLaw`] for a contact that does not confine; [`crate::Error::Invalid`] for damping that is not
+    /// viscous, under which there is no closed form.
     pub fn of(oscillator: &Oscillator) -> Result<Self> {
         Ok(Self {
-            oscillator: oscillator.clone(),
+            oscillator: oscillator.with_closed_form()?.clone(),
             law: oscillator.displacement_law()?,
         })
     }

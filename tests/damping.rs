@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{
-    Axis, Domain, Drift, Generator, Mesh, Settings, SolvedLaw, TransientMethod, null_vector,
-    spectrum, stationary_law, steady, transient,
+    Axis, Domain, Drift, Generator, Mesh, Settings, SolvedLaw, TransientMethod, flight_law,
+    impact_law, null_vector, spectrum, stationary_law, steady, transient,
 };
 use vibroimpact::initial::Initial;
 use vibroimpact::moments::Moments;
@@ -312,6 +312,24 @@ fn every_solver_says_which_rates_it_takes() {
             error.to_string().contains("a rate that depends on q alone"),
             "{error}"
         );
+    }
+    let in_contact = oscillator(Damping::Contact);
+    let errors = [
+        Stationary::of(&in_contact).unwrap_err(),
+        flight_law(&in_contact).unwrap_err(),
+        impact_law(&in_contact).unwrap_err(),
+        transient(
+            &it,
+            &Initial::Stationary,
+            &[1.0],
+            &[],
+            &settings(1e-3),
+            &|_| (),
+        )
+        .unwrap_err(),
+    ];
+    for error in errors {
+        assert!(error.to_string().contains("solved for"), "{error}");
     }
     let free = Oscillator::new(ContactLaw::Free, 0.05, 2e-2).unwrap();
     let error = free.with_damping(Damping::Contact).unwrap_err().to_string();

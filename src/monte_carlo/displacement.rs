@@ -22,7 +22,7 @@ enum Envelope {
         slope_left: f64,
         slope_right: f64,
     },
-    /// Several wells: steps over panels on which the density is monotone, out to e^-80.
+    /// Any other: steps over panels on which the density is monotone, out to e^-80.
     Steps {
         /// The ends of the panels.
         ends: Vec<f64>,
@@ -32,6 +32,9 @@ enum Envelope {
     },
 }
 
+/// Points at which a force is looked at.
+const SAMPLES: usize = 2000;
+
 /// Steps of equal width next to the ends of the law's own panels.
 const STEPS: usize = 600;
 
@@ -39,7 +42,7 @@ impl DisplacementSampler {
     /// The sampler of a law.
     pub(super) fn of(law: &DisplacementLaw) -> Self {
         let contact = law.contact();
-        let envelope = if contact.barrier().is_some() {
+        let envelope = if !is_convex(law) {
             steps(law)
         } else {
             let t = law.temperature();
@@ -109,6 +112,15 @@ impl DisplacementSampler {
     }
 }
 
+/// Whether the force falls nowhere, on a sample of points: U is then above its tangents.
+fn is_convex(law: &DisplacementLaw) -> bool {
+    let ends = law.panels();
+    let (low, high) = (ends[0], ends[ends.len() - 1]);
+    let at = |k: usize| low + (high - low) * k as f64 / SAMPLES as f64;
+    let forces: Vec<f64> = (0..=SAMPLES).map(|k| law.contact().force(at(k))).collect();
+    forces.windows(2).all(|pair| pair[1] >= pair[0])
+}
+
 /// Steps above the density: U is monotone between its extrema, which are among the ends.
 fn steps(law: &DisplacementLaw) -> Envelope {
     let mut ends = law.panels().to_vec();
@@ -142,12 +154,16 @@ mod tests {
         let wells =
             Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.2, 1.0]));
         let wells = ContactLaw::given("polynomial", &wells).unwrap();
+        // One well, with a force that falls between q = 0.37 and 0.89.
+        let dent = Parameters::new().with("coefficients", Parameter::Numbers(vec![1.0, -1.9, 1.0]));
+        let dent = ContactLaw::given("polynomial", &dent).unwrap();
         for (h, contact) in [
             (2e-3, ContactLaw::Hertz),
             (0.3, ContactLaw::Hertz),
             (2e-3, ContactLaw::Bilinear),
             (3e-4, wells.clone()),
             (5e-5, wells),
+            (1.27e-4, dent),
         ] {
             let law = Oscillator::new(contact, 0.005, h)
                 .unwrap()

@@ -126,7 +126,11 @@ impl Records {
         let groups = (duration / (lanes * 2.0 * longest * spacing)).floor();
         let groups = groups.clamp(GROUPS[0], GROUPS[1]);
         let samples = (duration / (groups * lanes * spacing)).ceil().max(1.0);
-        let batches = (samples / longest).floor().clamp(1.0, BATCHES);
+        let batches = match oscillator.contact().barrier() {
+            None => (samples / longest).floor().clamp(1.0, BATCHES),
+            // What a motion remembers longest is its well.
+            Some(_) => 1.0,
+        };
         let samples = (samples / batches).ceil();
         let all = groups * batches * samples * steps;
         // Not a number where the step or the duration leaves the range of doubles.

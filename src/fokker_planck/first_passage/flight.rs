@@ -52,9 +52,9 @@ const POINTS: usize = 240;
 /// the velocity (a share of 2e-5 is longer).
 ///
 /// # Errors
-/// [`Error::Invalid`] for a contact law that cannot lose contact.
+/// [`Error::Invalid`] for a contact law that cannot lose contact, or for damping that is not viscous.
 pub fn flight_law(oscillator: &Oscillator) -> Result<FlightLaw> {
-    let flight = Flight::of(oscillator)?;
+    let flight = Flight::of(oscillator.with_closed_form()?)?;
     let last = 2.0 * 4.7 * oscillator.temperature().sqrt() / flight.pull;
     let gap = last / POINTS as f64;
     let times: Vec<f64> = (0..POINTS).map(|k| (k as f64 + 0.5) * gap).collect();

@@ -33,9 +33,10 @@ const POINTS: [usize; 3] = [64, 40, 120];
 /// The impacts of the stationary motion, up to speeds of 4.7 deviations of the velocity (a share of 2e-5 is faster).
 ///
 /// # Errors
-/// [`crate::Error::Invalid`] for a contact law that cannot lose contact, or has a second wall.
+/// [`crate::Error::Invalid`] for a contact law that cannot lose contact, or has a second wall, or for damping that is not
+/// viscous.
 pub fn impact_law(oscillator: &Oscillator) -> Result<ImpactLaw> {
-    let flight = Flight::of(oscillator)?;
+    let flight = Flight::of(oscillator.with_closed_form()?)?;
     let deviation = oscillator.temperature().sqrt();
     let fastest = 4.7 * deviation;
     let centres = |last: f64, count: usize| -> Vec<f64> {

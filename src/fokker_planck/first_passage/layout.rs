@@ -13,6 +13,9 @@ use std::f64::consts::TAU;
 /// What runs with other steps differ by, over the error of the mesh that they share, if it is that of the mesh alone.
 const OF_A_MESH: f64 = 3.0;
 
+/// How far the mesh goes above a barrier between two wells, in T.
+const OVER_A_BARRIER: f64 = 8.0;
+
 /// Most output times after t = 0: each is a stop for the steps.
 const MOST_OUTPUTS: f64 = 200.0;
 
@@ -70,16 +73,24 @@ impl Layout {
         let region = Region::new(oscillator, barrier);
         let t = oscillator.temperature();
         let rise = region.rise();
-        // One hundredth of the tolerance above the edge, and a start with its Gaussian.
+        // One hundredth of the tolerance above the edge, a start with its Gaussian, and the way from well to well.
         let mut level = (100.0 / tolerance).ln().clamp(8.0, 30.0) + 2.0;
-        if let Initial::Gaussian { mean, deviation } = region.seen(initial) {
-            let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
-            for (a, b) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-                let q = far(0, a).max(barrier.low);
-                let q = barrier.high.map_or(q, |high| q.min(high));
-                let energy = 0.5 * far(1, b).powi(2) + region.potential(q);
-                level = level.max((energy - rise) / t);
+        if let Some(top) = oscillator.contact().barrier() {
+            level = level.max((top - rise) / t + OVER_A_BARRIER);
+        }
+        let far = match region.seen(initial) {
+            Initial::Gaussian { mean, deviation } => {
+                let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
+                let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+                corners.map(|(a, b)| [far(0, a), far(1, b)]).to_vec()
             }
+            Initial::Rest => vec![[0.0; 2]],
+            Initial::Stationary => Vec::new(),
+        };
+        for [q, v] in far {
+            let q = q.max(barrier.low);
+            let q = barrier.high.map_or(q, |high| q.min(high));
+            level = level.max((0.5 * v * v + region.height(q) - rise) / t);
         }
         let outside = (-level).exp() * (1.0 + level);
         let speed = (2.0 * (rise + level * t)).sqrt() + swing;

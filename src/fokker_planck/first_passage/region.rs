@@ -132,12 +132,18 @@ impl<'a> Region<'a> {
         self.oscillator.contact().potential(self.q(x))
     }
 
-    /// U at the higher of the levels above the lowest.
+    /// The same above the lowest.
+    pub(crate) fn height(&self, x: f64) -> f64 {
+        let lowest = self.oscillator.contact().lowest_potential();
+        self.potential(x) - lowest.unwrap_or(0.0)
+    }
+
+    /// The same at the higher of the levels.
     pub(crate) fn rise(&self) -> f64 {
-        let lowest = self.oscillator.contact().lowest_potential().unwrap_or(0.0);
-        let low = self.potential(self.barrier.low);
-        let high = self.barrier.high.map_or(low, |high| self.potential(high));
-        low.max(high) - lowest
+        let low = self.height(self.barrier.low);
+        self.barrier
+            .high
+            .map_or(low, |high| low.max(self.height(high)))
     }
 
     /// Walls where flight begins and ends.

@@ -1,6 +1,6 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
-use super::absorbed::Absorbed;
+use super::absorbed::{Absorbed, lower};
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::Fineness;
@@ -173,7 +173,14 @@ impl Problem<'_> {
                     (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
                 };
                 let lines = starts.displacements(deviation[0], density)?;
-                (starts.lines(&lines, mean[1], deviation[1])?, 1.0)
+                let it = starts.lines(&lines, mean[1], deviation[1])?;
+                // The mesh ends five deviations away: what is beyond is with the rest of what has not passed.
+                let barrier = region.barrier;
+                let below = |x: f64| lower((x - mean[0]) / deviation[0]);
+                let above = barrier.high.map_or(0.0, |high| below(2.0 * mean[0] - high));
+                let inside = 1.0 - below(barrier.low) - above;
+                let total = if inside > 0.5 { it.total / inside } else { 1.0 };
+                (it, total)
             }
         })
     }
@@ -231,10 +238,11 @@ impl Problem<'_> {
             Some(dot(&outflow.weights, mode) / dot(&stationary.weights, mode))
         };
         // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
-        // that its error holds.
+        // that its error holds. The well in which a motion began it does not forget.
+        let one_well = it.contact().barrier().is_none();
         let rare = |mode: &[f64]| {
             let forgotten = |it: f64| it * layout.correlation_time / step;
-            per_step(mode).is_some_and(|it| forgotten(it) < 0.3 * self.asked.tolerance)
+            one_well && per_step(mode).is_some_and(|it| forgotten(it) < 0.3 * self.asked.tolerance)
         };
         let weights = (&stationary.weights[..], fineness.nodes[1]);
         let long = long_run(&absorbed, weights, stride, enough, &rare, &late)?;

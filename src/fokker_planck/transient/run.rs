@@ -100,8 +100,8 @@ pub(super) struct Task<'a> {
 impl Task<'_> {
     /// Whether there is a stationary law, and it is known.
     pub(super) fn knows_law(&self) -> bool {
-        let closed = self.oscillator.damping().has_closed_form();
-        self.oscillator.contact().is_confining() && (closed || self.law.is_some())
+        self.oscillator.contact().is_confining()
+            && (self.oscillator.is_viscous() || self.law.is_some())
     }
 }
 

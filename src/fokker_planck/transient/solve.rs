@@ -148,6 +148,9 @@ impl Recipe {
     ) -> Result<Transient> {
         let late = || limits.in_time(|| "the stationary law was not found".into());
         let law = if oscillator.damping().has_closed_form() {
+            if *initial == Initial::Stationary {
+                oscillator.with_closed_form()?;
+            }
             None
         } else {
             match Settled::within(oscillator, self.tolerance, &late) {
