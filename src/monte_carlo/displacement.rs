@@ -42,9 +42,7 @@ impl DisplacementSampler {
     /// The sampler of a law.
     pub(super) fn of(law: &DisplacementLaw) -> Self {
         let contact = law.contact();
-        let envelope = if !is_convex(law) {
-            steps(law)
-        } else {
+        let envelope = if is_convex(law) {
             let t = law.temperature();
             let (left, right) = contact.turning_points(t).unwrap_or((0.0, 0.0));
             let slope_left = -contact.force(left) / t;
@@ -55,6 +53,8 @@ impl DisplacementSampler {
                 slope_left,
                 slope_right,
             }
+        } else {
+            steps(law)
         };
         Self {
             law: law.clone(),
