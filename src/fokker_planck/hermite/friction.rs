@@ -86,7 +86,8 @@ pub(super) fn null(
         .for_each(|x| x.re = 1.0);
     let mut change = f64::INFINITY;
     for _ in 0..30 {
-        let before = x.clone();
+        let before = x;
+        x = forward.weighed(&before);
         lu.solve(&mut x)?;
         let size = x.iter().map(|x| x.re * x.re).sum::<f64>().sqrt();
         let along: f64 = x.iter().zip(&before).map(|(a, b)| a.re * b.re).sum();

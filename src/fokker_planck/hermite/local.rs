@@ -64,13 +64,12 @@ impl Local {
 
     /// What the operator makes of coefficients: products with the functions.
     pub(super) fn image<T: Number>(&self, x: &[T]) -> Vec<T> {
-        let mut out = vec![T::default(); x.len()];
-        for (column, x) in self.operator.outer_iterator().zip(x) {
-            for (row, value) in column.iter() {
-                out[row] += *x * *value;
-            }
-        }
-        out
+        product(&self.operator, x)
+    }
+
+    /// Products of the functions with what has so many of each.
+    pub(super) fn weighed<T: Number>(&self, x: &[T]) -> Vec<T> {
+        product(&self.mass, x)
     }
 
     /// s times the products of the functions, less the operator, factored.
@@ -79,6 +78,16 @@ impl Local {
         let mass = self.mass.map(|x| shift * x);
         Nested::factor(&operator + &mass, self.shape)
     }
+}
+
+fn product<T: Number>(columns: &CsMat<f64>, x: &[T]) -> Vec<T> {
+    let mut out = vec![T::default(); x.len()];
+    for (column, x) in columns.outer_iterator().zip(x) {
+        for (row, value) in column.iter() {
+            out[row] += *x * *value;
+        }
+    }
+    out
 }
 
 /// Products of the functions with a function of q times coefficients.
