@@ -7,6 +7,7 @@
 use crate::error::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::linalg::solvers::SolveLstsq;
 use faer::perm::PermRef;
 use faer::sparse::linalg::lu::{
     LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
@@ -207,6 +208,22 @@ pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
     dense
         .eigenvalues()
         .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))
+}
+
+/// The x that leaves least of b - A x, by QR; at least as many rows as columns.
+///
+/// # Errors
+/// [`Error::Linear`] for a matrix that is not finite.
+pub(crate) fn least_squares(matrix: &Array2<f64>, b: &[f64]) -> Result<Vec<f64>> {
+    let (m, n) = matrix.dim();
+    if !matrix.iter().all(|x| x.is_finite()) {
+        let what = format!("a {m} x {n} matrix, expected finite");
+        return Err(Error::linear("least squares", what));
+    }
+    let dense = Mat::from_fn(m, n, |i, j| matrix[[i, j]]);
+    let right = Mat::from_fn(m, 1, |i, _| b[i]);
+    let x = dense.qr().solve_lstsq(right);
+    Ok((0..n).map(|k| x[(k, 0)]).collect())
 }
 
 /// LU of a dense complex matrix by partial pivoting: one factorisation, any number of right-hand sides.

@@ -117,6 +117,53 @@ fn starts_high_above_wells_that_are_not_at_zero_lose_what_their_paths_lose() {
     }
 }
 
+/// The mode by which wells exchange what they hold is nearly as slow as the passage out of one of them.
+#[test]
+fn passages_out_of_two_wells_that_exchange_slowly_have_their_mean_time() {
+    let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.0, 1.0]));
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    let it = |h: f64| Oscillator::new(wells.clone(), 0.05, h).unwrap();
+    // So rare that both are 1 over one number.
+    let asked = (-1.5, Side::Below, 3.0);
+    let rare = first_passage(
+        &it(1e-3),
+        &Initial::Stationary,
+        asked,
+        &settings(1e-2),
+        &|_| (),
+    );
+    let rare = rare.unwrap();
+    assert!(rare.shortfall.is_none(), "{:?}", rare.shortfall);
+    let (mean, rate) = (rare.mean_time, rare.rate);
+    println!("mean time {mean}, rate {rate}");
+    assert!(mean.error < 1e-2 * mean.value && rate.error < 1e-2 * rate.value);
+    assert!((mean.value * rate.value - 1.0).abs() < 1e-2);
+    // From the right well, against paths.
+    let start = Initial::gaussian([1.0, 0.0], [0.1, 0.1]).unwrap();
+    let (it, asked) = (it(3e-3), (-1.5, Side::Below, 1200.0));
+    let solved = first_passage(&it, &start, asked, &settings(1e-2), &|_| ()).unwrap();
+    assert!(solved.shortfall.is_none(), "{:?}", solved.shortfall);
+    let sampling = Sampling {
+        paths: 4000,
+        seed: 7,
+        ..Sampling::default()
+    };
+    let level = (asked.0, asked.1);
+    let sampled =
+        monte_carlo::first_passage(&it, &start, level, &solved.times, &sampling, &|_| ()).unwrap();
+    let curves = solved.survival.iter().zip(&sampled.survival);
+    for (t, (a, b)) in solved.times.iter().zip(curves) {
+        let z = (a.value - b.value).abs() / a.error.hypot(b.error).max(2.5e-4);
+        assert!(z < 4.0, "S({t}) = {a}, of paths {b}");
+    }
+    // What the curve leaves falls at the rate.
+    let last = solved.survival[solved.survival.len() - 1].value;
+    let (mean, rate) = (solved.mean_time, solved.rate);
+    println!("S(1200) = {last}, mean time {mean}, rate {rate}");
+    assert!(mean.error < 1e-2 * mean.value && rate.error < 1e-2 * rate.value);
+    assert!(last > 0.05 && last < 0.8);
+}
+
 #[test]
 fn up_is_down_in_a_mirror_and_the_loss_of_contact_is_a_level() {
     let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.01).unwrap();

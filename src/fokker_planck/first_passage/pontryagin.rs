@@ -7,7 +7,7 @@
 //! slowest mode (Arnoldi).
 
 use super::absorbed::Absorbed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::matrix::{dot, norm};
 use crate::sparse;
 use ndarray::Array2;
@@ -22,27 +22,29 @@ const CYCLES: usize = 12;
 pub(crate) struct LongRun {
     /// X = sum over n of the survivals; None where losses are so rare that it is the slowest mode alone.
     pub(crate) sum: Option<Vec<f64>>,
-    /// The slowest mode, and its factor over a step.
+    /// The slowest mode, and the exponent by which it falls in a step.
     pub(crate) mode: Vec<f64>,
-    pub(crate) factor: f64,
+    pub(crate) exponent: f64,
     /// Relative errors of the sum and of 1 - factor that the iteration leaves.
     pub(crate) residuals: [f64; 2],
     /// Steps taken.
     pub(crate) steps: u64,
 }
 
-/// `stride` steps a Krylov vector; ends at the relative errors `enough`; `rare` says of a mode whether the
-/// sum can be told from it at all; `late` stops it.
+/// `stride` steps a Krylov vector; ends at the relative errors `enough`; `rare` tells of a mode what is lost of it in
+/// a step by detailed balance, if that is next to nothing; `late` stops it.
 ///
 /// (I - B) all but annihilates the slowest mode phi where losses are rare, and GMRES does not see it: what is left is
 /// projected on it by its left eigenvector, which detailed balance gives, p_s(q, v) phi(q, -v). Where the law is not
-/// exp(-H/T)/Z that vector is near enough for the projection to shrink the rest from cycle to cycle.
+/// exp(-H/T)/Z that vector is near enough for the projection to shrink the rest from cycle to cycle. Each of several
+/// `wells` holds a mode that is nearly as slow; no power of B tells them apart, so that the space begins with as many
+/// vectors, of different means in each well.
 pub(crate) fn long_run(
     absorbed: &Absorbed,
     (stationary, nv): (&[f64], usize),
-    stride: usize,
-    enough: f64,
-    rare: &dyn Fn(&[f64]) -> bool,
+    wells: usize,
+    (stride, enough): (usize, f64),
+    rare: &dyn Fn(&[f64]) -> Option<f64>,
     late: &dyn Fn() -> Result<()>,
 ) -> Result<LongRun> {
     let n = absorbed.len();
@@ -87,167 +89,214 @@ pub(crate) fn long_run(
 
     let mut sum = vec![0.0; n];
     let mut left = given.clone();
-    let mut mode = given.clone();
-    let (mut factor, mut unlike) = (1.0f64, f64::INFINITY);
+    let of_place = |power: usize| -> Vec<f64> {
+        let place = |k: usize| (k as f64 / n as f64).powi(power as i32);
+        let values = given.iter().enumerate();
+        values.map(|(k, x)| x * place(k)).collect()
+    };
+    let mut modes: Vec<Mode> = (0..wells)
+        .map(|power| Mode {
+            shape: of_place(power),
+            factor: 1.0,
+            residual: f64::INFINITY,
+        })
+        .collect();
     let mut residuals = [1.0, 1.0];
     for cycle in 0..CYCLES {
-        // The mode first, as far as half the spaces bring it, then the sum.
+        // The modes first, as far as half the spaces bring them, then the sum.
         let solving = residuals[1] <= enough || cycle >= CYCLES / 2;
-        let from = if solving { &left } else { &mode };
+        let from = if solving {
+            vec![left.clone()]
+        } else {
+            modes.iter().map(|it| it.shape.clone()).collect()
+        };
         let space = Space::of(from, &mut |field| several(field, None))?;
         if !solving {
-            let (vector, value, residual) = space.slowest()?;
-            if residual < unlike {
-                (mode, factor, unlike) = (vector, value, residual);
+            let found = space.slowest(wells)?;
+            if found[0].residual < modes[0].residual {
+                modes = found;
             }
         }
-        if unlike <= enough && rare(&mode) {
+        let slowest = &modes[0];
+        // In a single well so rare a loss forgets the start long before: the sum is the slowest mode.
+        if wells == 1
+            && slowest.residual <= enough
+            && let Some(lost) = rare(&slowest.shape)
+        {
             return Ok(LongRun {
                 sum: None,
-                mode,
-                factor: factor.powf(1.0 / stride as f64),
-                residuals: [0.0, unlike],
+                exponent: -(-lost).ln_1p(),
+                residuals: [0.0, slowest.residual],
+                mode: modes.swap_remove(0).shape,
                 steps,
             });
         }
-        // Rounding is the least that is told of a factor.
-        let lost = (1.0 - factor).max(f64::EPSILON);
-        residuals[1] = unlike / lost;
+        residuals[1] = slowest.residual / slowest.lost();
         // The first space is that of both.
         if solving || cycle == 0 {
-            space.correct(&mut sum);
-            // Once along the slowest mode; what is left along it then is an error of the sum, magnified by 1/lost.
+            space.correct(&left, &mut sum)?;
+            // Once along the slow modes; what is left along them then is an error of the sum, magnified by 1/lost.
             for projecting in [true, false] {
                 let image = several(&sum, None)?;
                 for (k, r) in left.iter_mut().enumerate() {
                     *r = given[k] - sum[k] + image[k];
                 }
-                let part = along(&mode, &left) / lost;
-                if projecting {
-                    let part = part / along(&mode, &mode);
-                    sum.iter_mut().zip(&mode).for_each(|(x, m)| *x += part * m);
-                } else {
-                    residuals[0] = (part / along(&mode, &sum)).abs() + norm(&left) / size;
+                let mut open = 0.0;
+                for (k, mode) in modes.iter().enumerate() {
+                    // Further ones that are not known are not slow.
+                    if k > 0 && mode.residual > 0.1 * mode.lost() {
+                        continue;
+                    }
+                    let own = along(&mode.shape, &mode.shape);
+                    let part = along(&mode.shape, &left) / mode.lost() / own;
+                    if projecting {
+                        sum.iter_mut()
+                            .zip(&mode.shape)
+                            .for_each(|(x, m)| *x += part * m);
+                    }
+                    open += part.abs() * own.abs().sqrt();
                 }
+                let first = &modes[0].shape;
+                let whole = along(first, &sum) / along(first, first).sqrt();
+                residuals[0] = open / whole.abs() + norm(&left) / size;
             }
         }
         if residuals.iter().all(|it| *it <= enough) {
             break;
         }
     }
+    let Mode { shape, factor, .. } = modes.swap_remove(0);
+    let mut exponent = -factor.max(0.0).ln() / stride as f64;
+    // Detailed balance keeps the digits of what is next to nothing, which a mesh of many losses does not have.
+    if let Some(lost) = rare(&shape).filter(|lost| *lost > 0.0) {
+        let of_mesh = exponent;
+        exponent = -(-lost).ln_1p();
+        let begun = along(&shape, &given) / along(&shape, &shape) / stride as f64;
+        let more = begun * (1.0 / exponent - 1.0 / of_mesh);
+        sum.iter_mut().zip(&shape).for_each(|(x, m)| *x += more * m);
+    }
     Ok(LongRun {
         sum: Some(sum),
-        mode,
-        factor: factor.max(0.0).powf(1.0 / stride as f64),
+        mode: shape,
+        exponent,
         residuals,
         steps,
     })
 }
 
-/// An orthonormal basis of span(r, B r, B^2 r, ...) and B in it: B V = V H + the last row.
+/// A Ritz vector of B, made real.
+struct Mode {
+    shape: Vec<f64>,
+    factor: f64,
+    /// |B phi - factor phi| of |phi| = 1.
+    residual: f64,
+}
+
+impl Mode {
+    /// What is lost of it over a stride; rounding is the least that is told of a factor.
+    fn lost(&self) -> f64 {
+        (1.0 - self.factor).max(f64::EPSILON)
+    }
+}
+
+/// An orthonormal basis V of the span of some vectors and of powers of B times them, and B in it: B V = V H for all of V but
+/// its last vectors.
 struct Space {
     basis: Vec<Vec<f64>>,
-    /// (m + 1) by m.
+    /// A row for each vector, a column for each whose image is known.
     hessenberg: Array2<f64>,
-    /// |r|.
-    size: f64,
 }
 
 impl Space {
-    fn of(from: &[f64], apply: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>>) -> Result<Self> {
-        let size = norm(from);
-        let mut basis = vec![from.iter().map(|x| x / size).collect::<Vec<f64>>()];
-        let mut rows = Vec::new();
-        for m in 0..VECTORS {
-            let mut next = apply(&basis[m])?;
-            let mut column = vec![0.0; m + 2];
-            // Twice is enough (Giraud et al., Numer. Math. 101, 2005, 87).
-            for _ in 0..2 {
-                for (k, vector) in basis.iter().enumerate() {
-                    let part = dot(vector, &next);
-                    column[k] += part;
-                    for (x, v) in next.iter_mut().zip(vector) {
-                        *x -= part * v;
-                    }
-                }
-            }
-            let left = norm(&next);
-            column[m + 1] = left;
-            rows.push(column);
-            // The space is invariant.
-            if left < 1e-13 {
-                break;
-            }
-            basis.push(next.iter().map(|x| x / left).collect());
+    fn of(from: Vec<Vec<f64>>, apply: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>>) -> Result<Self> {
+        let mut basis = Vec::new();
+        for vector in from {
+            push(&mut basis, vector);
         }
-        let m = rows.len();
-        let mut hessenberg = Array2::zeros((m + 1, m));
-        for (k, column) in rows.iter().enumerate() {
-            for (i, x) in column.iter().enumerate() {
-                hessenberg[[i, k]] = *x;
-            }
+        if basis.is_empty() {
+            return Err(Error::linear("survival", "nothing is left"));
         }
-        Ok(Self {
-            basis,
-            hessenberg,
-            size,
-        })
+        let mut columns = Vec::new();
+        while columns.len() < VECTORS.min(basis.len()) {
+            let image = apply(&basis[columns.len()])?;
+            columns.push(push(&mut basis, image));
+        }
+        let at = |(i, k): (usize, usize)| columns[k].get(i).copied().unwrap_or(0.0);
+        let hessenberg = Array2::from_shape_fn((basis.len(), columns.len()), at);
+        Ok(Self { basis, hessenberg })
     }
 
-    /// The Ritz vector of the largest real Ritz value, that value, and its residual.
-    fn slowest(&self) -> Result<(Vec<f64>, f64, f64)> {
+    /// The Ritz vectors of the largest Ritz values, the slowest first.
+    fn slowest(&self, count: usize) -> Result<Vec<Mode>> {
         let m = self.hessenberg.ncols();
         let square = Array2::from_shape_fn((m, m), |(i, k)| Complex::from(self.hessenberg[[i, k]]));
         let (values, vectors) = sparse::eigen(&square)?;
         // The slowest mode of an absorbed motion is real and positive (Krein and Rutman).
-        let largest = |a: &usize, b: &usize| values[*a].re.total_cmp(&values[*b].re);
-        let k = (0..m).max_by(largest).unwrap_or(0);
-        let column = vectors.column(k);
-        // Made real: divided by the phase of its largest component.
-        let top = (0..m)
-            .max_by(|a, b| column[*a].norm().total_cmp(&column[*b].norm()))
-            .unwrap_or(0);
-        let phase = column[top] / column[top].norm();
-        let mut vector = vec![0.0; self.basis[0].len()];
-        for (basis, weight) in self.basis.iter().zip(column.iter()) {
-            let weight = (weight / phase).re;
-            for (x, b) in vector.iter_mut().zip(basis) {
-                *x += weight * b;
+        let mut order: Vec<usize> = (0..m).collect();
+        order.sort_by(|a, b| values[*b].re.total_cmp(&values[*a].re));
+        let mode = |k: &usize| {
+            let column = vectors.column(*k);
+            // Made real: divided by the phase of its largest component.
+            let top = column
+                .iter()
+                .max_by(|a, b| a.norm().total_cmp(&b.norm()))
+                .copied()
+                .unwrap_or_default();
+            let phase = top / top.norm();
+            let weights: Vec<f64> = column.iter().map(|x| (x / phase).re).collect();
+            let outside = self.hessenberg.rows().into_iter().skip(m);
+            let outside = outside.map(|row| row.iter().zip(&column).map(|(h, y)| *h * y).sum());
+            let residual = outside.map(|x: Complex<f64>| x.norm_sqr()).sum::<f64>();
+            Mode {
+                shape: self.combined(&weights),
+                factor: values[*k].re,
+                residual: residual.sqrt() + values[*k].im.abs(),
             }
-        }
-        let residual = self.hessenberg[[m, m - 1]] * column[m - 1].norm();
-        Ok((vector, values[k].re, residual))
+        };
+        Ok(order.iter().take(count).map(mode).collect())
     }
 
-    /// Adds the V y that leaves least of r - (I - B) V y: a Hessenberg least-squares problem, by rotations.
-    fn correct(&self, sum: &mut [f64]) {
-        let m = self.hessenberg.ncols();
-        let mut a = self.hessenberg.mapv(|x| -x);
-        for k in 0..m {
-            a[[k, k]] += 1.0;
+    /// Adds the V y that leaves least of r - (I - B) V y, r in the span that the space began with.
+    fn correct(&self, r: &[f64], sum: &mut [f64]) -> Result<()> {
+        let mut matrix = self.hessenberg.mapv(|x| -x);
+        matrix.diag_mut().mapv_inplace(|x| x + 1.0);
+        let right: Vec<f64> = self.basis.iter().map(|it| dot(it, r)).collect();
+        let weights = sparse::least_squares(&matrix, &right)?;
+        let more = self.combined(&weights);
+        sum.iter_mut().zip(&more).for_each(|(x, y)| *x += y);
+        Ok(())
+    }
+
+    fn combined(&self, weights: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.basis[0].len()];
+        for (vector, weight) in self.basis.iter().zip(weights) {
+            out.iter_mut()
+                .zip(vector)
+                .for_each(|(x, v)| *x += weight * v);
         }
-        let mut right = vec![0.0; m + 1];
-        right[0] = self.size;
-        for k in 0..m {
-            let length = a[[k, k]].hypot(a[[k + 1, k]]);
-            let (c, s) = (a[[k, k]] / length, a[[k + 1, k]] / length);
-            for j in k..m {
-                let (x, y) = (a[[k, j]], a[[k + 1, j]]);
-                a[[k, j]] = c * x + s * y;
-                a[[k + 1, j]] = c * y - s * x;
-            }
-            let (x, y) = (right[k], right[k + 1]);
-            right[k] = c * x + s * y;
-            right[k + 1] = c * y - s * x;
-        }
-        for k in (0..m).rev() {
-            let known: f64 = (k + 1..m).map(|j| a[[k, j]] * right[j]).sum();
-            right[k] = (right[k] - known) / a[[k, k]];
-        }
-        for (basis, y) in self.basis.iter().zip(&right[..m]) {
-            for (x, b) in sum.iter_mut().zip(basis) {
-                *x += y * b;
+        out
+    }
+}
+
+/// Makes a vector orthonormal to a basis and appends it, if there is anything left of it; its components.
+fn push(basis: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) -> Vec<f64> {
+    let whole = norm(&vector);
+    let mut components = vec![0.0; basis.len()];
+    // Twice is enough (Giraud et al., Numer. Math. 101, 2005, 87).
+    for _ in 0..2 {
+        for (component, other) in components.iter_mut().zip(&*basis) {
+            let part = dot(other, &vector);
+            *component += part;
+            for (x, v) in vector.iter_mut().zip(other) {
+                *x -= part * v;
             }
         }
     }
+    let left = norm(&vector);
+    if left > 1e-13 * whole {
+        vector.iter_mut().for_each(|x| *x /= left);
+        components.push(left);
+        basis.push(vector);
+    }
+    components
 }

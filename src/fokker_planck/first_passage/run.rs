@@ -237,23 +237,18 @@ impl Problem<'_> {
             let [outflow, _] = leaving.as_ref()?;
             Some(dot(&outflow.weights, mode) / dot(&stationary.weights, mode))
         };
-        // So rare that a start is forgotten long before: the mean time is the slowest mode's, but for a share
-        // that its error holds. The well in which a motion began it does not forget.
-        let one_well = it.contact().barrier().is_none();
+        // Next to nothing is lost while a motion forgets its energy: that has digits below rounding, but sees the mesh near
+        // the level, as the factor of a mode hardly does.
         let rare = |mode: &[f64]| {
-            let forgotten = |it: f64| it * layout.correlation_time / step;
-            one_well && per_step(mode).is_some_and(|it| forgotten(it) < 0.3 * self.asked.tolerance)
+            let forgotten = |it: &f64| it * layout.correlation_time / step;
+            per_step(mode).filter(|it| forgotten(it) < 0.3 * self.asked.tolerance)
         };
+        let wells = it.contact().equilibria().len().div_ceil(2);
         let weights = (&stationary.weights[..], fineness.nodes[1]);
-        let long = long_run(&absorbed, weights, stride, enough, &rare, &late)?;
+        let long = long_run(&absorbed, weights, wells, (stride, enough), &rare, &late)?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
-        // Detailed balance has digits of a rate below rounding, but sees the mesh near the level; the factor hardly does.
-        let a_step = match per_step(&long.mode).filter(|_| rare(&long.mode)) {
-            Some(lost) => -(-lost).ln_1p(),
-            None => -long.factor.ln(),
-        };
-        let rate = a_step / step;
+        let rate = long.exponent / step;
         let unlike = long.sum.as_ref().map_or(0.0, |_| long.residuals[1]);
         let crossed = region.density(&law, low)
             + region
