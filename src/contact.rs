@@ -148,7 +148,7 @@ impl ContactLaw {
     }
 
     /// G(q).
-    #[inline]
+    #[inline(always)]
     pub fn force(&self, q: f64) -> f64 {
         match self {
             Self::Hertz => {
@@ -163,15 +163,20 @@ impl ContactLaw {
     }
 
     /// U(q), the integral of G from 0 to q, to rounding relative to U (no cancellation near q = 0).
+    #[inline(always)]
     pub fn potential(&self, q: f64) -> f64 {
         match self {
-            Self::Hertz => hertz_potential(q),
+            // With y = sqrt(1 + 2q/3) and e = y - 1, (3/5)(y^5 - 1) - (3/2)(y^2 - 1) has the factor e^2.
+            Self::Hertz => {
+                let contact = q.max(-1.5);
+                let x = contact * (2.0 / 3.0);
+                let y = (1.0 + x).max(0.0).sqrt();
+                let e = x / (1.0 + y);
+                e * e * (0.9 + y * (1.8 + y * (1.2 + y * 0.6))) + (contact - q)
+            }
             Self::Bilinear => {
-                if q >= -1.0 {
-                    0.5 * q * q
-                } else {
-                    -q - 0.5
-                }
+                let contact = q.max(-1.0);
+                0.5 * contact * contact + (contact - q)
             }
             Self::Linear => 0.5 * q * q,
             Self::Free => -q,
@@ -180,10 +185,12 @@ impl ContactLaw {
     }
 
     /// G'(q); at a kink of the force, the value on the side of contact.
+    #[inline(always)]
     pub fn stiffness(&self, q: f64) -> f64 {
         match self {
             Self::Hertz => (1.0 + q * (2.0 / 3.0)).max(0.0).sqrt(),
-            Self::Bilinear => f64::from(u8::from(q >= -1.0)),
+            Self::Bilinear if q >= -1.0 => 1.0,
+            Self::Bilinear => 0.0,
             Self::Linear => 1.0,
             Self::Free => 0.0,
             Self::Custom(law) => law.stiffness(q),
@@ -192,6 +199,7 @@ impl ContactLaw {
 
     /// The q below which contact is lost (15): -3/2 for Hertz, -1 for bilinear. Below it the force is
     /// constant. None where the law cannot lose contact (or never has it).
+    #[inline(always)]
     pub fn loss_point(&self) -> Option<f64> {
         match self {
             Self::Hertz => Some(-1.5),
@@ -391,26 +399,6 @@ impl PartialEq for ContactLaw {
             _ => std::mem::discriminant(self) == std::mem::discriminant(other),
         }
     }
-}
-
-/// U(q) = (3/5)[(1+x)^{5/2} - 1] - q with x = 2q/3, without cancellation near q = 0.
-fn hertz_potential(q: f64) -> f64 {
-    let x = q * (2.0 / 3.0);
-    if x <= -1.0 {
-        return -q - 0.6;
-    }
-    if x.abs() > 0.1 {
-        let y = 1.0 + x;
-        return 0.6 * (y * y * y.sqrt() - 1.0) - q;
-    }
-    // (3/5) sum_{k>=2} binomial(5/2, k) x^k; the terms fall faster than 0.1^k, 17 reach rounding.
-    let (mut term, mut sum) = (1.875 * x * x, 0.0);
-    for k in 2..19 {
-        sum += term;
-        let k = f64::from(k);
-        term *= x * (2.5 - k) / (k + 1.0);
-    }
-    0.6 * sum
 }
 
 /// First point q0 + step, q0 + 2 step, q0 + 4 step... where `done` holds.
