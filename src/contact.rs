@@ -166,18 +166,9 @@ impl ContactLaw {
     #[inline(always)]
     pub fn potential(&self, q: f64) -> f64 {
         match self {
-            // With y = sqrt(1 + 2q/3) and e = y - 1, (3/5)(y^5 - 1) - (3/2)(y^2 - 1) has the factor e^2.
-            Self::Hertz => {
-                let contact = q.max(-1.5);
-                let x = contact * (2.0 / 3.0);
-                let y = (1.0 + x).max(0.0).sqrt();
-                let e = x / (1.0 + y);
-                e * e * (0.9 + y * (1.8 + y * (1.2 + y * 0.6))) + (contact - q)
-            }
-            Self::Bilinear => {
-                let contact = q.max(-1.0);
-                0.5 * contact * contact + (contact - q)
-            }
+            Self::Hertz => hertz_potential(q),
+            Self::Bilinear if q >= -1.0 => 0.5 * q * q,
+            Self::Bilinear => -q - 0.5,
             Self::Linear => 0.5 * q * q,
             Self::Free => -q,
             Self::Custom(law) => law.potential(q),
@@ -399,6 +390,26 @@ impl PartialEq for ContactLaw {
             _ => std::mem::discriminant(self) == std::mem::discriminant(other),
         }
     }
+}
+
+/// U(q) = (3/5)[(1+x)^{5/2} - 1] - q with x = 2q/3, without cancellation near q = 0.
+fn hertz_potential(q: f64) -> f64 {
+    let x = q * (2.0 / 3.0);
+    if x <= -1.0 {
+        return -q - 0.6;
+    }
+    if x.abs() > 0.1 {
+        let y = 1.0 + x;
+        return 0.6 * (y * y * y.sqrt() - 1.0) - q;
+    }
+    // (3/5) sum_{k>=2} binomial(5/2, k) x^k; the terms fall faster than 0.1^k, 17 reach rounding.
+    let (mut term, mut sum) = (1.875 * x * x, 0.0);
+    for k in 2..19 {
+        sum += term;
+        let k = f64::from(k);
+        term *= x * (2.5 - k) / (k + 1.0);
+    }
+    0.6 * sum
 }
 
 /// First point q0 + step, q0 + 2 step, q0 + 4 step... where `done` holds.
