@@ -206,10 +206,7 @@ impl Integrator for Chebyshev {
 
     fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
         self.prepare(dt);
-        let inverse = self.generator.inverse_weights();
-        for ((g, p), inverse) in self.start.iter_mut().zip(&*cells).zip(inverse) {
-            *g = p * inverse;
-        }
+        self.generator.ratio(cells, &mut self.start);
         // Inside the pool for good: its queues are then the only ones used.
         rayon::scope(|_| self.step(allowed.max(SMALLEST)));
         self.generator.weigh(&self.sum, cells);
