@@ -181,9 +181,8 @@ impl ContactLaw {
         match self {
             Self::Hertz => (1.0 + q * (2.0 / 3.0)).max(0.0).sqrt(),
             Self::Bilinear if q >= -1.0 => 1.0,
-            Self::Bilinear => 0.0,
             Self::Linear => 1.0,
-            Self::Free => 0.0,
+            Self::Bilinear | Self::Free => 0.0,
             Self::Custom(law) => law.stiffness(q),
         }
     }

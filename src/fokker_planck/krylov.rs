@@ -97,7 +97,9 @@ impl<T: Number> Krylov<T> {
         self.columns.push(column);
         if left > NEW * before {
             let over = T::real(1.0 / left);
-            image.iter_mut().for_each(|x| *x = *x * over);
+            for x in &mut image {
+                *x *= over;
+            }
             self.basis.push(image);
         }
     }

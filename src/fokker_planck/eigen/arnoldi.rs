@@ -48,7 +48,9 @@ impl<'a> Arnoldi<'a> {
         let mut first: Vec<C> = (0..full.len()).map(|k| C::new(golden(k), 0.0)).collect();
         full.drop_constant(&mut first);
         let size = dot(&first, &first).re.sqrt();
-        first.iter_mut().for_each(|x| *x /= size);
+        for x in &mut first {
+            *x /= size;
+        }
         // At 0 the constant, which is left out of everything, would make the matrix singular.
         let shift = if full.is_local() && shift == C::default() {
             C::new(ASIDE, 0.0)
