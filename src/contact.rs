@@ -148,7 +148,7 @@ impl ContactLaw {
     }
 
     /// G(q).
-    #[inline]
+    #[inline(always)]
     pub fn force(&self, q: f64) -> f64 {
         match self {
             Self::Hertz => {
@@ -163,16 +163,12 @@ impl ContactLaw {
     }
 
     /// U(q), the integral of G from 0 to q, to rounding relative to U (no cancellation near q = 0).
+    #[inline(always)]
     pub fn potential(&self, q: f64) -> f64 {
         match self {
             Self::Hertz => hertz_potential(q),
-            Self::Bilinear => {
-                if q >= -1.0 {
-                    0.5 * q * q
-                } else {
-                    -q - 0.5
-                }
-            }
+            Self::Bilinear if q >= -1.0 => 0.5 * q * q,
+            Self::Bilinear => -q - 0.5,
             Self::Linear => 0.5 * q * q,
             Self::Free => -q,
             Self::Custom(law) => law.potential(q),
@@ -180,18 +176,20 @@ impl ContactLaw {
     }
 
     /// G'(q); at a kink of the force, the value on the side of contact.
+    #[inline(always)]
     pub fn stiffness(&self, q: f64) -> f64 {
         match self {
             Self::Hertz => (1.0 + q * (2.0 / 3.0)).max(0.0).sqrt(),
-            Self::Bilinear => f64::from(u8::from(q >= -1.0)),
+            Self::Bilinear if q >= -1.0 => 1.0,
             Self::Linear => 1.0,
-            Self::Free => 0.0,
+            Self::Bilinear | Self::Free => 0.0,
             Self::Custom(law) => law.stiffness(q),
         }
     }
 
     /// The q below which contact is lost (15): -3/2 for Hertz, -1 for bilinear. Below it the force is
     /// constant. None where the law cannot lose contact (or never has it).
+    #[inline(always)]
     pub fn loss_point(&self) -> Option<f64> {
         match self {
             Self::Hertz => Some(-1.5),

@@ -7,6 +7,21 @@ use rayon::prelude::*;
 /// Columns of long rows that one thread multiplies at a time; the same for any number of threads.
 const COLUMNS: usize = 4096;
 
+/// Work compiled for the vectors of the CPU that it runs on. The closure must be `#[inline(always)]`; it is called as `FnMut`,
+/// since as `FnOnce` it has a shim about it, which stays outside the dispatch.
+pub(crate) fn vectorised<R>(work: impl FnMut() -> R) -> R {
+    struct Work<F>(F);
+    impl<R, F: FnMut() -> R> pulp::WithSimd for Work<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn with_simd<S: pulp::Simd>(mut self, _: S) -> R {
+            (self.0)()
+        }
+    }
+    pulp::Arch::new().dispatch(Work(work))
+}
+
 /// The scalar product of what two vectors have in common, in eight sums: vectors of the caller's instructions.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

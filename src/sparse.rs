@@ -6,9 +6,7 @@
 
 use crate::error::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::{factor, solve};
-use faer::linalg::solvers::SolveLstsq;
-use faer::perm::PermRef;
+use faer::linalg::solvers::{PartialPivLu, ShapeCore, Solve, SolveLstsq};
 use faer::sparse::linalg::lu::{
     LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
 };
@@ -168,11 +166,11 @@ impl<T: Scalar> Lu<T> {
 }
 
 /// A matrix as faer has it, if it is square and every entry of it is finite.
-fn dense<T: Copy>(matrix: &Array2<T>, is_finite: fn(&T) -> bool) -> Result<Mat<T>> {
+fn dense<T: Copy>(who: &'static str, matrix: &Array2<T>, finite: fn(&T) -> bool) -> Result<Mat<T>> {
     let (m, n) = matrix.dim();
-    if m != n || !matrix.iter().all(is_finite) {
+    if m != n || !matrix.iter().all(finite) {
         let what = format!("a {m} x {n} matrix, expected square and finite");
-        return Err(Error::linear("dense eigenvalues", what));
+        return Err(Error::linear(who, what));
     }
     Ok(Mat::from_fn(n, n, |i, j| matrix[[i, j]]))
 }
@@ -186,7 +184,7 @@ pub(crate) type Eigenpairs = (Vec<Complex<f64>>, Array2<Complex<f64>>);
 /// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
 pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
     let n = matrix.nrows();
-    let dense = dense(matrix, |x| x.is_finite())?;
+    let dense = dense("dense eigenvalues", matrix, |x| x.is_finite())?;
     let evd = dense
         .eigen()
         .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))?;
@@ -204,7 +202,7 @@ pub fn eigen(matrix: &Array2<Complex<f64>>) -> Result<Eigenpairs> {
 /// # Errors
 /// [`Error::Linear`] for a matrix that is not square or finite, or if the QR iteration fails.
 pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
-    let dense = dense(matrix, |x| x.is_finite())?;
+    let dense = dense("dense eigenvalues", matrix, |x| x.is_finite())?;
     dense
         .eigenvalues()
         .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))
@@ -227,42 +225,16 @@ pub(crate) fn least_squares(matrix: &Array2<f64>, b: &[f64]) -> Result<Vec<f64>>
 }
 
 /// LU of a dense complex matrix by partial pivoting: one factorisation, any number of right-hand sides.
-pub(crate) struct DenseLu {
-    factors: Mat<Complex<f64>>,
-    forward: Vec<usize>,
-    backward: Vec<usize>,
-}
+pub(crate) struct DenseLu(PartialPivLu<Complex<f64>>);
 
 impl DenseLu {
     /// Factors a square matrix. One thread: whoever has many matrices shares them out.
     ///
     /// # Errors
-    /// [`Error::Linear`] for a matrix that is empty, not square or not finite. A singular one shows in
-    /// the solution.
+    /// [`Error::Linear`] for a matrix that is not square or not finite. A singular one shows in the solution.
     pub(crate) fn factor(matrix: &Array2<Complex<f64>>) -> Result<Self> {
-        let (m, n) = matrix.dim();
-        if m != n || n == 0 || !matrix.iter().all(|x| x.is_finite()) {
-            let what = format!("a {m} x {n} matrix, expected square and finite");
-            return Err(Error::linear("dense LU", what));
-        }
-        let mut factors = Mat::from_fn(n, n, |i, j| matrix[[i, j]]);
-        let (mut forward, mut backward) = (vec![0usize; n], vec![0usize; n]);
-        let scratch =
-            factor::lu_in_place_scratch::<usize, Complex<f64>>(n, n, Par::Seq, Spec::default());
-        let mut memory = MemBuffer::new(scratch);
-        factor::lu_in_place(
-            factors.as_mut(),
-            &mut forward,
-            &mut backward,
-            Par::Seq,
-            MemStack::new(&mut memory),
-            Spec::default(),
-        );
-        Ok(Self {
-            factors,
-            forward,
-            backward,
-        })
+        let dense = dense("dense LU", matrix, |x| x.is_finite())?;
+        Ok(Self(dense.partial_piv_lu()))
     }
 
     /// Overwrites the columns in `x`, one after the other, with the solutions.
@@ -270,22 +242,13 @@ impl DenseLu {
     /// # Errors
     /// [`Error::Linear`] for a length that is not a number of columns, or a solution that is not finite.
     pub(crate) fn solve(&self, x: &mut [Complex<f64>]) -> Result<()> {
-        let n = self.forward.len();
+        let n = self.0.nrows();
         if !x.len().is_multiple_of(n) {
             let what = format!("right-hand sides of {} for a matrix of {n}", x.len());
             return Err(Error::linear("dense LU", what));
         }
-        let columns = x.len() / n;
-        let scratch = solve::solve_in_place_scratch::<usize, Complex<f64>>(n, columns, Par::Seq);
-        let mut memory = MemBuffer::new(scratch);
-        solve::solve_in_place(
-            self.factors.as_ref(),
-            self.factors.as_ref(),
-            PermRef::new_checked(&self.forward, &self.backward, n),
-            MatMut::from_column_major_slice_mut(x, n, columns),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
+        let columns = MatMut::from_column_major_slice_mut(x, n, x.len() / n);
+        self.0.solve_in_place(columns);
         if x.iter().all(|x| x.is_finite()) {
             Ok(())
         } else {

@@ -3,8 +3,9 @@
 
 use super::budget::{Limits, Work};
 use crate::error::{Error, Result};
-use crate::estimate::Shortfall;
+use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::format::bytes;
+use crate::moments::{Moment, Moments};
 use std::time::Instant;
 
 /// A question that is answered by runs, each finer than the one before. What a run does between two looks at
@@ -41,6 +42,49 @@ pub(super) enum Next {
     Run { now: Work, then: Option<Work> },
     /// Nothing.
     Stop(Stop),
+}
+
+impl Next {
+    /// One resolution more, of `most`: three are needed for an answer, and the last may be `given` by the scene.
+    pub(super) fn of_three(
+        done: usize,
+        most: usize,
+        given: bool,
+        work: impl Fn(usize) -> Work,
+    ) -> Self {
+        if done >= 3 && given {
+            return Self::Stop(Stop::new("its cells are those of the scene", false));
+        }
+        if done >= most {
+            let reason = format!("{done} resolutions did not settle it");
+            return Self::Stop(Stop::new(reason, true));
+        }
+        Self::Run {
+            now: work(done),
+            then: (done < 2).then(|| work(2)),
+        }
+    }
+}
+
+/// Writes the errors into moments, and says the largest over `tolerance` times its scale, and whose that is.
+pub(super) fn judged(
+    moments: &mut Moments,
+    origin: Origin,
+    (scales, tolerance): (&[f64], f64),
+    error: impl Fn(usize, f64) -> f64,
+) -> (f64, &'static str) {
+    let mut worst = (0.0, Moment::ALL[0].name());
+    for (k, number) in moments.each_mut().into_iter().enumerate() {
+        if let Some(number) = number {
+            let error = error(k, number.value);
+            *number = Estimate::new(number.value, error, origin);
+            let ratio = error / (scales[k] * tolerance);
+            if ratio > worst.0 || ratio.is_nan() {
+                worst = (ratio, Moment::ALL[k].name());
+            }
+        }
+    }
+    worst
 }
 
 /// Why nothing finer was run, and whether the program was free to run it. Empty where the tolerance is reached.

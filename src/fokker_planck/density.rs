@@ -42,37 +42,40 @@ impl Density {
     /// [`Error::Mesh`] if a Gaussian is narrower than 1.5 cells of a central scheme;
     /// [`Error::NotAvailable`] for a start at rest, which no mesh can hold.
     pub fn start(generator: &Generator, initial: &Initial) -> Result<Self> {
-        let mesh = generator.mesh();
-        match *initial {
-            Initial::Rest => Err(no_mesh_holds_rest()),
-            Initial::Stationary => {
-                let w = generator.weights();
-                Ok(Self::on(generator, |i, j| w.at(i, j)))
-            }
-            Initial::Gaussian { mean, deviation } => {
-                let upwind = generator.drift() == Drift::Upwind;
-                let q = gaussian(&mesh.q, mean[0], deviation[0], upwind, "q")?;
-                let v = gaussian(&mesh.v, mean[1], deviation[1], upwind, "v")?;
-                Ok(Self::on(generator, |i, j| q[i] * v[j]))
-            }
-        }
+        let upwind = generator.drift() == Drift::Upwind;
+        let cells = (generator.mesh(), generator.columns());
+        Self::begun(cells, generator.weights(), initial, upwind)
     }
 
     /// The start at every centre of a mesh, for the central weights, where there is no generator.
     pub(crate) fn everywhere(mesh: &Mesh, weights: &Weights, initial: &Initial) -> Result<Self> {
-        let cells = match *initial {
-            Initial::Rest => return Err(no_mesh_holds_rest()),
-            Initial::Stationary => products(&weights.q, &weights.v),
+        let all = vec![0..mesh.v.len(); mesh.q.len()];
+        Self::begun((mesh, &all), weights, initial, false)
+    }
+
+    fn begun(
+        (mesh, columns): (&Mesh, &[Range<usize>]),
+        weights: &Weights,
+        initial: &Initial,
+        exact: bool,
+    ) -> Result<Self> {
+        match *initial {
+            Initial::Rest => Err(Error::not_available(
+                "initial.kind = \"rest\" for the Fokker-Planck solver",
+                "a \"gaussian\" initial condition with a small deviation",
+            )),
+            Initial::Stationary => Ok(Self::weighed(mesh, columns, weights)),
             Initial::Gaussian { mean, deviation } => {
-                let q = gaussian(&mesh.q, mean[0], deviation[0], false, "q")?;
-                let v = gaussian(&mesh.v, mean[1], deviation[1], false, "v")?;
-                products(&q, &v)
+                let q = gaussian(&mesh.q, mean[0], deviation[0], exact, "q")?;
+                let v = gaussian(&mesh.v, mean[1], deviation[1], exact, "v")?;
+                Ok(Self::on(mesh, columns, |i, j| q[i] * v[j]))
             }
-        };
-        Ok(Self {
-            mesh: mesh.clone(),
-            cells,
-        })
+        }
+    }
+
+    /// The weights as a density: the law that g is taken against.
+    pub(super) fn weighed(mesh: &Mesh, columns: &[Range<usize>], weights: &Weights) -> Self {
+        Self::on(mesh, columns, |i, j| weights.at(i, j))
     }
 
     /// p(q, v) at the centres of the cells that hold unknowns, asked for all at once.
@@ -102,7 +105,7 @@ impl Density {
     /// A start given in code as a density p(q, v), sampled at the cell centres.
     pub fn from_fn(generator: &Generator, p: impl Fn(f64, f64) -> f64) -> Self {
         let Mesh { q, v } = generator.mesh();
-        Self::on(generator, |i, j| {
+        Self::on(generator.mesh(), generator.columns(), |i, j| {
             p(q.centres()[i], v.centres()[j]) * q.slopes()[i] * v.slopes()[j]
         })
     }
@@ -114,19 +117,22 @@ impl Density {
         let q0 = oscillator.contact().equilibrium().unwrap_or(0.0);
         let place = |axis: &Axis, x: f64| (axis.locate(x).max(0.0) as usize).min(axis.len() - 1);
         let (i, j) = (place(&mesh.q, q0), place(&mesh.v, 0.0));
-        Self::on(generator, |a, b| f64::from(u8::from((a, b) == (i, j))))
+        Self::on(mesh, generator.columns(), |a, b| {
+            f64::from(u8::from((a, b) == (i, j)))
+        })
     }
 
-    fn on(generator: &Generator, cell: impl Fn(usize, usize) -> f64) -> Self {
-        let mesh = generator.mesh().clone();
-        let [nq, nv] = mesh.cells();
-        let mut cells = vec![0.0; nq * nv];
-        for i in 0..nq {
-            for j in generator.active(i) {
-                cells[i * nv + j] = cell(i, j);
+    fn on(mesh: &Mesh, columns: &[Range<usize>], cell: impl Fn(usize, usize) -> f64) -> Self {
+        let mut cells = vec![0.0; mesh.len()];
+        for (i, column) in columns.iter().enumerate() {
+            for j in column.clone() {
+                cells[i * mesh.v.len() + j] = cell(i, j);
             }
         }
-        Self { mesh, cells }
+        Self {
+            mesh: mesh.clone(),
+            cells,
+        }
     }
 
     /// The mesh.
@@ -197,15 +203,18 @@ impl Density {
 
     /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside.
     pub(crate) fn distance_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
-        let nv = self.mesh.v.len();
-        self.distance_from(columns, |i, j| law.cells[i * nv + j])
+        let mut more = 0.0;
+        let inside = self.sum_active(law, columns, |p, law| {
+            more += p - law;
+            (p - law).abs()
+        });
+        inside + f64::max(more, 0.0)
     }
 
-    /// Relative entropy to another density on this mesh, over the cells where both are positive.
+    /// Relative entropy to another density on this mesh, over the cells where both are positive: falls to 0 at the stationary
+    /// law.
     pub(crate) fn entropy_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
-        let nv = self.mesh.v.len();
-        self.sum_active(columns, |i, j, p| {
-            let law = law.cells[i * nv + j];
+        self.sum_active(law, columns, |p, law| {
             if p > 0.0 && law > 0.0 {
                 p * (p / law).ln()
             } else {
@@ -222,39 +231,18 @@ impl Density {
             .sum()
     }
 
-    /// The same to the weights: to the stationary law.
-    pub(crate) fn distance(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
-        self.distance_from(columns, |i, j| weights.at(i, j))
-    }
-
-    fn distance_from(&self, columns: &[Range<usize>], law: impl Fn(usize, usize) -> f64) -> f64 {
-        let mut more = 0.0;
-        let inside = self.sum_active(columns, |i, j, p| {
-            more += p - law(i, j);
-            (p - law(i, j)).abs()
-        });
-        inside + f64::max(more, 0.0)
-    }
-
-    /// Relative entropy, the sum of P ln(P/w) over the positive cells: falls to 0 at the stationary law.
-    pub(crate) fn relative_entropy(&self, weights: &Weights, columns: &[Range<usize>]) -> f64 {
-        self.sum_active(columns, |i, j, p| {
-            if p > 0.0 {
-                p * (p / weights.at(i, j)).ln()
-            } else {
-                0.0
-            }
-        })
-    }
-
+    /// Sums over this density and another.
     fn sum_active(
         &self,
+        law: &Self,
         columns: &[Range<usize>],
-        mut f: impl FnMut(usize, usize, f64) -> f64,
+        mut f: impl FnMut(f64, f64) -> f64,
     ) -> f64 {
         let nv = self.mesh.v.len();
         let column = |(i, range): (usize, &Range<usize>)| -> f64 {
-            range.clone().map(|j| f(i, j, self.cells[i * nv + j])).sum()
+            let cells = i * nv + range.start..i * nv + range.end;
+            let both = self.cells[cells.clone()].iter().zip(&law.cells[cells]);
+            both.map(|(p, law)| f(*p, *law)).sum()
         };
         columns.iter().enumerate().map(column).sum()
     }
@@ -267,20 +255,6 @@ pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
     } else {
         0.0
     }
-}
-
-fn no_mesh_holds_rest() -> Error {
-    Error::not_available(
-        "initial.kind = \"rest\" for the Fokker-Planck solver",
-        "a \"gaussian\" initial condition with a small deviation",
-    )
-}
-
-/// q_i v_j, row-major.
-fn products(q: &[f64], v: &[f64]) -> Vec<f64> {
-    q.iter()
-        .flat_map(|q| v.iter().map(move |v| q * v))
-        .collect()
 }
 
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times

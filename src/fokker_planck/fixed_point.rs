@@ -5,9 +5,9 @@
 //! (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 856, 1986); the Ritz values of I - P are 1 less the eigenvalues
 //! of P.
 
+use super::krylov::Krylov;
 use crate::error::{Error, Result};
 use crate::sparse::{DenseLu, eigen, eigenvalues};
-use ndarray::Array2;
 use num_complex::Complex;
 
 /// An eigenvalue of the map, without its error of space and time.
@@ -118,16 +118,16 @@ pub(super) fn solve(
         }
         // What the space before knew of the start was not all.
         fixed.slow = None;
-        let mut arnoldi = Arnoldi::new(residual, size);
+        let mut arnoldi = Arnoldi::new(&residual, size);
         target = f64::INFINITY;
         // A space that begins near the fixed point shows little of what the one before knew.
         let (mut there, before) = (None, fixed.slowest);
         loop {
             let last = arnoldi.step((weights, &inverse), map)?;
             fixed.maps += 1;
-            let columns = arnoldi.columns.len();
+            let columns = arnoldi.space.size();
             let full = last || columns >= goal.vectors;
-            let left = arnoldi.residual();
+            let (_, left) = arnoldi.space.least_squares(size);
             if left <= FIRST_LOOK * goal.error && columns.is_multiple_of(LOOK) || full {
                 fixed.slowest = arnoldi.slowest()?.max(before);
                 target = (0.5 * goal.error * (1.0 - fixed.slowest)).max(ROUNDING);
@@ -160,10 +160,11 @@ pub(super) fn solve(
         if fixed.eigenvalues.is_empty() || restart == 0 {
             (fixed.eigenvalues, fixed.slow) = arnoldi.eigenvalues()?;
         }
-        for (x, d) in x.iter_mut().zip(arnoldi.combined(&arnoldi.solution())) {
+        let (solution, left) = arnoldi.space.least_squares(size);
+        for (x, d) in x.iter_mut().zip(arnoldi.space.combined(&solution)) {
             *x += d;
         }
-        fixed.residual = arnoldi.residual();
+        fixed.residual = left;
     }
     if fixed.residual > 1e-3 || !fixed.residual.is_finite() {
         let what = format!(
@@ -192,34 +193,18 @@ fn dot(a: &[f64], b: &[f64], inverse: &[f64]) -> f64 {
         .sum()
 }
 
-/// Arnoldi's process for I - P with the least-squares problem of GMRES on the way.
+/// Arnoldi's process for I - P, from a residual of this size.
 struct Arnoldi {
-    basis: Vec<Vec<f64>>,
-    /// Columns of the Hessenberg matrix, as they were.
-    columns: Vec<Vec<f64>>,
-    /// The same, turned to upper triangular.
-    turned: Vec<Vec<f64>>,
-    turns: Vec<(f64, f64)>,
-    right: Vec<f64>,
+    space: Krylov<f64>,
+    size: f64,
 }
 
 impl Arnoldi {
-    fn new(mut residual: Vec<f64>, size: f64) -> Self {
-        for r in &mut residual {
-            *r /= size;
-        }
+    fn new(residual: &[f64], size: f64) -> Self {
         Self {
-            basis: vec![residual],
-            columns: Vec::new(),
-            turned: Vec::new(),
-            turns: Vec::new(),
-            right: vec![size],
+            space: Krylov::of(residual.iter().map(|r| r / size).collect()),
+            size,
         }
-    }
-
-    /// The norm of what is left of the residual.
-    fn residual(&self) -> f64 {
-        self.right.last().map_or(0.0, |it| it.abs())
     }
 
     /// One vector more; true where there is none.
@@ -228,75 +213,22 @@ impl Arnoldi {
         (weights, inverse): (&[f64], &[f64]),
         map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
     ) -> Result<bool> {
-        let m = self.columns.len();
-        let mut w = self.basis[m].clone();
+        let Some(last) = self.space.last() else {
+            return Ok(true);
+        };
+        let mut w = last.to_vec();
         map(&mut w)?;
-        for (w, v) in w.iter_mut().zip(&self.basis[m]) {
+        for (w, v) in w.iter_mut().zip(last) {
             *w = v - *w;
         }
-        let before = dot(&w, &w, inverse).sqrt();
-        let mut column = vec![0.0; m + 2];
-        // Twice, which is enough.
-        for _ in 0..2 {
-            for (v, h) in self.basis.iter().zip(&mut column) {
-                let part = dot(&w, v, inverse);
-                *h += part;
-                for (w, v) in w.iter_mut().zip(v) {
-                    *w -= part * v;
-                }
-            }
-            without_mass(&mut w, weights);
-        }
-        let size = dot(&w, &w, inverse).sqrt();
-        let last = size <= 1e-12 * before;
-        column[m + 1] = size;
-        self.columns.push(column.clone());
-        for (k, (c, s)) in self.turns.iter().enumerate() {
-            let (a, b) = (column[k], column[k + 1]);
-            (column[k], column[k + 1]) = (c * a + s * b, c * b - s * a);
-        }
-        let radius = column[m].hypot(column[m + 1]);
-        let (c, s) = if radius > 0.0 {
-            (column[m] / radius, column[m + 1] / radius)
-        } else {
-            (1.0, 0.0)
-        };
-        self.turns.push((c, s));
-        column[m] = radius;
-        column.truncate(m + 1);
-        self.turned.push(column);
-        let right = self.right[m];
-        self.right[m] = c * right;
-        self.right.push(-s * right);
-        if !last {
-            for w in &mut w {
-                *w /= size;
-            }
-            self.basis.push(w);
-        }
-        Ok(last)
-    }
-
-    /// The coefficients of the correction: the least-squares solution so far.
-    fn solution(&self) -> Vec<f64> {
-        let m = self.columns.len();
-        let mut y = self.right[..m].to_vec();
-        for k in (0..m).rev() {
-            y[k] /= self.turned[k][k];
-            let part = y[k];
-            for (y, h) in y[..k].iter_mut().zip(&self.turned[k]) {
-                *y -= part * h;
-            }
-        }
-        y
+        let clean = |x: &mut [f64]| without_mass(x, weights);
+        self.space.push(w, 2, |a, b| dot(a, b, inverse), clean);
+        Ok(self.space.last().is_none())
     }
 
     /// The modulus of the largest Ritz value of P, at most 1.
     fn slowest(&self) -> Result<f64> {
-        let m = self.columns.len();
-        let entry = |i: usize, j: usize| self.columns[j].get(i).copied().unwrap_or(0.0);
-        let hessenberg = Array2::from_shape_fn((m, m), |(i, j)| entry(i, j));
-        let values = eigenvalues(&hessenberg)?;
+        let values = eigenvalues(&self.space.hessenberg())?;
         Ok(values
             .iter()
             .map(|it| (1.0 - it).norm())
@@ -307,13 +239,11 @@ impl Arnoldi {
     /// Ritz values of P with their errors, the largest first, and what the start has of the Ritz vector of that one, where it is
     /// real.
     fn eigenvalues(&self) -> Result<(Vec<Ritz>, Option<Vec<f64>>)> {
-        let m = self.columns.len();
-        let entry = |i: usize, j: usize| self.columns[j].get(i).copied().unwrap_or(0.0);
-        let hessenberg = Array2::from_shape_fn((m, m), |(i, j)| Complex::from(entry(i, j)));
-        let (values, vectors) = eigen(&hessenberg)?;
+        let m = self.space.size();
+        let (values, vectors) = eigen(&self.space.hessenberg().mapv(Complex::from))?;
         let left = DenseLu::factor(&vectors.t().to_owned())?;
-        let over = entry(m, m - 1);
-        let solution = self.solution();
+        let over = self.space.rest();
+        let (solution, _) = self.space.least_squares(self.size);
         let mut found = Vec::new();
         for (k, value) in values.iter().enumerate() {
             let mut value = 1.0 - value;
@@ -340,20 +270,9 @@ impl Arnoldi {
         let real = found.first().filter(|(it, ..)| it.value.im == 0.0);
         let slow = real.map(|(_, k, part)| {
             let column: Vec<f64> = vectors.column(*k).iter().map(|z| -(z * part).re).collect();
-            self.combined(&column)
+            self.space.combined(&column)
         });
         Ok((found.into_iter().map(|it| it.0).collect(), slow))
-    }
-
-    /// The sum of the basis vectors times their parts.
-    fn combined(&self, parts: &[f64]) -> Vec<f64> {
-        let mut sum = vec![0.0; self.basis[0].len()];
-        for (part, v) in parts.iter().zip(&self.basis) {
-            for (sum, v) in sum.iter_mut().zip(v) {
-                *sum += part * v;
-            }
-        }
-        sum
     }
 }
 

@@ -258,11 +258,7 @@ impl FlowMap {
     /// g = P/w of a density on this mesh, row-major.
     pub fn ratio(&self, density: &Density) -> Vec<f64> {
         let mut g = density.cells().to_vec();
-        for (row, wq) in g.chunks_exact_mut(self.mesh.v.len()).zip(&self.weights.q) {
-            for (g, wv) in row.iter_mut().zip(&self.weights.v) {
-                *g /= wq * wv;
-            }
-        }
+        self.weights.each(&mut g, |g, w| *g /= w);
         g
     }
 
@@ -303,7 +299,8 @@ impl FlowMap {
             return Ok(());
         }
         self.prepare(duration, late)?;
-        self.read(density);
+        self.buffers.values.copy_from_slice(density.cells());
+        self.weights.each(&mut self.buffers.values, |g, w| *g /= w);
         let before = self.mass();
         if self.shared() {
             // Inside the pool for good: its queues are then the only ones used.
@@ -313,7 +310,8 @@ impl FlowMap {
         }
         self.balance(before);
         self.now += duration;
-        self.write(density);
+        density.cells_mut().copy_from_slice(&self.buffers.values);
+        self.weights.each(density.cells_mut(), |g, w| *g *= w);
         let negative = density.negative_mass();
         self.progress.negative = self.progress.negative.max(negative);
         Ok(())
@@ -339,28 +337,6 @@ impl FlowMap {
         self.progress.steps += schedule.steps;
         self.progress.passes += schedule.parts.len() + 1;
         Ok(())
-    }
-
-    fn read(&mut self, density: &Density) {
-        let nv = self.mesh.v.len();
-        let rows = density.cells().chunks_exact(nv);
-        let values = self.buffers.values.chunks_exact_mut(nv);
-        for ((row, g), wq) in rows.zip(values).zip(&self.weights.q) {
-            for ((p, g), wv) in row.iter().zip(g).zip(&self.weights.v) {
-                *g = p / (wq * wv);
-            }
-        }
-    }
-
-    fn write(&self, density: &mut Density) {
-        let nv = self.mesh.v.len();
-        let rows = density.cells_mut().chunks_exact_mut(nv);
-        let values = self.buffers.values.chunks_exact(nv);
-        for ((row, g), wq) in rows.zip(values).zip(&self.weights.q) {
-            for ((p, g), wv) in row.iter_mut().zip(g).zip(&self.weights.v) {
-                *p = g * (wq * wv);
-            }
-        }
     }
 
     /// Sum of w f(g).

@@ -194,7 +194,9 @@ impl Weights {
             area,
         };
         if drift != Drift::Upwind && matches!(measure, Measure::Gibbs(_)) {
-            it.cut = it.largest_near_edge(drift.half_width());
+            let [q, v] = &it.area;
+            let density = |i: usize, j: usize| it.q[i] * it.v[j] / (q[i] * v[j]);
+            it.cut = largest_at_edge(mesh.cells(), drift.half_width(), density);
         }
         let smallest = |x: &[f64]| x.iter().copied().fold(f64::INFINITY, f64::min);
         let lowest = smallest(&it.q)
@@ -217,6 +219,13 @@ impl Weights {
         (self.q[i] * self.v[j]).max(floor)
     }
 
+    /// Calls `f` with every cell of an array and its w, where the stream function is not cut.
+    pub(crate) fn each(&self, cells: &mut [f64], f: impl Fn(&mut f64, f64)) {
+        for (row, q) in cells.chunks_exact_mut(self.v.len()).zip(&self.q) {
+            row.iter_mut().zip(&self.v).for_each(|(x, v)| f(x, q * v));
+        }
+    }
+
     /// The same weights for a scheme without a cut stream function: p_s everywhere, no inactive boundary cells.
     #[must_use]
     pub(crate) fn without_boundary(self) -> Self {
@@ -227,21 +236,14 @@ impl Weights {
     pub(crate) fn is_boundary(&self, i: usize, j: usize) -> bool {
         self.q[i] * self.v[j] <= self.cut * self.area[0][i] * self.area[1][j]
     }
+}
 
-    /// Largest density within `half` cells of the edge of the domain.
-    fn largest_near_edge(&self, half: usize) -> f64 {
-        let (m, n) = (self.q.len(), self.v.len());
-        let mut largest: f64 = 0.0;
-        for i in 0..m {
-            for j in 0..n {
-                if i < half || i + half >= m || j < half || j + half >= n {
-                    let area = self.area[0][i] * self.area[1][j];
-                    largest = largest.max(self.q[i] * self.v[j] / area);
-                }
-            }
-        }
-        largest
-    }
+/// The largest of some values on m x n places, within `margin` of their edge; at least 0.
+fn largest_at_edge([m, n]: [usize; 2], margin: usize, value: impl Fn(usize, usize) -> f64) -> f64 {
+    let near = |k: usize, n: usize| k < margin || k + margin >= n;
+    let all = (0..m).flat_map(|i| (0..n).map(move |j| (i, j)));
+    let edge = all.filter(|(i, j)| near(*i, m) || near(*j, n));
+    edge.map(|(i, j)| value(i, j)).fold(0.0, f64::max)
 }
 
 /// The mass flux of the stationary state.
@@ -281,14 +283,7 @@ impl MassFlux {
             }
             let along_q: Vec<f64> = q.iter().map(|q| measure.density_q(*q)).collect();
             let along_v: Vec<f64> = v.iter().map(|v| measure.density_v(*v, t)).collect();
-            let mut cut: f64 = 0.0;
-            for (i, a) in along_q.iter().enumerate() {
-                for (j, b) in along_v.iter().enumerate() {
-                    if i < margin || i + margin >= m || j < margin || j + margin >= n {
-                        cut = cut.max(a * b);
-                    }
-                }
-            }
+            let cut = largest_at_edge([m, n], margin, |i, j| along_q[i] * along_v[j]);
             let value = |a: &f64, b: &f64| -t * (a * b - cut).max(0.0);
             along_q
                 .iter()

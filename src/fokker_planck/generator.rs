@@ -185,6 +185,13 @@ impl Generator {
         (self.open.is_empty() || self.gathers) && self.leaving.is_empty()
     }
 
+    /// `g = cells/w` where there are unknowns, 0 elsewhere.
+    pub(crate) fn ratio(&self, cells: &[f64], g: &mut [f64]) {
+        for ((g, p), inverse) in g.iter_mut().zip(cells).zip(&self.inverse) {
+            *g = p * inverse;
+        }
+    }
+
     /// `cells = w g` where there are unknowns; the others are left alone.
     pub fn weigh(&self, g: &[f64], cells: &mut [f64]) {
         let nv = self.mesh.v.len();

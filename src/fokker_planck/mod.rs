@@ -29,6 +29,7 @@ mod forcing;
 mod generator;
 mod hermite;
 mod integrators;
+mod krylov;
 mod layout;
 mod moving_frame;
 mod observables;

@@ -13,6 +13,7 @@
 use super::interpolation::{MARGIN, POINTS, Spline};
 use super::mesh::Axis;
 use crate::damping::mean_decay;
+use crate::matrix::vectorised;
 
 /// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
 const REACH: f64 = 8.5;
@@ -115,14 +116,10 @@ impl Kick {
                 (0.5 * self.beta * (v * v - u * u / spread_by)).exp() / spread_by.sqrt()
             };
             if deviation > NO_WIDTH * narrowest {
-                pulp::Arch::new().dispatch(Gauss {
-                    axis,
-                    spline: &spline,
-                    mean,
-                    deviation,
-                    clamped,
-                    row,
-                });
+                vectorised(
+                    #[inline(always)]
+                    || gauss(axis, &spline, [mean, deviation], clamped, row),
+                );
             } else if clamped || (mean >= axis.edges()[0] && mean <= axis.edges()[n]) {
                 let xi = (axis.locate(mean) - 0.5).clamp(0.0, (n - 1) as f64);
                 spread(row, &spline, n, xi, 1.0);
@@ -147,17 +144,6 @@ impl Kick {
 /// Deviation of a Gaussian over a cell, below which its average is the value at its mean.
 const NO_WIDTH: f64 = 1e-6;
 
-/// Adds the average over N(mean, deviation^2) to `row`. A type, since a closure would not be compiled
-/// for the CPU.
-struct Gauss<'a> {
-    axis: &'a Axis,
-    spline: &'a Spline,
-    mean: f64,
-    deviation: f64,
-    clamped: bool,
-    row: &'a mut [f64],
-}
-
 /// Adds so much of the spline at xi to a row. A function: a closure of several callers stays outside the dispatch.
 #[inline(always)]
 fn spread(row: &mut [f64], spline: &Spline, n: usize, xi: f64, weight: f64) {
@@ -168,59 +154,54 @@ fn spread(row: &mut [f64], spline: &Spline, n: usize, xi: f64, weight: f64) {
     }
 }
 
-impl pulp::WithSimd for Gauss<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self {
-            axis,
-            spline,
-            mean,
-            deviation,
-            clamped,
-            row,
-        } = self;
-        let n = axis.len();
-        let centres = axis.centres();
-        let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
-        let mut add = |xi: f64, weight: f64| spread(row, spline, n, xi, weight);
-        if clamped {
-            let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
-            if low < centres[0] {
-                add(0.0, tail(mean - centres[0]));
-            }
-            if high > centres[n - 1] {
-                add((n - 1) as f64, tail(centres[n - 1] - mean));
-            }
+/// Adds the average over N(mean, deviation^2) to a row.
+#[inline(always)]
+fn gauss(
+    axis: &Axis,
+    spline: &Spline,
+    [mean, deviation]: [f64; 2],
+    clamped: bool,
+    row: &mut [f64],
+) {
+    let n = axis.len();
+    let centres = axis.centres();
+    let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
+    let mut add = |xi: f64, weight: f64| spread(row, spline, n, xi, weight);
+    if clamped {
+        let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
+        if low < centres[0] {
+            add(0.0, tail(mean - centres[0]));
         }
-        let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
-        let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
-        // Knots lie on the nodes: the degree is odd.
-        let start = centres.partition_point(|v| *v <= low).max(1) - 1;
-        for k in start..n - 1 {
-            let (a, b) = (centres[k].max(low), centres[k + 1].min(high));
-            if a >= b {
-                if centres[k] > high {
-                    break;
-                }
-                continue;
+        if high > centres[n - 1] {
+            add((n - 1) as f64, tail(centres[n - 1] - mean));
+        }
+    }
+    let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
+    let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
+    // Knots lie on the nodes: the degree is odd.
+    let start = centres.partition_point(|v| *v <= low).max(1) - 1;
+    for k in start..n - 1 {
+        let (a, b) = (centres[k].max(low), centres[k + 1].min(high));
+        if a >= b {
+            if centres[k] > high {
+                break;
             }
-            let parts = ((b - a) / (PANEL * deviation)).ceil().max(1.0);
-            let half = 0.5 * (b - a) / parts;
-            for part in 0..parts as usize {
-                let middle = a + half * (2 * part + 1) as f64;
-                let both = GAUSS.iter().flat_map(|(x, w)| [(-x, *w), (*x, *w)]);
-                for (x, weight) in both {
-                    let v = middle + half * x;
-                    let z = (v - mean) / deviation;
-                    let xi = match uniform {
-                        Some(inverse) => k as f64 + (v - centres[k]) * inverse,
-                        None => axis.locate(v) - 0.5,
-                    };
-                    let xi = xi.clamp(k as f64, (k + 1) as f64);
-                    add(xi, weight * half * norm * (-0.5 * z * z).exp());
-                }
+            continue;
+        }
+        let parts = ((b - a) / (PANEL * deviation)).ceil().max(1.0);
+        let half = 0.5 * (b - a) / parts;
+        for part in 0..parts as usize {
+            let middle = a + half * (2 * part + 1) as f64;
+            let both = GAUSS.iter().flat_map(|(x, w)| [(-x, *w), (*x, *w)]);
+            for (x, weight) in both {
+                let v = middle + half * x;
+                let z = (v - mean) / deviation;
+                let xi = match uniform {
+                    Some(inverse) => k as f64 + (v - centres[k]) * inverse,
+                    None => axis.locate(v) - 0.5,
+                };
+                let xi = xi.clamp(k as f64, (k + 1) as f64);
+                add(xi, weight * half * norm * (-0.5 * z * z).exp());
             }
         }
     }

@@ -13,8 +13,9 @@ mod pieces;
 mod stoermer;
 
 use crate::contact::ContactLaw;
+use crate::matrix::vectorised;
 use flight::{landing, thrown};
-use hertz::Hertz;
+use hertz::hertz;
 
 /// The undamped motion of a contact law.
 #[derive(Debug, Clone, Copy)]
@@ -40,11 +41,10 @@ impl<'a> Motion<'a> {
             return;
         }
         match self.contact {
-            ContactLaw::Hertz => pulp::Arch::new().dispatch(Hertz {
-                starts,
-                times,
-                ends,
-            }),
+            ContactLaw::Hertz => vectorised(
+                #[inline(always)]
+                || hertz(starts, times, ends),
+            ),
             contact => {
                 for (k, start) in starts.iter().enumerate() {
                     let (mut point, mut elapsed) = (*start, 0.0);

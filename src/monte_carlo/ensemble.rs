@@ -13,6 +13,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::initial::Initial;
+use crate::matrix::vectorised;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
@@ -344,9 +345,11 @@ impl WithLaw for Run<'_> {
                         break;
                     }
                     self.block(law, first, |k, q, v| {
-                        let frames = &frames[k];
-                        let sum = Sum { law, frames, q, v };
-                        sums[k].add(&pulp::Arch::new().dispatch(sum));
+                        let sum = vectorised(
+                            #[inline(always)]
+                            || Sums::of(law, &frames[k], q, v),
+                        );
+                        sums[k].add(&sum);
                     });
                 }
                 sums
@@ -371,14 +374,24 @@ impl Run<'_> {
             .map(|first| self.paths.group(first))
             .collect();
         let (mut q, mut v) = (Vec::new(), Vec::new());
-        let arch = pulp::Arch::new();
         let advance = |interval: &Interval, groups: &mut [Group]| {
-            arch.dispatch(Advance {
-                law,
-                interval,
-                groups,
+            let Interval {
+                start,
+                steps,
+                coefficients,
+            } = interval;
+            let mut watch = Timed {
+                watch: &mut Deaf,
                 progress: self.progress,
-            });
+            };
+            vectorised(
+                #[inline(always)]
+                || {
+                    for group in groups.iter_mut() {
+                        coefficients.advance(law, group, *steps, *start, &mut watch);
+                    }
+                },
+            );
             self.progress.late()
         };
         if let Some(run_in) = self.before {
@@ -400,51 +413,6 @@ impl Run<'_> {
             show(k, &q[..paths as usize], &v[..paths as usize]);
             self.progress.add(interval.steps * paths);
         }
-    }
-}
-
-/// One interval of one block, compiled for the widest vectors of the machine it runs on.
-struct Advance<'a, L> {
-    law: L,
-    interval: &'a Interval,
-    groups: &'a mut [Group],
-    progress: &'a Progress<'a>,
-}
-
-impl<L: Law> pulp::WithSimd for Advance<'_, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Interval {
-            start,
-            steps,
-            coefficients,
-        } = self.interval;
-        let mut watch = Timed {
-            watch: &mut Deaf,
-            progress: self.progress,
-        };
-        for group in self.groups {
-            coefficients.advance(self.law, group, *steps, *start, &mut watch);
-        }
-    }
-}
-
-/// The sums over some states, compiled likewise.
-struct Sum<'a, L> {
-    law: L,
-    frames: &'a Frames,
-    q: &'a [f64],
-    v: &'a [f64],
-}
-
-impl<L: Law> pulp::WithSimd for Sum<'_, L> {
-    type Output = Sums;
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> Sums {
-        Sums::of(self.law, self.frames, self.q, self.v)
     }
 }
 

@@ -5,7 +5,7 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
-use super::scheme::{self, Coefficients};
+use super::scheme::{Coefficients, Group};
 use super::statistics::proportion;
 use super::walk::{self, Cost, TASKS, Walk};
 use super::{Sampling, Scheme};
@@ -13,6 +13,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::initial::Initial;
+use crate::matrix::vectorised;
 use crate::oscillator::{Oscillator, Side};
 use crate::roots::bisect;
 use rayon::prelude::*;
@@ -397,8 +398,10 @@ impl WithLaw for &Survive<'_> {
                 let mut sums = LossSums::new(self);
                 for first in paths.clone().step_by(LANES) {
                     let lanes = (LANES as u64).min(paths.end - first);
-                    let run = self;
-                    let times = pulp::Arch::new().dispatch(Group { law, run, first });
+                    let times = vectorised(
+                        #[inline(always)]
+                        || self.first_losses(law, first),
+                    );
                     if self.progress.late() {
                         break;
                     }
@@ -418,32 +421,23 @@ impl WithLaw for &Survive<'_> {
     }
 }
 
-/// The first losses of [`LANES`] paths; infinite where there is none.
-struct Group<'a, L> {
-    law: L,
-    run: &'a Survive<'a>,
-    first: u64,
-}
-
-impl<L: Law> pulp::WithSimd for Group<'_, L> {
-    type Output = [f64; LANES];
-
+impl Survive<'_> {
+    /// The first losses of [`LANES`] paths; infinite where there is none.
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> [f64; LANES] {
-        let Self { law, run, first } = self;
-        let mut group = run.paths.group(first);
+    fn first_losses<L: Law>(&self, law: L, first: u64) -> [f64; LANES] {
+        let mut group = self.paths.group(first);
         // What is run in is of the sample only where nothing is lost at 0.
-        let at_once = match &run.run_in {
+        let at_once = match &self.run_in {
             // Under viscous damping nothing is run in, and no code is made for it.
             Some((steps, length, coefficients)) if !L::VISCOUS => {
                 let start = -(*steps as f64);
                 let pieces = (start, *steps, *length, coefficients);
-                self.in_pieces(&mut group, pieces, Deaf, |_| false);
+                self.in_pieces(law, &mut group, pieces, Deaf, |_| false);
                 f64::NEG_INFINITY
             }
             _ => 0.0,
         };
-        let beyond = |q: f64| match run.range {
+        let beyond = |q: f64| match self.range {
             Some([below, above]) => q < below || q > above,
             None => q < law.loss(),
         };
@@ -454,42 +448,41 @@ impl<L: Law> pulp::WithSimd for Group<'_, L> {
                 f64::INFINITY
             }
         });
-        let pieces = (0.0, run.steps, run.step, &run.coefficients);
+        let pieces = (0.0, self.steps, self.step, &self.coefficients);
         let all = |times: &[f64; LANES]| !times.contains(&f64::INFINITY);
-        match run.range {
+        match self.range {
             Some(range) => {
                 let watch = Out { first: gone, range };
-                self.in_pieces(&mut group, pieces, watch, |it| all(&it.first))
+                self.in_pieces(law, &mut group, pieces, watch, |it| all(&it.first))
                     .first
             }
             None => {
-                self.in_pieces(&mut group, pieces, First(gone), |it| all(&it.0))
+                self.in_pieces(law, &mut group, pieces, First(gone), |it| all(&it.0))
                     .0
             }
         }
     }
-}
 
-impl<L: Law> Group<'_, L> {
     /// Steps of a length from the step `start` on under a watch, in pieces, so that a group whose paths are `all` gone can
     /// stop.
     #[inline(always)]
-    fn in_pieces<W: Watch>(
+    fn in_pieces<L: Law, W: Watch>(
         &self,
-        group: &mut scheme::Group,
+        law: L,
+        group: &mut Group,
         (start, steps, length, coefficients): (f64, u64, f64, &Coefficients),
         mut watch: W,
         all: impl Fn(&W) -> bool,
     ) -> W {
         let mut timed = Timed {
             watch: &mut watch,
-            progress: self.run.progress,
+            progress: self.progress,
         };
         let mut done = 0;
         while done < steps && !all(timed.watch) && !timed.late() {
             let piece = PIECE.min(steps - done);
             let now = (start + done as f64) * length;
-            coefficients.advance(self.law, group, piece, now, &mut timed);
+            coefficients.advance(law, group, piece, now, &mut timed);
             done += piece;
         }
         watch

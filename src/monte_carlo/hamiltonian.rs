@@ -3,6 +3,7 @@
 use super::events::{PATIENCE, Watch};
 use super::law::Law;
 use super::noise::{LANES, Lanes};
+use crate::roots::rising;
 
 /// Longest substep times the highest frequency of the scene. Measured: the energy then errs by less
 /// than 3e-5 of itself, without drift, and the phase by 2e-6 a unit of time.
@@ -241,28 +242,12 @@ fn rise<L: Law>(law: L, start: State, end: State, time: f64) -> Option<(f64, f64
     if end.q <= back {
         return None;
     }
-    let (mut low, mut high, mut t) = (0.0, time, time);
-    let mut state = end;
-    for _ in 0..60 {
-        if state.q > back {
-            high = t;
-        } else {
-            low = t;
-        }
-        let newton = t - (state.q - back) / state.v;
-        let next = if newton >= low && newton <= high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
-        let change = next - t;
-        t = next;
-        state = in_contact(law, start, t);
-        if change.abs() <= 1e-8 * time {
-            break;
-        }
-    }
-    Some((t, state.v))
+    let beyond = |t: f64| {
+        let state = in_contact(law, start, t);
+        (state.q - back, state.v)
+    };
+    let t = rising(beyond, [0.0, time], time, 1e-8 * time);
+    Some((t, in_contact(law, start, t).v))
 }
 
 /// One substep of any length from a state in contact.

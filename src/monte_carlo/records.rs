@@ -17,6 +17,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
+use crate::matrix::vectorised;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
@@ -390,25 +391,14 @@ impl Run<'_> {
         let mut hits = self.bins.map(|bins| vec![vec![0u32; bins.slots()]; LANES]);
         let out = |lane: usize| law.is_lost(group.q[lane]);
         let mut logbook = self.flights.map(|bins| Logbook::new(bins, out));
-        let arch = pulp::Arch::new();
         for number in 0..recipe.burn_in + recipe.batches {
             let keep = number >= recipe.burn_in;
             let mut batch = Batch::new();
             let start = number * recipe.samples;
-            let record = RunBatch {
-                law,
-                run: self,
-                start,
-                group: &mut group,
-                batch: &mut batch,
-                hits: &mut hits,
-            };
+            let state = (start, &mut group, &mut batch, &mut hits);
             match &mut logbook {
-                Some(watch) => arch.dispatch(Watched { record, watch }),
-                None => arch.dispatch(Watched {
-                    record,
-                    watch: &mut Deaf,
-                }),
+                Some(watch) => self.batch(law, state, watch),
+                None => self.batch(law, state, &mut Deaf),
             }
             if self.progress.late() {
                 break;
@@ -433,64 +423,44 @@ impl Run<'_> {
         sums.crossings = logbook.map(Logbook::into_sums);
         sums
     }
-}
-
-/// One batch of one group.
-struct RunBatch<'a, L> {
-    law: L,
-    run: &'a Run<'a>,
-    /// Samples before it.
-    start: u64,
-    group: &'a mut Group,
-    batch: &'a mut Batch,
-    hits: &'a mut [Vec<Vec<u32>>; 3],
-}
-
-/// [`RunBatch`] with someone who hears of the crossings.
-struct Watched<'a, 'b, L, W> {
-    record: RunBatch<'a, L>,
-    watch: &'b mut W,
-}
-
-impl<L: Law, W: Watch> pulp::WithSimd for Watched<'_, '_, L, W> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let RunBatch {
-            law,
-            run,
-            start,
-            group,
-            batch,
-            hits,
-        } = self.record;
-        let steps = run.recipe.steps;
-        let spacing = steps as f64 * run.recipe.walk.step;
+    /// One batch of one group, with someone who hears of the crossings.
+    fn batch<L: Law, W: Watch>(
+        &self,
+        law: L,
+        (start, group, batch, hits): (u64, &mut Group, &mut Batch, &mut [Vec<Vec<u32>>; 3]),
+        watch: &mut W,
+    ) {
+        let steps = self.recipe.steps;
+        let spacing = steps as f64 * self.recipe.walk.step;
         let watch = &mut Timed {
-            watch: self.watch,
-            progress: run.progress,
+            watch,
+            progress: self.progress,
         };
         let patience = (PATIENCE / steps).max(1);
-        for k in 0..run.recipe.samples {
-            if k % patience == patience - 1 && watch.late() {
-                break;
-            }
-            let now = (start + k) as f64 * spacing;
-            run.coefficients.advance(law, group, steps, now, watch);
-            batch.sample(law, &run.units, &group.q, &group.v);
-            for lane in 0..LANES {
-                let (q, v) = (group.q[lane], group.v[lane]);
-                let force = if law.is_lost(q) {
-                    run.bins[2].dirac()
-                } else {
-                    run.bins[2].slot(law.force(q))
-                };
-                let slots = [run.bins[0].slot(q), run.bins[1].slot(v), force];
-                for (hits, slot) in hits.iter_mut().zip(slots) {
-                    hits[lane][slot] += 1;
+        vectorised(
+            #[inline(always)]
+            || {
+                for k in 0..self.recipe.samples {
+                    if k % patience == patience - 1 && watch.late() {
+                        break;
+                    }
+                    let now = (start + k) as f64 * spacing;
+                    self.coefficients.advance(law, group, steps, now, watch);
+                    batch.sample(law, &self.units, &group.q, &group.v);
+                    for lane in 0..LANES {
+                        let (q, v) = (group.q[lane], group.v[lane]);
+                        let force = if law.is_lost(q) {
+                            self.bins[2].dirac()
+                        } else {
+                            self.bins[2].slot(law.force(q))
+                        };
+                        let slots = [self.bins[0].slot(q), self.bins[1].slot(v), force];
+                        for (hits, slot) in hits.iter_mut().zip(slots) {
+                            hits[lane][slot] += 1;
+                        }
+                    }
                 }
-            }
-        }
+            },
+        );
     }
 }

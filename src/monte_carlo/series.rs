@@ -12,6 +12,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
+use crate::matrix::vectorised;
 use crate::oscillator::{Oscillator, Quantity};
 use rayon::prelude::*;
 
@@ -167,37 +168,21 @@ impl<T: Send> WithLaw for Run<'_, T> {
 impl<T> Run<'_, T> {
     fn group<L: Law>(&self, law: L, number: u64) -> Vec<T> {
         let mut records = vec![vec![0.0; self.recipe.asked.samples]; LANES];
-        pulp::Arch::new().dispatch(Sample {
-            law,
-            recipe: self.recipe,
-            coefficients: &self.coefficients,
-            group: self.paths.group(FIRST + number * LANES as u64),
-            records: &mut records,
-            progress: self.progress,
-        });
+        let mut group = self.paths.group(FIRST + number * LANES as u64);
+        vectorised(
+            #[inline(always)]
+            || self.sample(law, &mut group, &mut records),
+        );
         if self.progress.late() {
             return Vec::new();
         }
         self.progress.add(1);
         records.iter().map(|record| (self.visit)(record)).collect()
     }
-}
 
-/// The records of one group.
-struct Sample<'a, L> {
-    law: L,
-    recipe: &'a Series,
-    coefficients: &'a Coefficients,
-    group: Group,
-    records: &'a mut [Vec<f64>],
-    progress: &'a Progress<'a>,
-}
-
-impl<L: Law> pulp::WithSimd for Sample<'_, L> {
-    type Output = ();
-
+    /// The records of one group.
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(mut self, _: S) {
+    fn sample<L: Law>(&self, law: L, group: &mut Group, records: &mut [Vec<f64>]) {
         let Series {
             asked,
             steps,
@@ -217,13 +202,13 @@ impl<L: Law> pulp::WithSimd for Sample<'_, L> {
             }
             let now = k as f64 * spacing;
             self.coefficients
-                .advance(self.law, &mut self.group, *steps, now, &mut watch);
+                .advance(law, group, *steps, now, &mut watch);
             let Some(place) = k.checked_sub(*burn_in) else {
                 continue;
             };
-            for (record, q) in self.records.iter_mut().zip(&self.group.q) {
+            for (record, q) in records.iter_mut().zip(&group.q) {
                 record[place as usize] = match asked.quantity {
-                    Quantity::Force => self.law.force(*q),
+                    Quantity::Force => law.force(*q),
                     Quantity::Displacement => *q,
                 };
             }

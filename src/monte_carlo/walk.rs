@@ -382,26 +382,17 @@ fn resolve(
 /// A rate that depends on the displacement counts with the largest that the motion meets, and the step is half as long:
 /// where it jumps each crossing errs by the step, of either sign.
 fn automatic_step(scheme: Scheme, oscillator: &Oscillator, pace: Pace) -> f64 {
-    let frequency = pace.frequency;
-    if !oscillator.is_viscous() {
-        let zeta = pace.friction.max(oscillator.zeta());
-        let frequency = frequency.max(1.0);
-        let friction = (zeta * frequency).max(3.0 * zeta * zeta);
-        return match scheme {
-            Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta),
-            Scheme::EulerMaruyama => (0.02 * oscillator.zeta()).min(0.01 / frequency.max(zeta)),
-            _ => 0.5 * (1.0 / frequency).min((5.5e-3 / friction).sqrt()),
-        };
-    }
-    let zeta = oscillator.zeta();
-    let frequency = frequency.max(1.0);
+    let zeta = pace.friction.max(oscillator.zeta());
+    let frequency = pace.frequency.max(1.0);
     let friction = (zeta * frequency).max(3.0 * zeta * zeta);
+    let splitting = (1.0 / frequency).min((5.5e-3 / friction).sqrt());
     match scheme {
-        Scheme::Auto | Scheme::Splitting42 => (1.0 / frequency).min((5.5e-3 / friction).sqrt()),
-        Scheme::Splitting62 => (2.0 / frequency).min((1.2e-2 / friction).sqrt()),
         Scheme::CentralDifference | Scheme::Baoab => 0.05 / frequency.max(zeta),
         // A step at which its damping is off by a hundredth.
-        Scheme::EulerMaruyama => (0.02 * zeta).min(0.01 / frequency.max(zeta)),
+        Scheme::EulerMaruyama => (0.02 * oscillator.zeta()).min(0.01 / frequency.max(zeta)),
+        _ if !oscillator.is_viscous() => 0.5 * splitting,
+        Scheme::Auto | Scheme::Splitting42 => splitting,
+        Scheme::Splitting62 => (2.0 / frequency).min((1.2e-2 / friction).sqrt()),
         // Variances then err by less than 3e-4 of themselves.
         Scheme::ExponentialHeun if zeta < 40.0 * frequency => 0.05 / frequency,
         Scheme::ExponentialHeun => 0.04 * zeta / (frequency * frequency),

@@ -173,18 +173,14 @@ impl Question for Search<'_> {
     }
 
     fn next(&mut self) -> Result<Next> {
-        let done = self.levels.len();
-        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
-        if done >= 3 && self.recipe.given {
-            return stop("its cells are those of the scene".into(), false);
-        }
-        if done == RESOLUTIONS || self.stalls == STALLS {
-            return stop(format!("{done} resolutions did not settle it"), true);
-        }
-        Ok(Next::Run {
-            now: self.recipe.work(done),
-            then: (done < 2).then(|| self.recipe.work(2)),
-        })
+        let (done, given) = (self.levels.len(), self.recipe.given);
+        let most = if self.stalls == STALLS {
+            done
+        } else {
+            RESOLUTIONS
+        };
+        let work = |level: usize| self.recipe.work(level);
+        Ok(Next::of_three(done, most, given, work))
     }
 
     fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {

@@ -3,7 +3,7 @@
 
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
-use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, at_least, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, work};
@@ -251,18 +251,9 @@ impl Question for Task<'_> {
     }
 
     fn next(&mut self) -> Result<Next> {
-        let done = self.levels.len();
-        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
-        if done >= 3 && self.recipe.given {
-            return stop("its cells are those of the scene".into(), false);
-        }
-        if done == RESOLUTIONS {
-            return stop(format!("{done} resolutions did not settle it"), true);
-        }
-        Ok(Next::Run {
-            now: self.recipe.work(done),
-            then: (done < 2).then(|| self.recipe.work(2)),
-        })
+        let (done, given) = (self.levels.len(), self.recipe.given);
+        let work = |level: usize| self.recipe.work(level);
+        Ok(Next::of_three(done, RESOLUTIONS, given, work))
     }
 
     fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
@@ -298,16 +289,8 @@ impl Question for Task<'_> {
                 scales[k] * (left + rounding)
             };
             let mut moments = fine.moments;
-            let mut worst = (0.0, "mean_q");
-            for (k, number) in moments.each_mut().into_iter().enumerate() {
-                if let Some(number) = number {
-                    *number = Estimate::new(number.value, error(k), Origin::Space);
-                    let ratio = error(k) / (scales[k] * self.recipe.tolerance);
-                    if ratio > worst.0 || ratio.is_nan() {
-                        worst = (ratio, Moment::ALL[k].name());
-                    }
-                }
-            }
+            let goal = (&scales[..], self.recipe.tolerance);
+            let worst = judged(&mut moments, Origin::Space, goal, |k, _| error(k));
             let first = Moment::ALL.len();
             let beside = |k: usize| {
                 let value = fine.beside[k]?;

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
-use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
+use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{self, Cost, Factors, Limits, timing};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::flux::Drift;
@@ -248,20 +248,12 @@ impl Question for Task<'_> {
         moments.keep(recipe.asked.as_deref());
         let scales = Scales::of(oscillator).each(&moments);
         let weights = domain.tail_weights(oscillator);
-        let names = moments.named().map(|(name, _)| name);
-        let mut worst = (0.0, "mean_q");
-        let numbers = moments.each_mut().into_iter().zip(scales).zip(weights);
-        for (((number, scale), weight), name) in numbers.zip(names) {
-            if let Some(number) = number {
-                // A kurtosis far above 3 weighs the tail by its own size.
-                let error = (weight * outside + l1 + solved) * scale.max(number.value.abs());
-                *number = Estimate::new(number.value, error, Origin::Domain);
-                let ratio = error / (recipe.tolerance * scale);
-                if ratio > worst.0 || ratio.is_nan() {
-                    worst = (ratio, name);
-                }
-            }
-        }
+        // A kurtosis far above 3 weighs the tail by its own size.
+        let error = |k: usize, value: f64| {
+            (weights[k] * outside + l1 + solved) * scales[k].max(value.abs())
+        };
+        let goal = (&scales[..], recipe.tolerance);
+        let worst = judged(&mut moments, Origin::Domain, goal, error);
         let answer = Steady {
             moments,
             shortfall: None,

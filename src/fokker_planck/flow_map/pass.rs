@@ -1,6 +1,7 @@
 //! The two passes of a step: g carried along the motion, and averaged along v.
 
 use super::super::interpolation::{self, Filter, MARGIN, PANEL, POINTS};
+use crate::matrix::vectorised;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -57,16 +58,21 @@ impl Buffers {
         const ROWS: usize = 4;
         let (coefficients, stride) = (&self.coefficients[..], self.stride);
         let rows = |(group, values): (usize, &mut [f64])| {
-            pulp::Arch::new().dispatch(Carry {
-                map,
-                active,
-                offsets,
-                first: group * ROWS,
-                coefficients,
-                stride,
-                nv,
-                values,
-            });
+            vectorised(
+                #[inline(always)]
+                move || {
+                    for (i, row) in (group * ROWS..).zip(values.chunks_exact_mut(nv)) {
+                        let (range, cells) = (active[i].clone(), offsets[i]..offsets[i + 1]);
+                        let places = &map.places[cells.clone()];
+                        let weights = &map.weights[cells.start * STENCIL..cells.end * STENCIL];
+                        let out = &mut row[range.clone()];
+                        gather(places, weights, coefficients, stride, out);
+                        let (first, last) = (row[range.start], row[range.end - 1]);
+                        row[..range.start].fill(first);
+                        row[range.end..].fill(last);
+                    }
+                },
+            );
         };
         if share {
             self.values
@@ -82,14 +88,19 @@ impl Buffers {
     pub(super) fn average(&mut self, nv: usize, matrices: &[(Range<usize>, Matrix)], share: bool) {
         let (values, nq, filter) = (&self.values[..], self.values.len() / nv, &self.filter);
         let panel = |(number, panel): (usize, &mut [f64])| {
-            pulp::Arch::new().dispatch(Average {
-                filter,
-                values,
-                nv,
-                matrices,
-                number,
-                panel,
-            });
+            vectorised(
+                #[inline(always)]
+                move || {
+                    for (rows, matrix) in matrices {
+                        let size = nv * PANEL;
+                        let values = &values[rows.start * nv..rows.end * nv];
+                        let panel = &mut panel[rows.start * PANEL..rows.end * PANEL];
+                        let entries = &matrix.panels[number * size..(number + 1) * size];
+                        product(values, nv, entries, matrix.ranges[number].clone(), panel);
+                    }
+                    filter.apply(panel);
+                },
+            );
         };
         if share {
             let panels = self.panels.par_chunks_mut(nq * PANEL);
@@ -115,64 +126,6 @@ impl Buffers {
                 .enumerate()
                 .for_each(row);
         }
-    }
-}
-
-/// Values of some rows from the spline. A type, since a closure would not be compiled for the CPU.
-struct Carry<'a> {
-    map: &'a Map,
-    active: &'a [Range<usize>],
-    offsets: &'a [usize],
-    first: usize,
-    coefficients: &'a [f64],
-    stride: usize,
-    nv: usize,
-    values: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Carry<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let rows = self.values.chunks_exact_mut(self.nv);
-        for (i, row) in (self.first..).zip(rows) {
-            let (range, cells) = (self.active[i].clone(), self.offsets[i]..self.offsets[i + 1]);
-            let places = &self.map.places[cells.clone()];
-            let weights = &self.map.weights[cells.start * STENCIL..cells.end * STENCIL];
-            let out = &mut row[range.clone()];
-            gather(places, weights, self.coefficients, self.stride, out);
-            let (first, last) = (row[range.start], row[range.end - 1]);
-            row[..range.start].fill(first);
-            row[range.end..].fill(last);
-        }
-    }
-}
-
-/// Coefficients of one group of columns.
-struct Average<'a> {
-    filter: &'a Filter,
-    values: &'a [f64],
-    nv: usize,
-    matrices: &'a [(Range<usize>, Matrix)],
-    number: usize,
-    panel: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Average<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let (nv, number) = (self.nv, self.number);
-        for (rows, matrix) in self.matrices {
-            let size = nv * PANEL;
-            let values = &self.values[rows.start * nv..rows.end * nv];
-            let panel = &mut self.panel[rows.start * PANEL..rows.end * PANEL];
-            let entries = &matrix.panels[number * size..(number + 1) * size];
-            product(values, nv, entries, matrix.ranges[number].clone(), panel);
-        }
-        self.filter.apply(self.panel);
     }
 }
 

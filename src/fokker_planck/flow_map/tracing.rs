@@ -8,6 +8,7 @@ use crate::fokker_planck::interpolation::{POINTS, Spline};
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::around;
 use crate::fokker_planck::trajectory::Motion;
+use crate::matrix::vectorised;
 use rayon::prelude::*;
 
 /// Places and weights of some rows of a map.
@@ -75,13 +76,10 @@ impl FlowMap {
                     let mut factors = into.clone();
                     self.faster(legs[*k].friction[0], 1, ends, &mut factors);
                     let (places, weights) = &mut parts[*k];
-                    pulp::Arch::new().dispatch(Locate {
-                        it: self,
-                        ends,
-                        factors: &factors,
-                        places,
-                        weights,
-                    });
+                    vectorised(
+                        #[inline(always)]
+                        || self.stencils((ends, &factors), places, weights),
+                    );
                 }
             }
             Ok(())
@@ -113,36 +111,28 @@ impl FlowMap {
             }
         }
     }
-}
 
-/// Stencils of departure points.
-struct Locate<'a> {
-    it: &'a FlowMap,
-    ends: &'a [[f64; 2]],
-    factors: &'a [f64],
-    places: &'a mut [u32],
-    weights: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Locate<'_> {
-    type Output = ();
-
+    /// Stencils of departure points.
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let it = self.it;
-        let [nq, nv] = it.mesh.cells();
-        let stride = it.buffers.stride;
-        let (q_axis, v_axis) = (Coordinate::of(&it.mesh.q), Coordinate::of(&it.mesh.v));
-        let cells = self.ends.iter().zip(self.factors).zip(self.places);
-        for (((end, factor), place), weights) in cells.zip(self.weights.chunks_exact_mut(STENCIL)) {
+    fn stencils(
+        &self,
+        (ends, factors): (&[[f64; 2]], &[f64]),
+        places: &mut [u32],
+        weights: &mut [f64],
+    ) {
+        let [nq, nv] = self.mesh.cells();
+        let stride = self.buffers.stride;
+        let (q_axis, v_axis) = (Coordinate::of(&self.mesh.q), Coordinate::of(&self.mesh.v));
+        let cells = ends.iter().zip(factors).zip(places);
+        for (((end, factor), place), weights) in cells.zip(weights.chunks_exact_mut(STENCIL)) {
             let (xi, eta) = (q_axis.locate(end[0]), v_axis.locate(end[1]));
             let (iq, fq) = Spline::place(xi, nq);
             let (iv, fv) = Spline::place(eta, nv);
             *place = (iq * stride + iv) as u32;
             let inside = |x: f64, n: usize| x >= -0.5 && x <= n as f64 - 0.5;
-            if it.stationary || (inside(xi, nq) && inside(eta, nv)) {
-                weights[..POINTS].copy_from_slice(&it.spline.weights(fq));
-                let along = it.spline.weights(fv).map(|w| w * factor);
+            if self.stationary || (inside(xi, nq) && inside(eta, nv)) {
+                weights[..POINTS].copy_from_slice(&self.spline.weights(fq));
+                let along = self.spline.weights(fv).map(|w| w * factor);
                 weights[POINTS..].copy_from_slice(&along);
             }
         }

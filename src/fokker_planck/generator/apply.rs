@@ -3,6 +3,7 @@
 use super::super::difference::{central, staggered};
 use super::super::flux::MassFlux;
 use super::Generator;
+use crate::matrix::vectorised;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -57,12 +58,17 @@ impl Generator {
         g: &[f64],
         rate: &mut [f64],
     ) {
-        pulp::Arch::new().dispatch(Apply::<TRANSPORT, DIFFUSION> {
-            generator: self,
-            columns: &columns,
-            g,
-            rate,
-        });
+        vectorised(
+            #[inline(always)]
+            || {
+                if TRANSPORT {
+                    self.transport(&columns, g, rate);
+                }
+                if DIFFUSION {
+                    self.diffusion(&columns, g, rate);
+                }
+            },
+        );
     }
 
     /// Calls `work` for all columns, a share at a time, each with its cells of `rate`.
@@ -287,36 +293,6 @@ impl Generator {
                 }
                 first = cells.end;
             }
-        }
-    }
-}
-
-/// A part of the generator on some columns. A type, not a closure, so that it is compiled for the CPU.
-struct Apply<'a, const TRANSPORT: bool, const DIFFUSION: bool> {
-    generator: &'a Generator,
-    columns: &'a Range<usize>,
-    g: &'a [f64],
-    rate: &'a mut [f64],
-}
-
-impl<const TRANSPORT: bool, const DIFFUSION: bool> pulp::WithSimd
-    for Apply<'_, TRANSPORT, DIFFUSION>
-{
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self {
-            generator,
-            columns,
-            g,
-            rate,
-        } = self;
-        if TRANSPORT {
-            generator.transport(columns, g, rate);
-        }
-        if DIFFUSION {
-            generator.diffusion(columns, g, rate);
         }
     }
 }

@@ -6,6 +6,7 @@
 
 use super::basis::{Element, INNER};
 use crate::error::{Error, Result};
+use crate::matrix::vectorised;
 use ndarray::Array2;
 use num_complex::Complex;
 use std::borrow::Cow;
@@ -166,11 +167,10 @@ impl<'a> Condensed<'a> {
         let steps = Steps::of(self);
         let mut parts: [[Array2<C>; 2]; 2] =
             std::array::from_fn(|_| std::array::from_fn(|_| Array2::default((k, k))));
-        pulp::Arch::new().dispatch(Columns {
-            it: self,
-            steps: &steps,
-            parts: &mut parts,
-        });
+        vectorised(
+            #[inline(always)]
+            || columns(self, &steps, &mut parts),
+        );
         let [[mut left, mut across], [other, mut right]] = parts;
         for i in 0..k {
             for j in 0..i {
@@ -295,61 +295,49 @@ impl Steps {
     }
 }
 
-/// The upper halves of the four parts of the matrix of the hats. A type, since a closure would not be compiled for
-/// the CPU.
-struct Columns<'a, 'b> {
-    it: &'a Condensed<'b>,
-    steps: &'a Steps,
-    parts: &'a mut [[Array2<C>; 2]; 2],
-}
-
-impl pulp::WithSimd for Columns<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { it, steps, parts } = self;
-        let k = it.rates.len();
-        let mut work = vec![Rows::ZERO; k];
-        for first in (0..k).step_by(SIDE) {
-            let count = SIDE.min(k - first);
-            let top = (first + count).min(k - 1);
-            // Downwards: what the columns put into the inner functions.
-            for i in (0..=top).rev() {
-                let mut here = Rows::ZERO;
-                if i + 1 >= first {
-                    let given = given(it, i, first, count);
-                    here.add(&it.inverse[i], &given);
-                }
-                if i < top {
-                    let above = work[i + 1];
-                    here.add(&steps.down[i], &above);
-                }
-                work[i] = here;
+/// The upper halves of the four parts of the matrix of the hats.
+#[inline(always)]
+fn columns(it: &Condensed, steps: &Steps, parts: &mut [[Array2<C>; 2]; 2]) {
+    let k = it.rates.len();
+    let mut work = vec![Rows::ZERO; k];
+    for first in (0..k).step_by(SIDE) {
+        let count = SIDE.min(k - first);
+        let top = (first + count).min(k - 1);
+        // Downwards: what the columns put into the inner functions.
+        for i in (0..=top).rev() {
+            let mut here = Rows::ZERO;
+            if i + 1 >= first {
+                let given = given(it, i, first, count);
+                here.add(&it.inverse[i], &given);
             }
-            for i in 1..=top {
-                let below = work[i - 1];
-                work[i].add(&steps.up[i], &below);
+            if i < top {
+                let above = work[i + 1];
+                here.add(&steps.down[i], &above);
             }
-            for i in 0..first + count {
-                for (h, parts) in parts.iter_mut().enumerate() {
-                    let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
-                    let rows = &steps.hats[i][h];
-                    for (d, row) in rows.iter().enumerate() {
-                        if i + d < 1 || i + d > top + 1 {
-                            continue;
-                        }
-                        let inner = &work[i + d - 1];
-                        for (b, x) in row.iter().enumerate() {
-                            axpy(-*x, (&inner.re[b], &inner.im[b]), (&mut re, &mut im));
-                        }
+            work[i] = here;
+        }
+        for i in 1..=top {
+            let below = work[i - 1];
+            work[i].add(&steps.up[i], &below);
+        }
+        for i in 0..first + count {
+            for (h, parts) in parts.iter_mut().enumerate() {
+                let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+                let rows = &steps.hats[i][h];
+                for (d, row) in rows.iter().enumerate() {
+                    if i + d < 1 || i + d > top + 1 {
+                        continue;
                     }
-                    for (other, part) in parts.iter_mut().enumerate() {
-                        for l in 0..count {
-                            let at = other * SIDE + l;
-                            part[[i, first + l]] =
-                                C::new(re[at], im[at]) + own(it, i, first + l, h, other);
-                        }
+                    let inner = &work[i + d - 1];
+                    for (b, x) in row.iter().enumerate() {
+                        axpy(-*x, (&inner.re[b], &inner.im[b]), (&mut re, &mut im));
+                    }
+                }
+                for (other, part) in parts.iter_mut().enumerate() {
+                    for l in 0..count {
+                        let at = other * SIDE + l;
+                        part[[i, first + l]] =
+                            C::new(re[at], im[at]) + own(it, i, first + l, h, other);
                     }
                 }
             }

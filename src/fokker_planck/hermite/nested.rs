@@ -7,6 +7,7 @@
 
 use super::basis::{DEGREE, INNER};
 use crate::error::{Error, Result};
+use crate::matrix::vectorised;
 use crate::sparse::DenseLu;
 use ndarray::Array2;
 use num_complex::Complex;
@@ -372,36 +373,23 @@ impl Band {
 
     /// Solves for so many right-hand sides that stand side by side.
     fn solve(&self, x: &mut [C], columns: usize) {
-        pulp::Arch::new().dispatch(Solve {
-            band: self,
-            x,
-            columns,
-        });
+        vectorised(
+            #[inline(always)]
+            || self.substitute(x, columns),
+        );
     }
-}
-
-/// Right-hand sides of a band, overwritten with the solutions. A type, since a closure would not be compiled for the CPU.
-struct Solve<'a> {
-    band: &'a Band,
-    x: &'a mut [C],
-    columns: usize,
-}
-
-impl pulp::WithSimd for Solve<'_> {
-    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { band, x, columns } = self;
-        let n = band.rows;
-        for (k, pivot) in band.pivots.iter().enumerate() {
+    fn substitute(&self, x: &mut [C], columns: usize) {
+        let n = self.rows;
+        for (k, pivot) in self.pivots.iter().enumerate() {
             if *pivot != k {
                 let (head, tail) = x.split_at_mut(pivot * columns);
                 head[k * columns..(k + 1) * columns].swap_with_slice(&mut tail[..columns]);
             }
             let (head, tail) = x.split_at_mut((k + 1) * columns);
             let here = &head[k * columns..];
-            let factors = &band.lower[k * BAND..(k + 1) * BAND];
+            let factors = &self.lower[k * BAND..(k + 1) * BAND];
             if let [here] = here {
                 add(&mut tail[..BAND.min(n - k - 1)], factors, -here);
                 continue;
@@ -415,7 +403,7 @@ impl pulp::WithSimd for Solve<'_> {
         for k in (0..n).rev() {
             let (head, tail) = x.split_at_mut((k + 1) * columns);
             let here = &mut head[k * columns..];
-            let row = &band.entries[k * WIDTH + BAND..(k + 1) * WIDTH];
+            let row = &self.entries[k * WIDTH + BAND..(k + 1) * WIDTH];
             let over = row[0].inv();
             if let [here] = here {
                 let known: C = row[1..].iter().zip(&*tail).map(|(a, x)| a * x).sum();

@@ -208,10 +208,7 @@ impl Integrator for Additive {
 
     fn advance(&mut self, cells: &mut [f64], dt: f64, _allowed: f64) -> Result<()> {
         self.prepare(dt)?;
-        let inverse = self.generator.inverse_weights();
-        for ((g, p), inverse) in self.g.iter_mut().zip(&*cells).zip(inverse) {
-            *g = p * inverse;
-        }
+        self.generator.ratio(cells, &mut self.g);
         // Inside the pool for good: its queues are then the only ones used.
         rayon::scope(|_| self.step(dt));
         self.generator.weigh(&self.g, cells);

@@ -3,6 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::fokker_planck::generator::{BANDS, Generator};
+use crate::matrix::vectorised;
 use std::ops::Range;
 
 /// Columns worked on at once.
@@ -86,12 +87,15 @@ impl Banded {
     /// Replaces g on some columns, from the first of a block to the last of one, by the solution; `work` is
     /// one row of lanes per v cell.
     pub(super) fn solve(&self, columns: &Range<usize>, g: &mut [f64], work: &mut [Lanes]) {
-        pulp::Arch::new().dispatch(Solve {
-            banded: self,
-            columns,
-            g,
-            work,
-        });
+        let blocks = &self.blocks[columns.start / LANES..columns.end.div_ceil(LANES)];
+        vectorised(
+            #[inline(always)]
+            || {
+                for (block, g) in blocks.iter().zip(g.chunks_mut(LANES * self.nv)) {
+                    self.solve_block(block, g, work);
+                }
+            },
+        );
     }
 
     #[inline(always)]
@@ -140,27 +144,6 @@ impl Banded {
             for ((row, g), out) in work.iter().zip(&mut column[block.rows.clone()]).zip(out) {
                 *g = row[lane] * out;
             }
-        }
-    }
-}
-
-/// Some blocks of columns solved. A type, not a closure, so that it is compiled for the CPU.
-struct Solve<'a> {
-    banded: &'a Banded,
-    columns: &'a Range<usize>,
-    g: &'a mut [f64],
-    work: &'a mut [Lanes],
-}
-
-impl pulp::WithSimd for Solve<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let blocks = self.columns.start / LANES..self.columns.end.div_ceil(LANES);
-        let cells = self.g.chunks_mut(LANES * self.banded.nv);
-        for (block, g) in self.banded.blocks[blocks].iter().zip(cells) {
-            self.banded.solve_block(block, g, self.work);
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::Integrator;
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
+use crate::matrix::vectorised;
 use rayon::prelude::*;
 
 /// An explicit Runge-Kutta scheme of many stages for a linear equation whose spectrum lies along the
@@ -149,10 +150,10 @@ impl Chebyshev {
                     let cells = k * chunk..k * chunk + last.len();
                     generator.apply_to(cells.start / nv..cells.end / nv, source, rate);
                     let (source, inverse) = (&source[cells.clone()], &inverse[cells]);
-                    pulp::Arch::new().dispatch(
+                    vectorised(
                         #[inline(always)]
                         || {
-                            let states = last.iter_mut().zip(sum).zip(source);
+                            let states = last.iter_mut().zip(sum.iter_mut()).zip(source);
                             for (((last, sum), g), (rate, w)) in
                                 states.zip(rate.iter().zip(inverse))
                             {
@@ -205,10 +206,7 @@ impl Integrator for Chebyshev {
 
     fn advance(&mut self, cells: &mut [f64], dt: f64, allowed: f64) -> Result<()> {
         self.prepare(dt);
-        let inverse = self.generator.inverse_weights();
-        for ((g, p), inverse) in self.start.iter_mut().zip(&*cells).zip(inverse) {
-            *g = p * inverse;
-        }
+        self.generator.ratio(cells, &mut self.start);
         // Inside the pool for good: its queues are then the only ones used.
         rayon::scope(|_| self.step(allowed.max(SMALLEST)));
         self.generator.weigh(&self.sum, cells);

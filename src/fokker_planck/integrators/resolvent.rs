@@ -1,9 +1,10 @@
 //! The resolvent x = (I - a L)^-1 b, real or complex a: what every implicit scheme is made of. By sparse
 //! LU of L itself, or by a Krylov method preconditioned with the LU of its five-point upwind neighbour.
 
-use super::krylov::{Gmres, Number};
+use super::krylov::Gmres;
 use super::system::{Solver, System};
 use crate::error::Result;
+use crate::fokker_planck::krylov::Number;
 use crate::sparse::{Lu, shift};
 use sprs::CsMat;
 use std::sync::Arc;

@@ -5,6 +5,7 @@ use crate::fokker_planck::interpolation::{
     Filter, MARGIN, PANEL, POINTS, Spline, filter, reflected,
 };
 use crate::fokker_planck::mesh::Axis;
+use crate::matrix::vectorised;
 
 /// A spline through values at the centres of n x n equal cells, mirrored at the border.
 #[derive(Debug, Clone)]
@@ -79,55 +80,38 @@ impl Interpolant {
         points: &[[f64; 2]],
         values: &mut [f64],
     ) {
-        pulp::Arch::new().dispatch(Sample {
-            it: self,
-            frame,
-            scale,
-            points,
-            values,
-        });
+        vectorised(
+            #[inline(always)]
+            || self.values_at(frame, scale, points, values),
+        );
     }
-}
-
-/// A type, so that it is compiled for the CPU.
-struct Sample<'a> {
-    it: &'a Interpolant,
-    frame: &'a Frame,
-    scale: f64,
-    points: &'a [[f64; 2]],
-    values: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Sample<'_> {
-    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let (it, n) = (self.it, self.it.n);
+    fn values_at(&self, frame: &Frame, scale: f64, points: &[[f64; 2]], values: &mut [f64]) {
+        let n = self.n;
         let width = n + 2 * MARGIN;
         // Beyond the last centre by half a cell the square ends.
         let inside = |x: f64| x > -0.5 && x < n as f64 - 0.5;
-        for (value, point) in self.values.iter_mut().zip(self.points) {
-            let [x, y] = self
-                .frame
+        for (value, point) in values.iter_mut().zip(points) {
+            let [x, y] = frame
                 .locate(*point)
-                .map(|xi| (xi - it.start) * it.inverse);
+                .map(|xi| (xi - self.start) * self.inverse);
             if !(inside(x) && inside(y)) {
                 *value = 0.0;
                 continue;
             }
             let (i, fx) = Spline::place(x, n);
             let (j, fy) = Spline::place(y, n);
-            let (wx, wy) = (it.spline.weights(fx), it.spline.weights(fy));
+            let (wx, wy) = (self.spline.weights(fx), self.spline.weights(fy));
             let mut sums = [0.0f64; 8];
             for (r, w) in wx.iter().enumerate() {
-                let row = &it.coefficients[(i + r) * width + j..][..8];
+                let row = &self.coefficients[(i + r) * width + j..][..8];
                 for l in 0..8 {
                     sums[l] = w.mul_add(row[l], sums[l]);
                 }
             }
             let sum: f64 = sums.iter().zip(&wy).map(|(s, w)| s * w).sum();
-            *value = sum * self.scale;
+            *value = sum * scale;
         }
     }
 }

@@ -16,8 +16,7 @@ mod step;
 
 use super::frame::Frame;
 use super::interpolant::Interpolant;
-use super::linear::Linear;
-use crate::contact::ContactLaw;
+use super::linear::spread;
 use crate::error::{Error, Result};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::mesh::Axis;
@@ -46,21 +45,16 @@ pub(crate) struct Fineness {
 /// A concentrated density on its own grid in its own frame.
 #[derive(Debug, Clone)]
 pub(crate) struct LocalGrid {
-    contact: ContactLaw,
-    zeta: f64,
-    /// pi h.
-    noise: f64,
+    oscillator: Oscillator,
     /// What there is beside stationary noise.
     forcing: Option<Arc<Forcing>>,
-    /// Where friction depends on the displacement.
-    local: Option<Oscillator>,
     fineness: Fineness,
     axis: Axis,
     frame: Frame,
     /// P at the centres, xi_1 by xi_2, n x n.
     values: Vec<f64>,
-    /// How a point spreads, and for how long that may be believed; for the first step.
-    linear: Option<(Linear, f64)>,
+    /// For how long a point spreads as the linear oscillator about it does; for the first step.
+    early: Option<f64>,
     time: f64,
     steps: u64,
     defect: f64,
@@ -72,35 +66,21 @@ pub(crate) struct LocalGrid {
 }
 
 impl LocalGrid {
-    /// The local grid of a Gaussian initial condition, or of a point at rest. The point's first step, of `early` at
+    /// The local grid of a Gaussian initial condition, or of a point at rest, under a drive or an envelope if there is one: a
+    /// point stays one, and moves as one, until the noise begins. The point's first step, of `early` at
     /// most, is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
     ///
     /// # Errors
     /// [`Error::NotAvailable`] for a stationary start.
     pub(crate) fn new(
-        oscillator: &Oscillator,
+        (oscillator, forcing): (&Oscillator, Option<Arc<Forcing>>),
         initial: &Initial,
         early: f64,
         fineness: Fineness,
     ) -> Result<Self> {
-        let (frame, linear) = match *initial {
-            Initial::Gaussian {
-                mean,
-                deviation: [q, v],
-            } => (
-                Frame {
-                    mean,
-                    lower: [q, 0.0, v],
-                },
-                None,
-            ),
-            Initial::Rest => (
-                Frame {
-                    mean: [0.0; 2],
-                    lower: [0.0; 3],
-                },
-                Some((Linear::of(oscillator), early)),
-            ),
+        let (mean, [q, v]) = match *initial {
+            Initial::Gaussian { mean, deviation } => (mean, deviation),
+            Initial::Rest => ([0.0; 2], [0.0; 2]),
             Initial::Stationary => {
                 return Err(Error::not_available(
                     "a moving local grid from the stationary law",
@@ -118,18 +98,18 @@ impl LocalGrid {
             .flat_map(|x| centres.iter().map(move |y| normal(*x) * normal(*y)))
             .collect();
         let mut it = Self {
-            contact: oscillator.contact().clone(),
-            zeta: oscillator.zeta(),
-            noise: oscillator.noise(),
-            forcing: None,
-            local: (!oscillator.is_viscous()).then(|| oscillator.clone()),
+            oscillator: oscillator.clone(),
+            forcing,
             fineness,
             spline: Interpolant::new(&axis),
             axis,
-            frame,
+            frame: Frame {
+                mean,
+                lower: [q, 0.0, v],
+            },
             other: values.clone(),
             values,
-            linear,
+            early: (*initial == Initial::Rest).then_some(early),
             time: 0.0,
             steps: 0,
             defect: 0.0,
@@ -138,15 +118,6 @@ impl LocalGrid {
         };
         it.interpolate();
         Ok(it)
-    }
-
-    /// The same under a drive or an envelope. A point stays one, and moves as one, until the noise begins.
-    pub(crate) fn forced(mut self, oscillator: &Oscillator, forcing: Option<Arc<Forcing>>) -> Self {
-        if let Some((linear, _)) = &mut self.linear {
-            linear.forced = forcing.clone().map(|it| (oscillator.clone(), it));
-        }
-        self.forcing = forcing;
-        self
     }
 
     pub(crate) fn time(&self) -> f64 {
@@ -194,34 +165,27 @@ impl LocalGrid {
 
     /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most.
     pub(crate) fn leave_point(&mut self, left: f64) {
-        let Some((mut linear, early)) = self.linear.take() else {
+        let Some(early) = self.early else {
             return;
         };
-        if let Some((oscillator, forcing)) = linear.forced.clone() {
-            let end = self.time + left;
-            let begin = forcing.excitation().noise_from().clamp(self.time, end);
+        let (oscillator, end) = (&self.oscillator, self.time + left);
+        let excitation = self.forcing.as_ref().map(|it| it.excitation());
+        if let Some(it) = excitation {
+            let begin = it.noise_from().clamp(self.time, end);
             let times = [self.time, begin];
-            self.frame.mean =
-                noise_free::motion(&oscillator, forcing.excitation(), self.frame.mean, times);
+            self.frame.mean = noise_free::motion(oscillator, it, self.frame.mean, times);
             self.time = begin;
             if begin >= end {
-                self.linear = Some((linear, early));
                 return;
             }
-            let first = early.min(end - begin);
-            // No noise before, and all of it linear in time up to its next bend.
-            let first = forcing
-                .excitation()
-                .bends(begin, begin + first)
-                .next()
-                .map_or(first, |t| t - begin);
-            linear.moved(&oscillator, self.frame.mean[0]);
-            self.frame = linear.forced_after(self.frame.mean, begin, first);
-            self.time = begin + first;
-        } else {
-            self.time = early.min(left);
-            self.frame = linear.after(self.time);
         }
+        let (begin, first) = (self.time, early.min(end - self.time));
+        // No noise before, and all of it linear in time up to its next bend.
+        let bend = excitation.and_then(|it| it.bends(begin, begin + first).next());
+        let first = bend.map_or(first, |t| t - begin);
+        self.frame = spread(oscillator, excitation, self.frame.mean, [begin, first]);
+        self.time = begin + first;
+        self.early = None;
         self.steps += 1;
     }
 

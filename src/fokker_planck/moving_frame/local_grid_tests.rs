@@ -1,6 +1,7 @@
 //! Orders and errors of a local grid.
 
 use super::*;
+use crate::contact::ContactLaw;
 use crate::gaussian::Gaussian;
 use crate::moments::Moments;
 
@@ -12,7 +13,7 @@ fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> LocalGr
         step,
         beside: 1.0,
     };
-    let mut grid = LocalGrid::new(oscillator, initial, 0.02, fineness).unwrap();
+    let mut grid = LocalGrid::new((oscillator, None), initial, 0.02, fineness).unwrap();
     grid.leave_point(t);
     let left = t - grid.time();
     let steps = grid.divide(left);

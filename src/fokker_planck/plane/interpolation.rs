@@ -5,6 +5,8 @@
 //! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1300 of it.
 //! Values continue beyond the first and the last node by reflection there, so a constant stays one.
 
+use crate::matrix::vectorised;
+
 /// Order of accuracy, and number of points of the stencil.
 pub(crate) const POINTS: usize = 8;
 
@@ -142,6 +144,15 @@ impl Filter {
     }
 }
 
+impl Filter {
+    fn apply_vectorised(&self, panel: &mut [f64]) {
+        vectorised(
+            #[inline(always)]
+            || self.apply(panel),
+        );
+    }
+}
+
 /// Row `k` (counted from the margin before the first) of rows reflected at the first and last of `n`.
 pub(crate) fn reflected(k: usize, n: usize) -> usize {
     let distance = k.abs_diff(MARGIN);
@@ -166,10 +177,7 @@ pub(crate) fn coefficients(n: usize, times: Option<&[f64]>) -> Vec<f64> {
                 *x = times.map_or(f64::from(u8::from(i == column)), |m| m[i * n + column]);
             }
         }
-        pulp::Arch::new().dispatch(Apply {
-            filter: &filter,
-            panel: &mut panel,
-        });
+        filter.apply_vectorised(&mut panel);
         for (k, out) in matrix.chunks_exact_mut(n).enumerate() {
             let row = reflected(k, n) * PANEL;
             out[first..first + width].copy_from_slice(&panel[row..row + width]);
@@ -196,30 +204,12 @@ pub(crate) fn filter(
                 panel[k * PANEL + c] = values[(first + c) * line + k * step];
             }
         }
-        pulp::Arch::new().dispatch(Apply {
-            filter,
-            panel: &mut panel,
-        });
+        filter.apply_vectorised(&mut panel);
         for c in 0..lines {
             for k in 0..n {
                 coefficients[(first + c) * line + k * step] = panel[k * PANEL + c];
             }
         }
-    }
-}
-
-/// [`Filter::apply`], compiled for the CPU.
-struct Apply<'a> {
-    filter: &'a Filter,
-    panel: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Apply<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        self.filter.apply(self.panel);
     }
 }
 

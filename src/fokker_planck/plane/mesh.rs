@@ -30,13 +30,9 @@ impl Grading {
     /// s with x(s) = x.
     #[inline]
     fn inverse(self, x: f64) -> f64 {
-        match self {
-            Self::Uniform => x,
-            Self::Left { beta, knee, .. } => self.left_of(x, beta, knee),
-        }
-    }
-
-    fn left_of(self, x: f64, beta: f64, knee: f64) -> f64 {
+        let Self::Left { beta, knee, .. } = self else {
+            return x;
+        };
         // The slope lies in [1, 1 + beta] and x(s) <= s.
         let (low, mut high) = (x.min(knee), x);
         high = high.max(x + beta * (knee - x).max(0.0) + 1.0);

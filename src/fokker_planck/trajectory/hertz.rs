@@ -21,25 +21,9 @@ struct Pressed {
     next: usize,
 }
 
-/// The Hertz law. A type, since a closure would not be compiled for the CPU.
-pub(super) struct Hertz<'a> {
-    pub(super) starts: &'a [[f64; 2]],
-    pub(super) times: &'a [f64],
-    pub(super) ends: &'a mut [[f64; 2]],
-}
-
-impl pulp::WithSimd for Hertz<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        hertz(self.starts, self.times, self.ends);
-    }
-}
-
 /// Rounds: all arcs of contact, then all flights that follow them, until none is left.
 #[inline(always)]
-fn hertz(starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
+pub(super) fn hertz(starts: &[[f64; 2]], times: &[f64], ends: &mut [[f64; 2]]) {
     let n = starts.len();
     let mut arcs: Vec<Pressed> = Vec::with_capacity(n);
     let mut landed: Vec<Pressed> = Vec::new();

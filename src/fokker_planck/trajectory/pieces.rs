@@ -2,6 +2,7 @@
 //! roots of the series. Steps from the last coefficients (Jorba and Zou, Experimental Mathematics 14:99, 2005).
 
 use crate::contact::{Piece, place};
+use crate::roots::{bisect, rising};
 
 /// Order of the series.
 const ORDER: usize = 20;
@@ -134,28 +135,11 @@ impl Series {
         }
         let up = end.1 > high;
         let (sign, border) = if up { (1.0, high) } else { (-1.0, low) };
-        let (mut before, mut after) = (0.0, end.0);
-        let mut t = after;
-        for _ in 0..80 {
+        let beyond = |t: f64| {
             let [x, v] = self.at(t);
-            let beyond = sign * (x - border);
-            if beyond > 0.0 {
-                after = t;
-            } else {
-                before = t;
-            }
-            let newton = t - beyond / (sign * v);
-            let next = if newton > before && newton < after {
-                newton
-            } else {
-                0.5 * (before + after)
-            };
-            if (next - t).abs() <= 1e-16 * step || beyond == 0.0 {
-                break;
-            }
-            t = next;
-        }
-        Some((t, up))
+            (sign * (x - border), sign * v)
+        };
+        Some((rising(beyond, [0.0, end.0], end.0, 1e-16 * step), up))
     }
 
     /// When the velocity passes 0 within a step at whose end it is `last`.
@@ -163,18 +147,6 @@ impl Series {
         if self.v[0] * last >= 0.0 {
             return None;
         }
-        let (mut before, mut after) = (0.0, step);
-        for _ in 0..60 {
-            let middle = 0.5 * (before + after);
-            if self.at(middle)[1] * last > 0.0 {
-                after = middle;
-            } else {
-                before = middle;
-            }
-            if after - before <= 1e-12 * step {
-                break;
-            }
-        }
-        Some(0.5 * (before + after))
+        Some(bisect(0.0, step, |t| self.at(t)[1] * last > 0.0))
     }
 }

@@ -3,6 +3,7 @@
 
 use super::flight::{behind, landing, thrown};
 use crate::contact::ContactLaw;
+use crate::roots::rising;
 
 /// Columns of the extrapolation table: order 12.
 const COLUMNS: usize = 6;
@@ -130,27 +131,11 @@ fn passed(
     step: f64,
     (kink, sign): (f64, f64),
 ) -> (f64, f64, f64) {
-    let (mut low, mut high) = (0.0, step);
-    let mut t = 0.5 * step;
-    for _ in 0..60 {
-        let (end, error) = stoermer(contact, point, t);
-        let beyond = sign * (end[0] - kink);
-        if beyond < 0.0 {
-            low = t;
-        } else {
-            high = t;
-        }
-        let newton = t - beyond / (sign * end[1]);
-        let next = if newton > low && newton < high {
-            newton
-        } else {
-            0.5 * (low + high)
-        };
-        if (next - t).abs() <= 1e-16 * step || beyond == 0.0 {
-            return (t, end[1], error);
-        }
-        t = next;
-    }
+    let beyond = |t: f64| {
+        let ([q, v], _) = stoermer(contact, point, t);
+        (sign * (q - kink), sign * v)
+    };
+    let t = rising(beyond, [0.0, step], 0.5 * step, 1e-16 * step);
     let (end, error) = stoermer(contact, point, t);
     (t, end[1], error)
 }

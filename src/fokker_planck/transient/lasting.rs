@@ -116,7 +116,7 @@ impl Task<'_> {
         times: &[f64],
     ) -> Result<Vec<Output>> {
         propagator.set_time(0.0);
-        let mut now = 0.0;
+        let (mut now, law) = (0.0, [propagator.reference()]);
         let output = |&t: &f64| {
             if t > now {
                 propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
@@ -124,7 +124,7 @@ impl Task<'_> {
             }
             Ok(Output {
                 steps: propagator.steps(),
-                ..self.observe(t, propagator, observables, (&density, None))
+                ..self.observe(t, propagator, observables, (&density, &law))
             })
         };
         times.iter().map(output).collect()

@@ -127,13 +127,21 @@ impl Propagator {
         }
     }
 
+    fn mesh(&self) -> &Mesh {
+        match self {
+            Self::Volumes { generator, .. } => generator.mesh(),
+            Self::FlowMap { map, .. } => map.mesh(),
+        }
+    }
+
+    /// The law that densities are taken against.
+    pub(super) fn reference(&self) -> Density {
+        Density::weighed(self.mesh(), self.columns(), self.weights())
+    }
+
     /// The density with p(q, v) at the centres of cells that hold unknowns.
     pub(super) fn sampled(&self, p: &dyn Fn(&[[f64; 2]]) -> Vec<f64>) -> Density {
-        let (mesh, columns) = match self {
-            Self::Volumes { generator, .. } => (generator.mesh(), generator.columns()),
-            Self::FlowMap { map, .. } => (map.mesh(), map.columns()),
-        };
-        Density::sampled(mesh, columns, p)
+        Density::sampled(self.mesh(), self.columns(), p)
     }
 
     /// g = P/w, row-major.

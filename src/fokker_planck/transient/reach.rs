@@ -11,6 +11,7 @@ use crate::fokker_planck::settings::{Method, Settings};
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::oscillator::Oscillator;
+use crate::roots::bisect;
 use std::f64::consts::TAU;
 
 /// The answer.
@@ -430,18 +431,10 @@ impl<'a> Curve<'a> {
     }
 
     /// Where the interpolant crosses between two places, by bisection.
-    fn root(&self, k: usize, mut low: f64, mut high: f64) -> f64 {
+    fn root(&self, k: usize, low: f64, high: f64) -> f64 {
         if self.between(k, low).0 >= 0.0 {
             return high;
         }
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if self.between(k, middle).0 >= 0.0 {
-                high = middle;
-            } else {
-                low = middle;
-            }
-        }
-        0.5 * (low + high)
+        bisect(low, high, |t| self.between(k, t).0 >= 0.0)
     }
 }

@@ -9,7 +9,7 @@ use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
-use crate::fokker_planck::hermite::Settled;
+use crate::fokker_planck::hermite::{Kept, Settled};
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
@@ -203,9 +203,8 @@ impl Task<'_> {
         let reference = rung.reference(oscillator);
         let observables = Observables::new(reference, &mesh, rung.drift(), propagator.weights())?;
         let laws = self.laws(rung, &propagator)?;
-        let law = laws.as_ref().map(|it| &it[0]);
-        let (mut density, handed) = match (&phase, law) {
-            (None, Some(law)) if *initial == Initial::Stationary => (law.clone(), 0.0),
+        let (mut density, handed) = match (&phase, self.law) {
+            (None, Some(_)) if *initial == Initial::Stationary => (laws[0].clone(), 0.0),
             (None, _) => (propagator.start(oscillator, initial)?, 0.0),
             (Some(phase), _) => phase.density(&propagator),
         };
@@ -218,7 +217,7 @@ impl Task<'_> {
             Scheme::Volumes(TimeScheme::Imex) => 16,
             _ => 1,
         };
-        let (weights, columns) = (propagator.weights().clone(), propagator.columns().to_vec());
+        let columns = propagator.columns().to_vec();
         let (mut now, lost, before) = phase.as_ref().map_or_else(Default::default, |it| {
             let grid = it.grid();
             (grid.time(), it.loss() + handed, grid.steps())
@@ -239,11 +238,7 @@ impl Task<'_> {
                     }
                     progress((now + done) / until);
                     in_time(now + done)?;
-                    let distance = || match law {
-                        None => density.distance(&weights, &columns),
-                        Some(law) => density.distance_to(law, &columns),
-                    };
-                    if settles && distance() < close {
+                    if settles && density.distance_to(&laws[0], &columns) < close {
                         settled = Some(now + done);
                     }
                     Ok(settled.is_none())
@@ -251,7 +246,7 @@ impl Task<'_> {
                 propagator.advance(&mut density, stop - now, &mut watch)?;
                 now = stop;
             }
-            let output = self.observe(t, &propagator, &observables, (&density, laws.as_ref()));
+            let output = self.observe(t, &propagator, &observables, (&density, &laws));
             outputs.push(Output {
                 steps: propagator.steps(),
                 step_error: propagator.step_error(),
@@ -280,19 +275,17 @@ impl Task<'_> {
         })
     }
 
-    /// The stationary law on the mesh, twice for what it may be off, where that is not what p is taken against.
-    fn laws(&self, rung: &Rung, propagator: &Propagator) -> Result<Option<[Density; 2]>> {
+    /// The law on the mesh that distances are taken to, and where it is solved for a coarser one, for what it may be off.
+    fn laws(&self, rung: &Rung, propagator: &Propagator) -> Result<Vec<Density>> {
         if let Some(it) = self.law {
-            let laws = [&it.law, &it.coarser];
-            return Ok(Some(
-                laws.map(|law| propagator.sampled(&|points| law.densities(points))),
-            ));
+            let laws = [&it.law, &it.coarser].into_iter();
+            let sampled = |law: &Kept| propagator.sampled(&|points| law.densities(points));
+            return Ok(laws.map(sampled).collect());
         }
         if rung.forcing.is_none() || rung.acting().is_some() || !self.knows_law() {
-            return Ok(None);
+            return Ok(vec![propagator.reference()]);
         }
-        let law = propagator.stationary(self.oscillator, [0.0; 2])?;
-        Ok(Some([law.clone(), law]))
+        Ok(vec![propagator.stationary(self.oscillator, [0.0; 2])?])
     }
 
     /// The mesh of a run, if it fits.
@@ -365,10 +358,9 @@ impl Task<'_> {
         t: f64,
         propagator: &Propagator,
         observables: &Observables,
-        (density, laws): (&Density, Option<&[Density; 2]>),
+        (density, laws): (&Density, &[Density]),
     ) -> Output {
-        let (weights, columns) = (propagator.weights(), propagator.columns());
-        let law = laws.map(|it| &it[0]);
+        let columns = propagator.columns();
         let wanted = self.density_times.contains(&t);
         let g = propagator.ratio(density);
         let mut moments = observables.raw(&g).moments(observables.contact());
@@ -380,20 +372,15 @@ impl Task<'_> {
             mass: density.mass(),
             lowest: density.lowest(),
             negative: density.negative_mass(),
-            entropy: law.map_or_else(
-                || density.relative_entropy(weights, columns),
-                |law| density.entropy_to(law, columns),
-            ),
-            distance: law.map_or_else(
-                || density.distance(weights, columns),
-                |law| density.distance_to(law, columns),
-            ),
-            doubt: laws.zip(self.law).map_or([0.0; 2], |([law, coarser], it)| {
-                [
-                    left(UNKNOWN) * density.entropy_between(law, coarser),
-                    it.error,
-                ]
-            }),
+            entropy: density.entropy_to(&laws[0], columns),
+            distance: density.distance_to(&laws[0], columns),
+            doubt: match (laws, self.law) {
+                ([law, coarser], Some(it)) => {
+                    let apart = density.entropy_between(law, coarser);
+                    [left(UNKNOWN) * apart, it.error]
+                }
+                _ => [0.0; 2],
+            },
             snapshot: wanted.then(|| density.snapshot(t)),
             steps: 0,
             step_error: 0.0,

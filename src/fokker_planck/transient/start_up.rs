@@ -164,8 +164,8 @@ impl<'a> StartUp<'a> {
         let later = (rung.tolerance / 1e-3).cbrt();
         let early = EARLY.get() * later / (1.0 + oscillator.zeta());
         let fineness = fineness(oscillator, rung);
-        let grid = LocalGrid::new(oscillator, initial, early, fineness)?;
-        let grid = grid.forced(oscillator, rung.acting().cloned());
+        let forced = (oscillator, rung.acting().cloned());
+        let grid = LocalGrid::new(forced, initial, early, fineness)?;
         let goal = (rung.first_grid != FirstGrid::MovingForGood)
             .then(|| rung.mesh(oscillator))
             .transpose()?;

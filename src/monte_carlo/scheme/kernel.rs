@@ -5,6 +5,7 @@ use crate::monte_carlo::events::{PATIENCE, Watch};
 use crate::monte_carlo::law::Law;
 use crate::monte_carlo::noise::{LANES, Lanes, Streams};
 use crate::monte_carlo::signal::Signal;
+use crate::roots::bisect;
 use std::sync::Arc;
 
 /// The paths that advance together.
@@ -152,14 +153,6 @@ pub(super) fn cubic_crossing([x0, v0, x1, v1]: [f64; 4], step: f64) -> (f64, f64
             (c + s * (2.0 * a2 + 3.0 * s * a3)) / step,
         )
     };
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if (at(middle).0 < 0.0) == (x0 < 0.0) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    (high * step, at(high).1.abs())
+    let passed = bisect(0.0, 1.0, |s| (at(s).0 < 0.0) != (x0 < 0.0));
+    (passed * step, at(passed).1.abs())
 }

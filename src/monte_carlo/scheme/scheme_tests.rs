@@ -5,7 +5,7 @@ use crate::gaussian::Gaussian;
 use crate::initial::Initial;
 use crate::monte_carlo::events::Deaf;
 use crate::monte_carlo::hamiltonian::Flow;
-use crate::monte_carlo::law::{Hertz, Law, Straight};
+use crate::monte_carlo::law::{Hertz, Law, Linear};
 use crate::monte_carlo::noise::{LANES, Lanes, Streams};
 use rayon::prelude::*;
 
@@ -282,7 +282,7 @@ fn weak_error(zeta: f64, step: f64, scheme: Scheme) -> [f64; 2] {
         push: None,
         streams: Streams::new(1, 0),
     };
-    splitting(&quiet).advance(Straight::LINEAR, &mut group, steps, 0.0, &mut Deaf);
+    splitting(&quiet).advance(Linear, &mut group, steps, 0.0, &mut Deaf);
     let exact = after(&quiet).mean;
     let mean = (group.q[3] - exact[0]).hypot(group.v[3] - exact[1]);
     let it = Oscillator::new(ContactLaw::Linear, zeta, 0.2 * zeta).unwrap();
@@ -292,12 +292,7 @@ fn weak_error(zeta: f64, step: f64, scheme: Scheme) -> [f64; 2] {
         let (mut q, mut v) = ([0.0; LANES], [0.0; LANES]);
         (q[0], v[1]) = (1.0, 1.0);
         let mut force = q;
-        flow.advance(
-            Straight::LINEAR,
-            (&mut q, &mut v, &mut force),
-            0.0,
-            &mut Deaf,
-        );
+        flow.advance(Linear, (&mut q, &mut v, &mut force), 0.0, &mut Deaf);
         [
             q[0] * q[0] * a + 2.0 * q[0] * q[1] * b + q[1] * q[1] * c,
             q[0] * v[0] * a + (q[0] * v[1] + q[1] * v[0]) * b + q[1] * v[1] * c,
@@ -402,7 +397,7 @@ fn the_exponential_scheme_has_order_two_in_the_motion_under_strong_friction() {
                 streams: Streams::new(1, 0),
             };
             let scheme = ExponentialHeun::new(&it, 4.0 / f64::from(steps));
-            scheme.advance(Straight::LINEAR, &mut group, u64::from(steps), &Deaf);
+            scheme.advance(Linear, &mut group, u64::from(steps), &Deaf);
             (group.q[3] - exact.mean[0]).hypot(group.v[3] - exact.mean[1])
         })
         .collect();
@@ -432,13 +427,8 @@ fn the_schemes_of_order_1_and_2_converge_to_the_mean_of_the_linear_oscillator() 
                 streams: Streams::new(1, 0),
             };
             let steps = (6.0 / step).round() as u64;
-            Coefficients::new(scheme, &it, step, 1.0).advance(
-                Straight::LINEAR,
-                &mut group,
-                steps,
-                0.0,
-                &mut Deaf,
-            );
+            Coefficients::new(scheme, &it, step, 1.0)
+                .advance(Linear, &mut group, steps, 0.0, &mut Deaf);
             (group.q[3] - exact.mean[0]).hypot(group.v[3] - exact.mean[1])
         });
         let measured = (errors[0] / errors[1]).log2();

@@ -44,19 +44,11 @@ impl Kernel for CentralDifference {
         (q, v, kick): (f64, f64, f64),
         excitation: f64,
     ) -> (f64, f64, f64) {
-        let friction = if L::VISCOUS {
-            self.friction
-        } else {
-            self.friction * law.friction(q)
-        };
+        let friction = self.friction * law.friction(q);
         let middle = v - friction * v + kick; // (q+ - q)/step
         let q = q + self.step * middle;
         let kick = self.kick(law, q, excitation);
-        let friction = if L::VISCOUS {
-            self.friction
-        } else {
-            self.friction * law.friction(q)
-        };
+        let friction = self.friction * law.friction(q);
         (q, (middle + kick) / (1.0 + friction), kick)
     }
 
@@ -145,11 +137,7 @@ impl Kernel for EulerMaruyama {
 
     #[inline(always)]
     fn step<L: Law>(self, law: L, (q, v, _): (f64, f64, f64), normal: f64) -> (f64, f64, f64) {
-        let friction = if L::VISCOUS {
-            self.friction
-        } else {
-            self.friction * law.friction(q)
-        };
+        let friction = self.friction * law.friction(q);
         let force = law.force(q) * self.step + friction * v;
         (q + self.step * v, v - force + self.spread * normal, 0.0)
     }

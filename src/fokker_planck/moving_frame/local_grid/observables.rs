@@ -48,20 +48,20 @@ impl LocalGrid {
                 raw.qv += p * dq * dv;
             }
         }
-        let [q0, v0] = self.frame.mean;
-        let (n0, u0) = (self.contact.force(q0), self.contact.potential(q0));
+        let ([q0, v0], contact) = (self.frame.mean, self.oscillator.contact());
+        let (n0, u0) = (contact.force(q0), contact.potential(q0));
         self.along(&marginal, |q, p, lost| {
             raw.mass += p;
-            let force = self.contact.force(q) - n0;
+            let force = contact.force(q) - n0;
             let mut power = p;
             for sum in &mut raw.force {
                 power *= force;
                 *sum += power;
             }
-            raw.potential += p * (self.contact.potential(q) - u0);
+            raw.potential += p * (contact.potential(q) - u0);
             raw.lost += if lost { p } else { 0.0 };
         });
-        let mut moments = raw.moments(&self.contact);
+        let mut moments = raw.moments(contact);
         // H = v^2/2 + U, from the centred ones.
         moments.mean_energy.value += u0 + v0 * moments.mean_v.value + 0.5 * v0 * v0;
         moments.mean_q.value += q0;
@@ -76,8 +76,9 @@ impl LocalGrid {
         let curve = self.spline.curve(marginal);
         let density = |x: f64| curve(self.axis.locate(x) - 0.5);
         let place = |q: f64| (q - self.frame.mean[0]) / self.frame.lower[0];
-        let kinks: Vec<f64> = self.contact.kinks().into_iter().map(place).collect();
-        let flight = self.contact.flight().map(|ends| ends.map(place));
+        let contact = self.oscillator.contact();
+        let kinks: Vec<f64> = contact.kinks().into_iter().map(place).collect();
+        let flight = contact.flight().map(|ends| ends.map(place));
         let mut panel = |a: f64, b: f64, towards: Option<f64>| {
             let middle = 0.5 * (a + b);
             let lost = flight.is_some_and(|[low, high]| middle >= low && middle < high);

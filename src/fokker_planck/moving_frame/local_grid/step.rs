@@ -36,7 +36,11 @@ impl LocalGrid {
     /// One step of `tau`.
     pub(crate) fn advance(&mut self, tau: f64) {
         // A rate that changes from place to place does not run the motion at one wrong rate.
-        let x = self.local.as_ref().map_or(self.zeta * tau, |_| 0.0);
+        let x = if self.oscillator.is_viscous() {
+            self.oscillator.zeta() * tau
+        } else {
+            0.0
+        };
         let stretched = if x > 1e-4 {
             x.sinh() / x
         } else {
@@ -70,7 +74,7 @@ impl LocalGrid {
         if self.fineness.reach < FARTHEST && self.border() > self.fineness.border {
             self.widen();
         }
-        let motion = Motion::new(&self.contact);
+        let motion = Motion::new(self.oscillator.contact());
         let law = self.law();
         let target = self.frame.image(&law, |points| {
             let mut images = [[0.0; 2]; 9];
@@ -102,34 +106,28 @@ impl LocalGrid {
     /// O over `duration`, time frozen at `t`, in steps with this `lead`. Where friction depends on the displacement, that at
     /// the mean between what it is more elsewhere.
     fn spread(&mut self, t: f64, duration: f64, lead: f64) {
-        let local = self.local.take();
-        let mean = self.frame.mean[0];
-        let rate = local
-            .as_ref()
-            .map_or(2.0 * self.zeta, |it| it.friction(mean));
+        let oscillator = &self.oscillator;
+        let rate = oscillator.friction(self.frame.mean[0]);
         let kick = match &self.forcing {
             Some(it) => it.kick(rate, [t, duration], lead, 0.0),
-            None => Kick::new(rate, duration, (self.noise, 0.0), 0.0),
+            None => Kick::new(rate, duration, (oscillator.noise(), 0.0), 0.0),
         };
-        if let Some(oscillator) = &local {
-            let more = |q: f64| around(oscillator.friction(q), rate, duration);
-            self.slow(|q| more(q)[0]);
-            self.spread_by(kick);
-            self.slow(|q| more(q)[1]);
-        } else {
-            self.spread_by(kick);
+        if oscillator.is_viscous() {
+            return self.spread_by(kick);
         }
-        self.local = local;
+        let places = self.axis.centres().iter();
+        let places = places.map(|xi| self.frame.at([*xi, 0.0])[0]);
+        let more = places.map(|q| around(oscillator.friction(q), rate, duration).into());
+        let (before, after): (Vec<f64>, Vec<f64>) = more.unzip();
+        self.slow(&before);
+        self.spread_by(kick);
+        self.slow(&after);
     }
 
-    /// Velocities over e^x, x a function of the displacement.
-    fn slow(&mut self, x: impl Fn(f64) -> f64) {
+    /// Velocities over e^x, x of each displacement.
+    fn slow(&mut self, factors: &[f64]) {
         let n = self.axis.len();
         let centres = self.axis.centres();
-        let factors: Vec<f64> = centres
-            .iter()
-            .map(|xi| x(self.frame.at([*xi, 0.0])[0]))
-            .collect();
         if factors.iter().all(|x| x.abs() < 1e-13) {
             return;
         }
