@@ -58,6 +58,7 @@ impl Panel {
     }
 
     /// The same with decimal logarithms for y, if so.
+    #[must_use]
     pub fn logarithmic(self, log: bool) -> Self {
         Self { log, ..self }
     }
