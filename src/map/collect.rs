@@ -12,7 +12,7 @@ use crate::clock::TimeUnit;
 use crate::error::{Error, Result};
 use crate::format::{brief, num};
 use crate::report::folder;
-use crate::report::plot::{self, Field, Ruler};
+use crate::report::plot::{self, Field, Picture, Ruler};
 use crate::results::entries;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -110,7 +110,7 @@ pub fn collect(dir: &Path, draw: &[Drawn]) -> Result<Collected> {
         it.table.csv(&axes, |index| place(&axes, index)),
         it.table.npz(&axes)?,
     ];
-    let picture = picture(&it.axes, &it.table, &drawn)?;
+    let picture = picture(&it.axes, &it.table, &drawn).transpose()?;
     files.push(page::page(&it, picture.as_ref()));
     files.extend(picture);
     let missing = dir.join("missing.csv");
@@ -313,7 +313,7 @@ fn chosen(table: &Table, draw: &[Drawn]) -> Result<Vec<Drawn>> {
 }
 
 /// The picture over the axes that have more than one point; moments at several times have time as an axis more.
-fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate::report::File>> {
+fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Picture {
     let mut rulers: Vec<Ruler> = axes
         .iter()
         .filter(|it| it.values().len() > 1)

@@ -1,19 +1,16 @@
 //! The law of an impact: time of flight and speed at the return together, the speed, the peak force.
 
+use super::Picture;
 use super::canvas::{Area, BLUE, Drawn, INK, LEVELS, Points, TITLE, VERMILION, picture, write};
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};
 use super::panel::Panel;
-use crate::error::Result;
 use crate::fokker_planck::ImpactLaw;
-use crate::report::File;
 use crate::results::Results;
 
 /// impacts.svg.
-pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
-    let Some(law) = &results.impacts else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn impacts(results: &Results) -> Picture {
+    let law = results.impacts.as_ref()?;
     let peak = law.density.iter().map(|it| it.value).fold(0.0, f64::max);
     let last = |all: &[f64]| all.last().copied().unwrap_or(0.0);
     // The longest and the fastest are too rare to be seen.
@@ -35,7 +32,7 @@ pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
         .map(|it| it.0)
         .fold(0.0, f64::max);
     if !(peak > 0.0 && end.is_finite() && top > 0.0 && high > 0.0 && heaviest > 0.0) {
-        return Ok(Vec::new());
+        return None;
     }
     let seen = results.sampled_crossings().map(|(seen, _)| seen);
     let seen = seen.filter(|it| it.mean_flight.value.is_finite());
@@ -51,7 +48,7 @@ pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
         (lightest.min(heaviest), heaviest),
         (0.0, 1.35 * high),
     );
-    picture("impacts.svg", (1030, 420), |area| {
+    Some(picture("impacts.svg", (1030, 420), |area| {
         write(
             area,
             "Impacts: joint density over its peak",
@@ -75,8 +72,7 @@ pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
         forces.axes(area, "peak force, no damping", "density")?;
         forces.curve(area, &force, BLUE, 1.5)?;
         forces.frame(area)
-    })
-    .map(|it| vec![it])
+    }))
 }
 
 /// Filled levels of the joint density.

@@ -1,10 +1,10 @@
 //! What a legend says of a curve.
 
-use super::canvas::{Area, Drawn, FINE, WORDS, dashed, fine, line, write};
+use super::canvas::{Area, Colour, Drawn, FINE, WORDS, dashed, fine, line, write};
 use plotters::prelude::*;
 
 /// A line with its words, for a legend; `x`, `y` in pixels.
-pub fn legend(area: &Area<'_>, at: (f64, f64), colour: RGBColor, mark: Mark, words: &str) -> Drawn {
+pub fn legend(area: &Area<'_>, at: (f64, f64), colour: Colour, mark: Mark, words: &str) -> Drawn {
     let (x, y) = at;
     match mark {
         Mark::Line => line(area, &[(x, y), (x + 22.0, y)], colour, 2.0)?,
@@ -16,6 +16,18 @@ pub fn legend(area: &Area<'_>, at: (f64, f64), colour: RGBColor, mark: Mark, wor
         }
     }
     write(area, words, (x + 29.0, y), WORDS)
+}
+
+/// Marks with their words, one below the other.
+pub(super) fn legends<'a>(
+    area: &Area<'_>,
+    (x, y): (f64, f64),
+    entries: impl IntoIterator<Item = (Colour, Mark, &'a str)>,
+) -> Drawn {
+    for (k, (colour, mark, words)) in entries.into_iter().enumerate() {
+        legend(area, (x, y + 19.0 * k as f64), colour, mark, words)?;
+    }
+    Ok(())
 }
 
 /// What stands before the words.

@@ -35,3 +35,9 @@ pub use panel::{Panel, range};
 pub(crate) use spectrum::spectrum;
 pub use ticks::superscript;
 pub(crate) use transient::{approach, moments};
+
+use super::File;
+use crate::error::Result;
+
+/// A picture; None where there is nothing to be drawn.
+pub(crate) type Picture = Option<Result<File>>;

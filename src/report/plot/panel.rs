@@ -29,6 +29,22 @@ pub fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64,
     (out.0.is_finite() && out.1.is_finite()).then_some(out)
 }
 
+/// Values against x, and the band of their errors.
+pub(super) fn with_band(
+    x: &[f64],
+    curve: impl IntoIterator<Item = Estimate>,
+) -> (Points, Vec<(f64, f64, f64)>) {
+    let both = x.iter().zip(curve);
+    both.map(|(x, y)| ((*x, y.value), (*x, y.value - y.error, y.value + y.error)))
+        .unzip()
+}
+
+/// The place of the k-th of four panels.
+pub(super) fn place(k: usize) -> [f64; 4] {
+    let (column, row) = ((k % 2) as f64, (k / 2) as f64);
+    [92.0 + 478.0 * column, 44.0 + 298.0 * row, 374.0, 236.0]
+}
+
 /// Axes: a rectangle in pixels and what it shows.
 #[derive(Debug, Clone)]
 pub struct Panel {

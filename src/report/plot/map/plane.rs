@@ -2,9 +2,8 @@
 
 use super::ruler::{Ruler, axes};
 use super::scale::{Scale, colours};
-use crate::error::Result;
 use crate::format::bare;
-use crate::report::File;
+use crate::report::plot::Picture;
 use crate::report::plot::canvas::{
     Area, Colour, Drawn, FAINT, GREY, Hang, INK, TITLE, VERMILION, line, picture, rectangle, write,
 };
@@ -25,10 +24,8 @@ pub(super) fn plane(
     sheets: &[Sheet<'_>],
     scales: &[Scale],
     heading: &str,
-) -> Result<Option<File>> {
-    let (Some(range_x), Some(range_y), false) = (x.range(), y.range(), sheets.is_empty()) else {
-        return Ok(None);
-    };
+) -> Picture {
+    let (range_x, range_y) = (x.range()?, y.range().filter(|_| !sheets.is_empty())?);
     let shared = scales.len() == 1 && sheets.len() > 1;
     let columns = sheets.len().min(if shared { 3 } else { 2 });
     let rows = sheets.len().div_ceil(columns);
@@ -44,7 +41,7 @@ pub(super) fn plane(
         (across * columns as f64 + key_last + 12.0) as u32,
         (top + down * rows as f64 - 18.0) as u32,
     );
-    picture("map.svg", size, |area| {
+    Some(picture("map.svg", size, |area| {
         write(area, heading, (92.0, 20.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let place = [
@@ -73,8 +70,7 @@ pub(super) fn plane(
             }
         }
         Ok(())
-    })
-    .map(Some)
+    }))
 }
 
 impl Sheet<'_> {
