@@ -156,7 +156,7 @@ fn words(it: &Entry) -> [String; 2] {
 pub(super) fn tables(results: &Results) -> String {
     let all = [
         physical(results),
-        stationary(results),
+        Some(stationary(results)),
         crossings(results),
         passage::first_loss(results),
         passage::first_passage(results),
@@ -165,15 +165,13 @@ pub(super) fn tables(results: &Results) -> String {
         driven::periodic(results),
         driven::response(results),
         course(results),
-        stages(results),
+        Some(stages(results)),
     ];
-    all.concat()
+    all.into_iter().flatten().collect()
 }
 
-fn physical(results: &Results) -> String {
-    let Some(rig) = &results.scene.rig else {
-        return String::new();
-    };
+fn physical(results: &Results) -> Option<String> {
+    let rig = results.scene.rig.as_ref()?;
     let sampled = results.physical_sampled(rig);
     let solved = results.physical(rig);
     let mut names: Vec<&str> = solved.iter().map(|it| it.0).collect();
@@ -198,12 +196,12 @@ fn physical(results: &Results) -> String {
             unit.to_owned(),
         ]);
     }
-    table.html(&format!(
+    Some(table.html(&format!(
         "On the rig: {} N, {} Hz, {} \u{b5}m",
         brief(rig.static_load()),
         brief(rig.frequency()),
         brief(crate::format::rounded(rig.static_compression() * 1e6, 6))
-    ))
+    )))
 }
 
 fn stationary(results: &Results) -> String {
@@ -233,10 +231,8 @@ fn stationary(results: &Results) -> String {
     table.html("Stationary motion")
 }
 
-fn crossings(results: &Results) -> String {
-    let Some(numbers) = &results.crossings else {
-        return String::new();
-    };
+fn crossings(results: &Results) -> Option<String> {
+    let numbers = results.crossings.as_ref()?;
     let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
     let rice = if results.solved.is_some() {
         "flux, solved"
@@ -252,13 +248,11 @@ fn crossings(results: &Results) -> String {
         let [words, symbol] = words(entry);
         table.put([words, symbol, shown(number), shown(seen)]);
     }
-    table.html("Losses of contact")
+    Some(table.html("Losses of contact"))
 }
 
-fn spectrum(results: &Results) -> String {
-    let Some(it) = &results.spectrum else {
-        return String::new();
-    };
+fn spectrum(results: &Results) -> Option<String> {
+    let it = results.spectrum.as_ref()?;
     let rig = results.scene.rig;
     let hertz = |x: Option<Estimate>| shown(rig.zip(x).map(|(rig, x)| x.scaled(rig.hertz(1.0))));
     let mut table = Table::of([
@@ -279,13 +273,11 @@ fn spectrum(results: &Results) -> String {
             shown(Some(peak.density)),
         ]);
     }
-    table.html(&format!("Spectrum of the {}", it.solved.quantity.name()))
+    Some(table.html(&format!("Spectrum of the {}", it.solved.quantity.name())))
 }
 
-fn eigenvalues(results: &Results) -> String {
-    let Some(it) = &results.decay_rates else {
-        return String::new();
-    };
+fn eigenvalues(results: &Results) -> Option<String> {
+    let it = results.decay_rates.as_ref()?;
     let mut table = Table::of(["", "real part", "imaginary part", "relaxation time"]);
     for (k, rate) in it.rates.iter().enumerate() {
         let part = |value: f64| Estimate {
@@ -307,13 +299,11 @@ fn eigenvalues(results: &Results) -> String {
             shown(Some(time)),
         ]);
     }
-    table.html("Slowest eigenvalues of the Fokker-Planck operator")
+    Some(table.html("Slowest eigenvalues of the Fokker-Planck operator"))
 }
 
-fn course(results: &Results) -> String {
-    let Some(it) = &results.transient else {
-        return String::new();
-    };
+fn course(results: &Results) -> Option<String> {
+    let it = results.transient.as_ref()?;
     let empty: (&[f64], &[Moments]) = (&[], &[]);
     let paths = results.monte_carlo.as_ref();
     let paths = paths.map_or(empty, |it| (&it.times, &it.moments));
@@ -339,7 +329,7 @@ fn course(results: &Results) -> String {
             ]);
         }
     }
-    table.html("On the path to the stationary motion")
+    Some(table.html("On the path to the stationary motion"))
 }
 
 fn stages(results: &Results) -> String {
