@@ -1,13 +1,13 @@
 //! The parts of a map are joined: table, arrays, picture, page, and what is missing.
 
-use super::axis::{Axis, Spacing};
+use super::axis::{Axis, Spacing, plain};
 use super::collected::Collected;
 use super::grid::Ending;
 use super::lines::{Head, each};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
-use super::table::{Column, Table, bracketed, is_time, plain, shown, walk};
+use super::table::{Column, Table, bracketed, is_time, shown, walk};
 use crate::clock::TimeUnit;
 use crate::error::{Error, Result};
 use crate::format::{brief, num};
@@ -236,14 +236,9 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
     };
     let numbers = |it: &Value| {
         let mut all = Vec::new();
-        walk(
-            &it["results"],
-            &mut String::new(),
-            None,
-            &mut |name, place, value, error| {
-                all.push((shown(name, place), value, error));
-            },
-        );
+        walk(it, &mut |name, place, value, error| {
+            all.push((shown(name, place), value, error));
+        });
         all
     };
     let (first, second) = (line(a).unwrap_or_default(), line(b).unwrap_or_default());

@@ -9,7 +9,7 @@ use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
 use crate::format::{brief, cell, seconds, spread};
 use crate::initial::Initial;
-use crate::moments::{Entry, Moment, Moments};
+use crate::moments::{Entry, Moment};
 use crate::results::{Results, distance, entries, physical_words};
 use std::fmt::Write;
 use table::{Table, shown};
@@ -172,29 +172,14 @@ pub(super) fn tables(results: &Results) -> String {
 
 fn physical(results: &Results) -> Option<String> {
     let rig = results.scene.rig.as_ref()?;
-    let sampled = results.physical_sampled(rig);
-    let solved = results.physical(rig);
-    let mut names: Vec<&str> = solved.iter().map(|it| it.0).collect();
-    let more = sampled
-        .iter()
-        .map(|it| it.0)
-        .filter(|it| !names.contains(it));
-    let more: Vec<&str> = more.collect();
-    names.extend(more);
     let mut table = Table::of(["", "value", "long realisations", "unit"]);
-    for name in names {
-        let of = |all: &[(&str, Estimate)]| all.iter().find(|it| it.0 == name).map(|it| it.1);
+    for (name, [number, seen]) in results.on_the_rig(rig) {
         let (words, unit, typed) = physical_words(name);
-        let value = match of(&solved) {
+        let value = match number {
             Some(it) if typed => brief(crate::format::rounded(it.value, 6)),
             it => shown(it),
         };
-        table.put([
-            words.to_owned(),
-            value,
-            shown(of(&sampled)),
-            unit.to_owned(),
-        ]);
+        table.put([words.to_owned(), value, shown(seen), unit.to_owned()]);
     }
     Some(table.html(&format!(
         "On the rig: {} N, {} Hz, {} \u{b5}m",
@@ -304,15 +289,11 @@ fn eigenvalues(results: &Results) -> Option<String> {
 
 fn course(results: &Results) -> Option<String> {
     let it = results.transient.as_ref()?;
-    let empty: (&[f64], &[Moments]) = (&[], &[]);
-    let paths = results.monte_carlo.as_ref();
-    let paths = paths.map_or(empty, |it| (&it.times, &it.moments));
     let course = Moment::course(&it.moments);
     let mut table = Table::of(["t", "", "Fokker-Planck", "Monte Carlo", "z"]);
     for k in spread(it.times.len(), TIMES) {
         let t = it.times[k];
-        let there = paths.0.iter().position(|it| *it == t);
-        let there = there.and_then(|k| paths.1.get(k));
+        let there = results.paths_at(t);
         for (n, moment) in course.iter().enumerate() {
             let Some(a) = it.moments.get(k).and_then(|it| it.get(*moment)) else {
                 continue;

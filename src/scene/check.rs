@@ -222,9 +222,7 @@ impl Scene {
     fn check_excitation(&self) -> Result<()> {
         let (outputs, excitation) = (&self.outputs, &self.excitation);
         if !excitation.is_plain()
-            && let Some((key, value)) = outputs
-                .stationary_questions()
-                .find(|(key, _)| !["outputs.first_loss", "outputs.first_passage"].contains(key))
+            && let Some((key, value)) = outputs.stationary_questions().next()
         {
             let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, first_loss, \
                             first_passage, periodic and response know it; stationary is the law without it";
