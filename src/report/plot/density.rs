@@ -7,7 +7,7 @@ use super::canvas::{
 };
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};
-use super::panel::{Panel, range};
+use super::panel::{Panel, highest, range};
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
 use crate::format::bare;
@@ -29,12 +29,7 @@ impl<'a> Sheet<'a> {
     pub(super) fn of(snapshot: &'a Snapshot) -> Option<Self> {
         let (q, v) = (snapshot.q.to_vec(), snapshot.v.to_vec());
         let fits = snapshot.p.dim() == (q.len(), v.len()) && q.len() > 1 && v.len() > 1;
-        let peak = snapshot
-            .p
-            .iter()
-            .copied()
-            .filter(|p| p.is_finite())
-            .fold(0.0, f64::max);
+        let peak = highest(snapshot.p.iter().copied());
         if !fits || peak <= 0.0 {
             return None;
         }
@@ -132,12 +127,7 @@ fn density_picture(name: String, title: &str, snapshot: &Snapshot, results: &Res
     };
     let (exact_q, exact_v) = (exact(&Law::density_q, x), exact(&Law::density_v, y));
     let top = |a: &Points, b: &Points| {
-        let most = a
-            .iter()
-            .chain(b)
-            .map(|(_, p)| *p)
-            .filter(|p| p.is_finite())
-            .fold(0.0, f64::max);
+        let most = highest(a.iter().chain(b).map(|(_, p)| *p));
         (0.0, 1.08 * most.max(1e-300))
     };
     let above = Panel {

@@ -4,7 +4,7 @@ use super::Picture;
 use super::canvas::{Area, BLUE, Drawn, INK, LEVELS, Points, TITLE, VERMILION, picture, write};
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};
-use super::panel::Panel;
+use super::panel::{Panel, highest};
 use crate::fokker_planck::ImpactLaw;
 use crate::results::Results;
 
@@ -19,18 +19,10 @@ pub(crate) fn impacts(results: &Results) -> Picture {
     let force: Points = force.map(|(n, p)| (*n, p.value)).collect();
     let speed = law.speeds.iter().zip(&law.speed_density);
     let speed: Points = speed.map(|(c, p)| (*c, p.value)).collect();
-    let most = |all: &Points| {
-        all.iter()
-            .map(|it| it.1)
-            .filter(|p| p.is_finite())
-            .fold(0.0, f64::max)
-    };
+    let most = |all: &Points| highest(all.iter().map(|it| it.1));
     let (top, high) = (most(&speed), most(&force));
-    let heaviest = force
-        .iter()
-        .filter(|it| it.1 > 1e-3 * high)
-        .map(|it| it.0)
-        .fold(0.0, f64::max);
+    let seen = force.iter().filter(|it| it.1 > 1e-3 * high);
+    let heaviest = highest(seen.map(|it| it.0));
     if !(peak > 0.0 && end.is_finite() && top > 0.0 && high > 0.0 && heaviest > 0.0) {
         return None;
     }

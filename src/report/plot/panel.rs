@@ -29,6 +29,12 @@ pub fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64,
     (out.0.is_finite() && out.1.is_finite()).then_some(out)
 }
 
+/// The highest finite number above 0; 0 without one.
+pub(super) fn highest(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    let finite = numbers.into_iter().filter(|x| x.is_finite());
+    finite.fold(0.0, f64::max)
+}
+
 /// Values against x, and the band of their errors.
 pub(super) fn with_band(
     x: &[f64],

@@ -110,28 +110,12 @@ impl Sheet<'_> {
             if error.is_finite() { error } else { 0.0 }
         };
         // Where the level may lie: on one line with the level itself unless errors are large.
-        for sign in [-1.0, 1.0] {
+        for (sign, width) in [(-1.0, 0.75), (1.0, 0.75), (0.0, 2.0)] {
             let moved = |i: usize, j: usize| scale.place(number(i, j) + sign * error(i, j));
-            let grid = (&xs[..], &ys[..]);
-            level_line(
-                area,
-                panel,
-                grid,
-                moved,
-                scale.place(level),
-                (VERMILION, 0.75),
-            )?;
+            let (grid, level) = ((&xs[..], &ys[..]), scale.place(level));
+            level_line(area, panel, grid, moved, level, (VERMILION, width))?;
         }
-        let exact = |i: usize, j: usize| scale.place(number(i, j));
-        let grid = (&xs[..], &ys[..]);
-        level_line(
-            area,
-            panel,
-            grid,
-            exact,
-            scale.place(level),
-            (VERMILION, 2.0),
-        )
+        Ok(())
     }
 }
 
