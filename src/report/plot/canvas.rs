@@ -36,6 +36,9 @@ pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 pub type Points = Vec<(f64, f64)>;
 
+/// A picture; None where there is nothing to be drawn.
+pub(crate) type Picture = Option<Result<File>>;
+
 /// A picture of that size in pixels.
 pub fn picture(
     name: impl Into<String>,

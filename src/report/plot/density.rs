@@ -1,9 +1,8 @@
 //! The density p(q, v) with its marginals, snapshots on one sheet, the steady state.
 
-use super::Picture;
 use super::canvas::{
-    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Points, TITLE, dashed, picture,
-    rectangle, write,
+    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Picture, Points, TITLE, dashed,
+    picture, rectangle, write,
 };
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};

@@ -1,7 +1,6 @@
 //! What lasts under a drive: the periodic law over the phase, and the response curve.
 
-use super::Picture;
-use super::canvas::{BLUE, GREY, INK, TITLE, picture, write};
+use super::canvas::{BLUE, GREY, INK, Picture, TITLE, picture, write};
 use super::legend::{Mark, legend};
 use super::panel::{Panel, place, range, with_band};
 use crate::estimate::Estimate;

@@ -1,7 +1,8 @@
 //! The density of the force, linear and logarithmic, with its Dirac mass.
 
-use super::Picture;
-use super::canvas::{Area, BLUE, Drawn, INK, NOTE, Points, TITLE, VERMILION, line, picture, write};
+use super::canvas::{
+    Area, BLUE, Drawn, INK, NOTE, Picture, Points, TITLE, VERMILION, line, picture, write,
+};
 use super::density::Sheet;
 use super::legend::{Mark, legends};
 use super::panel::{Panel, range};

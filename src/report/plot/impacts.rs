@@ -1,7 +1,8 @@
 //! The law of an impact: time of flight and speed at the return together, the speed, the peak force.
 
-use super::Picture;
-use super::canvas::{Area, BLUE, Drawn, INK, LEVELS, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{
+    Area, BLUE, Drawn, INK, LEVELS, Picture, Points, TITLE, VERMILION, picture, write,
+};
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};
 use super::panel::{Panel, highest};

@@ -1,7 +1,6 @@
 //! Survival until the first loss of contact, and times of flight.
 
-use super::Picture;
-use super::canvas::{BLUE, INK, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, INK, Picture, Points, TITLE, VERMILION, picture, write};
 use super::legend::{Mark, legend, legends};
 use super::panel::{Panel, range};
 use crate::estimate::Estimate;

@@ -19,6 +19,8 @@ mod spectrum;
 mod ticks;
 mod transient;
 
+#[cfg(feature = "cli")]
+pub(crate) use canvas::Picture;
 pub use canvas::{
     Area, BLUE, CENTRED, Colour, Drawn, FAINT, FINE, Font, GREEN, GREY, HALO, Hang, INK, Points,
     VERMILION, WORDS, fine, line, picture, write,
@@ -35,9 +37,3 @@ pub use panel::{Panel, range};
 pub(crate) use spectrum::spectrum;
 pub use ticks::superscript;
 pub(crate) use transient::{approach, moments};
-
-use super::File;
-use crate::error::Result;
-
-/// A picture; None where there is nothing to be drawn.
-pub(crate) type Picture = Option<Result<File>>;

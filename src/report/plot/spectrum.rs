@@ -1,7 +1,6 @@
 //! Spectra.
 
-use super::Picture;
-use super::canvas::{BLUE, GREY, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, GREY, Picture, Points, TITLE, VERMILION, picture, write};
 use super::legend::{Mark, legends};
 use super::panel::{Panel, range};
 use crate::format::brief;

@@ -1,7 +1,6 @@
 //! Moments against time, and the approach to the stationary law.
 
-use super::Picture;
-use super::canvas::{BLUE, GREEN, INK, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, GREEN, INK, Picture, Points, TITLE, VERMILION, picture, write};
 use super::legend::{Mark, legend};
 use super::panel::{Panel, place, range, with_band};
 use crate::estimate::Estimate;

@@ -8,8 +8,7 @@ mod scale;
 pub(crate) use field::Field;
 pub(crate) use ruler::Ruler;
 
-use crate::report::plot::Picture;
-use crate::report::plot::canvas::{BLUE, Hang, INK, Points, VERMILION, picture, write};
+use crate::report::plot::canvas::{BLUE, Hang, INK, Picture, Points, VERMILION, picture, write};
 use crate::report::plot::legend::{Mark, legend};
 use crate::report::plot::panel::{Panel, range};
 use plane::{Sheet, plane};

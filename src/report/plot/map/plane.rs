@@ -3,9 +3,9 @@
 use super::ruler::{Ruler, axes};
 use super::scale::{Scale, colours};
 use crate::format::bare;
-use crate::report::plot::Picture;
 use crate::report::plot::canvas::{
-    Area, Colour, Drawn, FAINT, GREY, Hang, INK, TITLE, VERMILION, line, picture, rectangle, write,
+    Area, Colour, Drawn, FAINT, GREY, Hang, INK, Picture, TITLE, VERMILION, line, picture,
+    rectangle, write,
 };
 use crate::report::plot::contours::{self, between, level_line, locate};
 use crate::report::plot::panel::Panel;
