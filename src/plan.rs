@@ -18,7 +18,7 @@ use crate::fokker_planck::Settings;
 #[doc(hidden)]
 pub use crate::format::{bytes, seconds};
 use crate::scene::Scene;
-use recipes::Recipes;
+use recipes::Recipe;
 use std::time::Instant;
 
 /// The stages of a scene: optional parts, each there only because an output needs it.
@@ -39,8 +39,9 @@ pub struct Plan {
     scene: Scene,
     clock: Clock,
     settings: Settings,
-    recipes: Recipes,
     stages: Vec<Stage>,
+    /// One a stage; None for one that is refused before it is known.
+    recipes: Vec<Option<Recipe>>,
     /// Seconds that it took to make, which a run counts as its own: many cells of a scene take some.
     planning: f64,
 }
@@ -73,24 +74,23 @@ impl Plan {
                 max_memory: scene.accuracy.max_memory,
                 max_seconds: scene.accuracy.max_seconds,
             },
-            recipes: Recipes::default(),
             stages: Vec::new(),
+            recipes: Vec::new(),
             planning: 0.0,
         };
         // A time that is short in its unit may be too long in dimensionless time.
         scene.check().map_err(|error| plan.as_typed(error))?;
-        for (part, keys) in asked(scene) {
-            let keys = keys.into_iter().filter(|(_, asked)| *asked);
-            let needed_by: Vec<&'static str> = keys.map(|(key, _)| key).collect();
+        for part in Part::ALL {
+            let needed_by = needed_by(part, scene);
             if needed_by.is_empty() {
                 continue;
             }
-            let (cost, checked) = match plan.cost(part) {
-                Ok(cost) => {
+            let (cost, recipe, checked) = match plan.foresee(part) {
+                Ok((cost, recipe)) => {
                     let checked = plan.check_cost(part, &cost);
-                    (cost, checked)
+                    (cost, Some(recipe), checked)
                 }
-                Err(error) => (Cost::default(), Err(error)),
+                Err(error) => (Cost::default(), None, Err(error)),
             };
             let refusal = match checked.map_err(|error| plan.as_typed(error)) {
                 Ok(()) => None,
@@ -104,6 +104,7 @@ impl Plan {
                 cost,
                 refusal,
             });
+            plan.recipes.push(recipe);
         }
         let mut refusals = plan.stages.iter().map(|it| it.refusal.clone());
         if let Some(Some(first)) = refusals.next()
@@ -141,56 +142,41 @@ impl Plan {
     }
 }
 
-/// The keys that ask for each part, and whether they do.
-fn asked(scene: &Scene) -> [(Part, Vec<(&'static str, bool)>); 16] {
+/// The keys that ask for a part.
+fn needed_by(part: Part, scene: &Scene) -> Vec<&'static str> {
     let it = &scene.outputs;
+    let sampled = scene.monte_carlo.is_some();
+    let (paths, records) = (scene.wants_paths(), scene.wants_records());
     let crossings = ("outputs.crossings", it.crossings.is_some());
     let first_loss = ("outputs.first_loss", it.first_loss.is_some());
     let passage = ("outputs.first_passage", it.first_passage.is_some());
     let spectrum = ("outputs.spectrum", it.spectrum.is_some());
-    let moments = ("outputs.moments_at", !it.moments_at.is_empty());
-    let densities = ("outputs.density_at", !it.density_at.is_empty());
-    let (sampled, paths, records) = (
-        scene.monte_carlo.is_some(),
-        scene.wants_paths(),
-        scene.wants_records(),
-    );
     let by_sampling = |(key, asked): (&'static str, bool)| vec![(key, asked && sampled)];
-    [
-        (
-            Part::Stationary,
-            vec![("outputs.stationary", it.stationary)],
-        ),
-        (Part::Crossings, vec![crossings]),
-        (Part::FirstLoss, vec![first_loss]),
-        (Part::FirstPassage, vec![passage]),
-        (Part::Transient, vec![moments, densities]),
-        (Part::Reach, vec![("outputs.reach", it.reach.is_some())]),
-        (
-            Part::Periodic,
-            vec![("outputs.periodic", it.periodic.is_some())],
-        ),
-        (
-            Part::Response,
-            vec![("outputs.response", it.response.is_some())],
-        ),
-        (Part::Steady, vec![("outputs.steady", it.steady)]),
-        (
-            Part::DecayRates,
-            vec![("outputs.decay_rates", it.decay_rates > 0)],
-        ),
-        (Part::Spectrum, vec![spectrum]),
-        (Part::Series, by_sampling(spectrum)),
-        (Part::MonteCarlo, vec![("monte_carlo", paths)]),
-        (Part::FirstLossPaths, by_sampling(first_loss)),
-        (Part::FirstPassagePaths, by_sampling(passage)),
-        (
-            Part::Records,
-            vec![
-                ("monte_carlo", records && !paths),
-                (crossings.0, records && crossings.1),
-                ("monte_carlo.duration", records && paths && !crossings.1),
-            ],
-        ),
-    ]
+    let keys = match part {
+        Part::Stationary => vec![("outputs.stationary", it.stationary)],
+        Part::Crossings => vec![crossings],
+        Part::FirstLoss => vec![first_loss],
+        Part::FirstPassage => vec![passage],
+        Part::Transient => vec![
+            ("outputs.moments_at", !it.moments_at.is_empty()),
+            ("outputs.density_at", !it.density_at.is_empty()),
+        ],
+        Part::Reach => vec![("outputs.reach", it.reach.is_some())],
+        Part::Periodic => vec![("outputs.periodic", it.periodic.is_some())],
+        Part::Response => vec![("outputs.response", it.response.is_some())],
+        Part::Steady => vec![("outputs.steady", it.steady)],
+        Part::DecayRates => vec![("outputs.decay_rates", it.decay_rates > 0)],
+        Part::Spectrum => vec![spectrum],
+        Part::Series => by_sampling(spectrum),
+        Part::MonteCarlo => vec![("monte_carlo", paths)],
+        Part::FirstLossPaths => by_sampling(first_loss),
+        Part::FirstPassagePaths => by_sampling(passage),
+        Part::Records => vec![
+            ("monte_carlo", records && !paths),
+            (crossings.0, records && crossings.1),
+            ("monte_carlo.duration", records && paths && !crossings.1),
+        ],
+    };
+    let asked = keys.into_iter().filter(|(_, asked)| *asked);
+    asked.map(|(key, _)| key).collect()
 }

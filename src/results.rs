@@ -21,6 +21,7 @@ use crate::fokker_planck::{
     DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Response, SolvedLaw, Steady,
     Transient,
 };
+use crate::moments::Moments;
 use crate::monte_carlo::{
     Crossings, EnsembleResult, FirstLossResult, Histogram, RecordResult, Scheme,
 };
@@ -193,6 +194,13 @@ impl Results {
         Some(Numbers::recorded(it, moments))
     }
 
+    /// The moments of the paths at a time of the output.
+    pub(crate) fn paths_at(&self, t: f64) -> Option<&Moments> {
+        let it = self.monte_carlo.as_ref()?;
+        let k = it.times.iter().position(|it| *it == t)?;
+        it.moments.get(k)
+    }
+
     /// The crossings of the long records, if they are asked for and the scheme sees them.
     pub(crate) fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
         let time = self.scene.clock().time(self.scene.crossings_window()?);
@@ -294,6 +302,19 @@ impl Results {
         };
         let lost = crossings.as_ref().and_then(|it| it.lost_share);
         self.measured(rig, &of, lost)
+    }
+
+    /// [`Results::physical`] beside the same numbers from long records.
+    pub(crate) fn on_the_rig(&self, rig: &Rig) -> Vec<(&'static str, [Option<Estimate>; 2])> {
+        let solved = self.physical(rig).into_iter();
+        let mut all: Vec<_> = solved.map(|(name, it)| (name, [Some(it), None])).collect();
+        for (name, seen) in self.physical_sampled(rig) {
+            match all.iter_mut().find(|it| it.0 == name) {
+                Some((_, both)) => both[1] = Some(seen),
+                None => all.push((name, [None, Some(seen)])),
+            }
+        }
+        all
     }
 
     /// What can be measured on the rig; `of` gives dimensionless numbers by name.

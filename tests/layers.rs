@@ -129,7 +129,7 @@ fn a_crate_that_would_spread_is_used_by_one_module() {
         ("sparse.rs", &["faer"][..]),
         ("monte_carlo/signal.rs or spectrum.rs", &["rustfft"]),
         (
-            "report/plot/canvas.rs or report/plot/legend.rs or report/plot/panel.rs",
+            "report/plot/canvas.rs or report/plot/legend.rs or report/plot/panel.rs or bin/lab/plot/charts.rs or bin/lab/plot/marks.rs",
             &["plotters"],
         ),
         ("report/data.rs", &["ndarray_npy"]),

@@ -190,10 +190,23 @@ impl Axis {
         self.values.iter().map(Value::as_f64).collect()
     }
 
+    /// Value `k` as text, a number as it reads back.
+    pub(super) fn shown(&self, k: usize) -> String {
+        let value = &self.values[k];
+        value.as_f64().map_or_else(|| plain(value), num)
+    }
+
     /// Value `k` as an override of the scene, `KEY=VALUE`.
     pub(super) fn set(&self, k: usize) -> String {
         format!("{}={}", self.key, toml_value(&self.values[k]))
     }
+}
+
+/// A value of an axis as text.
+pub(super) fn plain(value: &Value) -> String {
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn refused(key: &str, value: &str, accepted: impl Into<String>) -> Error {

@@ -1,18 +1,18 @@
 //! The parts of a map are joined: table, arrays, picture, page, and what is missing.
 
-use super::axis::{Axis, Spacing};
+use super::axis::{Axis, Spacing, plain};
 use super::collected::Collected;
 use super::grid::Ending;
 use super::lines::{Head, each};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
-use super::table::{Column, Table, bracketed, is_time, plain, shown, walk};
+use super::table::{Column, Table, bracketed, is_time, shown, walk};
 use crate::clock::TimeUnit;
 use crate::error::{Error, Result};
 use crate::format::{brief, num};
 use crate::report::folder;
-use crate::report::plot::{self, Field, Ruler};
+use crate::report::plot::{self, Field, Picture, Ruler};
 use crate::results::entries;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -110,7 +110,7 @@ pub fn collect(dir: &Path, draw: &[Drawn]) -> Result<Collected> {
         it.table.csv(&axes, |index| place(&axes, index)),
         it.table.npz(&axes)?,
     ];
-    let picture = picture(&it.axes, &it.table, &drawn)?;
+    let picture = picture(&it.axes, &it.table, &drawn).transpose()?;
     files.push(page::page(&it, picture.as_ref()));
     files.extend(picture);
     let missing = dir.join("missing.csv");
@@ -236,14 +236,9 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
     };
     let numbers = |it: &Value| {
         let mut all = Vec::new();
-        walk(
-            &it["results"],
-            &mut String::new(),
-            None,
-            &mut |name, place, value, error| {
-                all.push((shown(name, place), value, error));
-            },
-        );
+        walk(it, &mut |name, place, value, error| {
+            all.push((shown(name, place), value, error));
+        });
         all
     };
     let (first, second) = (line(a).unwrap_or_default(), line(b).unwrap_or_default());
@@ -313,7 +308,7 @@ fn chosen(table: &Table, draw: &[Drawn]) -> Result<Vec<Drawn>> {
 }
 
 /// The picture over the axes that have more than one point; moments at several times have time as an axis more.
-fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Result<Option<crate::report::File>> {
+fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Picture {
     let mut rulers: Vec<Ruler> = axes
         .iter()
         .filter(|it| it.values().len() > 1)

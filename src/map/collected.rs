@@ -3,8 +3,8 @@
 use super::axis::Axis;
 use super::grid::Ending;
 use super::part::{Part, place};
-use super::table::{Table, plain};
-use crate::format::{many, num};
+use super::table::Table;
+use crate::format::many;
 use serde_json::Value;
 use std::fmt;
 
@@ -37,11 +37,7 @@ impl Collected {
     pub(super) fn called(&self, index: usize) -> String {
         let places = place(&self.axes, index);
         let values = self.axes.iter().zip(places);
-        let values = values.map(|(axis, k)| {
-            let value = &axis.values()[k];
-            let value = value.as_f64().map_or_else(|| plain(value), num);
-            format!("{} = {value}", axis.key())
-        });
+        let values = values.map(|(axis, k)| format!("{} = {}", axis.key(), axis.shown(k)));
         let values: Vec<String> = values.collect();
         format!("point {index}: {}", values.join(", "))
     }

@@ -1,9 +1,9 @@
 //! report.html of a map, and the list of its missing points.
 
+use super::axis::plain;
 use super::collected::Collected;
 use super::grid::Ending;
-use super::table::{Column, bracketed, plain, quoted, shown};
-use crate::format::num;
+use super::table::{Column, bracketed, quoted, shown};
 use crate::report::{self, File};
 use std::fmt::Write;
 
@@ -97,9 +97,7 @@ pub(super) fn missing(it: &Collected) -> File {
     for index in it.ended(None) {
         let _ = write!(text, "{index}");
         for (axis, k) in it.axes.iter().zip(super::part::place(&it.axes, index)) {
-            let value = &axis.values()[k];
-            let value = value.as_f64().map_or_else(|| plain(value), num);
-            let _ = write!(text, ",{}", quoted(&value));
+            let _ = write!(text, ",{}", quoted(&axis.shown(k)));
         }
         text.push('\n');
     }

@@ -5,7 +5,6 @@ use super::grid::Ending;
 use super::numbers::is_curve;
 use crate::clock::TimeUnit;
 use crate::error::Result;
-use crate::format::num;
 use crate::report::{File, data, field, spelled};
 use crate::results::dimension;
 use serde_json::Value;
@@ -66,15 +65,10 @@ impl Table {
             self.messages.insert(index, message.to_owned());
         }
         let mut order = 0;
-        walk(
-            &line["results"],
-            &mut String::new(),
-            None,
-            &mut |name, place, value, error| {
-                order += 1;
-                self.number((index, order), (name, place), (value, error));
-            },
-        );
+        walk(line, &mut |name, place, value, error| {
+            order += 1;
+            self.number((index, order), (name, place), (value, error));
+        });
     }
 
     fn number(
@@ -166,9 +160,7 @@ impl Table {
             let name = self.names.get(&index).map_or("", String::as_str);
             let _ = write!(text, "{index},{name}");
             for (axis, k) in axes.iter().zip(places(index)) {
-                let value = &axis.values()[k];
-                let value = value.as_f64().map_or_else(|| plain(value), num);
-                let _ = write!(text, ",{}", quoted(&value));
+                let _ = write!(text, ",{}", quoted(&axis.shown(k)));
             }
             for (column, errors) in columns.iter().zip(&with_errors) {
                 text.push(',');
@@ -247,14 +239,18 @@ pub(super) fn is_time(name: &str) -> bool {
 /// Takes a name, a place in a list, a value and an error.
 type Visit<'a> = &'a mut dyn FnMut(&str, Option<usize>, f64, f64);
 
-/// Shows every number of a section with its name, its place in a list, its value and its error, NaN without one.
-pub(super) fn walk(it: &Value, path: &mut String, place: Option<usize>, visit: Visit<'_>) {
+/// Shows every number of a line with its name, its place in a list, its value and its error, NaN without one.
+pub(super) fn walk(line: &Value, visit: Visit<'_>) {
+    section(&line["results"], &mut String::new(), None, visit);
+}
+
+fn section(it: &Value, path: &mut String, place: Option<usize>, visit: Visit<'_>) {
     let error = |it: &Value| it.as_f64().unwrap_or(f64::NAN);
     match it {
         Value::Number(x) => visit(path, place, x.as_f64().unwrap_or(f64::NAN), f64::NAN),
         Value::Array(items) if place.is_none() => {
             for (k, item) in items.iter().enumerate() {
-                walk(item, path, Some(k), visit);
+                section(item, path, Some(k), visit);
             }
         }
         Value::Object(pairs) => match (pairs.get("value"), pairs.get("error")) {
@@ -286,7 +282,7 @@ pub(super) fn walk(it: &Value, path: &mut String, place: Option<usize>, visit: V
                         path.push('.');
                     }
                     *path += key;
-                    walk(value, path, place, visit);
+                    section(value, path, place, visit);
                     path.truncate(length);
                 }
             }
@@ -317,13 +313,6 @@ pub(super) fn bracketed(name: &str, time: TimeUnit) -> String {
     let circular = name.contains("spectrum.");
     let of = |unit| if circular { unit } else { time.of(unit) };
     unit(name).map_or_else(String::new, |unit| format!(" [{}]", spelled(of(unit))))
-}
-
-/// A value of an axis as text.
-pub(super) fn plain(value: &Value) -> String {
-    value
-        .as_str()
-        .map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// A field of CSV.

@@ -2,12 +2,13 @@
 //! [`run`](super::run).
 
 use super::Plan;
+use super::recipes::Recipe;
 use super::stage::{Cost, Part};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::{
-    self, Eigenvalues, FirstPassage, Periodic, PeriodicLaw, Reach, Recipe, Resolvent,
-    ResponseCurve, Settings, StationaryState, SteadyState,
+    self, Eigenvalues, FirstPassage, Periodic, PeriodicLaw, Reach, Resolvent, ResponseCurve,
+    Settings, StationaryState, SteadyState,
 };
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
@@ -26,105 +27,125 @@ const WELCH_SEGMENTS: usize = 5;
 const LEVEL: f64 = 0.05;
 
 impl Plan {
-    pub(super) fn cost(&mut self, part: Part) -> Result<Cost> {
+    /// How a part will be computed, and at what cost.
+    pub(super) fn foresee(&self, part: Part) -> Result<(Cost, Recipe)> {
         let Scene {
             oscillator,
             initial,
+            outputs,
             ..
         } = &self.scene;
-        let (it, method) = match part {
+        let (settings, sampling) = (&self.settings, self.sampling());
+        Ok(match part {
             Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
-                let recipe = StationaryState::of(oscillator, &self.settings)?;
-                let mut cost = Cost::on_mesh(recipe.cost, StationaryState::WORDS.into());
+                let it = StationaryState::of(oscillator, settings)?;
+                let mut cost = Cost::on_mesh(it.cost, StationaryState::WORDS.into());
                 // What one stage has solved for serves the other.
-                if self.recipes.stationary.replace(recipe).is_some() {
+                if self.has(Part::Stationary) {
                     (cost.seconds, cost.steps) = (0.0, 0);
                 }
-                return Ok(cost);
+                (cost, Recipe::Stationary(it))
             }
             Part::Stationary | Part::Crossings => {
-                return Ok(Cost {
+                let cost = Cost {
                     method: "closed form by adaptive quadrature".into(),
                     cells: None,
                     steps: 0,
                     memory_bytes: 1 << 16,
                     seconds: 1e-3,
-                });
-            }
-            Part::MonteCarlo | Part::FirstLossPaths | Part::FirstPassagePaths | Part::Records => {
-                return self.sample_cost(part);
-            }
-            Part::FirstPassage => {
-                let passage = self.passage()?;
-                let recipe = FirstPassage::of_level(oscillator, initial, passage, &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.passage = Some(recipe);
-                cost
+                };
+                (cost, Recipe::ClosedForm)
             }
             Part::FirstLoss => {
-                let until = self.scene.outputs.first_loss.unwrap_or(0.0);
-                let recipe = FirstPassage::of(oscillator, initial, until, &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.first_passage = Some(recipe);
-                cost
+                let until = outputs.first_loss.unwrap_or(0.0);
+                let it = FirstPassage::of(oscillator, initial, until, settings)?;
+                (Cost::on_mesh(it.cost, it.words()), Recipe::FirstPassage(it))
             }
-            Part::Series => return self.series_cost(),
-            Part::Spectrum => {
-                let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
-                let recipe = Resolvent::of(oscillator, until, &self.settings);
-                let cost = (recipe.cost, Resolvent::METHOD.to_string());
-                self.recipes.spectrum = Some(recipe);
-                cost
+            Part::FirstPassage => {
+                let it = FirstPassage::of_level(oscillator, initial, self.passage()?, settings)?;
+                (Cost::on_mesh(it.cost, it.words()), Recipe::FirstPassage(it))
             }
             Part::Transient => {
-                let recipe = Recipe::of(oscillator, initial, &self.times(), &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.transient = Some(recipe);
-                cost
+                let it = fokker_planck::Recipe::of(oscillator, initial, &self.times(), settings)?;
+                (Cost::on_mesh(it.cost, it.words()), Recipe::Transient(it))
             }
-            Part::Reach => self.reach_cost()?,
+            Part::Reach => self.foresee_reach()?,
             Part::Periodic => {
-                let phases = self.scene.outputs.periodic.unwrap_or(0);
-                let recipe = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), &self.settings)?;
-                let cost = (recipe.cost(), recipe.words());
-                self.recipes.periodic = Some(recipe);
-                cost
+                let phases = outputs.periodic.unwrap_or(0);
+                let it = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), settings)?;
+                (Cost::on_mesh(it.cost(), it.words()), Recipe::Periodic(it))
             }
             Part::Response => {
-                let asked = self.scene.outputs.response;
-                let frequencies = asked.map_or(Vec::new(), |it| it.frequencies());
-                let recipe = ResponseCurve::of(oscillator, &frequencies, &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.response = Some(recipe);
-                cost
+                let frequencies = outputs.response.map_or(Vec::new(), |it| it.frequencies());
+                let it = ResponseCurve::of(oscillator, &frequencies, settings)?;
+                (Cost::on_mesh(it.cost, it.words()), Recipe::Response(it))
             }
             Part::Steady => {
-                let recipe = SteadyState::of(oscillator, &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.steady = Some(recipe);
-                cost
+                let it = SteadyState::of(oscillator, settings)?;
+                (Cost::on_mesh(it.cost, it.words()), Recipe::Steady(it))
             }
             Part::DecayRates => {
-                let count = self.scene.outputs.decay_rates;
-                let recipe = Eigenvalues::of(oscillator, count, &self.settings)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.eigenvalues = Some(recipe);
-                cost
+                let it = Eigenvalues::of(oscillator, outputs.decay_rates, settings)?;
+                (Cost::on_mesh(it.cost, it.words()), Recipe::DecayRates(it))
             }
-        };
-        Ok(Cost::on_mesh(it, method))
+            Part::Spectrum => {
+                let until = outputs.spectrum.map_or(0.0, |it| it.until);
+                let it = Resolvent::of(oscillator, until, settings);
+                let cost = Cost::on_mesh(it.cost, Resolvent::METHOD.into());
+                (cost, Recipe::Spectrum(it))
+            }
+            Part::Series => {
+                let it = Series::of(oscillator, self.welch()?.1, &sampling)?;
+                let records = it.asked.records;
+                let method = format!(
+                    "Welch: {records} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}",
+                    it.words()
+                );
+                let mut cost = Cost::of_sample(it.cost, method);
+                // The periodograms.
+                cost.memory_bytes += 8 * records * WELCH_SAMPLES as u64 / 2;
+                (cost, Recipe::Series(it))
+            }
+            Part::MonteCarlo => {
+                let times = outputs.moments_at.list();
+                let it = Ensemble::of(oscillator, initial, &times, &sampling)?;
+                (Cost::of_sample(it.cost, it.words()), Recipe::Ensemble(it))
+            }
+            Part::FirstLossPaths => {
+                let until = outputs.first_loss.unwrap_or(0.0);
+                let it = FirstLosses::of(oscillator, initial, until, &sampling)?;
+                (
+                    Cost::of_sample(it.cost, it.words()),
+                    Recipe::FirstLosses(it),
+                )
+            }
+            Part::FirstPassagePaths => {
+                let it = FirstLosses::of_level(oscillator, initial, self.passage()?, &sampling)?;
+                (
+                    Cost::of_sample(it.cost, it.words()),
+                    Recipe::FirstLosses(it),
+                )
+            }
+            Part::Records => {
+                let it = Records::of(oscillator, &sampling)?;
+                (Cost::of_sample(it.cost, it.words()), Recipe::Records(it))
+            }
+        })
     }
 
-    /// The cost of the first time at a level, and of the stationary value that it is a fraction of.
-    fn reach_cost(&mut self) -> Result<(fokker_planck::Cost, String)> {
-        let ReachRequest { quantity, fraction } = self.reach()?;
+    /// The first time at a level, and the stationary value that it is a fraction of.
+    fn foresee_reach(&self) -> Result<(Cost, Recipe)> {
+        let asked = self.scene.outputs.reach;
+        let ReachRequest { quantity, fraction } =
+            asked.ok_or_else(|| Error::invalid("outputs.reach", "nothing", "a moment"))?;
         let Scene {
             oscillator,
             initial,
             ..
         } = &self.scene;
-        let recipe = Reach::of((oscillator, initial), quantity, fraction, &self.settings)?;
-        let mut cost = (recipe.cost, recipe.words());
+        let it = Reach::of((oscillator, initial), quantity, fraction, &self.settings)?;
+        let mut cost = Cost::on_mesh(it.cost, it.words());
+        let mut level = None;
         if oscillator.is_viscous() {
             reached(quantity, &Stationary::of(oscillator)?.moments())?;
         } else {
@@ -135,62 +156,14 @@ impl Plan {
                 ..self.settings.clone()
             };
             let law = StationaryState::of(oscillator, &settings)?;
-            cost.0.seconds += law.cost.seconds;
-            self.recipes.level = Some(law);
+            cost.seconds += law.cost.seconds;
+            level = Some(law);
         }
-        self.recipes.reach = Some(recipe);
-        Ok(cost)
-    }
-
-    /// The cost of paths.
-    fn sample_cost(&mut self, part: Part) -> Result<Cost> {
-        let Scene {
-            oscillator,
-            initial,
-            outputs,
-            ..
-        } = &self.scene;
-        let sampling = self.sampling();
-        let (cost, method) = match part {
-            Part::MonteCarlo => {
-                let times = outputs.moments_at.list();
-                let recipe = Ensemble::of(oscillator, initial, &times, &sampling)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.ensemble = Some(recipe);
-                cost
-            }
-            Part::FirstLossPaths => {
-                let until = outputs.first_loss.unwrap_or(0.0);
-                let recipe = FirstLosses::of(oscillator, initial, until, &sampling)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.first_losses = Some(recipe);
-                cost
-            }
-            Part::FirstPassagePaths => {
-                let recipe =
-                    FirstLosses::of_level(oscillator, initial, self.passage()?, &sampling)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.passages = Some(recipe);
-                cost
-            }
-            _ => {
-                let recipe = Records::of(oscillator, &sampling)?;
-                let cost = (recipe.cost, recipe.words());
-                self.recipes.records = Some(recipe);
-                cost
-            }
-        };
-        Ok(Cost::of_sample(cost, method))
-    }
-
-    /// What `outputs.reach` asks for.
-    pub(super) fn reach(&self) -> Result<ReachRequest> {
-        let asked = self.scene.outputs.reach;
-        asked.ok_or_else(|| Error::invalid("outputs.reach", "nothing", "a moment"))
+        Ok((cost, Recipe::Reach(it, quantity, level)))
     }
 
     /// Level, side and time of the first passage asked for.
-    pub(super) fn passage(&self) -> Result<(f64, scene::Side, f64)> {
+    fn passage(&self) -> Result<(f64, scene::Side, f64)> {
         let asked = self.scene.outputs.first_passage;
         let it =
             asked.ok_or_else(|| Error::invalid("outputs.first_passage", "nothing", "a level"))?;
@@ -222,21 +195,6 @@ impl Plan {
             records: records as u64,
         };
         Ok((welch, asked))
-    }
-
-    fn series_cost(&mut self) -> Result<Cost> {
-        let (_, asked) = self.welch()?;
-        let recipe = Series::of(&self.scene.oscillator, asked, &self.sampling())?;
-        let records = recipe.asked.records;
-        let method = format!(
-            "Welch: {records} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}",
-            recipe.words()
-        );
-        let mut cost = Cost::of_sample(recipe.cost, method);
-        // The periodograms.
-        cost.memory_bytes += 8 * records * WELCH_SAMPLES as u64 / 2;
-        self.recipes.series = Some(recipe);
-        Ok(cost)
     }
 
     /// What the scene says of sampling.

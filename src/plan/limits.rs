@@ -25,13 +25,10 @@ impl Plan {
     pub(super) fn check_cost(&self, part: Part, cost: &Cost) -> Result<()> {
         if cost.steps > MOST_STEPS {
             let sampling = self.scene.monte_carlo.as_ref();
-            let (key, step) = match part {
-                Part::MonteCarlo
-                | Part::FirstLossPaths
-                | Part::FirstPassagePaths
-                | Part::Series
-                | Part::Records => ("monte_carlo.step", sampling.and_then(|it| it.step)),
-                _ => ("method.step", self.scene.method.step),
+            let (key, step) = if part.is_sampled() {
+                ("monte_carlo.step", sampling.and_then(|it| it.step))
+            } else {
+                ("method.step", self.scene.method.step)
             };
             let outputs = &self.scene.outputs;
             let otherwise = match (part, sampling.and_then(|it| it.duration)) {

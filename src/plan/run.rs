@@ -2,6 +2,7 @@
 
 use super::Plan;
 use super::joins::reached;
+use super::recipes::Recipe;
 use super::stage::{Part, Stage};
 use super::watch::{Nobody, Watch};
 use crate::budget::Limits;
@@ -61,10 +62,10 @@ impl Plan {
         }
     }
 
-    #[allow(clippy::too_many_lines)] // One arm a part.
+    #[allow(clippy::too_many_lines)] // One arm a recipe.
     fn compute(
         &self,
-        part: Part,
+        (part, recipe): (Part, &Recipe),
         results: &mut Results,
         seconds: f64,
         (progress, stop): (&(dyn Fn(f64) + Sync), &StopFlag),
@@ -75,80 +76,68 @@ impl Plan {
             outputs,
             ..
         } = &self.scene;
-        let settings = &self.settings;
+        let (settings, clock) = (&self.settings, &self.clock);
         let limits = Limits::from_now(seconds, settings.max_memory).share_of(settings.max_seconds);
         let limits = limits.until(stop.clone());
-        match part {
-            Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
-                if results.solved.is_none()
-                    && let Some(recipe) = &self.recipes.stationary
-                {
+        let window = self.scene.crossings_window();
+        match recipe {
+            Recipe::Stationary(recipe) => {
+                if results.solved.is_none() {
                     let it = recipe.solve(oscillator, &limits, progress)?;
                     results.fall_short(part.name(), it.shortfall.as_ref(), true);
                     results.solved = Some(it);
                 }
                 if let Some(law) = &results.solved {
-                    match (part, self.scene.crossings_window()) {
+                    match (part, window) {
                         (Part::Crossings, Some(time)) => {
-                            results.crossings = Some(Numbers::flux(law, time));
+                            results.crossings = Some(Numbers::flux(law, time).in_unit(clock));
                         }
                         (Part::Crossings, None) => {}
-                        _ => results.stationary = Some(Numbers::solved(law)),
+                        _ => results.stationary = Some(Numbers::solved(law).in_unit(clock)),
                     }
                 }
             }
-            Part::Stationary => {
+            Recipe::ClosedForm => {
                 let law = Stationary::of(oscillator)?;
-                results.stationary = Some(Numbers::stationary(&law));
-            }
-            Part::Crossings => {
-                if let Some(time) = self.scene.crossings_window() {
-                    let law = Stationary::of(oscillator)?;
-                    results.crossings = Some(Numbers::crossings(&law, time));
-                    // Between two walls it is sampled alone.
-                    if oscillator.contact().back_wall().is_none() {
-                        let flights = fokker_planck::flight_law(oscillator)?;
-                        let shortfall = flights.shortfall(settings.tolerance);
-                        results.fall_short(part.name(), shortfall.as_ref(), true);
-                        results.flights = Some(flights);
-                        results.impacts = Some(fokker_planck::impact_law(oscillator)?);
+                match (part, window) {
+                    (Part::Crossings, Some(time)) => {
+                        results.crossings = Some(Numbers::crossings(&law, time).in_unit(clock));
+                        // Between two walls it is sampled alone.
+                        if oscillator.contact().back_wall().is_none() {
+                            let flights = fokker_planck::flight_law(oscillator)?;
+                            let shortfall = flights.shortfall(settings.tolerance);
+                            results.fall_short(part.name(), shortfall.as_ref(), true);
+                            results.flights = Some(flights.in_unit(clock));
+                            let impacts = fokker_planck::impact_law(oscillator)?;
+                            results.impacts = Some(impacts.in_unit(clock));
+                        }
                     }
+                    (Part::Crossings, None) => {}
+                    _ => results.stationary = Some(Numbers::stationary(&law).in_unit(clock)),
                 }
             }
-            Part::FirstLoss => {
-                if let Some(recipe) = &self.recipes.first_passage {
-                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
-                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                    results.first_loss = Some(it);
-                }
+            Recipe::FirstPassage(recipe) => {
+                let it = recipe.solve(oscillator, initial, &limits, progress)?;
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                let answer = match part {
+                    Part::FirstLoss => &mut results.first_loss,
+                    _ => &mut results.first_passage,
+                };
+                *answer = Some(it.in_unit(clock));
             }
-            Part::FirstLossPaths => {
-                if let (Some(recipe), Some(it)) = (&self.recipes.first_losses, &results.first_loss)
-                {
-                    let times = self.dimensionless(&it.times);
+            Recipe::FirstLosses(recipe) => {
+                let (solved, answer) = match part {
+                    Part::FirstLossPaths => (&results.first_loss, &mut results.first_loss_paths),
+                    _ => (&results.first_passage, &mut results.first_passage_paths),
+                };
+                if let Some(solved) = solved {
+                    let times = self.dimensionless(&solved.times);
                     let it = recipe.run((oscillator, initial), &times, limits, progress)?;
                     results.run.warnings.extend(it.warnings.iter().cloned());
-                    results.first_loss_paths = Some(it);
-                    results.agreement = results.agree();
+                    *answer = Some(it.in_unit(clock));
                 }
             }
-            Part::FirstPassage => {
-                if let Some(recipe) = &self.recipes.passage {
-                    let it = recipe.solve(oscillator, initial, &limits, progress)?;
-                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                    results.first_passage = Some(it);
-                }
-            }
-            Part::FirstPassagePaths => {
-                if let (Some(recipe), Some(it)) = (&self.recipes.passages, &results.first_passage) {
-                    let times = self.dimensionless(&it.times);
-                    let it = recipe.run((oscillator, initial), &times, limits, progress)?;
-                    results.run.warnings.extend(it.warnings.iter().cloned());
-                    results.first_passage_paths = Some(it);
-                    results.agreement = results.agree();
-                }
-            }
-            Part::Transient => {
+            Recipe::Transient(recipe) => {
                 let density_at = outputs.density_at.list();
                 // Who asks for densities alone gets the numbers of these times.
                 let moments_at = if outputs.moments_at.is_empty() {
@@ -156,100 +145,87 @@ impl Plan {
                 } else {
                     outputs.moments_at.list()
                 };
-                let Some(recipe) = &self.recipes.transient else {
-                    return Ok(());
-                };
                 let (problem, times) = ((oscillator, initial), self.times());
                 let mut it = recipe.solve(problem, (&times, &density_at), &limits, progress)?;
                 keep_times(&mut it, &moments_at);
                 results.warn(&it.warnings);
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                results.transient = Some(it);
+                results.transient = Some(it.in_unit(clock));
             }
-            Part::Reach => {
-                if let Some(recipe) = &self.recipes.reach {
-                    let law = match &self.recipes.level {
-                        Some(law) => law.solve(oscillator, &limits, &|_| {})?.moments,
-                        None => Stationary::of(oscillator)?.moments(),
-                    };
-                    let stationary = reached(self.reach()?.quantity, &law)?;
-                    let problem = (oscillator, initial);
-                    let it = recipe.solve(problem, stationary, &limits, progress)?;
-                    results.warn(&it.warnings);
-                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                    results.reach = Some(it);
-                }
-            }
-            Part::Periodic => {
-                if let Some(recipe) = &self.recipes.periodic {
-                    let it = recipe.solve(oscillator, &limits, progress)?;
-                    results.warn(&it.warnings);
-                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                    results.periodic = Some(it);
-                }
-            }
-            Part::Response => {
-                if let Some(recipe) = &self.recipes.response {
-                    let it = recipe.solve(oscillator, &limits, progress)?;
-                    results.warn(&it.warnings);
-                    results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                    results.response = Some(it);
-                }
-            }
-            Part::Steady => {
-                let Some(recipe) = &self.recipes.steady else {
-                    return Ok(());
+            Recipe::Reach(recipe, quantity, level) => {
+                let law = match level {
+                    Some(law) => law.solve(oscillator, &limits, &|_| {})?.moments,
+                    None => Stationary::of(oscillator)?.moments(),
                 };
+                let stationary = reached(*quantity, &law)?;
+                let it = recipe.solve((oscillator, initial), stationary, &limits, progress)?;
+                results.warn(&it.warnings);
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                results.reach = Some(it.in_unit(clock));
+            }
+            Recipe::Periodic(recipe) => {
+                let it = recipe.solve(oscillator, &limits, progress)?;
+                results.warn(&it.warnings);
+                results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                results.periodic = Some(it.in_unit(clock));
+            }
+            Recipe::Response(recipe) => {
+                // Its frequencies are circular ones, whatever the unit of times.
+                let it = recipe.solve(oscillator, &limits, progress)?;
+                results.warn(&it.warnings);
+                results.fall_short(part.name(), it.shortfall.as_ref(), false);
+                results.response = Some(it);
+            }
+            Recipe::Steady(recipe) => {
                 let it = recipe.solve(oscillator, &limits, progress)?;
                 results.warn(&it.warnings);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                results.steady = Some(it);
+                results.steady = Some(it.in_unit(clock));
             }
-            Part::DecayRates => {
-                let Some(recipe) = &self.recipes.eigenvalues else {
-                    return Ok(());
-                };
+            Recipe::DecayRates(recipe) => {
                 let it = recipe.solve(oscillator, &limits, progress)?;
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                results.decay_rates = Some(it);
+                results.decay_rates = Some(it.in_unit(clock));
             }
-            Part::Spectrum => self.compute_spectrum(&limits, results, progress)?,
-            Part::Series => {
+            Recipe::Spectrum(recipe) => {
+                let (welch, asked) = self.welch()?;
+                let until = outputs.spectrum.map_or(0.0, |it| it.until);
+                let mut omegas = welch.omega();
+                omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
+                let it = recipe.solve(oscillator, asked.quantity, &omegas, &limits, progress)?;
+                results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
+            }
+            Recipe::Series(recipe) => {
                 let (welch, _) = self.welch()?;
-                if let (Some(recipe), Some(it)) = (&self.recipes.series, &mut results.spectrum) {
+                if let Some(it) = &mut results.spectrum {
                     let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
+                    it.put_in(clock);
                     let warning = recipe.warning(oscillator, averages);
                     results.run.warnings.extend(warning);
-                    results.agreement = results.agree();
                 }
             }
-            Part::MonteCarlo => {
-                if let Some(recipe) = &self.recipes.ensemble {
-                    let mut it = recipe.run((oscillator, initial), limits, progress)?;
-                    for moments in &mut it.moments {
-                        moments.keep(outputs.moments.as_deref());
-                    }
-                    results.run.warnings.extend(it.warnings.iter().cloned());
-                    results.monte_carlo = Some(it);
-                    results.agreement = results.agree();
+            Recipe::Ensemble(recipe) => {
+                let mut it = recipe.run((oscillator, initial), limits, progress)?;
+                for moments in &mut it.moments {
+                    moments.keep(outputs.moments.as_deref());
                 }
+                results.run.warnings.extend(it.warnings.iter().cloned());
+                results.monte_carlo = Some(it.in_unit(clock));
             }
-            Part::Records => {
-                if let Some(recipe) = &self.recipes.records {
-                    let it = recipe.run(oscillator, limits, progress)?;
-                    results.run.warnings.extend(it.warnings.iter().cloned());
-                    let losses = it.crossings.as_ref().map(|it| it.losses);
-                    if outputs.crossings.is_some() && losses == Some(0) {
-                        let warning = format!(
-                            "the records saw no loss of contact in a time of {:.1e}: its rate is known \
-                             from the closed form alone",
-                            it.duration
-                        );
-                        results.run.warnings.push(warning.into());
-                    }
-                    results.records = Some(it);
-                    results.agreement = results.agree();
+            Recipe::Records(recipe) => {
+                let it = recipe.run(oscillator, limits, progress)?;
+                results.run.warnings.extend(it.warnings.iter().cloned());
+                let losses = it.crossings.as_ref().map(|it| it.losses);
+                if outputs.crossings.is_some() && losses == Some(0) {
+                    let warning = format!(
+                        "the records saw no loss of contact in a time of {:.1e}: its rate is known \
+                         from the closed form alone",
+                        it.duration
+                    );
+                    results.run.warnings.push(warning.into());
                 }
+                results.records = Some(it.in_unit(clock));
             }
         }
         Ok(())
@@ -258,64 +234,6 @@ impl Plan {
     /// Times in the scene's unit as what is computed has them.
     fn dimensionless(&self, times: &[f64]) -> Vec<f64> {
         times.iter().map(|t| self.clock.dimensionless(*t)).collect()
-    }
-
-    /// What a stage has answered, in the scene's unit of time; `told` warnings and shortfalls were there before it.
-    fn put_in_unit(&self, part: Part, results: &mut Results, told: (usize, usize)) {
-        let clock = &self.clock;
-        if clock.is_dimensionless() {
-            return;
-        }
-        match part {
-            Part::Stationary => results.stationary.put_in(clock),
-            Part::Crossings => {
-                results.crossings.put_in(clock);
-                results.flights.put_in(clock);
-                results.impacts.put_in(clock);
-            }
-            Part::FirstLoss => results.first_loss.put_in(clock),
-            Part::FirstPassage => results.first_passage.put_in(clock),
-            Part::FirstPassagePaths => results.first_passage_paths.put_in(clock),
-            Part::Transient => results.transient.put_in(clock),
-            Part::Reach => results.reach.put_in(clock),
-            Part::Periodic => results.periodic.put_in(clock),
-            Part::Steady => results.steady.put_in(clock),
-            Part::DecayRates => results.decay_rates.put_in(clock),
-            // The solved spectrum holds no time, and a response curve circular frequencies.
-            Part::Spectrum | Part::Response => {}
-            Part::Series => results.spectrum.put_in(clock),
-            Part::MonteCarlo => results.monte_carlo.put_in(clock),
-            Part::FirstLossPaths => results.first_loss_paths.put_in(clock),
-            Part::Records => results.records.put_in(clock),
-        }
-        let (warnings, shortfalls) = told;
-        let warnings = results.run.warnings.iter_mut().skip(warnings);
-        warnings.for_each(|it| it.put_in(clock));
-        let shortfalls = results.shortfalls.iter_mut().skip(shortfalls);
-        shortfalls.for_each(|(_, it)| it.put_in(clock));
-        if results.agreement.is_some() {
-            results.agreement = results.agree();
-        }
-    }
-
-    fn compute_spectrum(
-        &self,
-        limits: &Limits,
-        results: &mut Results,
-        progress: &(dyn Fn(f64) + Sync),
-    ) -> Result<()> {
-        let oscillator = &self.scene.oscillator;
-        let (welch, asked) = self.welch()?;
-        let until = self.scene.outputs.spectrum.map_or(0.0, |it| it.until);
-        let mut omegas = welch.omega();
-        omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
-        let Some(recipe) = &self.recipes.spectrum else {
-            return Ok(());
-        };
-        let it = recipe.solve(oscillator, asked.quantity, &omegas, limits, progress)?;
-        results.fall_short(Part::Spectrum.name(), it.shortfall.as_ref(), true);
-        results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
-        Ok(())
     }
 
     /// Run every stage; `watch` is told as it goes. A stage that finds no answer within the limits is a shortfall of the
@@ -357,7 +275,7 @@ impl Plan {
             .extend(doubts.into_iter().map(Warning::from));
         let stop = watch.stop();
         let mut unanswered = None;
-        for (k, stage) in self.stages.iter().enumerate() {
+        for (k, (stage, recipe)) in self.stages.iter().zip(&self.recipes).enumerate() {
             let part = stage.part;
             if !self.has_base(part, results) {
                 let text = format!("{}: not run: what it adds to has no answer", part.name());
@@ -373,18 +291,18 @@ impl Plan {
             let begin = Instant::now();
             let told = (results.run.warnings.len(), results.shortfalls.len());
             let progress = |fraction| watch.progress(part, fraction);
-            let computed = if let Some(refusal) = &stage.refusal {
+            let computed = match (&stage.refusal, recipe) {
                 // As it was typed already; it speaks of no time.
-                Err(refusal.error())
-            } else if late {
-                Err(Error::Limit {
+                (Some(refusal), _) => Err(refusal.error()),
+                (None, Some(recipe)) if !late => {
+                    watch.begins(part);
+                    self.compute((part, recipe), results, share, (&progress, &stop))
+                }
+                _ => Err(Error::Limit {
                     key: "accuracy.max_seconds",
                     limit: num(limit),
                     what: format!("the {} stage had not begun", part.name()),
-                })
-            } else {
-                watch.begins(part);
-                self.compute(part, results, share, (&progress, &stop))
+                }),
             };
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
@@ -416,7 +334,14 @@ impl Plan {
                 }
                 Err(error) => return Err(error),
             }
-            self.put_in_unit(part, results, told);
+            // Messages speak of dimensionless times.
+            let warnings = results.run.warnings.iter_mut().skip(told.0);
+            warnings.for_each(|it| it.put_in(&self.clock));
+            let shortfalls = results.shortfalls.iter_mut().skip(told.1);
+            shortfalls.for_each(|(_, it)| it.put_in(&self.clock));
+            if part.is_sampled() {
+                results.agreement = results.agree();
+            }
             results
                 .run
                 .stages

@@ -51,8 +51,8 @@ impl Stage {
     }
 }
 
-/// The parts a plan can have, in the order they run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// The parts a plan can have, what is sampled beside what it is held against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
     /// The closed form (21)-(30), or the null vector where damping leaves none.
     Stationary,
@@ -60,8 +60,12 @@ pub enum Part {
     Crossings,
     /// The first loss of contact, by the backward equation.
     FirstLoss,
+    /// The first losses of an ensemble of paths.
+    FirstLossPaths,
     /// The first passage of a level, by the backward equation.
     FirstPassage,
+    /// The first passages of a level by an ensemble of paths.
+    FirstPassagePaths,
     /// The transient of the Fokker-Planck equation.
     Transient,
     /// When a moment of it reaches a level.
@@ -80,35 +84,72 @@ pub enum Part {
     MonteCarlo,
     /// Sampled records for the spectrum by Welch's method.
     Series,
-    /// The first losses of an ensemble of paths.
-    FirstLossPaths,
-    /// The first passages of a level by an ensemble of paths.
-    FirstPassagePaths,
     /// Long records of the stationary motion.
     Records,
 }
 
 impl Part {
+    /// All of them, in the order they run.
+    pub(crate) const ALL: [Self; 16] = [
+        Self::Stationary,
+        Self::Crossings,
+        Self::FirstLoss,
+        Self::FirstPassage,
+        Self::Transient,
+        Self::Reach,
+        Self::Periodic,
+        Self::Response,
+        Self::Steady,
+        Self::DecayRates,
+        Self::Spectrum,
+        Self::Series,
+        Self::MonteCarlo,
+        Self::FirstLossPaths,
+        Self::FirstPassagePaths,
+        Self::Records,
+    ];
+
     /// The name in tables and in results.json.
     pub fn name(self) -> &'static str {
+        self.names()[0]
+    }
+
+    /// What it is called in a sentence.
+    pub(crate) fn words(self) -> &'static str {
+        self.names()[1]
+    }
+
+    fn names(self) -> [&'static str; 2] {
         match self {
-            Self::Stationary => "stationary",
-            Self::Crossings => "crossings",
-            Self::FirstLoss => "first_loss",
-            Self::FirstPassage => "first_passage",
-            Self::FirstPassagePaths => "first_passage_paths",
-            Self::Transient => "transient",
-            Self::Reach => "reach",
-            Self::Periodic => "periodic",
-            Self::Response => "response",
-            Self::Steady => "steady",
-            Self::DecayRates => "decay_rates",
-            Self::Spectrum => "spectrum",
-            Self::MonteCarlo => "monte_carlo",
-            Self::Series => "welch",
-            Self::FirstLossPaths => "first_loss_paths",
-            Self::Records => "records",
+            Self::Stationary => ["stationary", "closed form"],
+            Self::Crossings => ["crossings", "crossings"],
+            Self::FirstLoss => ["first_loss", "first loss"],
+            Self::FirstLossPaths => ["first_loss_paths", "paths of the first loss"],
+            Self::FirstPassage => ["first_passage", "first passage"],
+            Self::FirstPassagePaths => ["first_passage_paths", "paths of the first passage"],
+            Self::Transient => ["transient", "transient"],
+            Self::Reach => ["reach", "time to a level"],
+            Self::Periodic => ["periodic", "periodic law"],
+            Self::Response => ["response", "response curve"],
+            Self::Steady => ["steady", "steady state"],
+            Self::DecayRates => ["decay_rates", "decay rates"],
+            Self::Spectrum => ["spectrum", "spectrum"],
+            Self::MonteCarlo => ["monte_carlo", "paths"],
+            Self::Series => ["welch", "Welch's spectrum"],
+            Self::Records => ["records", "long records"],
         }
+    }
+
+    /// Whether it draws paths or records.
+    pub(super) fn is_sampled(self) -> bool {
+        matches!(
+            self,
+            Self::MonteCarlo
+                | Self::FirstLossPaths
+                | Self::FirstPassagePaths
+                | Self::Series
+                | Self::Records
+        )
     }
 }
 

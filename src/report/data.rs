@@ -4,12 +4,12 @@ use super::File;
 use super::csv::{Csv, Rows, micrometre};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
-use crate::fokker_planck::Snapshot;
+use crate::fokker_planck::{DecayRates, Snapshot, Steady, Transient};
 use crate::format::bare;
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
-use crate::results::{Results, dimension};
+use crate::results::{Numbers, Results, SpectrumNumbers, dimension};
 use crate::rig::Rig;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
 use ndarray::{Array1, Array2, arr0};
@@ -19,13 +19,8 @@ use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::io::Cursor;
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
-pub(super) fn stationary(results: &Results) -> Vec<File> {
-    let Some(numbers) = &results.stationary else {
-        return Vec::new();
-    };
-    let Some(law) = results.law() else {
-        return Vec::new();
-    };
+pub(super) fn stationary(results: &Results) -> Option<Vec<File>> {
+    let (numbers, law) = (results.stationary.as_ref()?, results.law()?);
     let mut table = Rows::of(results, &["value,error"]);
     for (name, number) in numbers.iter() {
         table.put(name, dimension(name), &[number]);
@@ -60,12 +55,12 @@ pub(super) fn stationary(results: &Results) -> Vec<File> {
         "1/(u W)",
         v().map(|v| law.density_v(v)),
     );
-    vec![
+    Some(vec![
         table.file("stationary.csv"),
         by_q.file("stationary_q.csv"),
         by_v.file("stationary_v.csv"),
         by_force.file("stationary_force.csv"),
-    ]
+    ])
 }
 
 fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {
@@ -89,10 +84,7 @@ pub(super) fn with_moments(mut table: Csv, moments: &[Moments], kind: &str) -> C
 }
 
 /// Files of the transient: moments, and the densities asked for.
-pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.transient else {
-        return Ok(Vec::new());
-    };
+pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> {
     let mut files = Vec::new();
     if !it.times.is_empty() {
         let table = moments_csv(results, &it.times, &it.moments, "error")
@@ -115,10 +107,7 @@ pub(super) fn transient(results: &Results) -> Result<Vec<File>> {
     Ok(files)
 }
 
-pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.steady else {
-        return Ok(Vec::new());
-    };
+pub(super) fn steady(results: &Results, it: &Steady) -> Result<Vec<File>> {
     let rig = results.scene.rig.as_ref();
     let mut files = vec![density("steady.npz".into(), &it.density, rig)?];
     if !it.approach.is_empty() {
@@ -134,10 +123,7 @@ pub(super) fn steady(results: &Results) -> Result<Vec<File>> {
     Ok(files)
 }
 
-pub(super) fn decay_rates(results: &Results) -> Vec<File> {
-    let Some(it) = &results.decay_rates else {
-        return Vec::new();
-    };
+pub(super) fn decay_rates(results: &Results, it: &DecayRates) -> Vec<File> {
     let table = Csv::of(results)
         .plain("re", "W", it.rates.iter().map(|it| it.re))
         .plain("im", "W", it.rates.iter().map(|it| it.im))
@@ -149,19 +135,14 @@ pub(super) fn decay_rates(results: &Results) -> Vec<File> {
     vec![table.file("decay_rates.csv")]
 }
 
-pub(super) fn monte_carlo(results: &Results) -> Vec<File> {
-    let table = |it: &EnsembleResult| {
-        let table = moments_csv(results, &it.times, &it.moments, "standard error");
-        table.file("monte_carlo.csv")
-    };
-    results.monte_carlo.iter().map(table).collect()
+pub(super) fn monte_carlo(results: &Results, it: &EnsembleResult) -> Vec<File> {
+    let table = moments_csv(results, &it.times, &it.moments, "standard error");
+    vec![table.file("monte_carlo.csv")]
 }
 
 /// Files of the long records: their stationary numbers, and p_q, p_v, p_N as histograms.
-pub(super) fn records(results: &Results) -> Vec<File> {
-    let (Some(it), Some(numbers)) = (&results.records, results.sampled_stationary()) else {
-        return Vec::new();
-    };
+pub(super) fn records(results: &Results) -> Option<Vec<File>> {
+    let (it, numbers) = (results.records.as_ref()?, results.sampled_stationary()?);
     let mut table = Rows::of(results, &["value,standard error"]);
     for (name, number) in numbers.iter() {
         table.put(name, dimension(name), &[number]);
@@ -176,7 +157,7 @@ pub(super) fn records(results: &Results) -> Vec<File> {
     if let Some(flights) = results.sampled_flights() {
         files.push(histogram("flights.csv", "flight", ["1/W", "W"], flights));
     }
-    files
+    Some(files)
 }
 
 /// A histogram, one bin a line; the Dirac mass is not in it.
@@ -196,10 +177,7 @@ pub(super) fn histogram(
 }
 
 /// Losses of contact, by Rice's formula and as the records saw them.
-pub(super) fn crossings(results: &Results) -> Vec<File> {
-    let Some(numbers) = &results.crossings else {
-        return Vec::new();
-    };
+pub(super) fn crossings(results: &Results, numbers: &Numbers) -> Vec<File> {
     let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
     let mut table = Rows::of(results, &["value,error", "Monte Carlo,standard error"]);
     for (name, number) in numbers.iter() {
@@ -210,12 +188,39 @@ pub(super) fn crossings(results: &Results) -> Vec<File> {
 }
 
 /// Files of the spectrum: as a table and as arrays.
-pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.spectrum else {
-        return Ok(Vec::new());
-    };
+pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<File>> {
     let force = it.solved.quantity == Quantity::Force;
-    let unit = if force { "F^2/W" } else { "u^2/W" };
+    let [unit, unit_of_magnitude] = if force {
+        ["F^2/W", "F"]
+    } else {
+        ["u^2/W", "u"]
+    };
+    // A density in one unit: solved, linear, sampled.
+    let densities = |table: Csv, over: &str, unit: &'static str, scale: f64| {
+        let scaled = |all: &[Estimate]| all.iter().map(|it| it.scaled(scale)).collect::<Vec<_>>();
+        let plain = |all: &[f64]| all.iter().map(|g| g * scale).collect::<Vec<_>>();
+        let head = format!("G one-sided with integral over {over} = variance");
+        let table = table
+            .curve(&head, "error", unit, &scaled(&it.solved.density))
+            .bare("G of the linear oscillator", unit, plain(&it.linear));
+        match &it.sampled {
+            None => table,
+            Some(it) => table
+                .curve("G by Welch", "standard error", unit, &scaled(&it.density))
+                .bare("expectation of G by Welch", unit, plain(&it.expectation)),
+        }
+    };
+    let omega = it.solved.omega.clone();
+    let table = Csv::of(results).bare("omega", "W", omega).circular();
+    let mut table = densities(table, "omega", unit, 1.0);
+    if let Some(it) = &it.sampled {
+        let magnitude = it.magnitude.iter().copied();
+        table = table.plain(
+            "RMS magnitude sqrt(G x 1.5 bins)",
+            unit_of_magnitude,
+            magnitude,
+        );
+    }
     let per_hertz = results.scene.rig.map(|rig| {
         if force {
             ("N^2/Hz", per_hertz(&rig), rig)
@@ -223,46 +228,14 @@ pub(super) fn spectrum(results: &Results) -> Result<Vec<File>> {
             ("um^2/Hz", displacement_per_hertz(&rig), rig)
         }
     });
-    let density = "G one-sided with integral over omega = variance";
-    let mut table = Csv::of(results)
-        .bare("omega", "W", it.solved.omega.clone())
-        .circular()
-        .curve(density, "error", unit, &it.solved.density)
-        .bare("G of the linear oscillator", unit, it.linear.clone());
-    if let Some(it) = &it.sampled {
-        let unit_of_magnitude = if force { "F" } else { "u" };
-        table = table
-            .curve("G by Welch", "standard error", unit, &it.density)
-            .bare("expectation of G by Welch", unit, it.expectation.clone())
-            .plain(
-                "RMS magnitude sqrt(G x 1.5 bins)",
-                unit_of_magnitude,
-                it.magnitude.iter().copied(),
-            );
-    }
     if let Some((unit, scale, rig)) = &per_hertz {
-        let scaled = |all: &[Estimate]| -> Vec<Estimate> {
-            all.iter().map(|it| it.scaled(*scale)).collect()
-        };
-        let density = "G one-sided with integral over frequency = variance";
         let frequency = it.solved.omega.iter().map(|w| rig.hertz(*w)).collect();
-        table = table
-            .bare("frequency", "Hz", frequency)
-            .curve(density, "error", unit, &scaled(&it.solved.density))
-            .bare(
-                "G of the linear oscillator",
-                unit,
-                it.linear.iter().map(|g| g * scale).collect(),
-            );
-        if let Some(it) = &it.sampled {
-            table = table
-                .curve("G by Welch", "standard error", unit, &scaled(&it.density))
-                .bare(
-                    "expectation of G by Welch",
-                    unit,
-                    it.expectation.iter().map(|g| g * scale).collect(),
-                );
-        }
+        table = densities(
+            table.bare("frequency", "Hz", frequency),
+            "frequency",
+            unit,
+            *scale,
+        );
     }
     let values = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.value));
     let errors = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.error));

@@ -5,13 +5,11 @@ use super::csv::Csv;
 use super::data::{density, stacked, with_moments};
 use crate::error::Result;
 use crate::estimate::Estimate;
+use crate::fokker_planck::{Periodic, Response};
 use crate::results::{Results, dimension};
 
 /// Moments over the phase, harmonics, multipliers, the density at phase 0, and at several phases.
-pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.periodic else {
-        return Ok(Vec::new());
-    };
+pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
     let phase = Csv::of(results).plain("W t of the drive", "rad", it.phase.iter().copied());
     let moments = with_moments(phase, &it.moments, "error");
     let numbers = (1..=it.mean_q.len()).map(|k| k as f64);
@@ -56,10 +54,7 @@ pub(super) fn periodic(results: &Results) -> Result<Vec<File>> {
 }
 
 /// Files of the response curve.
-pub(super) fn response(results: &Results) -> Vec<File> {
-    let Some(it) = &results.response else {
-        return Vec::new();
-    };
+pub(super) fn response(results: &Results, it: &Response) -> Vec<File> {
     let frequencies = it.frequency.iter().copied();
     let mut table = Csv::of(results)
         .plain("frequency of the drive", "W", frequencies)

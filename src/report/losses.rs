@@ -5,37 +5,18 @@ use super::csv::Csv;
 use super::data::{arrays, histogram, tables};
 use crate::error::Result;
 use crate::estimate::Estimate;
-use crate::fokker_planck::FirstLoss;
+use crate::fokker_planck::{FirstLoss, FlightLaw};
 use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
 use ndarray::Array2;
 
-/// first_loss.csv and first_loss.npz: survival, its complement and density of the first loss, beside the paths.
-pub(super) fn first_loss(results: &Results) -> Result<Vec<File>> {
-    let paths = results.first_loss_paths.as_ref();
-    survival(results, "first_loss", results.first_loss.as_ref(), paths)
-}
-
-/// first_passage.csv and first_passage.npz: the same of a level.
-pub(super) fn first_passage(results: &Results) -> Result<Vec<File>> {
-    let paths = results.first_passage_paths.as_ref();
-    survival(
-        results,
-        "first_passage",
-        results.first_passage.as_ref(),
-        paths,
-    )
-}
-
-fn survival(
+/// Table and arrays of that name: survival, its complement and density of a first loss or a first passage, beside the
+/// paths.
+pub(super) fn survival(
     results: &Results,
     name: &str,
-    it: Option<&FirstLoss>,
-    paths: Option<&FirstLossResult>,
+    (it, paths): (&FirstLoss, Option<&FirstLossResult>),
 ) -> Result<Vec<File>> {
-    let Some(it) = it else {
-        return Ok(Vec::new());
-    };
     let mut table = Csv::of(results)
         .plain("t", "1/W", it.times.iter().copied())
         .curve("survival", "error", "1", &it.survival)
@@ -64,10 +45,7 @@ fn survival(
 }
 
 /// flight_law.csv and flight_law.npz: the density of the time of flight.
-pub(super) fn flights(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.flights else {
-        return Ok(Vec::new());
-    };
+pub(super) fn flights(results: &Results, it: &FlightLaw) -> Result<Vec<File>> {
     let table = Csv::of(results)
         .plain("flight time", "1/W", it.times.iter().copied())
         .curve("density", "error", "W", &it.density);

@@ -40,13 +40,13 @@ const NUMBERS: &[Group] = &[
          stationary_v.csv: its density of velocity
          stationary_force.csv: its density and distribution of force",
         &[Part::Stationary],
-        |it| Ok(data::stationary(it)),
+        |it| Ok(data::stationary(it).unwrap_or_default()),
     ),
     (
         "moments.csv: moments against time by the Fokker-Planck equation
          density_<t>.npz: p[q, v] as a density, with q, v, t: `numpy.load`",
         &[Part::Transient],
-        data::transient,
+        |it| each(it.transient.as_ref(), |answer| data::transient(it, answer)),
     ),
     (
         "periodic.csv: moments of the periodic law over the phase of the drive
@@ -55,47 +55,53 @@ const NUMBERS: &[Group] = &[
          periodic.npz: its density at phase 0, with q, v, t: `numpy.load`
          stroboscopic.npz: p[t, q, v] at up to 8 phases of the drive",
         &[Part::Periodic],
-        driven::periodic,
+        |it| each(it.periodic.as_ref(), |answer| driven::periodic(it, answer)),
     ),
     (
         "response.csv: harmonics and loss probability over the frequency of the drive",
         &[Part::Response],
-        |it| Ok(driven::response(it)),
+        |it| each(it.response.as_ref(), |answer| Ok(driven::response(it, answer))),
     ),
     (
         "steady.npz: the steady state on the mesh, as a density; t is infinite
          approach.csv: distance in L1 to the closed form on the way to it",
         &[Part::Steady],
-        data::steady,
+        |it| each(it.steady.as_ref(), |answer| data::steady(it, answer)),
     ),
     (
         "decay_rates.csv: the slowest eigenvalues",
         &[Part::DecayRates],
-        |it| Ok(data::decay_rates(it)),
+        |it| each(it.decay_rates.as_ref(), |answer| Ok(data::decay_rates(it, answer))),
     ),
     (
         "spectrum.csv: one-sided spectra and RMS magnitude: solved, by Welch with its expectation, linear
          spectrum.npz: the same as arrays",
         &[Part::Spectrum, Part::Series],
-        data::spectrum,
+        |it| each(it.spectrum.as_ref(), |answer| data::spectrum(it, answer)),
     ),
     (
         "first_loss.csv: survival, its complement and density of the first loss of contact
          first_loss.npz: the same as arrays",
         &[Part::FirstLoss, Part::FirstLossPaths],
-        losses::first_loss,
+        |it| {
+            let paths = it.first_loss_paths.as_ref();
+            each(it.first_loss.as_ref(), |answer| losses::survival(it, "first_loss", (answer, paths)))
+        },
     ),
     (
         "first_passage.csv: survival, its complement and density of the first passage of a level
          first_passage.npz: the same as arrays",
         &[Part::FirstPassage, Part::FirstPassagePaths],
-        losses::first_passage,
+        |it| {
+            let paths = it.first_passage_paths.as_ref();
+            each(it.first_passage.as_ref(), |answer| losses::survival(it, "first_passage", (answer, paths)))
+        },
     ),
     (
         "flight_law.csv: density of the time of flight
          flight_law.npz: the same as arrays",
         &[Part::Crossings],
-        losses::flights,
+        |it| each(it.flights.as_ref(), |answer| losses::flights(it, answer)),
     ),
     (
         "impact_speed.csv: density of the speed at the return
@@ -109,12 +115,12 @@ const NUMBERS: &[Group] = &[
     (
         "crossings.csv: losses of contact: rate, flights, in the window",
         &[Part::Crossings, Part::Records],
-        |it| Ok(data::crossings(it)),
+        |it| each(it.crossings.as_ref(), |answer| Ok(data::crossings(it, answer))),
     ),
     (
         "monte_carlo.csv: moments against time by paths",
         &[Part::MonteCarlo],
-        |it| Ok(data::monte_carlo(it)),
+        |it| each(it.monte_carlo.as_ref(), |answer| Ok(data::monte_carlo(it, answer))),
     ),
     (
         "records.csv: long records: stationary numbers
@@ -123,7 +129,7 @@ const NUMBERS: &[Group] = &[
          records_force.csv: their histogram of force
          flights.csv: their histogram of times of flight",
         &[Part::Records],
-        |it| Ok(data::records(it)),
+        |it| Ok(data::records(it).unwrap_or_default()),
     ),
 ];
 
@@ -138,62 +144,62 @@ const PICTURES: &[Group] = &[
             Part::Steady,
             Part::Records,
         ],
-        plot::force,
+        |it| plot::force(it).into_iter().collect(),
     ),
     (
         "survival.svg: Survival until the first loss of contact, and the density of its time",
         &[Part::FirstLoss, Part::FirstLossPaths],
-        plot::survival,
+        |it| plot::survival(it).into_iter().collect(),
     ),
     (
         "passage.svg: Survival until the first passage of a level, and the density of its time",
         &[Part::FirstPassage, Part::FirstPassagePaths],
-        plot::passage,
+        |it| plot::passage(it).into_iter().collect(),
     ),
     (
         "flights.svg: Density of the time of flight",
         &[Part::Crossings, Part::Records],
-        plot::flights,
+        |it| plot::flights(it).into_iter().collect(),
     ),
     (
         "impacts.svg: Impacts: time of flight and speed at the return, speed, peak force",
         &[Part::Crossings, Part::Records],
-        plot::impacts,
+        |it| plot::impacts(it).into_iter().collect(),
     ),
     (
         "spectrum.svg: One-sided spectrum: Fokker-Planck, Monte Carlo and the linear oscillator",
         &[Part::Spectrum, Part::Series],
-        plot::spectrum,
+        |it| plot::spectrum(it).into_iter().collect(),
     ),
     (
         "moments.svg: Moments against time",
         &[Part::Transient, Part::MonteCarlo],
-        plot::moments,
+        |it| plot::moments(it).into_iter().collect(),
     ),
     (
         "periodic.svg: Moments of the periodic law over the phase of the drive",
         &[Part::Periodic],
-        plot::periodic,
+        |it| plot::periodic(it).into_iter().collect(),
     ),
     (
         "stroboscopic.svg: Density of the periodic law at phases of the drive",
         &[Part::Periodic],
-        plot::stroboscopic,
+        |it| plot::stroboscopic(it).into_iter().collect(),
     ),
     (
         "response.svg: Response curve: harmonics and loss probability over the frequency of the drive",
         &[Part::Response],
-        plot::response,
+        |it| plot::response(it).into_iter().collect(),
     ),
     (
         "approach.svg: Approach to the stationary law",
         &[Part::Transient, Part::Steady, Part::DecayRates],
-        plot::approach,
+        |it| plot::approach(it).into_iter().collect(),
     ),
     (
         "steady.svg: Steady state on the mesh, with its marginals",
         &[Part::Steady],
-        plot::steady,
+        |it| plot::steady(it).into_iter().collect(),
     ),
     (
         "snapshots.svg: Density of displacement and velocity
@@ -204,6 +210,11 @@ const PICTURES: &[Group] = &[
 ];
 #[cfg(not(feature = "plots"))]
 const PICTURES: &[Group] = &[];
+
+/// The files of an answer, if it is there.
+fn each<T>(answer: Option<&T>, files: impl Fn(&T) -> Result<Vec<File>>) -> Result<Vec<File>> {
+    answer.map_or(Ok(Vec::new()), files)
+}
 
 fn groups() -> impl Iterator<Item = &'static Group> {
     NUMBERS.iter().chain(PICTURES)

@@ -9,7 +9,7 @@ use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
 use crate::format::{brief, cell, seconds, spread};
 use crate::initial::Initial;
-use crate::moments::{Entry, Moment, Moments};
+use crate::moments::{Entry, Moment};
 use crate::results::{Results, distance, entries, physical_words};
 use std::fmt::Write;
 use table::{Table, shown};
@@ -156,7 +156,7 @@ fn words(it: &Entry) -> [String; 2] {
 pub(super) fn tables(results: &Results) -> String {
     let all = [
         physical(results),
-        stationary(results),
+        Some(stationary(results)),
         crossings(results),
         passage::first_loss(results),
         passage::first_passage(results),
@@ -165,45 +165,28 @@ pub(super) fn tables(results: &Results) -> String {
         driven::periodic(results),
         driven::response(results),
         course(results),
-        stages(results),
+        Some(stages(results)),
     ];
-    all.concat()
+    all.into_iter().flatten().collect()
 }
 
-fn physical(results: &Results) -> String {
-    let Some(rig) = &results.scene.rig else {
-        return String::new();
-    };
-    let sampled = results.physical_sampled(rig);
-    let solved = results.physical(rig);
-    let mut names: Vec<&str> = solved.iter().map(|it| it.0).collect();
-    let more = sampled
-        .iter()
-        .map(|it| it.0)
-        .filter(|it| !names.contains(it));
-    let more: Vec<&str> = more.collect();
-    names.extend(more);
+fn physical(results: &Results) -> Option<String> {
+    let rig = results.scene.rig.as_ref()?;
     let mut table = Table::of(["", "value", "long realisations", "unit"]);
-    for name in names {
-        let of = |all: &[(&str, Estimate)]| all.iter().find(|it| it.0 == name).map(|it| it.1);
+    for (name, [number, seen]) in results.on_the_rig(rig) {
         let (words, unit, typed) = physical_words(name);
-        let value = match of(&solved) {
+        let value = match number {
             Some(it) if typed => brief(crate::format::rounded(it.value, 6)),
             it => shown(it),
         };
-        table.put([
-            words.to_owned(),
-            value,
-            shown(of(&sampled)),
-            unit.to_owned(),
-        ]);
+        table.put([words.to_owned(), value, shown(seen), unit.to_owned()]);
     }
-    table.html(&format!(
+    Some(table.html(&format!(
         "On the rig: {} N, {} Hz, {} \u{b5}m",
         brief(rig.static_load()),
         brief(rig.frequency()),
         brief(crate::format::rounded(rig.static_compression() * 1e6, 6))
-    ))
+    )))
 }
 
 fn stationary(results: &Results) -> String {
@@ -233,10 +216,8 @@ fn stationary(results: &Results) -> String {
     table.html("Stationary motion")
 }
 
-fn crossings(results: &Results) -> String {
-    let Some(numbers) = &results.crossings else {
-        return String::new();
-    };
+fn crossings(results: &Results) -> Option<String> {
+    let numbers = results.crossings.as_ref()?;
     let sampled = results.sampled_crossings().map(|(_, numbers)| numbers);
     let rice = if results.solved.is_some() {
         "flux, solved"
@@ -252,13 +233,11 @@ fn crossings(results: &Results) -> String {
         let [words, symbol] = words(entry);
         table.put([words, symbol, shown(number), shown(seen)]);
     }
-    table.html("Losses of contact")
+    Some(table.html("Losses of contact"))
 }
 
-fn spectrum(results: &Results) -> String {
-    let Some(it) = &results.spectrum else {
-        return String::new();
-    };
+fn spectrum(results: &Results) -> Option<String> {
+    let it = results.spectrum.as_ref()?;
     let rig = results.scene.rig;
     let hertz = |x: Option<Estimate>| shown(rig.zip(x).map(|(rig, x)| x.scaled(rig.hertz(1.0))));
     let mut table = Table::of([
@@ -279,13 +258,11 @@ fn spectrum(results: &Results) -> String {
             shown(Some(peak.density)),
         ]);
     }
-    table.html(&format!("Spectrum of the {}", it.solved.quantity.name()))
+    Some(table.html(&format!("Spectrum of the {}", it.solved.quantity.name())))
 }
 
-fn eigenvalues(results: &Results) -> String {
-    let Some(it) = &results.decay_rates else {
-        return String::new();
-    };
+fn eigenvalues(results: &Results) -> Option<String> {
+    let it = results.decay_rates.as_ref()?;
     let mut table = Table::of(["", "real part", "imaginary part", "relaxation time"]);
     for (k, rate) in it.rates.iter().enumerate() {
         let part = |value: f64| Estimate {
@@ -307,22 +284,16 @@ fn eigenvalues(results: &Results) -> String {
             shown(Some(time)),
         ]);
     }
-    table.html("Slowest eigenvalues of the Fokker-Planck operator")
+    Some(table.html("Slowest eigenvalues of the Fokker-Planck operator"))
 }
 
-fn course(results: &Results) -> String {
-    let Some(it) = &results.transient else {
-        return String::new();
-    };
-    let empty: (&[f64], &[Moments]) = (&[], &[]);
-    let paths = results.monte_carlo.as_ref();
-    let paths = paths.map_or(empty, |it| (&it.times, &it.moments));
+fn course(results: &Results) -> Option<String> {
+    let it = results.transient.as_ref()?;
     let course = Moment::course(&it.moments);
     let mut table = Table::of(["t", "", "Fokker-Planck", "Monte Carlo", "z"]);
     for k in spread(it.times.len(), TIMES) {
         let t = it.times[k];
-        let there = paths.0.iter().position(|it| *it == t);
-        let there = there.and_then(|k| paths.1.get(k));
+        let there = results.paths_at(t);
         for (n, moment) in course.iter().enumerate() {
             let Some(a) = it.moments.get(k).and_then(|it| it.get(*moment)) else {
                 continue;
@@ -339,7 +310,7 @@ fn course(results: &Results) -> String {
             ]);
         }
     }
-    table.html("On the path to the stationary motion")
+    Some(table.html("On the path to the stationary motion"))
 }
 
 fn stages(results: &Results) -> String {

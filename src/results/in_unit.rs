@@ -12,13 +12,14 @@ use crate::monte_carlo::{EnsembleResult, FirstLossResult, RecordResult};
 pub(crate) trait InUnit {
     /// Changes every time and every rate.
     fn put_in(&mut self, clock: &Clock);
-}
 
-impl<T: InUnit> InUnit for Option<T> {
-    fn put_in(&mut self, clock: &Clock) {
-        if let Some(it) = self {
-            it.put_in(clock);
-        }
+    /// The same, with every time and every rate changed.
+    fn in_unit(mut self, clock: &Clock) -> Self
+    where
+        Self: Sized,
+    {
+        self.put_in(clock);
+        self
     }
 }
 

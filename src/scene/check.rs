@@ -11,6 +11,15 @@ use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
 use std::f64::consts::TAU;
+use std::fmt::Display;
+
+/// Refuses a value that does not hold to what is accepted.
+fn require(holds: bool, key: &str, value: impl Display, accepted: impl Into<String>) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(Error::invalid(key, value, accepted))
+}
 
 impl Scene {
     /// Everything that can be said against the scene without computing.
@@ -28,13 +37,10 @@ impl Scene {
 
     fn check_title(&self) -> Result<()> {
         let printable = !self.title.chars().any(char::is_control);
-        if printable && self.title.chars().count() <= 200 {
-            Ok(())
-        } else {
-            let shown: String = self.title.chars().take(60).collect();
-            let accepted = "one line of at most 200 characters";
-            Err(Error::invalid("title", format!("{shown:?}"), accepted))
-        }
+        let holds = printable && self.title.chars().count() <= 200;
+        let shown: String = self.title.chars().take(60).collect();
+        let accepted = "one line of at most 200 characters";
+        require(holds, "title", format!("{shown:?}"), accepted)
     }
 
     fn check_initial(&self) -> Result<()> {
@@ -69,16 +75,14 @@ impl Scene {
             moments: None,
             ..outputs.clone()
         };
-        if asked == Outputs::nothing() && self.monte_carlo.is_none() {
-            let accepted = "at least one output: stationary, moments_at, density_at, steady, \
-                            decay_rates, spectrum, first_loss, first_passage, crossings, reach, \
-                            periodic or response";
-            return Err(Error::invalid("outputs", "nothing", accepted));
-        }
-        if outputs.time_unit == Some(TimeUnit::Second) && self.rig.is_none() {
-            let accepted = "\"dimensionless\" or \"period\"; \"s\" needs a [rig]";
-            return Err(Error::invalid("outputs.time_unit", "\"s\"", accepted));
-        }
+        let any = asked != Outputs::nothing() || self.monte_carlo.is_some();
+        let accepted = "at least one output: stationary, moments_at, density_at, steady, \
+                        decay_rates, spectrum, first_loss, first_passage, crossings, reach, \
+                        periodic or response";
+        require(any, "outputs", "nothing", accepted)?;
+        let defined = outputs.time_unit != Some(TimeUnit::Second) || self.rig.is_some();
+        let accepted = "\"dimensionless\" or \"period\"; \"s\" needs a [rig]";
+        require(defined, "outputs.time_unit", "\"s\"", accepted)?;
         if !self.oscillator.contact().is_confining() {
             for (key, asked) in [
                 ("outputs.stationary", outputs.stationary),
@@ -94,18 +98,13 @@ impl Scene {
             }
         }
         outputs.moments_at.check("outputs.moments_at")?;
-        if outputs.moments.as_ref().is_some_and(Vec::is_empty) {
-            let accepted = format!("at least one of {}", names(&Moment::ALL).join(", "));
-            return Err(Error::invalid("outputs.moments", "[]", accepted));
-        }
+        let some = !outputs.moments.as_ref().is_some_and(Vec::is_empty);
+        let accepted = format!("at least one of {}", names(&Moment::ALL).join(", "));
+        require(some, "outputs.moments", "[]", accepted)?;
         outputs.density_at.check("outputs.density_at")?;
-        if outputs.decay_rates > 100 {
-            return Err(Error::invalid(
-                "outputs.decay_rates",
-                outputs.decay_rates,
-                "a whole number from 0 to 100",
-            ));
-        }
+        let count = outputs.decay_rates;
+        let accepted = "a whole number from 0 to 100";
+        require(count <= 100, "outputs.decay_rates", count, accepted)?;
         if let Some(spectrum) = outputs.spectrum {
             let key = "outputs.spectrum.until";
             positive(key, spectrum.until)?;
@@ -114,10 +113,9 @@ impl Scene {
                 return Err(self.no_law("outputs.spectrum", &value));
             }
             // Beyond, every sample of Monte Carlo would be a step far below any time of the motion.
-            if !(1e-3..=100.0).contains(&spectrum.until) {
-                let accepted = "a circular frequency from 1e-3 to 100; the contact resonates at 1";
-                return Err(Error::invalid(key, num(spectrum.until), accepted));
-            }
+            let holds = (1e-3..=100.0).contains(&spectrum.until);
+            let accepted = "a circular frequency from 1e-3 to 100; the contact resonates at 1";
+            require(holds, key, num(spectrum.until), accepted)?;
         }
         if let Some(until) = outputs.first_loss {
             self.check_first_loss(until)?;
@@ -141,26 +139,18 @@ impl Scene {
             return Err(self.no_law("outputs.reach", &format!("{{ quantity = \"{name}\" }}")));
         }
         positive("outputs.reach.fraction", fraction)?;
-        if fraction == 1.0 {
-            let accepted = "a number > 0 other than 1, which is reached in the limit alone";
-            return Err(Error::invalid("outputs.reach.fraction", 1, accepted));
-        }
-        if matches!(quantity, Moment::MeanV | Moment::CovQv | Moment::MeanForce) {
-            let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
-            return Err(Error::invalid(key, format!("{name:?}"), accepted));
-        }
-        if quantity == Moment::ContactLossProbability
-            && self.oscillator.contact().loss_point().is_none()
-        {
-            let law = self.oscillator.contact().name();
-            let accepted = format!("a moment that the contact law \"{law}\" has");
-            return Err(Error::invalid(key, format!("{name:?}"), accepted));
-        }
-        if self.initial == Initial::Stationary {
-            let accepted = "\"gaussian\" or \"rest\" with outputs.reach: the stationary law is there from the start";
-            return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
-        }
-        Ok(())
+        let accepted = "a number > 0 other than 1, which is reached in the limit alone";
+        require(fraction != 1.0, "outputs.reach.fraction", 1, accepted)?;
+        let zero = matches!(quantity, Moment::MeanV | Moment::CovQv | Moment::MeanForce);
+        let accepted = format!("a moment whose stationary value is not 0; that of {name} is");
+        require(!zero, key, format!("{name:?}"), accepted)?;
+        let contact = self.oscillator.contact();
+        let exists = quantity != Moment::ContactLossProbability || contact.loss_point().is_some();
+        let accepted = format!("a moment that the contact law \"{}\" has", contact.name());
+        require(exists, key, format!("{name:?}"), accepted)?;
+        let begins = self.initial != Initial::Stationary;
+        let accepted = "\"gaussian\" or \"rest\" with outputs.reach: the stationary law is there from the start";
+        require(begins, "initial.kind", "\"stationary\"", accepted)
     }
 
     fn check_first_loss(&self, until: f64) -> Result<()> {
@@ -168,31 +158,29 @@ impl Scene {
         self.check_white("outputs.first_loss")
     }
 
-    /// Refuses paths of a first passage under noise whose past counts.
+    /// Refuses paths under noise whose past counts.
     fn check_white(&self, output: &str) -> Result<()> {
         let sampled = self.monte_carlo.as_ref();
-        if sampled.is_some_and(|it| it.noise != Noise::White) {
-            let accepted = format!("\"white\", with {output}");
-            let key = "monte_carlo.noise";
-            return Err(Error::invalid(key, "a sum of cosines", accepted));
-        }
-        Ok(())
+        let white = sampled.is_none_or(|it| it.noise == Noise::White);
+        let accepted = format!("\"white\", with {output}");
+        require(white, "monte_carlo.noise", "a sum of cosines", accepted)
     }
 
     fn check_first_passage(&self, it: PassageRequest) -> Result<()> {
         finite("outputs.first_passage.level", it.level)?;
         let key = "outputs.first_passage.until";
         positive(key, it.until)?;
-        if it.until > Times::LATEST {
-            let accepted = format!("a time up to {:e}", Times::LATEST);
-            return Err(Error::invalid(key, num(it.until), accepted));
-        }
+        let accepted = format!("a time up to {:e}", Times::LATEST);
+        require(it.until <= Times::LATEST, key, num(it.until), accepted)?;
         let (contact, t) = (self.oscillator.contact(), self.oscillator.temperature());
-        if !(contact.potential(it.level) / t).is_finite() {
-            let accepted = "a level whose potential energy is within reach of a double";
-            let key = "outputs.first_passage.level";
-            return Err(Error::invalid(key, num(it.level), accepted));
-        }
+        let holds = (contact.potential(it.level) / t).is_finite();
+        let accepted = "a level whose potential energy is within reach of a double";
+        require(
+            holds,
+            "outputs.first_passage.level",
+            num(it.level),
+            accepted,
+        )?;
         if !contact.is_confining() {
             let value = format!("{{ level = {} }}", num(it.level));
             return Err(self.no_law("outputs.first_passage", &value));
@@ -205,11 +193,9 @@ impl Scene {
         let output = format!("outputs.{output}");
         let full = format!("{output}.{key}");
         positive(&full, time)?;
-        if time > Times::LATEST {
-            let noun = if key == "until" { "time" } else { key };
-            let accepted = format!("a {noun} up to {:e}", Times::LATEST);
-            return Err(Error::invalid(full, num(time), accepted));
-        }
+        let noun = if key == "until" { "time" } else { key };
+        let accepted = format!("a {noun} up to {:e}", Times::LATEST);
+        require(time <= Times::LATEST, &full, num(time), accepted)?;
         let contact = self.oscillator.contact();
         let value = format!("{{ {key} = {} }}", num(time));
         if !contact.is_confining() {
@@ -236,9 +222,7 @@ impl Scene {
     fn check_excitation(&self) -> Result<()> {
         let (outputs, excitation) = (&self.outputs, &self.excitation);
         if !excitation.is_plain()
-            && let Some((key, value)) = outputs
-                .stationary_questions()
-                .find(|(key, _)| !["outputs.first_loss", "outputs.first_passage"].contains(key))
+            && let Some((key, value)) = outputs.stationary_questions().next()
         {
             let accepted = "nothing that needs a law at rest, with [excitation]: moments_at, density_at, first_loss, \
                             first_passage, periodic and response know it; stationary is the law without it";
@@ -252,25 +236,20 @@ impl Scene {
             ("outputs.response", points)
         });
         for (key, value) in phases.into_iter().chain(response) {
-            if excitation.drive.is_none() {
-                let accepted = "with [excitation] drive = { amplitude, frequency, phase } only: without a drive \
-                                the law that lasts is the stationary one";
-                return Err(Error::invalid(key, value, accepted));
-            }
-            if excitation.envelope.is_some() {
-                let accepted =
-                    "without excitation.envelope: under noise that changes no law is periodic";
-                return Err(Error::invalid(key, value, accepted));
-            }
+            let accepted = "with [excitation] drive = { amplitude, frequency, phase } only: without a drive \
+                            the law that lasts is the stationary one";
+            require(excitation.drive.is_some(), key, &value, accepted)?;
+            let accepted =
+                "without excitation.envelope: under noise that changes no law is periodic";
+            require(excitation.envelope.is_none(), key, &value, accepted)?;
             if !self.oscillator.contact().is_confining() {
                 return Err(self.no_law(key, &value));
             }
         }
-        if let Some(phases) = outputs.periodic
-            && !(4..=1000).contains(&phases)
-        {
+        if let Some(phases) = outputs.periodic {
             let accepted = "a whole number from 4 to 1000";
-            return Err(Error::invalid("outputs.periodic.phases", phases, accepted));
+            let holds = (4..=1000).contains(&phases);
+            require(holds, "outputs.periodic.phases", phases, accepted)?;
         }
         if let Some(it) = outputs.response {
             let [low, high] = Drive::FREQUENCIES;
@@ -278,20 +257,14 @@ impl Scene {
                 ("outputs.response.from", it.from, low),
                 ("outputs.response.to", it.to, it.from),
             ] {
-                if !(value >= least && value <= high && (key.ends_with("from") || value > least)) {
-                    let accepted =
-                        format!("a circular frequency above {} and up to {high}", num(least));
-                    return Err(Error::invalid(key, num(value), accepted));
-                }
+                let above = value > least || (key.ends_with("from") && value == least);
+                let accepted =
+                    format!("a circular frequency above {} and up to {high}", num(least));
+                require(above && value <= high, key, num(value), accepted)?;
             }
-            if !(2..=ResponseRequest::MOST).contains(&it.points) {
-                let accepted = format!("a whole number from 2 to {}", ResponseRequest::MOST);
-                return Err(Error::invalid(
-                    "outputs.response.points",
-                    it.points,
-                    accepted,
-                ));
-            }
+            let holds = (2..=ResponseRequest::MOST).contains(&it.points);
+            let accepted = format!("a whole number from 2 to {}", ResponseRequest::MOST);
+            require(holds, "outputs.response.points", it.points, accepted)?;
         }
         Ok(())
     }
@@ -300,19 +273,13 @@ impl Scene {
         let Some(it) = &self.monte_carlo else {
             return Ok(());
         };
-        if !(2..=1_000_000_000_000).contains(&it.paths) {
-            let accepted = "a whole number from 2 to 1e12";
-            return Err(Error::invalid("monte_carlo.paths", it.paths, accepted));
-        }
+        let holds = (2..=1_000_000_000_000).contains(&it.paths);
+        let accepted = "a whole number from 2 to 1e12";
+        require(holds, "monte_carlo.paths", it.paths, accepted)?;
         if let Noise::Cosines { cosines, band } = it.noise {
-            if !(1..=u64::from(MOST_COSINES)).contains(&cosines) {
-                let accepted = format!("a whole number from 1 to {MOST_COSINES}");
-                return Err(Error::invalid(
-                    "monte_carlo.noise.cosines",
-                    cosines,
-                    accepted,
-                ));
-            }
+            let holds = (1..=u64::from(MOST_COSINES)).contains(&cosines);
+            let accepted = format!("a whole number from 1 to {MOST_COSINES}");
+            require(holds, "monte_carlo.noise.cosines", cosines, accepted)?;
             positive("monte_carlo.noise.band", band)?;
         }
         if let Some(step) = it.step {
@@ -322,32 +289,25 @@ impl Scene {
             positive("monte_carlo.duration", duration)?;
         }
         if !self.excitation.is_plain() {
-            if it.noise != Noise::White {
-                let accepted = "\"white\", with [excitation]";
-                let key = "monte_carlo.noise";
-                return Err(Error::invalid(key, "a sum of cosines", accepted));
-            }
+            self.check_white("[excitation]")?;
             let splitting = [Scheme::Auto, Scheme::Splitting42, Scheme::Splitting62];
-            if !splitting.contains(&it.scheme) {
-                let accepted =
-                    "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
-                let given = format!("\"{}\"", it.scheme);
-                return Err(Error::invalid("monte_carlo.scheme", given, accepted));
-            }
-            if let Some(duration) = it.duration {
-                let accepted = "without [excitation]: under it no long record is stationary";
-                return Err(Error::invalid(
-                    "monte_carlo.duration",
-                    num(duration),
-                    accepted,
-                ));
-            }
+            let holds = splitting.contains(&it.scheme);
+            let accepted = "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
+            let given = format!("\"{}\"", it.scheme);
+            require(holds, "monte_carlo.scheme", given, accepted)?;
+            let duration = it.duration.map_or(String::new(), num);
+            let accepted = "without [excitation]: under it no long record is stationary";
+            require(
+                it.duration.is_none(),
+                "monte_carlo.duration",
+                duration,
+                accepted,
+            )?;
             let first = self.outputs.first_loss.is_some() || self.outputs.first_passage.is_some();
-            if self.outputs.moments_at.is_empty() && !first {
-                let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
-                                under [excitation] there are none";
-                return Err(Error::invalid("outputs.moments_at", "[]", accepted));
-            }
+            let asked = first || !self.outputs.moments_at.is_empty();
+            let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
+                            under [excitation] there are none";
+            require(asked, "outputs.moments_at", "[]", accepted)?;
         }
         if self.wants_records() && !self.oscillator.contact().is_confining() {
             if let Some(duration) = it.duration {
@@ -369,26 +329,15 @@ impl Scene {
             max_seconds,
             max_memory,
         } = self.accuracy;
-        if !(tolerance > 0.0 && tolerance < 1.0) {
-            let accepted = "a number between 0 and 1";
-            return Err(Error::invalid(
-                "accuracy.tolerance",
-                num(tolerance),
-                accepted,
-            ));
-        }
+        let between = tolerance > 0.0 && tolerance < 1.0;
+        let accepted = "a number between 0 and 1";
+        require(between, "accuracy.tolerance", num(tolerance), accepted)?;
         positive("accuracy.max_seconds", max_seconds)?;
-        if max_memory == 0 {
-            let accepted = "a size above 0, as \"8 GB\"";
-            return Err(Error::invalid("accuracy.max_memory", max_memory, accepted));
-        }
-        if let Some(cells) = self.method.cells {
-            for (k, cells) in cells.into_iter().enumerate() {
-                if cells < 4 {
-                    let key = format!("method.cells[{k}]");
-                    return Err(Error::invalid(key, cells, "a whole number of at least 4"));
-                }
-            }
+        let accepted = "a size above 0, as \"8 GB\"";
+        require(max_memory > 0, "accuracy.max_memory", max_memory, accepted)?;
+        for (k, cells) in self.method.cells.into_iter().flatten().enumerate() {
+            let (key, accepted) = (format!("method.cells[{k}]"), "a whole number of at least 4");
+            require(cells >= 4, &key, cells, accepted)?;
         }
         if let Some(step) = self.method.step {
             positive("method.step", step)?;

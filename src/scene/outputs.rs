@@ -78,18 +78,16 @@ impl Outputs {
 
     /// The outputs that need a law that does not change, as keys with what stands under them.
     pub(super) fn stationary_questions(&self) -> impl Iterator<Item = (&'static str, String)> {
-        let until = |until: f64| format!("{{ until = {} }}", num(until));
         [
             ("outputs.steady", self.steady.then(|| "true".to_owned())),
             (
                 "outputs.decay_rates",
                 (self.decay_rates > 0).then(|| self.decay_rates.to_string()),
             ),
-            ("outputs.spectrum", self.spectrum.map(|it| until(it.until))),
-            ("outputs.first_loss", self.first_loss.map(until)),
             (
-                "outputs.first_passage",
-                self.first_passage.map(|it| until(it.until)),
+                "outputs.spectrum",
+                self.spectrum
+                    .map(|it| format!("{{ until = {} }}", num(it.until))),
             ),
             (
                 "outputs.crossings",

@@ -4,6 +4,7 @@
 // A program exports nothing: `pub` says that another of its files uses it.
 #![allow(unreachable_pub)]
 
+mod plot;
 mod precision;
 mod rows;
 mod stability;

@@ -6,14 +6,14 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
-pub(super) const VERMILION: RGBColor = RGBColor(213, 94, 0);
-pub(super) const GREEN: RGBColor = RGBColor(0, 158, 115);
-pub(super) const INK: RGBColor = RGBColor(25, 25, 25);
-pub(super) const GREY: RGBColor = RGBColor(120, 120, 120);
+pub const BLUE: RGBColor = RGBColor(0, 114, 178);
+pub const VERMILION: RGBColor = RGBColor(213, 94, 0);
+pub const GREEN: RGBColor = RGBColor(0, 158, 115);
+pub const INK: RGBColor = RGBColor(25, 25, 25);
+pub const GREY: RGBColor = RGBColor(120, 120, 120);
 /// Under a curve, for what it should coincide with.
-pub(super) const HALO: RGBColor = RGBColor(190, 190, 190);
-pub(super) const FAINT: RGBColor = RGBColor(228, 228, 228);
+pub const HALO: RGBColor = RGBColor(190, 190, 190);
+pub const FAINT: RGBColor = RGBColor(228, 228, 228);
 
 /// Levels of a density as fractions of its peak, and their colours, light to dark (ColorBrewer YlGnBu,
 /// safe for colour-blind eyes and in grey).
@@ -30,14 +30,17 @@ pub(super) const LEVELS: [(f64, RGBColor); 9] = [
 ];
 
 /// Drawing units in a pixel.
-pub(super) const FINE: f64 = 4.0;
-pub(super) type Colour = RGBColor;
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-pub(super) type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
-pub(super) type Points = Vec<(f64, f64)>;
+pub const FINE: f64 = 4.0;
+pub type Colour = RGBColor;
+pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+pub type Points = Vec<(f64, f64)>;
+
+/// A picture; None where there is nothing to be drawn.
+pub(crate) type Picture = Option<Result<File>>;
 
 /// A picture of that size in pixels.
-pub(super) fn picture(
+pub fn picture(
     name: impl Into<String>,
     size: (u32, u32),
     draw: impl FnOnce(&Area<'_>) -> Drawn,
@@ -63,29 +66,29 @@ pub(super) fn picture(
 }
 
 /// A place in drawing units.
-pub(super) fn fine((x, y): (f64, f64)) -> (i32, i32) {
+pub fn fine((x, y): (f64, f64)) -> (i32, i32) {
     ((x * FINE) as i32, (y * FINE) as i32)
 }
 
 /// Where a text hangs on its point.
 #[derive(Clone, Copy)]
-pub(super) enum Hang {
+pub enum Hang {
     Left,
     Middle,
     Right,
 }
 
 /// Size in pixels, where it hangs, colour.
-pub(super) type Font = (f64, Hang, Colour);
+pub type Font = (f64, Hang, Colour);
 
 pub(super) const TITLE: Font = (15.0, Hang::Left, INK);
-pub(super) const WORDS: Font = (13.0, Hang::Left, INK);
-pub(super) const CENTRED: Font = (13.0, Hang::Middle, INK);
+pub const WORDS: Font = (13.0, Hang::Left, INK);
+pub const CENTRED: Font = (13.0, Hang::Middle, INK);
 /// Of Monte Carlo, or of the Dirac mass.
 pub(super) const NOTE: Font = (13.0, Hang::Left, VERMILION);
 
 /// A line of text, its vertical middle at `y`; places in pixels.
-pub(super) fn write(area: &Area<'_>, text: &str, at: (f64, f64), font: Font) -> Drawn {
+pub fn write(area: &Area<'_>, text: &str, at: (f64, f64), font: Font) -> Drawn {
     styled(area, text, at, font, FontTransform::None)
 }
 
@@ -113,7 +116,7 @@ pub(super) fn styled(
     Ok(())
 }
 
-pub(super) fn line(area: &Area<'_>, points: &[(f64, f64)], colour: RGBColor, width: f64) -> Drawn {
+pub fn line(area: &Area<'_>, points: &[(f64, f64)], colour: RGBColor, width: f64) -> Drawn {
     let points: Vec<(i32, i32)> = points.iter().copied().map(fine).collect();
     let style = colour.stroke_width((width * FINE) as u32);
     area.draw(&PathElement::new(points, style))?;

@@ -1,12 +1,12 @@
 //! The density p(q, v) with its marginals, snapshots on one sheet, the steady state.
 
 use super::canvas::{
-    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Points, TITLE, dashed, picture,
-    rectangle, write,
+    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Picture, Points, TITLE, dashed,
+    picture, rectangle, write,
 };
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};
-use super::panel::{Panel, range};
+use super::panel::{Panel, highest, range};
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
 use crate::format::bare;
@@ -28,12 +28,7 @@ impl<'a> Sheet<'a> {
     pub(super) fn of(snapshot: &'a Snapshot) -> Option<Self> {
         let (q, v) = (snapshot.q.to_vec(), snapshot.v.to_vec());
         let fits = snapshot.p.dim() == (q.len(), v.len()) && q.len() > 1 && v.len() > 1;
-        let peak = snapshot
-            .p
-            .iter()
-            .copied()
-            .filter(|p| p.is_finite())
-            .fold(0.0, f64::max);
+        let peak = highest(snapshot.p.iter().copied());
         if !fits || peak <= 0.0 {
             return None;
         }
@@ -110,15 +105,8 @@ fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
 }
 
 /// One density with its marginals against the closed form.
-fn density_picture(
-    name: String,
-    title: &str,
-    snapshot: &Snapshot,
-    results: &Results,
-) -> Result<Option<File>> {
-    let Some(sheet) = Sheet::of(snapshot) else {
-        return Ok(None);
-    };
+fn density_picture(name: String, title: &str, snapshot: &Snapshot, results: &Results) -> Picture {
+    let sheet = Sheet::of(snapshot)?;
     let law = results.law();
     let (x, y) = sheet.window();
     let main = Panel::new([92.0, 156.0, 430.0, 330.0], x, y);
@@ -138,12 +126,7 @@ fn density_picture(
     };
     let (exact_q, exact_v) = (exact(&Law::density_q, x), exact(&Law::density_v, y));
     let top = |a: &Points, b: &Points| {
-        let most = a
-            .iter()
-            .chain(b)
-            .map(|(_, p)| *p)
-            .filter(|p| p.is_finite())
-            .fold(0.0, f64::max);
+        let most = highest(a.iter().chain(b).map(|(_, p)| *p));
         (0.0, 1.08 * most.max(1e-300))
     };
     let above = Panel {
@@ -158,7 +141,7 @@ fn density_picture(
         x: top(&by_v, &exact_v),
         ..main.clone()
     };
-    let file = picture(name, (730, 546), |area| {
+    Some(picture(name, (730, 546), |area| {
         write(area, title, (main.left, 22.0), TITLE)?;
         above.axes(area, "", "p(q)")?;
         above.curve(area, &exact_q, HALO, 5.0)?;
@@ -180,8 +163,7 @@ fn density_picture(
             legend(area, (554.0, 84.0), HALO, Mark::Halo, "stationary law")?;
         }
         Ok(())
-    })?;
-    Ok(Some(file))
+    }))
 }
 
 /// The displacements at which contact is lost, on either side of a gap.
@@ -221,19 +203,18 @@ pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
     for snapshot in &it.densities {
         let name = format!("density_{}.svg", bare(snapshot.t));
         let title = format!("p(q, q\u{307}) at {symbol} = {}{unit}", bare(snapshot.t));
-        files.extend(density_picture(name, &title, snapshot, results)?);
+        files.extend(density_picture(name, &title, snapshot, results).transpose()?);
     }
     let label = |it: &Snapshot| format!("{symbol} = {}{unit}", bare(it.t));
     let names = ("snapshots.svg", "p(q, q\u{307})");
-    files.extend(snapshots(results, names, &it.densities, &label)?);
+    files.extend(snapshots(results, names, &it.densities, &label).transpose()?);
     Ok(files)
 }
 
 /// stroboscopic.svg: the periodic law at phases of the drive, on one sheet.
-pub(crate) fn stroboscopic(results: &Results) -> Result<Vec<File>> {
-    let (Some(it), Some(drive)) = (&results.periodic, results.scene.excitation.drive) else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn stroboscopic(results: &Results) -> Picture {
+    let it = results.periodic.as_ref()?;
+    let drive = results.scene.excitation.drive?;
     let period = results.scene.clock().time(drive.period());
     let label = |it: &Snapshot| {
         format!(
@@ -245,8 +226,7 @@ pub(crate) fn stroboscopic(results: &Results) -> Result<Vec<File>> {
         "stroboscopic.svg",
         "p(q, q\u{307}) over the phase of the drive",
     );
-    let picture = snapshots(results, names, &it.densities, &label)?;
-    Ok(picture.into_iter().collect())
+    snapshots(results, names, &it.densities, &label)
 }
 
 /// Several densities on one sheet, on the same axes, each to its own peak.
@@ -255,7 +235,7 @@ fn snapshots(
     (file, heading): (&str, &str),
     all: &[Snapshot],
     label: &dyn Fn(&Snapshot) -> String,
-) -> Result<Option<File>> {
+) -> Picture {
     let each = all.len().div_ceil(9).max(1);
     let mut sheets: Vec<Sheet<'_>> = all
         .iter()
@@ -265,16 +245,14 @@ fn snapshots(
         .collect();
     sheets.reverse();
     if sheets.len() < 2 {
-        return Ok(None);
+        return None;
     }
     let (mut ends_q, mut ends_v) = (Vec::new(), Vec::new());
     for (q, v) in sheets.iter().map(Sheet::window) {
         ends_q.extend([q.0, q.1]);
         ends_v.extend([v.0, v.1]);
     }
-    let (Some(x), Some(y)) = (range(ends_q, 0.0), range(ends_v, 0.0)) else {
-        return Ok(None);
-    };
+    let (x, y) = (range(ends_q, 0.0)?, range(ends_v, 0.0)?);
     let columns = if sheets.len() == 4 {
         2
     } else {
@@ -286,7 +264,7 @@ fn snapshots(
         (86.0 + columns as f64 * (width + 18.0) + 74.0) as u32,
         (36.0 + rows as f64 * (height + 26.0) + 40.0) as u32,
     );
-    picture(file, size, |area| {
+    Some(picture(file, size, |area| {
         write(area, heading, (86.0, 18.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let (row, column) = (k / columns, k % columns);
@@ -314,15 +292,12 @@ fn snapshots(
             write(area, &title, (middle, panel.top - 10.0), CENTRED)?;
         }
         key(area, (86.0 + columns as f64 * (width + 18.0), 62.0))
-    })
-    .map(Some)
+    }))
 }
 
 /// steady.svg: the steady state on the mesh.
-pub(crate) fn steady(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.steady else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn steady(results: &Results) -> Picture {
+    let it = results.steady.as_ref()?;
     let title = format!(
         "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the {} {:.0e}",
         it.method.cells[0],
@@ -330,6 +305,5 @@ pub(crate) fn steady(results: &Results) -> Result<Vec<File>> {
         results.known_law(),
         it.l1_error.value
     );
-    let picture = density_picture("steady.svg".into(), &title, &it.density, results)?;
-    Ok(picture.into_iter().collect())
+    density_picture("steady.svg".into(), &title, &it.density, results)
 }

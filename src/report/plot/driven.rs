@@ -1,38 +1,18 @@
 //! What lasts under a drive: the periodic law over the phase, and the response curve.
 
-use super::canvas::{BLUE, GREY, INK, Points, TITLE, picture, write};
+use super::canvas::{BLUE, GREY, INK, Picture, TITLE, picture, write};
 use super::legend::{Mark, legend};
-use super::panel::{Panel, range};
-use crate::error::Result;
+use super::panel::{Panel, place, range, with_band};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Sweep;
 use crate::moments::Moment;
 use crate::noise_free;
-use crate::report::File;
 use crate::results::Results;
 use std::f64::consts::TAU;
 
-/// Value less error, value, value plus error against x.
-fn band(x: &[f64], curve: &[Estimate]) -> (Points, Vec<(f64, f64, f64)>) {
-    let line = x.iter().zip(curve).map(|(x, y)| (*x, y.value)).collect();
-    let band = x.iter().zip(curve);
-    let band = band
-        .map(|(x, y)| (*x, y.value - y.error, y.value + y.error))
-        .collect();
-    (line, band)
-}
-
-/// The place of the k-th of four panels.
-fn place(k: usize) -> [f64; 4] {
-    let (column, row) = ((k % 2) as f64, (k / 2) as f64);
-    [92.0 + 478.0 * column, 44.0 + 298.0 * row, 374.0, 236.0]
-}
-
 /// periodic.svg: four moments over the phase, with error bands.
-pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.periodic else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn periodic(results: &Results) -> Picture {
+    let it = results.periodic.as_ref()?;
     let asked = |moment: &Moment| it.moments.iter().all(|at| at.get(*moment).is_some());
     let first = [
         Moment::MeanQ,
@@ -44,7 +24,7 @@ pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
     let others = Moment::ALL.into_iter().filter(|it| !first.contains(it));
     shown.extend(others.filter(asked));
     let turns: Vec<f64> = it.phase.iter().map(|phase| phase / TAU).collect();
-    picture("periodic.svg", (958, 640), |area| {
+    Some(picture("periodic.svg", (958, 640), |area| {
         write(
             area,
             "The law that lasts, over the phase of the drive",
@@ -62,7 +42,7 @@ pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
             };
             let panel = Panel::new(place(k), (0.0, 1.0), y);
             panel.axes(area, "W\u{3c4}/2\u{3c0}", moment.entry().symbol)?;
-            let (mut line, mut band) = band(&turns, &curve);
+            let (mut line, mut band) = with_band(&turns, curve);
             // The circle closes.
             line.extend(line.first().map(|(_, y)| (1.0, *y)));
             band.extend(band.first().map(|(_, a, b)| (1.0, *a, *b)));
@@ -71,20 +51,15 @@ pub(crate) fn periodic(results: &Results) -> Result<Vec<File>> {
             panel.frame(area)?;
         }
         Ok(())
-    })
-    .map(|it| vec![it])
+    }))
 }
 
 /// response.svg: harmonics and loss probability over the frequency with error bands, over the amplitude of the motion
 /// without noise, stable and unstable.
-pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = results
-        .response
-        .as_ref()
-        .filter(|it| it.frequency.len() > 1)
-    else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn response(results: &Results) -> Picture {
+    let it = results.response.as_ref()?;
+    // One frequency is no curve.
+    let x = range(it.frequency.iter().copied(), 0.0).filter(|_| it.frequency.len() > 1)?;
     // Of every curve: what both sweeps show.
     let swept = |of: fn(&Sweep) -> Option<&Vec<Estimate>>| -> Vec<&Vec<Estimate>> {
         it.sweeps.iter().flatten().filter_map(of).collect()
@@ -109,10 +84,7 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
     let orbits = drive.map_or(Vec::new(), |drive| {
         noise_free::orbits(&results.scene.oscillator, &drive, &it.frequency)
     });
-    let Some(x) = range(it.frequency.iter().copied(), 0.0) else {
-        return Ok(Vec::new());
-    };
-    picture("response.svg", (958, 640), |area| {
+    Some(picture("response.svg", (958, 640), |area| {
         for (k, (label, curve, sweeps)) in curves.into_iter().enumerate() {
             let ends = curve.iter().chain(sweeps.iter().copied().flatten());
             let ends = ends.map(|y| y.value + y.error).chain([0.0]);
@@ -128,10 +100,10 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
                 panel.dot(area, (*w, orbit.amplitude), colour, 1.5)?;
             }
             for sweep in sweeps {
-                let (line, _) = band(&it.frequency, sweep);
+                let (line, _) = with_band(&it.frequency, sweep.iter().copied());
                 panel.dashes(area, &line, BLUE, 1.2)?;
             }
-            let (line, band) = band(&it.frequency, curve);
+            let (line, band) = with_band(&it.frequency, curve.iter().copied());
             panel.band(area, &band, BLUE)?;
             panel.curve(area, &line, BLUE, 1.5)?;
             panel.frame(area)?;
@@ -155,6 +127,5 @@ pub(crate) fn response(results: &Results) -> Result<Vec<File>> {
             Some(_) => legend(area, (700.0, 20.0), BLUE, Mark::Dashes, "sweeps up, down"),
             None => Ok(()),
         }
-    })
-    .map(|it| vec![it])
+    }))
 }

@@ -1,14 +1,14 @@
 //! The density of the force, linear and logarithmic, with its Dirac mass.
 
-use super::canvas::{Area, BLUE, Drawn, INK, NOTE, Points, TITLE, VERMILION, line, picture, write};
+use super::canvas::{
+    Area, BLUE, Drawn, INK, NOTE, Picture, Points, TITLE, VERMILION, line, picture, write,
+};
 use super::density::Sheet;
-use super::legend::{Mark, legend};
+use super::legend::{Mark, legends};
 use super::panel::{Panel, range};
-use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::format::bare;
 use crate::monte_carlo::Histogram;
-use crate::report::File;
 use crate::results::Results;
 
 /// What force.svg shows.
@@ -125,17 +125,13 @@ impl ForceCurves {
 }
 
 /// force.svg: p_N on a linear and a logarithmic scale, the Dirac mass drawn and stated.
-pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
-    let Some(curves) = ForceCurves::of(results).filter(|it| it.most > 0.0) else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn force(results: &Results) -> Picture {
+    let curves = ForceCurves::of(results).filter(|it| it.most > 0.0)?;
     let seen = curves.exact.iter().filter(|(_, p)| *p > 1e-5 * curves.most);
     let ends = seen
         .map(|(n, _)| *n)
         .chain(curves.dirac.map(|(_, flight)| flight));
-    let Some(x) = range(ends, 0.05) else {
-        return Ok(Vec::new());
-    };
+    let x = range(ends, 0.05)?;
     let linear = Panel::new([92.0, 44.0, 390.0, 320.0], x, (0.0, 1.3 * curves.most));
     let top = curves.most.log10();
     let logarithmic = Panel {
@@ -148,7 +144,7 @@ pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
         .stationary
         .as_ref()
         .and_then(|it| it.get("log10_contact_loss_probability"));
-    picture("force.svg", (990, 420), |area| {
+    Some(picture("force.svg", (990, 420), |area| {
         let title = "Force: stationary density p(N)";
         write(area, title, (linear.left, 22.0), TITLE)?;
         curves.draw(area, &linear)?;
@@ -162,13 +158,12 @@ pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
             let at = (logarithmic.left, 24.0);
             write(area, &words, at, NOTE)?;
         }
-        let right = linear.right() - 226.0;
-        let mut legends = vec![(INK, Mark::Line, curves.origin)];
+        let mut entries = vec![(INK, Mark::Line, curves.origin)];
         if !curves.meshed.is_empty() {
-            legends.push((BLUE, Mark::Dot, &curves.words));
+            entries.push((BLUE, Mark::Dot, &curves.words));
         }
         if curves.sampled.is_some() {
-            legends.push((VERMILION, Mark::Dot, "long records, band: 95 %"));
+            entries.push((VERMILION, Mark::Dot, "long records, band: 95 %"));
         }
         // Below what is said of the Dirac mass.
         let top = match (curves.dirac, &curves.sampled) {
@@ -176,12 +171,8 @@ pub(crate) fn force(results: &Results) -> Result<Vec<File>> {
             (Some(_), None) => 82.0,
             (Some(_), Some(_)) => 101.0,
         };
-        for (k, (colour, mark, words)) in legends.into_iter().enumerate() {
-            legend(area, (right, top + 19.0 * k as f64), colour, mark, words)?;
-        }
-        Ok(())
-    })
-    .map(|it| vec![it])
+        legends(area, (linear.right() - 226.0, top), entries)
+    }))
 }
 
 fn probability(mass: Estimate) -> String {

@@ -1,19 +1,17 @@
 //! The law of an impact: time of flight and speed at the return together, the speed, the peak force.
 
-use super::canvas::{Area, BLUE, Drawn, INK, LEVELS, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{
+    Area, BLUE, Drawn, INK, LEVELS, Picture, Points, TITLE, VERMILION, picture, write,
+};
 use super::contours::{self, between, locate};
 use super::legend::{Mark, legend};
-use super::panel::Panel;
-use crate::error::Result;
+use super::panel::{Panel, highest};
 use crate::fokker_planck::ImpactLaw;
-use crate::report::File;
 use crate::results::Results;
 
 /// impacts.svg.
-pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
-    let Some(law) = &results.impacts else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn impacts(results: &Results) -> Picture {
+    let law = results.impacts.as_ref()?;
     let peak = law.density.iter().map(|it| it.value).fold(0.0, f64::max);
     let last = |all: &[f64]| all.last().copied().unwrap_or(0.0);
     // The longest and the fastest are too rare to be seen.
@@ -22,20 +20,12 @@ pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
     let force: Points = force.map(|(n, p)| (*n, p.value)).collect();
     let speed = law.speeds.iter().zip(&law.speed_density);
     let speed: Points = speed.map(|(c, p)| (*c, p.value)).collect();
-    let most = |all: &Points| {
-        all.iter()
-            .map(|it| it.1)
-            .filter(|p| p.is_finite())
-            .fold(0.0, f64::max)
-    };
+    let most = |all: &Points| highest(all.iter().map(|it| it.1));
     let (top, high) = (most(&speed), most(&force));
-    let heaviest = force
-        .iter()
-        .filter(|it| it.1 > 1e-3 * high)
-        .map(|it| it.0)
-        .fold(0.0, f64::max);
+    let seen = force.iter().filter(|it| it.1 > 1e-3 * high);
+    let heaviest = highest(seen.map(|it| it.0));
     if !(peak > 0.0 && end.is_finite() && top > 0.0 && high > 0.0 && heaviest > 0.0) {
-        return Ok(Vec::new());
+        return None;
     }
     let seen = results.sampled_crossings().map(|(seen, _)| seen);
     let seen = seen.filter(|it| it.mean_flight.value.is_finite());
@@ -51,7 +41,7 @@ pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
         (lightest.min(heaviest), heaviest),
         (0.0, 1.35 * high),
     );
-    picture("impacts.svg", (1030, 420), |area| {
+    Some(picture("impacts.svg", (1030, 420), |area| {
         write(
             area,
             "Impacts: joint density over its peak",
@@ -75,8 +65,7 @@ pub(crate) fn impacts(results: &Results) -> Result<Vec<File>> {
         forces.axes(area, "peak force, no damping", "density")?;
         forces.curve(area, &force, BLUE, 1.5)?;
         forces.frame(area)
-    })
-    .map(|it| vec![it])
+    }))
 }
 
 /// Filled levels of the joint density.

@@ -1,56 +1,39 @@
 //! Survival until the first loss of contact, and times of flight.
 
-use super::canvas::{BLUE, INK, Points, TITLE, VERMILION, picture, write};
-use super::legend::{Mark, legend};
+use super::canvas::{BLUE, INK, Picture, Points, TITLE, VERMILION, picture, write};
+use super::legend::{Mark, legend, legends};
 use super::panel::{Panel, range};
-use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::bare;
 use crate::monte_carlo::FirstLossResult;
-use crate::report::File;
 use crate::results::Results;
 use crate::results::centres;
 
 /// survival.svg: survival until the first loss of contact, and its density on a logarithmic scale, from
 /// the backward equation and from paths.
-pub(crate) fn survival(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn survival(results: &Results) -> Picture {
     let title = "First loss of contact: survival, and density of its time";
-    let paths = results.first_loss_paths.as_ref();
-    curves(
-        results,
-        ("survival.svg", title),
-        results.first_loss.as_ref(),
-        paths,
-    )
+    let (solved, paths) = (&results.first_loss, &results.first_loss_paths);
+    curves(results, ("survival.svg", title), (solved, paths))
 }
 
 /// passage.svg: the same of a level.
-pub(crate) fn passage(results: &Results) -> Result<Vec<File>> {
-    let Some(asked) = results.scene.outputs.first_passage else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn passage(results: &Results) -> Picture {
+    let asked = results.scene.outputs.first_passage?;
     let words = asked.side.words().join(" ");
     let level = bare(asked.level).replace('-', "\u{2212}");
     let title = format!("First passage of {words} {level}: survival, and density of its time");
-    let paths = results.first_passage_paths.as_ref();
-    curves(
-        results,
-        ("passage.svg", &title),
-        results.first_passage.as_ref(),
-        paths,
-    )
+    let (solved, paths) = (&results.first_passage, &results.first_passage_paths);
+    curves(results, ("passage.svg", &title), (solved, paths))
 }
 
 fn curves(
     results: &Results,
     (file, title): (&str, &str),
-    it: Option<&FirstLoss>,
-    paths: Option<&FirstLossResult>,
-) -> Result<Vec<File>> {
-    let Some(it) = it else {
-        return Ok(Vec::new());
-    };
+    (solved, paths): (&Option<FirstLoss>, &Option<FirstLossResult>),
+) -> Picture {
+    let it = solved.as_ref()?;
     let time = results.scene.clock().axis();
     let until = it.times[it.times.len() - 1];
     let points = |curve: &[Estimate], log: bool| -> Points {
@@ -61,17 +44,10 @@ fn curves(
     let linear = points(&it.survival, false);
     let logarithmic = points(&it.density, true);
     // Whatever is on the way to the peak, six decades at the most.
-    let top = logarithmic
-        .iter()
-        .map(|(_, y)| *y)
-        .fold(f64::NEG_INFINITY, f64::max);
-    let bottom = logarithmic
-        .iter()
-        .map(|(_, y)| *y)
-        .fold(f64::INFINITY, f64::min);
-    let (Some(y), true) = (range(linear.iter().map(|(_, s)| *s), 0.08), top > -299.0) else {
-        return Ok(Vec::new());
-    };
+    let heights = || logarithmic.iter().map(|it| it.1);
+    let top = heights().fold(f64::NEG_INFINITY, f64::max);
+    let bottom = heights().fold(f64::INFINITY, f64::min);
+    let y = range(linear.iter().map(|(_, s)| *s), 0.08).filter(|_| top > -299.0)?;
     let left = Panel::new([92.0, 44.0, 390.0, 320.0], (0.0, until), y);
     let right = Panel {
         left: 578.0,
@@ -79,7 +55,7 @@ fn curves(
         log: true,
         ..left.clone()
     };
-    picture(file, (990, 420), |area| {
+    Some(picture(file, (990, 420), |area| {
         write(area, title, (left.left, 22.0), TITLE)?;
         left.axes(area, time, "survival")?;
         right.axes(area, time, "density")?;
@@ -89,42 +65,31 @@ fn curves(
             // Dots apart enough to be told from each other.
             let each = paths.times.len().div_ceil(40);
             for (k, t) in paths.times.iter().enumerate().skip(each).step_by(each) {
-                let s = paths.survival[k];
-                if s.value >= left.y.0 && s.value <= left.y.1 {
-                    left.dot(area, (*t, s.value), VERMILION, 2.0)?;
-                }
+                left.dot(area, (*t, paths.survival[k].value), VERMILION, 2.0)?;
                 // A mean since the time before stands in the middle.
                 let middle = 0.5 * (t + paths.times[k - 1]);
                 let y = paths.density[k].value.max(1e-300).log10();
-                if y >= right.y.0 && y <= right.y.1 {
-                    right.dot(area, (middle, y), VERMILION, 2.0)?;
-                }
+                right.dot(area, (middle, y), VERMILION, 2.0)?;
             }
         }
         left.frame(area)?;
         right.frame(area)?;
-        let x = left.right() - 172.0;
-        legend(area, (x, 62.0), BLUE, Mark::Line, "backward equation")?;
-        if paths.is_some() {
-            legend(area, (x, 81.0), VERMILION, Mark::Dot, "paths")?;
-        }
-        Ok(())
-    })
-    .map(|it| vec![it])
+        let sampled = paths.iter().map(|_| (VERMILION, Mark::Dot, "paths"));
+        let entries = [(BLUE, Mark::Line, "backward equation")].into_iter();
+        legends(area, (left.right() - 172.0, 62.0), entries.chain(sampled))
+    }))
 }
 
 /// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
 /// it would be without noise and friction in flight, and the law of the first return where it is solved.
-pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn flights(results: &Results) -> Picture {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
     let law = results.flights.as_ref();
     if seen.is_none() && law.is_none() {
-        return Ok(Vec::new());
+        return None;
     }
     let contact = results.contact();
-    let Some(fall) = contact.loss_point().map(|loss| -contact.force(loss)) else {
-        return Ok(Vec::new());
-    };
+    let fall = -contact.force(contact.loss_point()?);
     // The speed of a loss has the Rayleigh law of scale sqrt(T), and a free flight lasts 2 v/fall.
     let clock = results.scene.clock();
     let scale = clock.time(2.0 * results.scene.oscillator.temperature().sqrt() / fall);
@@ -146,10 +111,10 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
     let shown = noisy.iter().filter(|(t, _)| *t <= end).map(|it| it.1);
     let most = tops.chain(shown).chain([free(scale)]).fold(0.0, f64::max);
     if !(most.is_finite() && end.is_finite()) {
-        return Ok(Vec::new());
+        return None;
     }
     let panel = Panel::new([92.0, 44.0, 470.0, 320.0], (0.0, end), (0.0, 1.12 * most));
-    picture("flights.svg", (590, 420), |area| {
+    Some(picture("flights.svg", (590, 420), |area| {
         let title = match &seen {
             Some(((seen, _), _)) => {
                 format!("Time of flight: density, {} losses of contact", seen.losses)
@@ -167,21 +132,14 @@ pub(crate) fn flights(results: &Results) -> Result<Vec<File>> {
         panel.frame(area)?;
         let x = panel.right() - 232.0;
         if !walled {
-            legend(
-                area,
-                (x, 62.0),
-                BLUE,
-                Mark::Line,
-                "first return, closed form",
-            )?;
-            let words = "no noise, no friction in flight";
-            legend(area, (x, 81.0), INK, Mark::Dashes, words)?;
+            let exact = (BLUE, Mark::Line, "first return, closed form");
+            let free = (INK, Mark::Dashes, "no noise, no friction in flight");
+            legends(area, (x, 62.0), [exact, free])?;
         }
         if seen.is_some() {
             let words = "long records, band: 95 %";
             legend(area, (x, 100.0), VERMILION, Mark::Dot, words)?;
         }
         Ok(())
-    })
-    .map(|it| vec![it])
+    }))
 }

@@ -5,11 +5,9 @@
 //! the closed form.
 
 mod canvas;
-mod charts;
 mod contours;
 mod density;
 mod driven;
-mod families;
 mod force;
 mod impacts;
 mod legend;
@@ -21,14 +19,21 @@ mod spectrum;
 mod ticks;
 mod transient;
 
-pub use charts::{Chart, Curve, Ink, Stroke, charts};
+#[cfg(feature = "cli")]
+pub(crate) use canvas::Picture;
+pub use canvas::{
+    Area, BLUE, CENTRED, Colour, Drawn, FAINT, FINE, Font, GREEN, GREY, HALO, Hang, INK, Points,
+    VERMILION, WORDS, fine, line, picture, write,
+};
 pub(crate) use density::{densities, steady, stroboscopic};
 pub(crate) use driven::{periodic, response};
-pub use families::{Family, Traced, families};
 pub(crate) use force::force;
 pub(crate) use impacts::impacts;
+pub use legend::{Mark, legend};
 pub(crate) use losses::{flights, passage, survival};
 #[cfg(feature = "cli")]
 pub(crate) use map::{Field, Ruler, map};
+pub use panel::{Panel, range};
 pub(crate) use spectrum::spectrum;
+pub use ticks::superscript;
 pub(crate) use transient::{approach, moments};

@@ -4,7 +4,6 @@ use super::canvas::{
     Area, CENTRED, Drawn, FAINT, FINE, Hang, INK, Points, VERMILION, dashed, fine, line, styled,
     write,
 };
-use super::legend::{Shape, shape};
 use super::ticks::{superscript, ticks};
 use crate::estimate::Estimate;
 use crate::monte_carlo::Histogram;
@@ -12,7 +11,7 @@ use crate::results::centres;
 use plotters::prelude::*;
 
 /// A range that holds every finite number, widened by a share of it; None without two different ones.
-pub(super) fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64, f64)> {
+pub fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64, f64)> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for x in numbers {
         if x.is_finite() {
@@ -30,22 +29,44 @@ pub(super) fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Optio
     (out.0.is_finite() && out.1.is_finite()).then_some(out)
 }
 
+/// The highest finite number above 0; 0 without one.
+pub(super) fn highest(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    let finite = numbers.into_iter().filter(|x| x.is_finite());
+    finite.fold(0.0, f64::max)
+}
+
+/// Values against x, and the band of their errors.
+pub(super) fn with_band(
+    x: &[f64],
+    curve: impl IntoIterator<Item = Estimate>,
+) -> (Points, Vec<(f64, f64, f64)>) {
+    let both = x.iter().zip(curve);
+    both.map(|(x, y)| ((*x, y.value), (*x, y.value - y.error, y.value + y.error)))
+        .unzip()
+}
+
+/// The place of the k-th of four panels.
+pub(super) fn place(k: usize) -> [f64; 4] {
+    let (column, row) = ((k % 2) as f64, (k / 2) as f64);
+    [92.0 + 478.0 * column, 44.0 + 298.0 * row, 374.0, 236.0]
+}
+
 /// Axes: a rectangle in pixels and what it shows.
 #[derive(Debug, Clone)]
-pub(super) struct Panel {
-    pub(super) left: f64,
-    pub(super) top: f64,
-    pub(super) width: f64,
-    pub(super) height: f64,
-    pub(super) x: (f64, f64),
-    pub(super) y: (f64, f64),
+pub struct Panel {
+    pub left: f64,
+    pub top: f64,
+    pub width: f64,
+    pub height: f64,
+    pub x: (f64, f64),
+    pub y: (f64, f64),
     /// y is a decimal logarithm.
-    pub(super) log: bool,
+    pub log: bool,
 }
 
 impl Panel {
     /// Linear axes at [left, top, width, height].
-    pub(super) fn new(place: [f64; 4], x: (f64, f64), y: (f64, f64)) -> Self {
+    pub fn new(place: [f64; 4], x: (f64, f64), y: (f64, f64)) -> Self {
         let [left, top, width, height] = place;
         Self {
             left,
@@ -59,11 +80,12 @@ impl Panel {
     }
 
     /// The same with decimal logarithms for y, if so.
-    pub(super) fn logarithmic(self, log: bool) -> Self {
+    #[must_use]
+    pub fn logarithmic(self, log: bool) -> Self {
         Self { log, ..self }
     }
 
-    pub(super) fn at(&self, x: f64, y: f64) -> (f64, f64) {
+    pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let part = |x: f64, (low, high): (f64, f64)| (x - low) / (high - low);
         (
             self.left + self.width * part(x, self.x),
@@ -72,15 +94,15 @@ impl Panel {
     }
 
     /// Whether a point lies within the axes.
-    fn shows(&self, x: f64, y: f64) -> bool {
+    pub fn shows(&self, x: f64, y: f64) -> bool {
         x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1
     }
 
-    pub(super) fn bottom(&self) -> f64 {
+    pub fn bottom(&self) -> f64 {
         self.top + self.height
     }
 
-    pub(super) fn right(&self) -> f64 {
+    pub fn right(&self) -> f64 {
         self.left + self.width
     }
 
@@ -98,7 +120,7 @@ impl Panel {
     }
 
     /// Grid, frame, numbers and labels. An empty label leaves that axis without numbers.
-    pub(super) fn axes(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
+    pub fn axes(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
         let count = (self.width / 60.0).clamp(2.0, 8.0) as usize;
         let marks = [ticks(self.x, count), self.y_ticks()];
         self.grid(area, marks, [x_label, y_label].map(|it| !it.is_empty()))?;
@@ -155,7 +177,7 @@ impl Panel {
         )
     }
 
-    pub(super) fn frame(&self, area: &Area<'_>) -> Drawn {
+    pub fn frame(&self, area: &Area<'_>) -> Drawn {
         let (l, t, r, b) = (self.left, self.top, self.right(), self.bottom());
         line(area, &[(l, t), (r, t), (r, b), (l, b), (l, t)], INK, 1.0)
     }
@@ -218,7 +240,7 @@ impl Panel {
         (from <= to).then_some((start, end))
     }
 
-    pub(super) fn curve(
+    pub fn curve(
         &self,
         area: &Area<'_>,
         points: &[(f64, f64)],
@@ -232,12 +254,7 @@ impl Panel {
     }
 
     /// The band between two curves over the same abscissae.
-    pub(super) fn band(
-        &self,
-        area: &Area<'_>,
-        points: &[(f64, f64, f64)],
-        colour: RGBColor,
-    ) -> Drawn {
+    pub fn band(&self, area: &Area<'_>, points: &[(f64, f64, f64)], colour: RGBColor) -> Drawn {
         let inside = |y: f64| y.clamp(self.y.0, self.y.1);
         let finite = points
             .iter()
@@ -269,28 +286,6 @@ impl Panel {
         Ok(())
     }
 
-    pub(super) fn circle(&self, area: &Area<'_>, (x, y): (f64, f64), colour: RGBColor) -> Drawn {
-        if self.shows(x, y) {
-            let at = fine(self.at(x, y));
-            let style = colour.stroke_width(FINE as u32);
-            area.draw(&Circle::new(at, (2.5 * FINE) as i32, style))?;
-        }
-        Ok(())
-    }
-
-    pub(super) fn mark(
-        &self,
-        area: &Area<'_>,
-        (x, y): (f64, f64),
-        colour: RGBColor,
-        it: Shape,
-    ) -> Drawn {
-        if self.shows(x, y) {
-            shape(area, self.at(x, y), colour, it)?;
-        }
-        Ok(())
-    }
-
     /// A histogram as dots in the middle of its bins, with a band of 95 %.
     pub(super) fn histogram(&self, area: &Area<'_>, it: &Histogram) -> Drawn {
         let height = |p: f64| match (self.log, p > 0.0) {
@@ -317,14 +312,14 @@ impl Panel {
     }
 
     /// A point with its error bar.
-    pub(super) fn point(&self, area: &Area<'_>, x: f64, y: Estimate, colour: RGBColor) -> Drawn {
+    pub fn point(&self, area: &Area<'_>, x: f64, y: Estimate, colour: RGBColor) -> Drawn {
         let bar = [(x, y.value - y.error), (x, y.value + y.error)];
         self.curve(area, &bar, colour, 1.25)?;
         self.dot(area, (x, y.value), colour, 1.75)
     }
 
     /// A dashed curve.
-    pub(super) fn dashes(
+    pub fn dashes(
         &self,
         area: &Area<'_>,
         points: &[(f64, f64)],
@@ -338,7 +333,7 @@ impl Panel {
     }
 
     /// A dashed line at one height.
-    pub(super) fn level(&self, area: &Area<'_>, y: f64, colour: RGBColor) -> Drawn {
+    pub fn level(&self, area: &Area<'_>, y: f64, colour: RGBColor) -> Drawn {
         if y > self.y.0 && y < self.y.1 {
             dashed(
                 area,

@@ -43,7 +43,7 @@ pub(super) fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)>
         .collect()
 }
 
-pub(super) fn superscript(k: i64) -> String {
+pub fn superscript(k: i64) -> String {
     k.to_string()
         .chars()
         .map(|c| match c {
@@ -56,46 +56,10 @@ pub(super) fn superscript(k: i64) -> String {
         .collect()
 }
 
-/// A text with its powers of ten as they are printed: "h = 4.5e-5" as h = 4.5 times 10 to the -5.
-pub(super) fn typeset(text: &str) -> String {
-    let word = |word: &str| -> String {
-        let start = word.rfind('=').map_or(0, |at| at + 1);
-        let (name, rest) = word.split_at(start);
-        let (number, comma) = rest.split_at(rest.trim_end_matches(',').len());
-        let parts = number.split_once('e');
-        let parts = parts.and_then(|(m, e)| Some((m, m.parse::<f64>().ok()?, e.parse().ok()?)));
-        let name = match name {
-            "=" => name.to_owned(),
-            _ => name.replace('=', " = "),
-        };
-        let Some((digits, mantissa, power)) = parts else {
-            return name + rest;
-        };
-        let power = superscript(power);
-        if mantissa == 1.0 {
-            format!("{name}10{power}{comma}")
-        } else {
-            format!("{name}{digits}\u{b7}10{power}{comma}")
-        }
-    };
-    text.split(' ').map(word).collect::<Vec<_>>().join(" ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::panel::Panel;
     use super::*;
-
-    #[test]
-    fn powers_of_ten_are_printed_as_such() {
-        assert_eq!(typeset("h=1e-6"), "h = 10\u{207b}\u{2076}");
-        assert_eq!(typeset("h=0.3"), "h = 0.3");
-        let two = "h = 4.5\u{b7}10\u{207b}\u{2075}, P = 0.0005";
-        assert_eq!(typeset("h=4.5e-5, P = 0.0005"), two);
-        for plain in ["the time", "h = 0.3", "e", "1e", "none"] {
-            assert_eq!(typeset(plain), plain);
-        }
-    }
 
     #[test]
     fn ticks_are_round_numbers_within_the_range() {

@@ -1,20 +1,16 @@
 //! Moments against time, and the approach to the stationary law.
 
-use super::canvas::{BLUE, GREEN, INK, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, GREEN, INK, Picture, Points, TITLE, VERMILION, picture, write};
 use super::legend::{Mark, legend};
-use super::panel::{Panel, range};
-use crate::error::Result;
+use super::panel::{Panel, place, range, with_band};
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRates;
 use crate::moments::{Moment, Moments};
-use crate::report::File;
 use crate::results::Results;
 
 /// moments.svg: moments against time with error bands, and Monte Carlo points.
-pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = results.transient.as_ref().filter(|it| it.times.len() > 1) else {
-        return Ok(Vec::new());
-    };
+pub(crate) fn moments(results: &Results) -> Picture {
+    let it = results.transient.as_ref().filter(|it| it.times.len() > 1)?;
     let loses = it
         .moments
         .iter()
@@ -37,10 +33,8 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
     } else {
         names.to_vec()
     };
-    let Some(x) = range(it.times.iter().copied().chain([0.0]), 0.0) else {
-        return Ok(Vec::new());
-    };
-    picture("moments.svg", (972, 640), |area| {
+    let x = range(it.times.iter().copied().chain([0.0]), 0.0)?;
+    Some(picture("moments.svg", (972, 640), |area| {
         for (k, (moment, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
@@ -59,26 +53,14 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
             let Some(y) = heights(&[&mesh, &paths], level) else {
                 continue;
             };
-            let panel = Panel::new(
-                [
-                    92.0 + 478.0 * (k % 2) as f64,
-                    44.0 + 298.0 * (k / 2) as f64,
-                    374.0,
-                    236.0,
-                ],
-                x,
-                y,
-            );
+            let panel = Panel::new(place(k), x, y);
             panel.axes(area, results.scene.clock().axis(), label)?;
             if let Some(level) = level {
                 panel.level(area, level, INK)?;
             }
-            let band: Vec<(f64, f64, f64)> = mesh
-                .iter()
-                .map(|(t, y)| (*t, y.value - y.error, y.value + y.error))
-                .collect();
+            let (times, values): (Vec<f64>, Vec<Estimate>) = mesh.into_iter().unzip();
+            let (curve, band) = with_band(&times, values);
             panel.band(area, &band, BLUE)?;
-            let curve: Points = mesh.iter().map(|(t, y)| (*t, y.value)).collect();
             panel.curve(area, &curve, BLUE, 1.5)?;
             for (t, y) in thinned(&paths) {
                 panel.point(area, t, y, VERMILION)?;
@@ -97,21 +79,11 @@ pub(crate) fn moments(results: &Results) -> Result<Vec<File>> {
             legend(area, (330.0, 20.0), VERMILION, Mark::Dot, words)?;
         }
         if results.stationary.is_some() {
-            legend(
-                area,
-                (640.0, 20.0),
-                INK,
-                Mark::Dashes,
-                if results.solved.is_some() {
-                    "stationary, solved"
-                } else {
-                    "stationary, closed form"
-                },
-            )?;
+            let words = format!("stationary, {}", results.origin());
+            legend(area, (640.0, 20.0), INK, Mark::Dashes, &words)?;
         }
         Ok(())
-    })
-    .map(|it| vec![it])
+    }))
 }
 
 /// The range of values, widened by their errors, but by no more than as much again: a band that is
@@ -139,7 +111,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
 
 /// approach.svg: the distance to the stationary law against time, with the slowest decay rate's line,
 /// and the time integration to the steady state beside it.
-pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
+pub(crate) fn approach(results: &Results) -> Picture {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
         points
             .filter(|(_, y)| *y > 0.0 && y.is_finite())
@@ -172,12 +144,10 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
     let first = panel(92.0, [&distance, &entropy]);
     let left = if first.is_some() { 570.0 } else { 92.0 };
     let second = panel(left, [&integrated, &Points::new()]);
-    let Some(last) = second.as_ref().or(first.as_ref()) else {
-        return Ok(Vec::new());
-    };
+    let last = second.as_ref().or(first.as_ref())?;
     let size = ((last.right() + 28.0) as u32, 420);
     let decay = results.decay_rates.as_ref().and_then(Decay::of);
-    picture("approach.svg", size, |area| {
+    Some(picture("approach.svg", size, |area| {
         if let Some(panel) = &first {
             write(
                 area,
@@ -215,8 +185,7 @@ pub(crate) fn approach(results: &Results) -> Result<Vec<File>> {
             panel.frame(area)?;
         }
         Ok(())
-    })
-    .map(|it| vec![it])
+    }))
 }
 
 /// How distances to the stationary law fall in the end: as t^power e^{rate t}.

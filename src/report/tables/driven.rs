@@ -9,10 +9,8 @@ use crate::results::Results;
 const FREQUENCIES: usize = 25;
 
 /// Harmonics, loss of contact and Floquet multipliers of the law that lasts under a drive.
-pub(super) fn periodic(results: &Results) -> String {
-    let Some(it) = &results.periodic else {
-        return String::new();
-    };
+pub(super) fn periodic(results: &Results) -> Option<String> {
+    let it = results.periodic.as_ref()?;
     let mut table = Table::of(["", "amplitude", "phase, rad"]);
     for (symbol, all) in [
         ("E[q]", &it.mean_q),
@@ -47,15 +45,13 @@ pub(super) fn periodic(results: &Results) -> String {
         let value = format!("{}{imaginary}", part(it.re));
         others.put([format!("Floquet multiplier {k}"), value]);
     }
-    table.html("The law that lasts under the drive: harmonics of the period")
-        + &others.html("The law that lasts under the drive")
+    let harmonics = table.html("The law that lasts under the drive: harmonics of the period");
+    Some(harmonics + &others.html("The law that lasts under the drive"))
 }
 
 /// The response curve at some of its frequencies.
-pub(super) fn response(results: &Results) -> String {
-    let Some(it) = &results.response else {
-        return String::new();
-    };
+pub(super) fn response(results: &Results) -> Option<String> {
+    let it = results.response.as_ref()?;
     let mut table = Table::of([
         "\u{3c9} of the drive",
         "|E[q]|, harmonic 1",
@@ -76,5 +72,5 @@ pub(super) fn response(results: &Results) -> String {
             number(it.multiplier[k]),
         ]);
     }
-    table.html("Response to the drive")
+    Some(table.html("Response to the drive"))
 }

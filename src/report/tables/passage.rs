@@ -7,38 +7,37 @@ use crate::format::brief;
 use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
 
-pub(super) fn first_loss(results: &Results) -> String {
-    let paths = results.first_loss_paths.as_ref();
-    results.first_loss.as_ref().map_or(String::new(), |it| {
-        let words = ["a loss", "contact loss"];
-        survival(results.scene.clock().symbol()[1], words, (it, paths))
-            .html("First passage to contact loss")
-    })
+pub(super) fn first_loss(results: &Results) -> Option<String> {
+    let both = (
+        results.first_loss.as_ref()?,
+        results.first_loss_paths.as_ref(),
+    );
+    let table = survival(results, ["a loss", "contact loss"], both);
+    Some(table.html("First passage to contact loss"))
 }
 
-pub(super) fn first_passage(results: &Results) -> String {
-    let (Some(it), Some(asked)) = (&results.first_passage, results.scene.outputs.first_passage)
-    else {
-        return String::new();
-    };
+pub(super) fn first_passage(results: &Results) -> Option<String> {
+    let asked = results.scene.outputs.first_passage?;
     let [quantity, way] = asked.side.words();
-    let level = format!("{quantity} {way} {}", brief(asked.level));
-    let paths = results.first_passage_paths.as_ref();
-    let table = survival(
-        results.scene.clock().symbol()[1],
-        ["a passage", "the passage"],
-        (it, paths),
+    let both = (
+        results.first_passage.as_ref()?,
+        results.first_passage_paths.as_ref(),
     );
-    table.html(&format!("First passage of {level}"))
+    let table = survival(results, ["a passage", "the passage"], both);
+    Some(table.html(&format!(
+        "First passage of {quantity} {way} {}",
+        brief(asked.level)
+    )))
 }
 
 /// `[event, target]`: what is survived, and what the mean time leads to.
 fn survival(
-    unit: &str,
+    results: &Results,
     [event, target]: [&str; 2],
     (it, paths): (&FirstLoss, Option<&FirstLossResult>),
 ) -> Table {
     let mut table = Table::of(["", "backward equation", "Monte Carlo"]);
+    let unit = results.scene.clock().symbol()[1];
     let last = it.times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
         let t = format!("{}{unit}", brief(it.times[k]));

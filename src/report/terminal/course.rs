@@ -4,7 +4,7 @@ use super::layout::{TIMES, Table, cells, row};
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRate;
 use crate::format::{brief, cell, many, rounded, spread};
-use crate::moments::{Moment, Moments};
+use crate::moments::Moment;
 use crate::results::Results;
 
 /// The spectrum in a few numbers; its curves are in the files.
@@ -124,13 +124,10 @@ pub(super) fn reach(table: &mut Table, results: &Results) {
 }
 
 pub(super) fn course(table: &mut Table, results: &Results) {
-    let (deterministic, sampled) = (results.transient.as_ref(), results.monte_carlo.as_ref());
-    let empty: (&[f64], &[Moments]) = (&[], &[]);
-    let (times, moments) = deterministic.map_or(empty, |it| (&it.times, &it.moments));
-    let paths = sampled.map_or(empty, |it| (&it.times, &it.moments));
-    if times.is_empty() {
+    let sampled = results.monte_carlo.as_ref();
+    let Some(it) = results.transient.as_ref().filter(|it| !it.times.is_empty()) else {
         return;
-    }
+    };
     let heads = if sampled.is_some() {
         ["Monte Carlo", "z"]
     } else {
@@ -140,15 +137,14 @@ pub(super) fn course(table: &mut Table, results: &Results) {
         "{:<36}{:>17} {:>17}{:>7}",
         "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
     ));
-    for &moment in Moment::course(moments) {
-        if moments.last().and_then(|it| it.get(moment)).is_none() {
+    for &moment in Moment::course(&it.moments) {
+        if it.moments.last().and_then(|it| it.get(moment)).is_none() {
             continue;
         }
-        for (n, k) in spread(times.len(), TIMES).into_iter().enumerate() {
-            let t = times[k];
-            let here = moments.get(k).and_then(|it| it.get(moment));
-            let there = paths.0.iter().position(|it| *it == t);
-            let there = there.and_then(|k| paths.1.get(k)?.get(moment));
+        for (n, k) in spread(it.times.len(), TIMES).into_iter().enumerate() {
+            let t = it.times[k];
+            let here = it.moments.get(k).and_then(|it| it.get(moment));
+            let there = results.paths_at(t).and_then(|it| it.get(moment));
             let entry = moment.entry();
             let (symbol, words) = if n == 0 {
                 (entry.symbol, entry.words)
@@ -161,17 +157,15 @@ pub(super) fn course(table: &mut Table, results: &Results) {
             table.line(format!("{symbol:<8} {words:<15}{time:>12}{numbers}"));
         }
     }
-    if let Some(it) = deterministic {
-        let [nq, nv] = it.method.cells;
-        let text = format!(
-            "{}, {nq} x {nv} cells, {} of at most {}",
-            it.method.name,
-            many(it.method.steps, "step"),
-            brief(it.method.step)
-        );
-        table.line("");
-        table.paragraph("Fokker-Planck: ", &text);
-    }
+    let [nq, nv] = it.method.cells;
+    let text = format!(
+        "{}, {nq} x {nv} cells, {} of at most {}",
+        it.method.name,
+        many(it.method.steps, "step"),
+        brief(it.method.step)
+    );
+    table.line("");
+    table.paragraph("Fokker-Planck: ", &text);
     if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
         let text = format!(
             "{}, {} paths, {} of {}; errors are one standard error",

@@ -53,30 +53,11 @@ pub fn plan(plan: &Plan) -> String {
         let text = "refinement may multiply this time";
         table.paragraph("", text);
     }
-    let left_out: Vec<&str> = [
-        (Part::Stationary, "closed form"),
-        (Part::Crossings, "crossings"),
-        (Part::FirstLoss, "first loss"),
-        (Part::FirstLossPaths, "paths of the first loss"),
-        (Part::FirstPassage, "first passage"),
-        (Part::FirstPassagePaths, "paths of the first passage"),
-        (Part::Transient, "transient"),
-        (Part::Reach, "time to a level"),
-        (Part::Periodic, "periodic law"),
-        (Part::Response, "response curve"),
-        (Part::Steady, "steady state"),
-        (Part::DecayRates, "decay rates"),
-        (Part::Spectrum, "spectrum"),
-        (Part::MonteCarlo, "paths"),
-        (Part::Series, "Welch's spectrum"),
-        (Part::Records, "long records"),
-    ]
-    .into_iter()
-    .filter(|(part, _)| !plan.has(*part))
-    .map(|(_, what)| what)
-    .collect();
+    let mut left_out: Vec<Part> = Part::ALL.into_iter().filter(|it| !plan.has(*it)).collect();
+    left_out.sort_unstable();
     if !left_out.is_empty() {
-        table.paragraph("not asked for, not computed: ", &left_out.join(", "));
+        let words: Vec<&str> = left_out.into_iter().map(Part::words).collect();
+        table.paragraph("not asked for, not computed: ", &words.join(", "));
     }
     if time > scene.accuracy.max_seconds {
         let text = "expected to stop at accuracy.max_seconds with exit status 3";

@@ -42,9 +42,7 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
         columns.push(("steady state".into(), "on the mesh", Some(moments)));
     }
     if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
-        columns.push(("Fokker-Planck".into(), "", Some(moments)));
-        let last = columns.len() - 1;
-        columns[last].0 = format!("mesh, t = {}", brief(t));
+        columns.push((format!("mesh, t = {}", brief(t)), "", Some(moments)));
     }
     if let Some((t, moments)) = sampled {
         columns.push((
@@ -173,8 +171,9 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
         rig.frequency(),
         rig.static_compression() * 1e6
     ));
-    let sampled = results.physical_sampled(rig);
-    if !sampled.is_empty() {
+    let rows = results.on_the_rig(rig);
+    let sampled = rows.iter().any(|(_, [_, seen])| seen.is_some());
+    if sampled {
         table.line(format!(
             "{:<26}{:>18}{:>18}",
             "",
@@ -182,24 +181,13 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
             "long records"
         ));
     }
-    let mut numbers: Vec<_> = results
-        .physical(rig)
-        .into_iter()
-        .map(|(name, it)| (name, Some(it)))
-        .collect();
-    for (name, _) in &sampled {
-        if !numbers.iter().any(|(it, _)| it == name) {
-            numbers.push((*name, None));
-        }
-    }
-    for (name, number) in numbers {
-        let seen = sampled.iter().find(|(it, _)| *it == name).map(|it| it.1);
+    for (name, [number, seen]) in rows {
         let (name, unit, typed) = physical_words(name);
         let mut line = match number {
             Some(it) if typed => format!("{name:<26} {:>17}", brief(rounded(it.value, 6))),
             _ => row(name, &[number], false),
         };
-        if !sampled.is_empty() {
+        if sampled {
             let seen = seen.map_or(String::new(), |it| cell(Some(it)));
             let _ = write!(line, " {seen:>17}");
         }

@@ -4,11 +4,11 @@ use super::cost::{Cost, TIMED, exponent};
 use super::entry::{Entry, Survey};
 use super::method::Method;
 use super::space::SpaceOrder;
+use crate::plot::{Family, Traced, families};
 use std::fmt::Write;
 use vibroimpact::error::Result;
 use vibroimpact::plan::bytes;
 use vibroimpact::report::File;
-use vibroimpact::report::plot::{Family, Traced, families};
 
 /// Error levels of the tables.
 const LEVELS: [f64; 6] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];

@@ -3,6 +3,7 @@
 use super::cosines::Procedure;
 use super::run::Run;
 use super::spectra::Spectra;
+use crate::plot::{Chart, Curve, Ink, Stroke, charts};
 use ndarray::Array2;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
@@ -11,7 +12,6 @@ use vibroimpact::fokker_planck::Response;
 use vibroimpact::moments::Moment;
 use vibroimpact::noise_free;
 use vibroimpact::oscillator::Oscillator;
-use vibroimpact::report::plot::{Chart, Curve, Ink, Stroke, charts};
 use vibroimpact::report::{File, data};
 use vibroimpact::results::centres;
 use vibroimpact::rig::Rig;

@@ -8,9 +8,7 @@ mod scale;
 pub(crate) use field::Field;
 pub(crate) use ruler::Ruler;
 
-use crate::error::Result;
-use crate::report::File;
-use crate::report::plot::canvas::{BLUE, Hang, INK, Points, VERMILION, picture, write};
+use crate::report::plot::canvas::{BLUE, Hang, INK, Picture, Points, VERMILION, picture, write};
 use crate::report::plot::legend::{Mark, legend};
 use crate::report::plot::panel::{Panel, range};
 use plane::{Sheet, plane};
@@ -19,10 +17,7 @@ use scale::Scale;
 
 /// The picture of a map; None where there is nothing to be drawn, or more than three axes of several points. With three,
 /// the first number at up to a dozen points of the last axis.
-///
-/// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
-pub(crate) fn map(rulers: &[Ruler], fields: &[Field]) -> Result<Option<File>> {
+pub(crate) fn map(rulers: &[Ruler], fields: &[Field]) -> Picture {
     match rulers {
         [x] => curves(x, fields),
         [x, y] => {
@@ -39,26 +34,24 @@ pub(crate) fn map(rulers: &[Ruler], fields: &[Field]) -> Result<Option<File>> {
             plane((x, y), &sheets, &scales, "")
         }
         [x, y, z] => multiples([x, y, z], fields),
-        _ => Ok(None),
+        _ => None,
     }
 }
 
 /// Curves with their error bands, a panel a number.
-fn curves(x: &Ruler, fields: &[Field]) -> Result<Option<File>> {
+fn curves(x: &Ruler, fields: &[Field]) -> Picture {
     let drawn: Vec<(&Field, Scale)> = fields
         .iter()
         .filter_map(|it| Some((it, Scale::of(it)?)))
         .collect();
-    let (Some(range_x), false) = (x.range(), drawn.is_empty()) else {
-        return Ok(None);
-    };
+    let range_x = x.range().filter(|_| !drawn.is_empty())?;
     let columns = drawn.len().min(2);
     let rows = drawn.len().div_ceil(columns);
     let size = (
         (478.0 * columns as f64 + 10.0) as u32,
         (318.0 * rows as f64 + 34.0) as u32,
     );
-    picture("map.svg", size, |area| {
+    Some(picture("map.svg", size, |area| {
         for (k, (field, scale)) in drawn.iter().enumerate() {
             let heights = field.values.iter().map(|it| scale.place(*it));
             let points: Points = x.places().into_iter().zip(heights).collect();
@@ -118,15 +111,12 @@ fn curves(x: &Ruler, fields: &[Field]) -> Result<Option<File>> {
             Mark::Line,
             "value, band: its error",
         )
-    })
-    .map(Some)
+    }))
 }
 
 /// The first number over the first two axes, at up to a dozen points of the third.
-fn multiples([x, y, z]: [&Ruler; 3], fields: &[Field]) -> Result<Option<File>> {
-    let Some((field, scale)) = fields.iter().find_map(|it| Some((it, Scale::of(it)?))) else {
-        return Ok(None);
-    };
+fn multiples([x, y, z]: [&Ruler; 3], fields: &[Field]) -> Picture {
+    let (field, scale) = fields.iter().find_map(|it| Some((it, Scale::of(it)?)))?;
     let depth = z.values.len();
     let shown = depth.min(12);
     let slice = |numbers: &[f64], k: usize| -> Vec<f64> {
@@ -190,6 +180,6 @@ mod tests {
             values: vec![f64::NAN; 3],
             ..field(3)
         };
-        assert!(map(&[x], &[nothing]).unwrap().is_none());
+        assert!(map(&[x], &[nothing]).is_none());
     }
 }

@@ -2,11 +2,10 @@
 
 use super::ruler::{Ruler, axes};
 use super::scale::{Scale, colours};
-use crate::error::Result;
 use crate::format::bare;
-use crate::report::File;
 use crate::report::plot::canvas::{
-    Area, Colour, Drawn, FAINT, GREY, Hang, INK, TITLE, VERMILION, line, picture, rectangle, write,
+    Area, Colour, Drawn, FAINT, GREY, Hang, INK, Picture, TITLE, VERMILION, line, picture,
+    rectangle, write,
 };
 use crate::report::plot::contours::{self, between, level_line, locate};
 use crate::report::plot::panel::Panel;
@@ -25,10 +24,8 @@ pub(super) fn plane(
     sheets: &[Sheet<'_>],
     scales: &[Scale],
     heading: &str,
-) -> Result<Option<File>> {
-    let (Some(range_x), Some(range_y), false) = (x.range(), y.range(), sheets.is_empty()) else {
-        return Ok(None);
-    };
+) -> Picture {
+    let (range_x, range_y) = (x.range()?, y.range().filter(|_| !sheets.is_empty())?);
     let shared = scales.len() == 1 && sheets.len() > 1;
     let columns = sheets.len().min(if shared { 3 } else { 2 });
     let rows = sheets.len().div_ceil(columns);
@@ -44,7 +41,7 @@ pub(super) fn plane(
         (across * columns as f64 + key_last + 12.0) as u32,
         (top + down * rows as f64 - 18.0) as u32,
     );
-    picture("map.svg", size, |area| {
+    Some(picture("map.svg", size, |area| {
         write(area, heading, (92.0, 20.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let place = [
@@ -73,8 +70,7 @@ pub(super) fn plane(
             }
         }
         Ok(())
-    })
-    .map(Some)
+    }))
 }
 
 impl Sheet<'_> {
@@ -114,28 +110,12 @@ impl Sheet<'_> {
             if error.is_finite() { error } else { 0.0 }
         };
         // Where the level may lie: on one line with the level itself unless errors are large.
-        for sign in [-1.0, 1.0] {
+        for (sign, width) in [(-1.0, 0.75), (1.0, 0.75), (0.0, 2.0)] {
             let moved = |i: usize, j: usize| scale.place(number(i, j) + sign * error(i, j));
-            let grid = (&xs[..], &ys[..]);
-            level_line(
-                area,
-                panel,
-                grid,
-                moved,
-                scale.place(level),
-                (VERMILION, 0.75),
-            )?;
+            let (grid, level) = ((&xs[..], &ys[..]), scale.place(level));
+            level_line(area, panel, grid, moved, level, (VERMILION, width))?;
         }
-        let exact = |i: usize, j: usize| scale.place(number(i, j));
-        let grid = (&xs[..], &ys[..]);
-        level_line(
-            area,
-            panel,
-            grid,
-            exact,
-            scale.place(level),
-            (VERMILION, 2.0),
-        )
+        Ok(())
     }
 }
 

@@ -1,11 +1,13 @@
 //! Charts of curves, side by side, with linear or logarithmic axes: for surveys and the paper.
 
-use super::canvas::{BLUE, Colour, GREEN, GREY, Hang, INK, VERMILION, picture, write};
-use super::legend::{Mark, legend};
-use super::panel::Panel;
-use super::ticks::typeset;
-use crate::error::Result;
-use crate::report::File;
+use super::marks::circle;
+use plotters::prelude::{Color, Rectangle};
+use vibroimpact::error::Result;
+use vibroimpact::report::File;
+use vibroimpact::report::plot::{
+    Area, BLUE, Colour, Drawn, GREEN, GREY, Hang, INK, Mark, Panel, VERMILION, WORDS, fine, legend,
+    picture, superscript, write,
+};
 
 /// A colour of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +86,7 @@ pub struct Chart {
 /// Charts side by side in so many columns, the legend of the one with most curves on top.
 ///
 /// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
+/// [`vibroimpact::Error::Io`] for a picture that cannot be drawn.
 pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
     let columns = columns.clamp(1, charts.len().max(1));
     let rows = charts.len().div_ceil(columns);
@@ -133,8 +135,8 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
                         panel.band(area, &points, colour)?;
                     }
                     Stroke::Circles => {
-                        for point in &curve.points {
-                            panel.circle(area, *point, colour)?;
+                        for (x, y) in curve.points.iter().filter(|it| panel.shows(it.0, it.1)) {
+                            circle(area, panel.at(*x, *y), colour)?;
                         }
                     }
                 }
@@ -145,19 +147,32 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
         let named = fullest.into_iter().flat_map(|chart| &chart.curves);
         let mut x = 92.0;
         for curve in named.filter(|curve| !curve.words.is_empty()) {
-            let mark = match curve.stroke {
-                Stroke::Line => Mark::Line,
-                Stroke::Thick => Mark::Halo,
-                Stroke::Dashes => Mark::Dashes,
-                Stroke::Circles => Mark::Circle,
-                Stroke::Band => Mark::Band,
-            };
-            legend(area, (x, 18.0), curve.ink.colour(), mark, &curve.words)?;
+            key(area, (x, 18.0), curve)?;
             // An advance of the font is about 0.56 of its size.
             x += 52.0 + 7.6 * curve.words.chars().count() as f64;
         }
         Ok(())
     })
+}
+
+/// The mark of a curve with its words.
+fn key(area: &Area<'_>, (x, y): (f64, f64), curve: &Curve) -> Drawn {
+    let colour = curve.ink.colour();
+    let mark = match curve.stroke {
+        Stroke::Line => Mark::Line,
+        Stroke::Thick => Mark::Halo,
+        Stroke::Dashes => Mark::Dashes,
+        Stroke::Circles => {
+            circle(area, (x + 11.0, y), colour)?;
+            return write(area, &curve.words, (x + 29.0, y), WORDS);
+        }
+        Stroke::Band => {
+            let corners = [(x, y - 6.0), (x + 22.0, y + 6.0)].map(fine);
+            area.draw(&Rectangle::new(corners, colour.mix(0.22).filled()))?;
+            return write(area, &curve.words, (x + 29.0, y), WORDS);
+        }
+    };
+    legend(area, (x, y), colour, mark, &curve.words)
 }
 
 impl Ink {
@@ -168,6 +183,47 @@ impl Ink {
             Self::Vermilion => VERMILION,
             Self::Green => GREEN,
             Self::Grey => GREY,
+        }
+    }
+}
+
+/// A text with its powers of ten as they are printed: "h = 4.5e-5" as h = 4.5 times 10 to the -5.
+fn typeset(text: &str) -> String {
+    let word = |word: &str| -> String {
+        let start = word.rfind('=').map_or(0, |at| at + 1);
+        let (name, rest) = word.split_at(start);
+        let (number, comma) = rest.split_at(rest.trim_end_matches(',').len());
+        let parts = number.split_once('e');
+        let parts = parts.and_then(|(m, e)| Some((m, m.parse::<f64>().ok()?, e.parse().ok()?)));
+        let name = match name {
+            "=" => name.to_owned(),
+            _ => name.replace('=', " = "),
+        };
+        let Some((digits, mantissa, power)) = parts else {
+            return name + rest;
+        };
+        let power = superscript(power);
+        if mantissa == 1.0 {
+            format!("{name}10{power}{comma}")
+        } else {
+            format!("{name}{digits}\u{b7}10{power}{comma}")
+        }
+    };
+    text.split(' ').map(word).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_of_ten_are_printed_as_such() {
+        assert_eq!(typeset("h=1e-6"), "h = 10\u{207b}\u{2076}");
+        assert_eq!(typeset("h=0.3"), "h = 0.3");
+        let two = "h = 4.5\u{b7}10\u{207b}\u{2075}, P = 0.0005";
+        assert_eq!(typeset("h=4.5e-5, P = 0.0005"), two);
+        for plain in ["the time", "h = 0.3", "e", "1e", "none"] {
+            assert_eq!(typeset(plain), plain);
         }
     }
 }

@@ -1,14 +1,12 @@
 //! Error against cost, one row of panels a family of methods: small multiples that can be read without colour.
 
-use super::canvas::{
-    Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, HALO, Hang, INK, Points, VERMILION, WORDS,
-    line, picture, write,
+use super::marks::{Shape, shape};
+use vibroimpact::error::Result;
+use vibroimpact::report::File;
+use vibroimpact::report::plot::{
+    Area, BLUE, CENTRED, Colour, Drawn, FAINT, GREEN, HALO, Hang, INK, Mark, Panel, Points,
+    VERMILION, WORDS, legend, line, picture, range, superscript, write,
 };
-use super::legend::{Mark, Shape, legend};
-use super::panel::{Panel, range};
-use super::ticks::superscript;
-use crate::error::Result;
-use crate::report::File;
 
 /// Methods of one kind.
 #[derive(Debug, Clone)]
@@ -41,7 +39,7 @@ const MARKS: [(Colour, Shape); 6] = [
 /// A row of two panels a family, on the same axes in each column, with the least error for the cost of all families behind.
 ///
 /// # Errors
-/// [`crate::Error::Io`] for a picture that cannot be drawn.
+/// [`vibroimpact::Error::Io`] for a picture that cannot be drawn.
 pub fn families(
     name: impl Into<String>,
     title: &str,
@@ -82,11 +80,11 @@ pub fn families(
                     write(area, y_labels[k], (left, top - 14.0), WORDS)?;
                 }
                 panel.curve(area, front, HALO, 5.0)?;
-                for (method, (colour, shape)) in family.methods.iter().zip(MARKS) {
+                for (method, (colour, mark)) in family.methods.iter().zip(MARKS) {
                     let points = logs(&method.points[k]);
                     panel.curve(area, &points, colour, 1.25)?;
-                    for point in points {
-                        panel.mark(area, point, colour, shape)?;
+                    for (x, y) in points {
+                        shape(area, panel.at(x, y), colour, mark)?;
                     }
                 }
                 panel.frame(area)?;
@@ -98,9 +96,11 @@ pub fn families(
                 (left, top + 10.0),
                 (14.0, Hang::Left, INK),
             )?;
-            for (k, (method, (colour, shape))) in family.methods.iter().zip(MARKS).enumerate() {
-                let at = (left, top + 31.0 + 19.0 * k as f64);
-                legend(area, at, colour, Mark::Shape(shape), &method.name)?;
+            for (k, (method, (colour, mark))) in family.methods.iter().zip(MARKS).enumerate() {
+                let (x, y) = (left, top + 31.0 + 19.0 * k as f64);
+                line(area, &[(x, y), (x + 22.0, y)], colour, 1.25)?;
+                shape(area, (x + 11.0, y), colour, mark)?;
+                write(area, &method.name, (x + 29.0, y), WORDS)?;
             }
         }
         let at = (f64::from(size.0) - 330.0, 22.0);
@@ -156,6 +156,7 @@ fn log_axes(
     }
     Ok(())
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
