@@ -74,33 +74,17 @@ pub(crate) fn long_run(
     let mut given = vec![0.0; n];
     several(&survival, Some(&mut given))?;
     let size = norm(&given);
-    // The part of a field along the slowest mode.
-    let along = |mode: &[f64], field: &[f64]| -> f64 {
-        let rows = mode
-            .chunks_exact(nv)
-            .zip(stationary.chunks_exact(nv))
-            .zip(field.chunks_exact(nv));
-        let row = |((mode, weights), field): ((&[f64], &[f64]), &[f64])| -> f64 {
-            let reversed = mode.iter().rev().zip(weights).zip(field);
-            reversed.map(|((m, w), x)| m * w * x).sum()
-        };
-        rows.map(row).sum()
-    };
-
+    let balance = Balance { stationary, nv };
     let mut sum = vec![0.0; n];
     let mut left = given.clone();
-    let of_place = |power: usize| -> Vec<f64> {
-        let place = |k: usize| (k as f64 / n as f64).powi(power as i32);
-        let values = given.iter().enumerate();
-        values.map(|(k, x)| x * place(k)).collect()
+    let begun = |power: i32| Mode {
+        shape: (0..n)
+            .map(|k| given[k] * (k as f64 / n as f64).powi(power))
+            .collect(),
+        factor: 1.0,
+        residual: f64::INFINITY,
     };
-    let mut modes: Vec<Mode> = (0..wells)
-        .map(|power| Mode {
-            shape: of_place(power),
-            factor: 1.0,
-            residual: f64::INFINITY,
-        })
-        .collect();
+    let mut modes: Vec<Mode> = (0..wells as i32).map(begun).collect();
     let mut residuals = [1.0, 1.0];
     for cycle in 0..CYCLES {
         // The modes first, as far as half the spaces bring them, then the sum.
@@ -141,23 +125,9 @@ pub(crate) fn long_run(
                 for (k, r) in left.iter_mut().enumerate() {
                     *r = given[k] - sum[k] + image[k];
                 }
-                let mut open = 0.0;
-                for (k, mode) in modes.iter().enumerate() {
-                    // Further ones that are not known are not slow.
-                    if k > 0 && mode.residual > 0.1 * mode.lost() {
-                        continue;
-                    }
-                    let own = along(&mode.shape, &mode.shape);
-                    let part = along(&mode.shape, &left) / mode.lost() / own;
-                    if projecting {
-                        sum.iter_mut()
-                            .zip(&mode.shape)
-                            .for_each(|(x, m)| *x += part * m);
-                    }
-                    open += part.abs() * own.abs().sqrt();
-                }
+                let open = balance.project(&modes, &left, projecting.then_some(&mut sum));
                 let first = &modes[0].shape;
-                let whole = along(first, &sum) / along(first, first).sqrt();
+                let whole = balance.along(first, &sum) / balance.along(first, first).sqrt();
                 residuals[0] = open / whole.abs() + norm(&left) / size;
             }
         }
@@ -171,7 +141,7 @@ pub(crate) fn long_run(
     if let Some(lost) = rare(&shape).filter(|lost| *lost > 0.0) {
         let of_mesh = exponent;
         exponent = -(-lost).ln_1p();
-        let begun = along(&shape, &given) / along(&shape, &shape) / stride as f64;
+        let begun = balance.along(&shape, &given) / balance.along(&shape, &shape) / stride as f64;
         let more = begun * (1.0 / exponent - 1.0 / of_mesh);
         sum.iter_mut().zip(&shape).for_each(|(x, m)| *x += more * m);
     }
@@ -182,6 +152,50 @@ pub(crate) fn long_run(
         residuals,
         steps,
     })
+}
+
+/// What detailed balance says of parts along modes.
+struct Balance<'a> {
+    /// Weights of the stationary law on the nodes, and how many there are of v.
+    stationary: &'a [f64],
+    nv: usize,
+}
+
+impl Balance<'_> {
+    /// The sum of p_s(q, v) mode(q, -v) field(q, v).
+    fn along(&self, mode: &[f64], field: &[f64]) -> f64 {
+        let rows = mode
+            .chunks_exact(self.nv)
+            .zip(self.stationary.chunks_exact(self.nv))
+            .zip(field.chunks_exact(self.nv));
+        let row = |((mode, weights), field): ((&[f64], &[f64]), &[f64])| -> f64 {
+            let reversed = mode.iter().rev().zip(weights).zip(field);
+            reversed.map(|((m, w), x)| m * w * x).sum()
+        };
+        rows.map(row).sum()
+    }
+
+    /// How large the sum is along the slow modes that (I - B) takes to what is left, which it adds to one.
+    fn project(&self, modes: &[Mode], left: &[f64], mut sum: Option<&mut Vec<f64>>) -> f64 {
+        let mut open = 0.0;
+        for (k, mode) in modes.iter().enumerate() {
+            // Further ones that are not known are not slow.
+            if k > 0 && mode.residual > 0.1 * mode.lost() {
+                continue;
+            }
+            let own = self.along(&mode.shape, &mode.shape);
+            let part = self.along(&mode.shape, left) / mode.lost() / own;
+            for (x, m) in sum
+                .iter_mut()
+                .flat_map(|sum| sum.iter_mut())
+                .zip(&mode.shape)
+            {
+                *x += part * m;
+            }
+            open += part.abs() * own.abs().sqrt();
+        }
+        open
+    }
 }
 
 /// A Ritz vector of B, made real.
@@ -294,7 +308,9 @@ fn push(basis: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) -> Vec<f64> {
     }
     let left = norm(&vector);
     if left > 1e-13 * whole {
-        vector.iter_mut().for_each(|x| *x /= left);
+        for x in &mut vector {
+            *x /= left;
+        }
         components.push(left);
         basis.push(vector);
     }
