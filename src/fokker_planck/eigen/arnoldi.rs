@@ -88,14 +88,12 @@ impl<'a> Arnoldi<'a> {
 
     /// The converged eigenvalues, those of the upper half plane.
     pub(super) fn modes(&self) -> Result<Vec<Mode>> {
-        let size = self.size();
-        let (values, vectors) = eigen(&self.space.hessenberg())?;
-        let last = self.space.rest();
+        let (values, vectors) = eigen(&self.space.hessenberg(self.size()))?;
         let mut modes = Vec::new();
         for (theta, part) in values.iter().zip(vectors.columns()) {
             let value = self.shift - theta.inv();
             // The residual over theta: no vector is built for what has not converged.
-            let rough = part[size - 1].norm() * last / theta.norm();
+            let rough = self.space.residual(&part) / theta.norm();
             if !value.is_finite() || rough > CONVERGED {
                 continue;
             }
