@@ -14,7 +14,7 @@ use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
-use crate::matrix::dot;
+use crate::matrix::{dot, vectorised};
 use rayon::prelude::*;
 
 /// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
@@ -29,28 +29,19 @@ struct Row {
     kernel: Vec<f64>,
 }
 
-/// A row after a step, from the field before it; `moved` is room for what the noise averages.
-struct Carry<'a> {
-    row: &'a Row,
-    before: &'a [f64],
-    moved: &'a mut Vec<f64>,
-    out: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Carry<'_> {
-    type Output = ();
-
+impl Row {
+    /// This row after a step, from the field before it; `moved` is room for what the noise averages.
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let nv = self.out.len();
-        self.moved.resize(self.row.stencils.len(), 0.0);
-        for (moved, stencil) in self.moved.iter_mut().zip(&self.row.stencils) {
-            *moved = stencil.value(self.before, nv);
+    fn carry(&self, before: &[f64], moved: &mut Vec<f64>, out: &mut [f64]) {
+        let nv = out.len();
+        moved.resize(self.stencils.len(), 0.0);
+        for (moved, stencil) in moved.iter_mut().zip(&self.stencils) {
+            *moved = stencil.value(before, nv);
         }
-        for (out, ends) in self.out.iter_mut().zip(self.row.spans.windows(2)) {
+        for (out, ends) in out.iter_mut().zip(self.spans.windows(2)) {
             let ((first, start), end) = (ends[0], ends[1].1);
-            let kernel = &self.row.kernel[start as usize..end as usize];
-            *out = dot(kernel, &self.moved[first as usize..]);
+            let kernel = &self.kernel[start as usize..end as usize];
+            *out = dot(kernel, &moved[first as usize..]);
         }
     }
 }
@@ -169,12 +160,10 @@ impl Absorbed {
         scratch.par_chunks_mut(nv).zip(&self.rows).for_each_init(
             Vec::new,
             |moved: &mut Vec<f64>, (out, row)| {
-                pulp::Arch::new().dispatch(Carry {
-                    row,
-                    before,
-                    moved,
-                    out,
-                });
+                vectorised(
+                    #[inline(always)]
+                    || row.carry(before, moved, out),
+                );
             },
         );
         std::mem::swap(field, scratch);
