@@ -53,22 +53,6 @@ impl Bins {
             .map(|k| self.low + self.width * k as f64)
             .collect()
     }
-
-    /// A histogram of the probability in each slot.
-    pub(super) fn histogram(
-        self,
-        has_dirac: bool,
-        probability: impl Fn(usize) -> Estimate,
-    ) -> Histogram {
-        Histogram {
-            edges: self.edges(),
-            density: (0..self.count)
-                .map(|k| probability(k).scaled(1.0 / self.width))
-                .collect(),
-            outside: probability(self.count),
-            dirac: has_dirac.then(|| probability(self.dirac())),
-        }
-    }
 }
 
 /// Hits in each slot, batch by batch: the errors hold for samples that follow one another closely, too.
@@ -123,7 +107,7 @@ impl BatchCounts {
     /// The histogram: hits over samples, the error from the scatter of the batches about that ratio, and
     /// never below that of a few hits.
     pub(super) fn histogram(&self, bins: Bins, has_dirac: bool) -> Histogram {
-        bins.histogram(has_dirac, |slot| {
+        let probability = |slot: usize| {
             if self.total == 0.0 {
                 return Estimate::new(0.0, 0.0, Origin::Sampling);
             }
@@ -133,6 +117,14 @@ impl BatchCounts {
             let scatter = (scatter.max(0.0) * self.batches / (self.batches - 1.0)).sqrt();
             let few = (hits + 1.0).min(4.0).sqrt();
             Estimate::new(share, scatter.max(few) / self.total, Origin::Sampling)
-        })
+        };
+        Histogram {
+            edges: bins.edges(),
+            density: (0..bins.count)
+                .map(|k| probability(k).scaled(1.0 / bins.width))
+                .collect(),
+            outside: probability(bins.count),
+            dirac: has_dirac.then(|| probability(bins.dirac())),
+        }
     }
 }
