@@ -189,19 +189,19 @@ pub(super) fn neglected(tolerance: f64) -> f64 {
     1e-3 * tolerance
 }
 
-/// The domain closed by one energy level, and the probability that it was asked to leave out: as much as keeps its
-/// part of every error estimate within its share.
+/// The domain closed by one energy level that leaves out as much as keeps its part of every error estimate within its
+/// share.
 pub(super) fn truncated(
     oscillator: &Oscillator,
     initial: &Initial,
     settings: &Settings,
-) -> Result<(f64, Domain)> {
+) -> Result<Domain> {
     let mut outside = settings
         .neglected
         .unwrap_or_else(|| neglected(settings.tolerance));
     // Cells of the scene may not carry a domain as wide as every error estimate would like.
     if settings.neglected.is_some() || settings.cells.is_some() {
-        return Ok((outside, Domain::closed(oscillator, initial, outside)?));
+        return Domain::closed(oscillator, initial, outside);
     }
     let share = DOMAIN_SHARE * settings.tolerance;
     // A kurtosis far above its scale moves with itself, and no start's is far below that of the law.
@@ -214,7 +214,7 @@ pub(super) fn truncated(
         let weights = domain.tail_weights(oscillator);
         let part = domain.neglected * weights.into_iter().fold(0.0, f64::max) * kurtosis;
         if part <= share || rounds == 6 {
-            return Ok((outside, domain));
+            return Ok(domain);
         }
         // The weights grow a little as the domain does.
         outside *= 0.8 * share / part;

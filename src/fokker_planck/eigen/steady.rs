@@ -86,7 +86,7 @@ impl SteadyState {
         let drift = settings.drift.unwrap_or(automatic);
         // The law of q refuses a contact that has none, in its own words.
         oscillator.displacement_law()?;
-        let (_, domain) = layout::truncated(oscillator, &Initial::Stationary, settings)?;
+        let domain = layout::truncated(oscillator, &Initial::Stationary, settings)?;
         let widths = layout::thermal_widths(oscillator, settings.tolerance);
         let layout = Layout {
             domain,
