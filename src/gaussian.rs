@@ -7,7 +7,17 @@ use crate::initial::Initial;
 use crate::matrix::exponential;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
-use std::f64::consts::TAU;
+use std::f64::consts::{SQRT_2, TAU};
+
+/// Standard normal density.
+pub(crate) fn normal(x: f64) -> f64 {
+    (-0.5 * x * x).exp() / TAU.sqrt()
+}
+
+/// Standard normal distribution function, relative accuracy kept in the lower tail.
+pub(crate) fn lower(x: f64) -> f64 {
+    0.5 * libm::erfc(-x / SQRT_2)
+}
 
 /// A Gaussian law of (q, v).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,10 +4,10 @@ use super::flux::{Drift, Weights, gaussian_mass};
 use super::generator::Generator;
 use super::mesh::{Axis, Mesh};
 use crate::error::{Error, Result};
+use crate::gaussian::normal;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
-use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// Probability per cell, row-major (q, v). For the central schemes the density at the cell centre
@@ -284,9 +284,6 @@ fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> 
             ),
         });
     }
-    let density = |x: f64| {
-        let z = (x - mean) / deviation;
-        (-0.5 * z * z).exp() / (deviation * TAU.sqrt())
-    };
+    let density = |x: f64| normal((x - mean) / deviation) / deviation;
     Ok(points().map(|(x, slope)| density(*x) * slope).collect())
 }

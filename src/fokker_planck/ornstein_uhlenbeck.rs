@@ -13,6 +13,7 @@
 use super::interpolation::{MARGIN, POINTS, Spline};
 use super::mesh::Axis;
 use crate::damping::mean_decay;
+use crate::gaussian::{lower, normal};
 use crate::matrix::vectorised;
 
 /// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
@@ -168,7 +169,7 @@ fn gauss(
     let (low, high) = (mean - REACH * deviation, mean + REACH * deviation);
     let mut add = |xi: f64, weight: f64| spread(row, spline, n, xi, weight);
     if clamped {
-        let tail = |x: f64| 0.5 * libm::erfc(x / (deviation * std::f64::consts::SQRT_2));
+        let tail = |x: f64| lower(-x / deviation);
         if low < centres[0] {
             add(0.0, tail(mean - centres[0]));
         }
@@ -177,7 +178,7 @@ fn gauss(
         }
     }
     let uniform = axis.is_uniform().then(|| 1.0 / axis.slopes()[0]);
-    let norm = 1.0 / (deviation * std::f64::consts::TAU.sqrt());
+    let norm = normal(0.0) / deviation;
     // Knots lie on the nodes: the degree is odd.
     let start = centres.partition_point(|v| *v <= low).max(1) - 1;
     for k in start..n - 1 {

@@ -14,6 +14,7 @@ use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
+use crate::gaussian::{lower, normal};
 use crate::matrix::{dot, vectorised};
 use rayon::prelude::*;
 
@@ -196,14 +197,4 @@ fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
     (0..nq)
         .flat_map(|i| (0..nv).map(move |j| of(i, j)))
         .collect()
-}
-
-/// Standard normal density.
-pub(super) fn normal(x: f64) -> f64 {
-    (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt()
-}
-
-/// Standard normal distribution function, relative accuracy kept in the lower tail.
-pub(super) fn lower(x: f64) -> f64 {
-    0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)
 }

@@ -4,7 +4,7 @@
 //! is absorbed stay. One step of the survival is u <- P_n u. From the last time backwards each time asked for would want a
 //! run of its own; the weights of the initial condition, w <- P_n^T w, pass all times in one run, with the same numbers.
 
-use super::absorbed::{REACH, lower, normal};
+use super::absorbed::REACH;
 use super::cut::{between, critical};
 use super::mesh::{Contact, Fineness, Stencil};
 use super::region::Region;
@@ -12,6 +12,7 @@ use super::start::Start;
 use crate::error::Result;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
+use crate::gaussian::{lower, normal};
 use rayon::prelude::*;
 
 /// Deviation of a kick over the finest cell along v below which its average is that of three points about its mean: a

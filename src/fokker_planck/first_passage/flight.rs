@@ -15,6 +15,7 @@
 use crate::damping::mean_decay;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::gaussian::{lower, normal};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
 use rayon::prelude::*;
@@ -80,21 +81,16 @@ impl Flight {
     /// [`Error::Invalid`] for a contact law that cannot lose contact.
     pub fn of(oscillator: &Oscillator) -> Result<Self> {
         let contact = oscillator.contact();
+        let refused =
+            |accepted: &str| Error::invalid("oscillator.contact", contact.name(), accepted);
         let Some(loss) = contact.loss_point() else {
-            let accepted = "a law that can lose contact, for the time of flight";
-            return Err(Error::invalid(
-                "oscillator.contact",
-                contact.name(),
-                accepted,
+            return Err(refused(
+                "a law that can lose contact, for the time of flight",
             ));
         };
         if contact.back_wall().is_some() {
             let accepted = "a law without a second wall, for a closed form of the time of flight";
-            return Err(Error::invalid(
-                "oscillator.contact",
-                contact.name(),
-                accepted,
-            ));
+            return Err(refused(accepted));
         }
         Ok(Self {
             temperature: oscillator.temperature(),
@@ -133,8 +129,7 @@ impl Flight {
         let rate = |w: f64| {
             let (x, mean) = free.at(w);
             let z = mean / free.spread;
-            let speed = free.spread
-                * ((-0.5 * z * z).exp() / TAU.sqrt() + z * 0.5 * libm::erfc(-z / SQRT_2));
+            let speed = free.spread * (normal(z) + z * lower(z));
             let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
             start * speed * (-0.5 * x * x / free.var_x).exp() / (TAU * free.var_x).sqrt()
         };
@@ -220,8 +215,7 @@ impl Flight {
         let bridge = Free::of(self, t);
         let rate = |w: f64| {
             let (x, mean) = bridge.at(w);
-            let z = (c - mean) / bridge.spread;
-            let speed = c * (-0.5 * z * z).exp() / (TAU.sqrt() * bridge.spread);
+            let speed = c * normal((c - mean) / bridge.spread) / bridge.spread;
             let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
             start * speed * (-0.5 * x * x / bridge.var_x).exp() / (TAU * bridge.var_x).sqrt()
         };

@@ -1,6 +1,6 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
-use super::absorbed::{Absorbed, lower};
+use super::absorbed::Absorbed;
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::Fineness;
@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::hermite::Settled;
+use crate::gaussian::{lower, normal};
 use crate::initial::Initial;
 use crate::matrix::dot;
 use crate::oscillator::Oscillator;
@@ -168,10 +169,7 @@ impl Problem<'_> {
                 (it, total)
             }
             Initial::Gaussian { mean, deviation } => {
-                let density = |q: f64| {
-                    let x = (q - mean[0]) / deviation[0];
-                    (-0.5 * x * x).exp() / (std::f64::consts::TAU.sqrt() * deviation[0])
-                };
+                let density = |q: f64| normal((q - mean[0]) / deviation[0]) / deviation[0];
                 let lines = starts.displacements(deviation[0], density)?;
                 let it = starts.lines(&lines, mean[1], deviation[1])?;
                 // The mesh ends five deviations away: what is beyond is with the rest of what has not passed.
@@ -256,7 +254,7 @@ impl Problem<'_> {
                 .high
                 .map_or(0.0, |high| region.density(&law, high));
         let rice = if it.is_viscous() {
-            crossed * deviation / std::f64::consts::TAU.sqrt()
+            crossed * deviation * normal(0.0)
         } else {
             f64::NAN
         };

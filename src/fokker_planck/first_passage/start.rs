@@ -1,10 +1,11 @@
 //! Initial conditions as weights on the nodes of a mesh: what each sees of the survival there.
 
-use super::absorbed::{Absorbed, lower, normal};
+use super::absorbed::Absorbed;
 use super::cut::{between, cuts, from_cut};
 use super::mesh::Contact;
 use super::region::Region;
 use crate::error::Result;
+use crate::gaussian::{lower, normal};
 use crate::quadrature::gauss;
 use rayon::prelude::*;
 

@@ -20,10 +20,10 @@ use super::linear::spread;
 use crate::error::{Error, Result};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::mesh::Axis;
+use crate::gaussian::normal;
 use crate::initial::Initial;
 use crate::noise_free;
 use crate::oscillator::Oscillator;
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// How fine a local grid is.
@@ -91,7 +91,6 @@ impl LocalGrid {
         let half = (fineness.reach / fineness.cell).ceil();
         let n = 2 * half as usize;
         let axis = Axis::uniform(-half * fineness.cell, half * fineness.cell, n)?;
-        let normal = |x: f64| (-0.5 * x * x).exp() / TAU.sqrt();
         let centres = axis.centres();
         let values: Vec<f64> = centres
             .iter()

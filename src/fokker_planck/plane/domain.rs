@@ -2,11 +2,11 @@
 
 use crate::damping::Damping;
 use crate::error::{Error, Result};
-use crate::gaussian::Gaussian;
+use crate::gaussian::{Gaussian, lower, normal};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::quadrature;
-use std::f64::consts::{FRAC_2_SQRT_PI, SQRT_2};
+use std::f64::consts::FRAC_2_SQRT_PI;
 
 /// How far a domain of several wells reaches above the highest barrier between them, in T.
 const OVER_BARRIER: f64 = 8.0;
@@ -239,7 +239,7 @@ impl Domain {
         let start = Gaussian::of(oscillator, initial)?;
         // Two-sided tail in each of two directions.
         let mut width = 1.0;
-        while 2.0 * libm::erfc(width / SQRT_2) > neglected && width < 38.0 {
+        while 4.0 * lower(-width) > neglected && width < 38.0 {
             width += 0.05;
         }
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -319,12 +319,11 @@ pub(crate) fn start_outside(oscillator: &Oscillator, initial: &Initial, level: f
         if left <= 0.0 {
             return 1.0;
         }
-        let (reach, scale) = (left.sqrt(), deviation[1] * SQRT_2);
-        0.5 * (libm::erfc((reach - mean[1]) / scale) + libm::erfc((reach + mean[1]) / scale))
+        let beyond = |mean: f64| lower((mean - left.sqrt()) / deviation[1]);
+        beyond(mean[1]) + beyond(-mean[1])
     };
-    let density = |x: f64| (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
     let breaks: Vec<f64> = (-9..=9).map(f64::from).collect();
-    let f = |x: f64| outside(mean[0] + deviation[0] * x) * density(x);
+    let f = |x: f64| outside(mean[0] + deviation[0] * x) * normal(x);
     quadrature::integrate(f, &breaks, 1e-6).value
 }
 
