@@ -228,7 +228,7 @@ impl Arnoldi {
 
     /// The modulus of the largest Ritz value of P, at most 1.
     fn slowest(&self) -> Result<f64> {
-        let values = eigenvalues(&self.space.hessenberg(self.space.size()))?;
+        let values = eigenvalues(&self.space.hessenberg())?;
         Ok(values
             .iter()
             .map(|it| (1.0 - it).norm())
@@ -240,8 +240,9 @@ impl Arnoldi {
     /// real.
     fn eigenvalues(&self) -> Result<(Vec<Ritz>, Option<Vec<f64>>)> {
         let m = self.space.size();
-        let (values, vectors) = eigen(&self.space.hessenberg(m).mapv(Complex::from))?;
+        let (values, vectors) = eigen(&self.space.hessenberg().mapv(Complex::from))?;
         let left = DenseLu::factor(&vectors.t().to_owned())?;
+        let over = self.space.rest();
         let (solution, _) = self.space.least_squares(self.size);
         let mut found = Vec::new();
         for (k, value) in values.iter().enumerate() {
@@ -260,7 +261,7 @@ impl Arnoldi {
                 Ok(()) => row.iter().map(Complex::norm_sqr).sum::<f64>().sqrt(),
                 Err(_) => f64::INFINITY,
             };
-            let error = self.space.residual(&vectors.column(k)) * condition;
+            let error = over * vectors[[m - 1, k]].norm() * condition;
             let part: Complex<f64> = row.iter().zip(&solution).map(|(a, y)| a * y).sum();
             found.push((Ritz { value, error }, k, part));
         }

@@ -1,8 +1,8 @@
-//! Arnoldi's process: an orthonormal basis of span(r, A r, A^2 r, ...), for one r or several, A in it, and the least-squares
-//! problem of GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 856, 1986).
+//! Arnoldi's process: an orthonormal basis of span(r, A r, A^2 r, ...), A in it, and the least-squares problem of GMRES
+//! (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 856, 1986).
 
 use crate::sparse::Scalar;
-use ndarray::{Array2, ArrayView1};
+use ndarray::Array2;
 use num_complex::{Complex, ComplexFloat};
 
 /// f64 or Complex<f64>.
@@ -38,8 +38,7 @@ impl Number for Complex<f64> {
 /// Part of an image beyond which what is left of it is no rounding.
 const NEW: f64 = 1e-13;
 
-/// A basis, and the matrix H of A V = V H, which has as many diagonals below the main one as there are first vectors.
-#[derive(Default)]
+/// A basis, and the Hessenberg matrix H of A V = V H.
 pub(super) struct Krylov<T> {
     basis: Vec<Vec<T>>,
     /// Columns of H, one for each image, each longer than the one before.
@@ -61,11 +60,6 @@ impl<T: Number> Krylov<T> {
         }
     }
 
-    /// Takes one more first vector, of any length, if it is not in the span of those before.
-    pub(super) fn begin(&mut self, vector: Vec<T>, dot: impl Fn(&[T], &[T]) -> T) {
-        self.orthonormal(vector, 2, dot, |_| ());
-    }
-
     /// Images so far.
     pub(super) fn size(&self) -> usize {
         self.columns.len()
@@ -80,23 +74,11 @@ impl<T: Number> Krylov<T> {
     /// `clean`.
     pub(super) fn push(
         &mut self,
-        image: Vec<T>,
-        times: usize,
-        dot: impl Fn(&[T], &[T]) -> T,
-        clean: impl Fn(&mut [T]),
-    ) {
-        let column = self.orthonormal(image, times, dot, clean);
-        self.columns.push(column);
-    }
-
-    /// Appends what a vector has beside the basis, at length 1; the parts of the vector.
-    fn orthonormal(
-        &mut self,
         mut image: Vec<T>,
         times: usize,
         dot: impl Fn(&[T], &[T]) -> T,
         clean: impl Fn(&mut [T]),
-    ) -> Vec<T> {
+    ) {
         let size = |x: &[T]| dot(x, x).re().sqrt();
         let before = size(&image);
         let mut column = vec![T::default(); self.basis.len() + 1];
@@ -112,6 +94,7 @@ impl<T: Number> Krylov<T> {
         }
         let left = size(&image);
         column[self.basis.len()] = T::real(left);
+        self.columns.push(column);
         if left > NEW * before {
             let over = T::real(1.0 / left);
             for x in &mut image {
@@ -119,32 +102,22 @@ impl<T: Number> Krylov<T> {
             }
             self.basis.push(image);
         }
-        column
     }
 
-    /// So many rows of H; [`Krylov::size`] for A in the basis, without what leads out of it.
-    pub(super) fn hessenberg(&self, rows: usize) -> Array2<T> {
+    /// H without its last row.
+    pub(super) fn hessenberg(&self) -> Array2<T> {
+        let m = self.size();
         let entry = |(i, j): (usize, usize)| self.columns[j].get(i).copied().unwrap_or_default();
-        Array2::from_shape_fn((rows, self.size()), entry)
+        Array2::from_shape_fn((m, m), entry)
     }
 
-    /// |A V y - theta V y| for an eigenvalue theta of A in the basis and its eigenvector y: what leads out of the basis.
-    pub(super) fn residual(&self, y: &ArrayView1<Complex<f64>>) -> f64 {
-        let row = |i: usize| -> Complex<f64> {
-            let entry = |column: &Vec<T>| column.get(i).copied().unwrap_or_default();
-            let row = self.columns.iter().map(entry).zip(y);
-            row.map(|(h, y)| Complex::new(h.re(), h.im()) * y).sum()
-        };
-        let outside = (self.size()..self.basis.len()).map(|i| row(i).norm_sqr());
-        outside.sum::<f64>().sqrt()
+    /// Its last entry.
+    pub(super) fn rest(&self) -> f64 {
+        let last = self.columns.last().and_then(|column| column.last());
+        last.map_or(0.0, |it| it.re())
     }
 
-    /// The parts of a vector along the basis.
-    pub(super) fn parts(&self, x: &[T], dot: impl Fn(&[T], &[T]) -> T) -> Vec<T> {
-        self.basis.iter().map(|v| dot(v, x)).collect()
-    }
-
-    /// The y that leaves least of |size e_1 - H y|, and what it leaves, by Givens rotations; of one first vector.
+    /// The y that leaves least of |size e_1 - H y|, and what it leaves, by Givens rotations.
     pub(super) fn least_squares(&self, size: f64) -> (Vec<T>, f64) {
         let m = self.size();
         let mut columns = self.columns.clone();

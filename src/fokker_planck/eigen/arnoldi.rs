@@ -88,12 +88,14 @@ impl<'a> Arnoldi<'a> {
 
     /// The converged eigenvalues, those of the upper half plane.
     pub(super) fn modes(&self) -> Result<Vec<Mode>> {
-        let (values, vectors) = eigen(&self.space.hessenberg(self.size()))?;
+        let size = self.size();
+        let (values, vectors) = eigen(&self.space.hessenberg())?;
+        let last = self.space.rest();
         let mut modes = Vec::new();
         for (theta, part) in values.iter().zip(vectors.columns()) {
             let value = self.shift - theta.inv();
             // The residual over theta: no vector is built for what has not converged.
-            let rough = self.space.residual(&part) / theta.norm();
+            let rough = part[size - 1].norm() * last / theta.norm();
             if !value.is_finite() || rough > CONVERGED {
                 continue;
             }

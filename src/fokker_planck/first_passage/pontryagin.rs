@@ -8,9 +8,9 @@
 
 use super::absorbed::Absorbed;
 use crate::error::{Error, Result};
-use crate::fokker_planck::krylov::Krylov;
 use crate::matrix::{dot, norm};
 use crate::sparse;
+use ndarray::Array2;
 use num_complex::Complex;
 
 /// Vectors of the space.
@@ -94,9 +94,9 @@ pub(crate) fn long_run(
         } else {
             modes.iter().map(|it| it.shape.clone()).collect()
         };
-        let space = space(from, &mut |field| several(field, None))?;
+        let space = Space::of(from, &mut |field| several(field, None))?;
         if !solving {
-            let found = slowest(&space, wells)?;
+            let found = space.slowest(wells)?;
             if found[0].residual < modes[0].residual {
                 modes = found;
             }
@@ -118,7 +118,7 @@ pub(crate) fn long_run(
         residuals[1] = slowest.residual / slowest.lost();
         // The first space is that of both.
         if solving || cycle == 0 {
-            correct(&space, &left, &mut sum)?;
+            space.correct(&left, &mut sum)?;
             // Once along the slow modes; what is left along them then is an error of the sum, magnified by 1/lost.
             for projecting in [true, false] {
                 let image = several(&sum, None)?;
@@ -213,58 +213,106 @@ impl Mode {
     }
 }
 
-/// The space of some vectors and of powers of B times them, and B in it.
-fn space(
-    from: Vec<Vec<f64>>,
-    apply: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>>,
-) -> Result<Krylov<f64>> {
-    let mut space = Krylov::default();
-    for vector in from {
-        space.begin(vector, dot);
-    }
-    if space.last().is_none() {
-        return Err(Error::linear("survival", "nothing is left"));
-    }
-    while let Some(last) = space.last().filter(|_| space.size() < VECTORS) {
-        let image = apply(last)?;
-        space.push(image, 2, dot, |_| ());
-    }
-    Ok(space)
+/// An orthonormal basis V of the span of some vectors and of powers of B times them, and B in it: B V = V H for all of V but
+/// its last vectors.
+struct Space {
+    basis: Vec<Vec<f64>>,
+    /// A row for each vector, a column for each whose image is known.
+    hessenberg: Array2<f64>,
 }
 
-/// The Ritz vectors of the largest Ritz values, the slowest first.
-fn slowest(space: &Krylov<f64>, count: usize) -> Result<Vec<Mode>> {
-    let m = space.size();
-    let (values, vectors) = sparse::eigen(&space.hessenberg(m).mapv(Complex::from))?;
-    // The slowest mode of an absorbed motion is real and positive (Krein and Rutman).
-    let mut order: Vec<usize> = (0..m).collect();
-    order.sort_by(|a, b| values[*b].re.total_cmp(&values[*a].re));
-    let mode = |k: &usize| {
-        let column = vectors.column(*k);
-        // Made real: divided by the phase of its largest component.
-        let top = column
-            .iter()
-            .max_by(|a, b| a.norm().total_cmp(&b.norm()))
-            .copied()
-            .unwrap_or_default();
-        let phase = top / top.norm();
-        let weights: Vec<f64> = column.iter().map(|x| (x / phase).re).collect();
-        Mode {
-            shape: space.combined(&weights),
-            factor: values[*k].re,
-            residual: space.residual(&column) + values[*k].im.abs(),
+impl Space {
+    fn of(from: Vec<Vec<f64>>, apply: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>>) -> Result<Self> {
+        let mut basis = Vec::new();
+        for vector in from {
+            push(&mut basis, vector);
         }
-    };
-    Ok(order.iter().take(count).map(mode).collect())
+        if basis.is_empty() {
+            return Err(Error::linear("survival", "nothing is left"));
+        }
+        let mut columns = Vec::new();
+        while columns.len() < VECTORS.min(basis.len()) {
+            let image = apply(&basis[columns.len()])?;
+            columns.push(push(&mut basis, image));
+        }
+        let at = |(i, k): (usize, usize)| columns[k].get(i).copied().unwrap_or(0.0);
+        let hessenberg = Array2::from_shape_fn((basis.len(), columns.len()), at);
+        Ok(Self { basis, hessenberg })
+    }
+
+    /// The Ritz vectors of the largest Ritz values, the slowest first.
+    fn slowest(&self, count: usize) -> Result<Vec<Mode>> {
+        let m = self.hessenberg.ncols();
+        let square = Array2::from_shape_fn((m, m), |(i, k)| Complex::from(self.hessenberg[[i, k]]));
+        let (values, vectors) = sparse::eigen(&square)?;
+        // The slowest mode of an absorbed motion is real and positive (Krein and Rutman).
+        let mut order: Vec<usize> = (0..m).collect();
+        order.sort_by(|a, b| values[*b].re.total_cmp(&values[*a].re));
+        let mode = |k: &usize| {
+            let column = vectors.column(*k);
+            // Made real: divided by the phase of its largest component.
+            let top = column
+                .iter()
+                .max_by(|a, b| a.norm().total_cmp(&b.norm()))
+                .copied()
+                .unwrap_or_default();
+            let phase = top / top.norm();
+            let weights: Vec<f64> = column.iter().map(|x| (x / phase).re).collect();
+            let outside = self.hessenberg.rows().into_iter().skip(m);
+            let outside = outside.map(|row| row.iter().zip(&column).map(|(h, y)| *h * y).sum());
+            let residual = outside.map(|x: Complex<f64>| x.norm_sqr()).sum::<f64>();
+            Mode {
+                shape: self.combined(&weights),
+                factor: values[*k].re,
+                residual: residual.sqrt() + values[*k].im.abs(),
+            }
+        };
+        Ok(order.iter().take(count).map(mode).collect())
+    }
+
+    /// Adds the V y that leaves least of r - (I - B) V y, r in the span that the space began with.
+    fn correct(&self, r: &[f64], sum: &mut [f64]) -> Result<()> {
+        let mut matrix = self.hessenberg.mapv(|x| -x);
+        matrix.diag_mut().mapv_inplace(|x| x + 1.0);
+        let right: Vec<f64> = self.basis.iter().map(|it| dot(it, r)).collect();
+        let weights = sparse::least_squares(&matrix, &right)?;
+        let more = self.combined(&weights);
+        sum.iter_mut().zip(&more).for_each(|(x, y)| *x += y);
+        Ok(())
+    }
+
+    fn combined(&self, weights: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.basis[0].len()];
+        for (vector, weight) in self.basis.iter().zip(weights) {
+            out.iter_mut()
+                .zip(vector)
+                .for_each(|(x, v)| *x += weight * v);
+        }
+        out
+    }
 }
 
-/// Adds the V y that leaves least of r - (I - B) V y, r in the span that the space began with.
-fn correct(space: &Krylov<f64>, r: &[f64], sum: &mut [f64]) -> Result<()> {
-    let right = space.parts(r, dot);
-    let mut matrix = space.hessenberg(right.len()).mapv(|x| -x);
-    matrix.diag_mut().mapv_inplace(|x| x + 1.0);
-    let weights = sparse::least_squares(&matrix, &right)?;
-    let more = space.combined(&weights);
-    sum.iter_mut().zip(&more).for_each(|(x, y)| *x += y);
-    Ok(())
+/// Makes a vector orthonormal to a basis and appends it, if there is anything left of it; its components.
+fn push(basis: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) -> Vec<f64> {
+    let whole = norm(&vector);
+    let mut components = vec![0.0; basis.len()];
+    // Twice is enough (Giraud et al., Numer. Math. 101, 2005, 87).
+    for _ in 0..2 {
+        for (component, other) in components.iter_mut().zip(&*basis) {
+            let part = dot(other, &vector);
+            *component += part;
+            for (x, v) in vector.iter_mut().zip(other) {
+                *x -= part * v;
+            }
+        }
+    }
+    let left = norm(&vector);
+    if left > 1e-13 * whole {
+        for x in &mut vector {
+            *x /= left;
+        }
+        components.push(left);
+        basis.push(vector);
+    }
+    components
 }
