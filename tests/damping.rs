@@ -493,6 +493,16 @@ fn a_constant_rate_given_as_a_function_gives_the_spectrum_of_viscous_damping() {
 }
 
 #[test]
+fn a_spectrum_whose_operator_loses_its_digits_says_what_they_are_lost_to() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.5, 0.2).unwrap();
+    let it = it.with_damping(Damping::HuntCrossley).unwrap();
+    let error = spectrum(&it, Quantity::Force, &[0.5, 1.0], &settings(1e-2), &|_| ()).unwrap_err();
+    let message = error.to_string();
+    assert!(message.contains("falls too slowly"), "{message}");
+    assert!(message.contains("hunt_crossley"), "{message}");
+}
+
+#[test]
 fn the_spectrum_under_hunt_and_crossley_s_damping_has_the_variance_of_the_law_as_its_integral() {
     let damping = Damping::HuntCrossley;
     let it = oscillator(damping.clone());

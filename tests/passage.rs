@@ -240,6 +240,32 @@ fn hertz_and_its_other_dampings_pass_levels_as_their_paths_do() {
 }
 
 #[test]
+fn a_first_mesh_on_which_survival_grows_is_left_for_a_finer_one() {
+    // Friction of impacts, in short steps: of the first two meshes, 56 x 80 and 41 x 59, the coarser does not hold it.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.5, 0.2).unwrap();
+    let it = it.with_damping(Damping::HuntCrossley).unwrap();
+    let start = Initial::gaussian([1.0, 0.0], [0.3, 0.3]).unwrap();
+    let passage = (-1.5, Side::Below, 20.0);
+    let short = Settings {
+        step: Some(0.0481),
+        ..settings(1e-3)
+    };
+    let solved = first_passage(&it, &start, passage, &short, &|_| ()).unwrap();
+    println!("{:?}: mean time {}", solved.method.cells, solved.mean_time);
+    assert_eq!(solved.method.cells, [76, 108]);
+    // Of 1e5 paths.
+    let (a, b) = (solved.survival.last().unwrap(), 0.2877);
+    assert!((a.value - b).abs() < 4.0 * a.error.hypot(1.4e-3), "{a}");
+    // Cells of the scene stay as they are.
+    let given = Settings {
+        cells: Some([56, 80]),
+        ..short
+    };
+    let error = first_passage(&it, &start, passage, &given, &|_| ()).unwrap_err();
+    assert!(error.to_string().contains("grows"), "{error}");
+}
+
+#[test]
 fn a_level_on_the_wrong_side_is_refused_by_name_and_a_start_beyond_it_is_lost_at_once() {
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
     for (level, side) in [

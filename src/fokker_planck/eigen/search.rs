@@ -2,11 +2,11 @@
 
 use super::arnoldi::{Arnoldi, Mode};
 use super::decay_rates::{DecayRate, DecayRates, Eigenvalues, FAR_BELOW, MOST_VECTORS, SHIFTS};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::convergence::left_of;
-use crate::fokker_planck::hermite::{FAR, Hierarchy, Resolution, heavy};
+use crate::fokker_planck::hermite::{FAR, Hierarchy, Resolution, lost};
 use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -188,11 +188,9 @@ impl Question for Search<'_> {
         let resolution = self.recipe.resolution(done);
         let weighed = self.oscillator.weighed_by_orbits(FAR);
         let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
-        let modes = self.modes(&full).map_err(|error| match error {
-            Error::Linear { what, .. } if self.recipe.local => heavy(self.oscillator, &what),
-            error => error,
-        })?;
-        self.levels.push(modes);
+        let modes = self.modes(&full);
+        self.levels
+            .push(modes.map_err(|error| lost(self.oscillator, error))?);
         if let [.., coarse, middle, fine] = &self.levels[..] {
             // Finer resolutions lose digits of close eigenvalues to rounding.
             let answer = self.judge([coarse, middle, fine], resolution);

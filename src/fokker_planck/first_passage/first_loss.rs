@@ -17,7 +17,7 @@ use super::limit::{Runs, largest_since};
 use super::mesh::Fineness;
 use super::region::{Barrier, Region};
 use super::run::{Problem, Run};
-use crate::error::{Result, positive};
+use crate::error::{Error, Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
@@ -311,10 +311,18 @@ impl Question for Task<'_> {
             let before = self.runs.iter().find(|it| it.0 == fineness);
             let (from, part) = [(0.0, 0.45), (0.45, 0.25), (0.7, 0.2), (0.9, 0.1)][k];
             let run = match before {
-                Some((_, run)) => run.clone(),
+                Some((_, run)) => Ok(run.clone()),
                 None => self
                     .problem
-                    .once(&layout, &fineness, &|done| progress(from + part * done))?,
+                    .once(&layout, &fineness, &|done| progress(from + part * done)),
+            };
+            let run = match run {
+                // Cells that do not hold the motion: finer ones may.
+                Err(Error::Linear { .. }) if self.skips() => {
+                    self.layout = layout.finer([1.0, 0.0]);
+                    return Ok(());
+                }
+                run => run?,
             };
             runs.push((fineness, run));
         }
@@ -323,6 +331,9 @@ impl Question for Task<'_> {
         self.layout = layout.finer(found.1.parts);
         // NaN is no error estimate.
         let better = |best: &Worst| best.ratio.is_nan() || found.1.ratio < best.ratio;
+        if self.best.is_none() {
+            self.stalls = 0;
+        }
         if self.best.as_ref().is_none_or(|it| better(&it.1)) {
             self.best = Some(found);
         } else {
@@ -341,6 +352,12 @@ impl Question for Task<'_> {
 }
 
 impl Task<'_> {
+    /// Whether a round before the first answer may be left out.
+    fn skips(&mut self) -> bool {
+        self.stalls += 1;
+        self.best.is_none() && self.problem.asked.cells.is_none() && self.stalls <= STALLS
+    }
+
     /// The numbers of a round with their errors, and the largest of these over the tolerance.
     fn report(&self, layout: &Layout, runs: [&Run; 4]) -> (FirstLoss, Worst) {
         let steps = runs.iter().map(|it| it.steps).sum();

@@ -121,10 +121,7 @@ pub(crate) fn long_run(
             space.correct(&left, &mut sum)?;
             // Once along the slow modes; what is left along them then is an error of the sum, magnified by 1/lost.
             for projecting in [true, false] {
-                let image = several(&sum, None)?;
-                for (k, r) in left.iter_mut().enumerate() {
-                    *r = given[k] - sum[k] + image[k];
-                }
+                left = open_of(&given, &sum, &several(&sum, None)?)?;
                 let open = balance.project(&modes, &left, projecting.then_some(&mut sum));
                 let first = &modes[0].shape;
                 let whole = balance.along(first, &sum) / balance.along(first, first).sqrt();
@@ -152,6 +149,17 @@ pub(crate) fn long_run(
         residuals,
         steps,
     })
+}
+
+/// What a sum leaves of (I - B) X = `given`, its `image` being B X.
+fn open_of(given: &[f64], sum: &[f64], image: &[f64]) -> Result<Vec<f64>> {
+    let parts = given.iter().zip(sum).zip(image);
+    let left: Vec<f64> = parts.map(|((given, x), image)| given - x + image).collect();
+    if norm(&left).is_finite() {
+        Ok(left)
+    } else {
+        Err(Error::linear("survival", "it grows on this mesh"))
+    }
 }
 
 /// What detailed balance says of parts along modes.

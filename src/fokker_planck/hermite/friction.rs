@@ -59,6 +59,14 @@ pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> E
     }
 }
 
+/// What a failed solve says of an operator under such damping: its digits go where the law outgrows the weights.
+pub(in crate::fokker_planck) fn lost(oscillator: &Oscillator, error: Error) -> Error {
+    match error {
+        Error::Linear { what, .. } if !oscillator.is_viscous() => heavy(oscillator, &what),
+        error => error,
+    }
+}
+
 /// A null vector that still changes by more is none; what it changes by is in the error of the law.
 const LOST: f64 = 1e-3;
 
@@ -88,7 +96,7 @@ pub(super) fn null(
     for _ in 0..30 {
         let before = x;
         x = forward.weighed(&before);
-        lu.solve(&mut x)?;
+        lu.solve(&mut x).map_err(|error| lost(oscillator, error))?;
         let size = x.iter().map(|x| x.re * x.re).sum::<f64>().sqrt();
         let along: f64 = x.iter().zip(&before).map(|(a, b)| a.re * b.re).sum();
         let over = 1.0 / size.copysign(along);

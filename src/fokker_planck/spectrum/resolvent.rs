@@ -7,7 +7,9 @@ use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
-use crate::fokker_planck::hermite::{Adjoint, FAR, Hierarchy, Resolution, work as friction_work};
+use crate::fokker_planck::hermite::{
+    Adjoint, FAR, Hierarchy, Resolution, lost, work as friction_work,
+};
 use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -236,7 +238,8 @@ impl Question for Task<'_> {
             FLOOR,
             (&self.solved, SOLVES),
             &go_on,
-        )?;
+        )
+        .map_err(|error| lost(self.oscillator, error))?;
         // A finer operator needs fewer: it has no modes that are there for want of functions.
         let mut solved = model.solved.clone();
         solved.sort_by(f64::total_cmp);
