@@ -95,7 +95,7 @@ pub(crate) struct Eigenvalues {
     /// Where the continuous spectrum begins; minus infinity without one.
     pub(super) edge: f64,
     /// Whether friction depends on the displacement.
-    pub(super) local: bool,
+    local: bool,
     pub(super) tolerance: f64,
     /// What it will take: cells are functions of q and of v, steps the factorisations.
     pub(crate) cost: Cost,

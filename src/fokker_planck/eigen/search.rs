@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::convergence::left_of;
-use crate::fokker_planck::hermite::{FAR, Hierarchy, Resolution, lost};
+use crate::fokker_planck::hermite::{FAR, Hierarchy, Resolution, lost_digits};
 use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -189,8 +189,8 @@ impl Question for Search<'_> {
         let weighed = self.oscillator.weighed_by_orbits(FAR);
         let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
         let modes = self.modes(&full);
-        self.levels
-            .push(modes.map_err(|error| lost(self.oscillator, error))?);
+        let modes = modes.map_err(|error| lost_digits(self.oscillator, error))?;
+        self.levels.push(modes);
         if let [.., coarse, middle, fine] = &self.levels[..] {
             // Finer resolutions lose digits of close eigenvalues to rounding.
             let answer = self.judge([coarse, middle, fine], resolution);

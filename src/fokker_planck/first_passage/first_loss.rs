@@ -320,6 +320,8 @@ impl Question for Task<'_> {
                 // Cells that do not hold the motion: finer ones may.
                 Err(Error::Linear { .. }) if self.skips() => {
                     self.layout = layout.finer([1.0, 0.0]);
+                    // The fine mesh is the coarse one of the next round.
+                    self.runs = runs;
                     return Ok(());
                 }
                 run => run?,

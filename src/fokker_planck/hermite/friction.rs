@@ -49,7 +49,7 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
 
 /// A law that Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
 /// height x falls as exp(-c sqrt(x)), and over weights that fall as exp(-H/T) that grows without bound.
-pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
+pub(super) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
     let damping = oscillator.damping().name();
     Error::Unresolved {
         what: format!(
@@ -60,7 +60,7 @@ pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> E
 }
 
 /// What a failed solve says of an operator under such damping: its digits go where the law outgrows the weights.
-pub(in crate::fokker_planck) fn lost(oscillator: &Oscillator, error: Error) -> Error {
+pub(in crate::fokker_planck) fn lost_digits(oscillator: &Oscillator, error: Error) -> Error {
     match error {
         Error::Linear { what, .. } if !oscillator.is_viscous() => heavy(oscillator, &what),
         error => error,
@@ -96,7 +96,8 @@ pub(super) fn null(
     for _ in 0..30 {
         let before = x;
         x = forward.weighed(&before);
-        lu.solve(&mut x).map_err(|error| lost(oscillator, error))?;
+        lu.solve(&mut x)
+            .map_err(|error| lost_digits(oscillator, error))?;
         let size = x.iter().map(|x| x.re * x.re).sum::<f64>().sqrt();
         let along: f64 = x.iter().zip(&before).map(|(a, b)| a.re * b.re).sum();
         let over = 1.0 / size.copysign(along);

@@ -12,6 +12,6 @@ mod settled;
 
 pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
-pub(super) use friction::{Column, FAR, Kept, lost, work};
+pub(super) use friction::{Column, FAR, Kept, lost_digits, work};
 pub(super) use operator::{Hierarchy, Resolution};
 pub(super) use settled::Settled;

@@ -8,7 +8,7 @@ use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::hermite::{
-    Adjoint, FAR, Hierarchy, Resolution, lost, work as friction_work,
+    Adjoint, FAR, Hierarchy, Resolution, lost_digits, work as friction_work,
 };
 use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
@@ -239,7 +239,7 @@ impl Question for Task<'_> {
             (&self.solved, SOLVES),
             &go_on,
         )
-        .map_err(|error| lost(self.oscillator, error))?;
+        .map_err(|error| lost_digits(self.oscillator, error))?;
         // A finer operator needs fewer: it has no modes that are there for want of functions.
         let mut solved = model.solved.clone();
         solved.sort_by(f64::total_cmp);
