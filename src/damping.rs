@@ -303,6 +303,12 @@ impl Averaged {
         rows.map(at).take(end.max(1))
     }
 
+    /// The first energy of the table beyond which no more than a probability lies.
+    pub(crate) fn within(&self, probability: f64) -> f64 {
+        let k = self.beyond.partition_point(|it| *it > probability);
+        self.energies[k.min(self.energies.len() - 1)]
+    }
+
     /// P(H - U_min > energy); falls by a straight line of its logarithm between rows.
     pub(crate) fn beyond(&self, energy: f64) -> f64 {
         let k = self.energies.partition_point(|it| *it <= energy);

@@ -103,7 +103,7 @@ impl Oscillator {
     /// Hermite functions reach to energies of many T, and weigh what a law has there by 1/weight.
     pub(crate) fn weighed(&self, reach: f64) -> Self {
         let averaged = self.averaged.as_ref();
-        self.of_temperature(averaged.map(|it| it.hottest(reach)))
+        self.at(averaged.map(|it| it.hottest(reach)))
     }
 
     /// The same for modes and spectra, which ask for less far a domain: weighed with the Gibbs law that falls as far as the one
@@ -112,16 +112,20 @@ impl Oscillator {
         let given = [0.0, self.viscous_temperature()];
         let averaged =
             (!self.is_viscous()).then(|| Averaged::of(&self.contact, &self.damping, given));
-        self.of_temperature(averaged.and_then(|it| Some(it.ok()?.temperature_at(reach))))
+        self.at(averaged.and_then(|it| Some(it.ok()?.temperature_at(reach))))
     }
 
-    fn of_temperature(&self, temperature: Option<f64>) -> Self {
-        let mut it = self.clone();
-        if let Some(temperature) = temperature {
-            it.temperature = temperature;
-            it.law = OnceLock::new();
+    /// The same weighed with the Gibbs law of another temperature.
+    pub(crate) fn of_temperature(&self, temperature: f64) -> Self {
+        Self {
+            temperature,
+            law: OnceLock::new(),
+            ..self.clone()
         }
-        it
+    }
+
+    fn at(&self, temperature: Option<f64>) -> Self {
+        temperature.map_or_else(|| self.clone(), |it| self.of_temperature(it))
     }
 
     /// The contact law.
@@ -191,6 +195,12 @@ impl Oscillator {
     /// P(H - U_min > energy) of the law averaged over orbits; 0 under viscous damping, where exp(-H/T)/Z is exact.
     pub(crate) fn averaged_beyond(&self, energy: f64) -> f64 {
         self.averaged.as_ref().map_or(0.0, |it| it.beyond(energy))
+    }
+
+    /// The energy above the lowest beyond which the law averaged over orbits holds no more than a probability; 0 under viscous damping.
+    pub(crate) fn averaged_within(&self, probability: f64) -> f64 {
+        let averaged = self.averaged.as_ref();
+        averaged.map_or(0.0, |it| it.within(probability))
     }
 
     /// Damping ratio.

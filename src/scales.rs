@@ -22,19 +22,18 @@ impl Scales {
                 .expect(|q| oscillator.contact().force(q).powi(2))
                 .value
                 .sqrt();
-            let (q, v) = (var_q.sqrt(), t.sqrt());
-            Moment::ALL.map(|it| match it {
-                Moment::MeanQ => q,
-                Moment::VarQ => var_q,
-                Moment::MeanV => v,
-                Moment::VarV | Moment::MeanEnergy => t,
-                Moment::CovQv => q * v,
-                Moment::MeanForce | Moment::StdForce => force,
-                Moment::SkewnessForce | Moment::KurtosisForce | Moment::ContactLossProbability => {
-                    1.0
-                }
-            })
+            deviations([var_q.sqrt(), t.sqrt(), force])
         });
+        Self { known }
+    }
+
+    /// Those of the moments of a stationary law.
+    pub(crate) fn of_law(moments: &Moments) -> Self {
+        let [q, v, force] = [Moment::VarQ, Moment::VarV, Moment::StdForce].map(|it| {
+            let number = moments.get(it);
+            number.map_or(1.0, |number| number.value.abs())
+        });
+        let known = Some(deviations([q.sqrt(), v.sqrt(), force]));
         Self { known }
     }
 
@@ -57,4 +56,17 @@ impl Scales {
             })
         })
     }
+}
+
+/// The scales that follow from the deviations of q, v and the force.
+fn deviations([q, v, force]: [f64; 3]) -> PerMoment<f64> {
+    Moment::ALL.map(|it| match it {
+        Moment::MeanQ => q,
+        Moment::VarQ => q * q,
+        Moment::MeanV => v,
+        Moment::VarV | Moment::MeanEnergy => v * v,
+        Moment::CovQv => q * v,
+        Moment::MeanForce | Moment::StdForce => force,
+        Moment::SkewnessForce | Moment::KurtosisForce | Moment::ContactLossProbability => 1.0,
+    })
 }

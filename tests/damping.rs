@@ -168,32 +168,72 @@ fn damping_in_contact_alone_shakes_harder_than_hunt_and_crossley_s_as_monte_carl
             assert!(z < 4.0);
         }
         assert!((moments.std_force.value - force).abs() < 5e-3);
-        // Records of our own.
-        let sampling = Sampling {
-            duration: 3e5,
-            seed: 11,
-            ..Sampling::default()
-        };
-        let records = monte_carlo::records(&it, &sampling, &|_| ()).unwrap();
-        let (z, name) = worst(moments, &records.moments);
-        println!("{damping:?}: records of our own, worst z = {z:.1} ({name})");
-        assert!(z < 4.0, "{name}: {z}");
-        let crossings = records.crossings.unwrap();
-        for (name, a, b) in [
-            ("loss_rate", law.loss_rate, crossings.loss_rate),
-            ("mean_flight", law.mean_flight, crossings.mean_flight),
-            (
-                "mean_impact_speed",
-                law.mean_impact_speed,
-                crossings.mean_impact_speed,
-            ),
-        ] {
-            let a = a.unwrap();
-            let z = (a.value - b.value).abs() / a.error.hypot(b.error);
-            println!("{damping:?}: {name} {a}, records {b}: z = {z:.1}");
-            assert!(z < 4.0);
-        }
+        beside_records(&it, law, 3e5);
     }
+}
+
+/// A law beside records of the oscillator: moments, losses of contact, flights and impacts.
+fn beside_records(it: &Oscillator, law: &SolvedLaw, duration: f64) {
+    let sampling = Sampling {
+        duration,
+        seed: 11,
+        ..Sampling::default()
+    };
+    let records = monte_carlo::records(it, &sampling, &|_| ()).unwrap();
+    let (z, name) = worst(&law.moments, &records.moments);
+    let damping = it.damping().name();
+    println!("{damping}: records of our own, worst z = {z:.1} ({name})");
+    assert!(z < 4.0, "{name}: {z}");
+    let crossings = records.crossings.unwrap();
+    for (name, a, b) in [
+        ("loss_rate", law.loss_rate, crossings.loss_rate),
+        ("mean_flight", law.mean_flight, crossings.mean_flight),
+        (
+            "mean_impact_speed",
+            law.mean_impact_speed,
+            crossings.mean_impact_speed,
+        ),
+    ] {
+        let a = a.unwrap();
+        let z = (a.value - b.value).abs() / a.error.hypot(b.error);
+        println!("{damping}: {name} {a}, records {b}: z = {z:.1}");
+        assert!(z < 4.0);
+    }
+}
+
+#[test]
+fn flights_that_noise_throws_after_impacts_that_take_all_are_held_by_a_mesh() {
+    for (zeta, damping) in [(0.5, Damping::HuntCrossley), (0.9, Damping::Contact)] {
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, 0.2).unwrap();
+        let it = it.with_damping(damping).unwrap();
+        let [loose, tight] = [1e-2, 2e-3].map(|tolerance| solved(&it, tolerance));
+        let both = loose.moments.named().into_iter().zip(tight.moments.named());
+        for ((name, a), (_, b)) in both {
+            let (a, b) = (a.unwrap(), b.unwrap());
+            println!("{name}: {a}, then {b}");
+            assert!((a.value - b.value).abs() <= a.error + b.error, "{name}");
+        }
+        for law in [&loose, &tight] {
+            let (taken, force) = (law.dissipated, law.moments.mean_force);
+            assert!((taken.value - it.noise()).abs() <= taken.error, "{taken}");
+            assert!(force.value.abs() <= force.error, "{force}");
+        }
+        // Of the whole law, and of its two densities.
+        let lost = tight.moments.contact_loss_probability.unwrap();
+        let [left, _] = tight.domain();
+        let below = quadrature(&|q| tight.density_q(q), [left, -1.5]);
+        assert!((below - lost.value).abs() < 1e-3, "{below} for {lost}");
+        let all = quadrature(&|v| tight.density_v(v), [-30.0, 30.0]);
+        assert!((all - 1.0).abs() < 1e-3, "{all}");
+        beside_records(&it, &tight, 1e5);
+    }
+}
+
+/// The midpoint sum over ten thousand intervals.
+fn quadrature(f: &dyn Fn(f64) -> f64, [from, to]: [f64; 2]) -> f64 {
+    let width = (to - from) / 1e4;
+    let at = |k: i32| f(from + (f64::from(k) + 0.5) * width);
+    width * (0..10_000).map(at).sum::<f64>()
 }
 
 #[test]

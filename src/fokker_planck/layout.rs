@@ -139,7 +139,7 @@ impl Layout {
         let margin = self.drift.margin();
         let temperature = oscillator.temperature();
         let (n, focus) = ((cells[0], margin), self.focus(oscillator));
-        let q = Axis::focused(contact, temperature, domain.q, n, &focus)?;
+        let q = Axis::focused(contact, [temperature; 2], domain.q, n, &focus)?;
         let v = if contact.is_confining() {
             Axis::velocity(domain.v[1], cells[1], margin)?
         } else {

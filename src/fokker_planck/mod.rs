@@ -32,6 +32,7 @@ mod integrators;
 mod krylov;
 mod layout;
 mod moving_frame;
+mod null_vector;
 mod observables;
 mod ornstein_uhlenbeck;
 mod periodic;
@@ -40,14 +41,13 @@ mod plane;
 pub mod policy;
 mod radius;
 mod settings;
+mod solved;
 mod spectrum;
 mod trajectory;
 pub mod transient;
 
 pub use budget::Cost;
 pub use density::{Density, Snapshot};
-#[doc(hidden)]
-pub use eigen::null_vector;
 pub use eigen::{DecayRate, DecayRates, SolvedLaw, Steady, decay_rates, stationary_law, steady};
 pub(crate) use eigen::{Eigenvalues, StationaryState, SteadyState};
 pub(crate) use first_passage::first_loss::FirstPassage;
@@ -61,6 +61,8 @@ pub use generator::Generator;
 pub use integrators::{
     Additive, BackwardEuler, Chebyshev, Integrator, Radau, Solver, TimeIntegration,
 };
+#[doc(hidden)]
+pub use null_vector::null_vector;
 pub use observables::Observables;
 pub use periodic::{Harmonic, MetastableLaw, Periodic, Response, Sweep, periodic, response};
 pub(crate) use periodic::{PeriodicLaw, ResponseCurve};

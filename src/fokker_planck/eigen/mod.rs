@@ -12,4 +12,4 @@ pub use search::decay_rates;
 pub(crate) use stationary::StationaryState;
 pub use stationary::{SolvedLaw, stationary_law};
 pub(crate) use steady::SteadyState;
-pub use steady::{Steady, null_vector, steady};
+pub use steady::{Steady, steady};

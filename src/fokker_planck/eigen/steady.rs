@@ -1,24 +1,23 @@
 //! The steady state: the null vector of the generator, by sparse LU and by time integration.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{self, Cost, Factors, Limits, timing};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
-use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::integrators::BackwardEuler;
 use crate::fokker_planck::layout::{self, Cells, Layout};
+use crate::fokker_planck::null_vector::null_vector;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::fokker_planck::settings::{Method, Settings};
+use crate::fokker_planck::solved::Settled;
 use crate::initial::Initial;
 use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
 use crate::scales::Scales;
-use crate::sparse::{Lu, shift};
-use sprs::CsMat;
 
 /// The steady state on a mesh, found twice.
 #[derive(Debug, Clone, PartialEq)]
@@ -246,7 +245,13 @@ impl Question for Task<'_> {
             .raw(&null.ratio(&generator))
             .moments(oscillator.contact());
         moments.keep(recipe.asked.as_deref());
-        let scales = Scales::of(oscillator).each(&moments);
+        // Without a closed form the reference is wider than the law.
+        let scales = if oscillator.is_viscous() {
+            Scales::of(oscillator)
+        } else {
+            Scales::of_law(&moments)
+        };
+        let scales = scales.each(&moments);
         let weights = domain.tail_weights(oscillator);
         // A kurtosis far above 3 weighs the tail by its own size.
         let error = |k: usize, value: f64| {
@@ -287,64 +292,6 @@ impl Question for Task<'_> {
     }
 }
 
-/// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1.
-///
-/// Inverse iteration with the shift 1e-10 |L|_1: one LU, a convergence factor below 1e-3 even for
-/// decay rates of 1e-7 |L|_1, and a backward error of a few roundings.
-///
-/// # Errors
-/// [`Error::Mesh`] if some cells never exchange probability with the others, so that the null vector
-/// would not be unique; [`Error::Linear`] if the iteration does not settle.
-pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
-    let matrix = generator.matrix();
-    check_connected(&matrix)?;
-    let n = matrix.cols();
-    let norm = matrix
-        .outer_iterator()
-        .map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>())
-        .fold(0.0, f64::max);
-    let mut shifted = matrix.map(|a| -a);
-    shift(&mut shifted, 1e-10 * norm);
-    let mut lu = Lu::factor(shifted)?;
-    let mut x = vec![1.0 / n as f64; n];
-    let mut change = f64::INFINITY;
-    // The start is the uniform density: nothing of (21) goes in.
-    for _ in 0..40 {
-        let before = x.clone();
-        lu.solve(&mut x)?;
-        let mass: f64 = x.iter().sum();
-        for p in &mut x {
-            *p /= mass;
-        }
-        let now = x.iter().zip(&before).map(|(a, b)| (a - b).abs()).sum();
-        // Settled when rounding no longer lets the change fall.
-        if now < 1e-13 || (now < 1e-9 && now > 0.5 * change) {
-            change = now;
-            break;
-        }
-        change = now;
-    }
-    if change > 1e-9 || change.is_nan() {
-        let what = format!("inverse iteration still changes by {change:.1e} after 40 solves");
-        return Err(Error::linear("steady state", what));
-    }
-    let mut image = vec![0.0; n];
-    for (column, entries) in matrix.outer_iterator().enumerate() {
-        for (row, a) in entries.iter() {
-            image[row] += a * x[column];
-        }
-    }
-    let residual = image.iter().map(|r| r.abs()).sum::<f64>() / norm;
-    let mut density = Density::from_fn(generator, |_, _| 0.0);
-    let number = generator.numbering();
-    for (p, unknown) in density.cells_mut().iter_mut().zip(&number) {
-        if *unknown != usize::MAX {
-            *p = x[*unknown];
-        }
-    }
-    Ok((density, residual))
-}
-
 /// Distance to the stationary law at which the time integration ends.
 const ARRIVED: f64 = 1e-11;
 
@@ -382,41 +329,4 @@ fn integrate(
         }
     }
     Ok(approach)
-}
-
-/// Whether every unknown can be reached from every other, by the entries of the generator.
-fn check_connected(matrix: &CsMat<f64>) -> Result<()> {
-    let reached = |matrix: &CsMat<f64>| {
-        let mut seen = vec![false; matrix.cols()];
-        let mut queue = vec![0];
-        seen[0] = true;
-        let mut count = 1;
-        while let Some(column) = queue.pop() {
-            let Some(entries) = matrix.outer_view(column) else {
-                continue;
-            };
-            for (row, a) in entries.iter() {
-                if *a != 0.0 && !seen[row] {
-                    seen[row] = true;
-                    count += 1;
-                    queue.push(row);
-                }
-            }
-        }
-        count
-    };
-    let n = matrix.cols();
-    let forward = reached(matrix);
-    // The transpose of a matrix by columns is one by rows: turn it back into columns.
-    let backward = reached(&matrix.transpose_view().to_csc());
-    if forward == n && backward == n {
-        return Ok(());
-    }
-    Err(Error::Mesh {
-        what: format!(
-            "only {} of {n} cells exchange probability",
-            forward.min(backward)
-        ),
-        help: "more cells: the streamlines of this mesh fall into separate parts".into(),
-    })
 }

@@ -3,7 +3,7 @@
 //! A passage upwards is one downwards in x = -q, and so is everything that the motion needs of the oscillator.
 
 use crate::error::{Error, Result};
-use crate::fokker_planck::hermite::Kept;
+use crate::fokker_planck::solved::Law;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
 use crate::oscillator::{DisplacementLaw, Oscillator, Side};
@@ -193,7 +193,7 @@ impl<'a> Region<'a> {
     }
 
     /// A law that is solved for, at one x and many velocities.
-    pub(crate) fn along(&self, law: &Kept, x: f64, velocities: &[f64]) -> Vec<f64> {
+    pub(crate) fn along(&self, law: &Law, x: f64, velocities: &[f64]) -> Vec<f64> {
         let seen: Vec<f64> = velocities.iter().map(|v| self.barrier.sign * v).collect();
         law.along(self.q(x), &seen)
     }

@@ -10,7 +10,7 @@ use super::start::{Start, Starts};
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
-use crate::fokker_planck::hermite::Settled;
+use crate::fokker_planck::solved::Settled;
 use crate::gaussian::{lower, normal};
 use crate::initial::Initial;
 use crate::matrix::dot;

@@ -49,7 +49,7 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
 
 /// A law that Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
 /// height x falls as exp(-c sqrt(x)), and over weights that fall as exp(-H/T) that grows without bound.
-pub(super) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
+pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
     let damping = oscillator.damping().name();
     Error::Unresolved {
         what: format!(
@@ -222,23 +222,23 @@ impl Kept {
         [self.ends[0], self.ends[self.ends.len() - 1]]
     }
 
-    /// The L1 distance to another law, by quadrature over the elements of this one and equal steps of v.
-    pub(super) fn distance(&self, other: &Self) -> f64 {
+    /// Places with their weights in q, the points of the elements, and in v, equal steps.
+    pub(in crate::fokker_planck) fn quadrature(&self) -> [Vec<(f64, f64)>; 2] {
         const STEPS: i32 = 240;
         let fastest = 8.0 * self.temperature.sqrt();
         let step = 2.0 * fastest / f64::from(STEPS);
-        let speeds: Vec<f64> = (0..=STEPS).map(|k| f64::from(k) * step - fastest).collect();
-        let mut sum = 0.0;
-        for ends in self.ends.windows(2) {
+        let speeds = (0..=STEPS).map(|k| (f64::from(k) * step - fastest, step));
+        let elements = self.ends.windows(2).flat_map(|ends| {
             let half = 0.5 * (ends[1] - ends[0]);
-            for (x, w) in gauss::<POINTS>() {
-                let q = ends[0] + half * (1.0 + x);
-                let (one, two) = (self.along(q, &speeds), other.along(q, &speeds));
-                let apart: f64 = one.iter().zip(two).map(|(a, b)| (a - b).abs()).sum();
-                sum += w * half * step * apart;
-            }
-        }
-        sum
+            gauss::<POINTS>().map(|(x, w)| (ends[0] + half * (1.0 + x), w * half))
+        });
+        [elements.collect(), speeds.collect()]
+    }
+
+    /// Ends of intervals of v from 0 on, for sums over it: a third of a deviation up to nine of them.
+    pub(in crate::fokker_planck) fn panels(&self) -> Vec<f64> {
+        let third = self.temperature.sqrt() / 3.0;
+        (0..=27).map(|k| f64::from(k) * third).collect()
     }
 
     /// b_n(q) for all n; empty beyond the domain. At a common end the mean of both elements.
@@ -288,22 +288,6 @@ impl Kept {
         }
     }
 
-    /// p(q, v) at one displacement and many velocities.
-    pub(in crate::fokker_planck) fn along(&self, q: f64, velocities: &[f64]) -> Vec<f64> {
-        let column = self.column(q);
-        velocities.iter().map(|v| column.density(*v)).collect()
-    }
-
-    /// p at many points; those of one displacement stand together.
-    pub(in crate::fokker_planck) fn densities(&self, points: &[[f64; 2]]) -> Vec<f64> {
-        let columns = points.chunk_by(|a, b| a[0] == b[0]);
-        let column = |points: &[[f64; 2]]| {
-            let velocities: Vec<f64> = points.iter().map(|it| it[1]).collect();
-            self.along(points[0][0], &velocities)
-        };
-        columns.flat_map(column).collect()
-    }
-
     /// p_q(q).
     pub(in crate::fokker_planck) fn density_q(&self, q: f64) -> f64 {
         self.law.density(q) * self.ratios(q).first().copied().unwrap_or(0.0)
@@ -312,25 +296,6 @@ impl Kept {
     /// p_v(v).
     pub(in crate::fokker_planck) fn density_v(&self, v: f64) -> f64 {
         maxwell(v, self.temperature) * self.sum(&self.means, v)
-    }
-
-    /// Crossings of a level a unit of time and the integral of v^2 p over them, down and up.
-    pub(in crate::fokker_planck) fn crossings(&self, q: f64) -> [[f64; 2]; 2] {
-        let (ratios, weight) = (self.ratios(q), self.law.density(q));
-        let (deviation, mut sums) = (self.temperature.sqrt(), [[0.0; 2]; 2]);
-        // Panels of a third of a deviation up to nine of them.
-        for k in 0..27 {
-            for (x, w) in gauss::<10>() {
-                let v = deviation * (f64::from(k) + 0.5 + 0.5 * x) / 3.0;
-                let part = w * deviation / 6.0 * weight * maxwell(v, self.temperature);
-                for (sum, v_signed) in sums.iter_mut().zip([-v, v]) {
-                    let flux = v * part * self.sum(&ratios, v_signed);
-                    sum[0] += flux;
-                    sum[1] += v * flux;
-                }
-            }
-        }
-        sums
     }
 }
 

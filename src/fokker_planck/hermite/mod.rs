@@ -8,10 +8,8 @@ mod friction;
 mod local;
 mod nested;
 mod operator;
-mod settled;
 
 pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
-pub(super) use friction::{Column, FAR, Kept, lost_digits, work};
+pub(super) use friction::{Column, FAR, Kept, heavy, lost_digits, work};
 pub(super) use operator::{Hierarchy, Resolution};
-pub(super) use settled::Settled;

@@ -183,22 +183,24 @@ impl Axis {
         margin: usize,
     ) -> Result<Self> {
         let none = Focus::default();
-        Self::focused(contact, temperature, [low, high], (n, margin), &none)
+        let temperatures = [temperature; 2];
+        Self::focused(contact, temperatures, [low, high], (n, margin), &none)
     }
 
-    /// The same with cells finer around some places.
+    /// The same with cells finer around some places, and a temperature in contact and one in flight: that of a law whose flights
+    /// reach to so many times it.
     ///
     /// # Errors
     /// As [`Axis::displacement`].
     pub(crate) fn focused(
         contact: &ContactLaw,
-        temperature: f64,
+        temperatures: [f64; 2],
         [low, high]: [f64; 2],
         (n, margin): (usize, usize),
         focus: &Focus,
     ) -> Result<Self> {
         check_count(n, margin, "q")?;
-        let grading = grading(contact, temperature, low);
+        let grading = grading(contact, temperatures, low);
         let focus = focus.on(grading, [low, high]);
         let place = |x: f64| focus.of(grading.inverse(x))[0];
         let made = |start: f64, width: f64| Self::new((grading, focus.clone()), start, width, n);
@@ -263,9 +265,23 @@ impl Axis {
     /// # Errors
     /// [`Error::Mesh`] for fewer cells than the margins need.
     pub fn velocity(reach: f64, n: usize, margin: usize) -> Result<Self> {
+        Self::focused_velocity(reach, (n, margin), Focus::default())
+    }
+
+    /// The same with cells finer around some places that are symmetric about 0.
+    ///
+    /// # Errors
+    /// As [`Axis::velocity`].
+    pub(crate) fn focused_velocity(
+        reach: f64,
+        (n, margin): (usize, usize),
+        focus: Focus,
+    ) -> Result<Self> {
         check_count(n, margin, "v")?;
-        let half = reach * n as f64 / (n - 2 * margin) as f64;
-        Self::uniform(-half, half, n)
+        let [half, _] = focus.of(reach);
+        let half = half * n as f64 / (n - 2 * margin) as f64;
+        let width = 2.0 * half / n as f64;
+        Ok(Self::new((Grading::Uniform, focus), -half, width, n))
     }
 
     /// Number of cells.
@@ -326,18 +342,18 @@ fn check_count(n: usize, margin: usize, axis: &str) -> Result<()> {
     Ok(())
 }
 
-/// Flight falls off over T, contact over the reach of a thermal oscillation: cells in the ratio of
+/// Flight falls off over its temperature, contact over the reach of a thermal oscillation at its own: cells in the ratio of
 /// the two where flight is the longer, equal cells otherwise.
-fn grading(contact: &ContactLaw, temperature: f64, low: f64) -> Grading {
+fn grading(contact: &ContactLaw, [touching, flying]: [f64; 2], low: f64) -> Grading {
     let (Some(loss), None, Some((_, right))) = (
         contact.loss_point(),
         contact.back_wall(),
-        contact.turning_points(temperature),
+        contact.turning_points(touching),
     ) else {
         return Grading::Uniform;
     };
     let reach = right - loss;
-    let ratio = temperature / (-contact.force(loss) * reach);
+    let ratio = flying / (-contact.force(loss) * reach);
     // Below a third more, grading buys nothing.
     if ratio < 1.3 || low > loss {
         return Grading::Uniform;
@@ -420,7 +436,7 @@ mod tests {
         // At twenty times Newton's method alone goes to and fro about the kink.
         for (more, n) in [(3.0, 240), (20.0, 400)] {
             let focus = Focus::new(vec![[-1.5, more], [-9e9, 5.0]], 4.0);
-            let axis = Axis::focused(law, 94.0, [-1700.0, 37.0], (n, 5), &focus).unwrap();
+            let axis = Axis::focused(law, [94.0; 2], [-1700.0, 37.0], (n, 5), &focus).unwrap();
             assert!(axis.edges().contains(&-1.5) && !axis.is_uniform());
             assert!(axis.edges().windows(2).all(|w| w[0] < w[1]));
             let finer = width(&equal, -1.5) / width(&axis, -1.5);

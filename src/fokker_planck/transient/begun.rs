@@ -5,8 +5,8 @@ use super::ladder::is_unfit;
 use super::recipe::RUNGS;
 use super::run::Task;
 use crate::error::Result;
-use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::layout::STEEPER_TRIES;
+use crate::fokker_planck::solved::Settled;
 use crate::initial::Initial;
 
 /// What such a law may have done to each number at each time, over its normalisation: a run on the fourth rung that begins in

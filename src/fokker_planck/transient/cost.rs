@@ -8,9 +8,9 @@ use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::flow_map::Settings;
 use crate::fokker_planck::generator::Generator;
-use crate::fokker_planck::hermite::Settled;
 use crate::fokker_planck::policy::{LADDER_RATIO, REFINED, SETTLED};
 use crate::fokker_planck::settings::TimeScheme;
+use crate::fokker_planck::solved::Settled;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 

@@ -9,13 +9,13 @@ use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot};
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
-use crate::fokker_planck::hermite::{Kept, Settled};
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::TimeScheme;
+use crate::fokker_planck::solved::{Law, Settled};
 use crate::initial::Initial;
 use crate::moments::{Moments, PerMoment};
 use crate::oscillator::Oscillator;
@@ -279,7 +279,7 @@ impl Task<'_> {
     fn laws(&self, rung: &Rung, propagator: &Propagator) -> Result<Vec<Density>> {
         if let Some(it) = self.law {
             let laws = [&it.law, &it.coarser].into_iter();
-            let sampled = |law: &Kept| propagator.sampled(&|points| law.densities(points));
+            let sampled = |law: &Law| propagator.sampled(&|points| law.densities(points));
             return Ok(laws.map(sampled).collect());
         }
         if rung.forcing.is_none() || rung.acting().is_some() || !self.knows_law() {

@@ -8,7 +8,6 @@ use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::hermite::{Column, Kept, Settled};
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
@@ -16,6 +15,7 @@ use crate::fokker_planck::policy::{
     EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_STEP,
     LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, REFINED, SHARE,
 };
+use crate::fokker_planck::solved::{Column, Law, Settled};
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -38,12 +38,12 @@ pub(super) struct StartUp<'a> {
 
 /// A solved law at points that come displacement by displacement.
 struct Columns<'a> {
-    law: &'a Kept,
+    law: &'a Law,
     column: RefCell<Column<'a>>,
 }
 
 impl<'a> Columns<'a> {
-    fn of(law: &'a Kept) -> Self {
+    fn of(law: &'a Law) -> Self {
         let column = RefCell::new(law.column(f64::NAN));
         Self { law, column }
     }

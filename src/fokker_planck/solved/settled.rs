@@ -1,31 +1,33 @@
 //! The stationary law of a friction that depends on the displacement, at resolutions that agree.
 
-use super::friction::{Kept, heavy, work};
-use super::operator::Resolution;
+use super::law::Law;
+use super::on_mesh::OnMesh;
 use crate::error::{Error, Result};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
+use crate::fokker_planck::hermite::{Kept, Resolution, heavy, work};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
 use crate::oscillator::Oscillator;
 
 /// A stationary law at two resolutions, of which the finer is believed: what distances are taken to.
 #[derive(Debug, Clone)]
 pub(in crate::fokker_planck) struct Settled {
-    pub(in crate::fokker_planck) law: Kept,
-    pub(in crate::fokker_planck) coarser: Kept,
+    pub(in crate::fokker_planck) law: Law,
+    pub(in crate::fokker_planck) coarser: Law,
     /// What it may be off, in L1.
     pub(in crate::fokker_planck) error: f64,
     /// That over the distance of the two: what a difference of them leaves.
     pub(in crate::fokker_planck) left: f64,
 }
 
-/// The coarsest resolution of such a law, and how many there are at most: the last has
-/// as many functions as ten seconds solve for.
+/// The coarsest resolution of such a law in Hermite functions, and how many there are at most.
 const FIRST: Resolution = Resolution {
     elements: 4,
     pairs: 10,
     level: 18.0,
 };
 const MOST: usize = 6;
+/// Meshes at most, where Hermite functions do not reach what is asked: some seconds.
+const MESHES: usize = 4;
 
 /// Two laws are no farther apart in L1: where they seem to be, rounding spoils this resolution and finer ones.
 const FARTHEST: f64 = 2.0;
@@ -37,23 +39,52 @@ impl Settled {
         (second.0, first.1 + second.1)
     }
 
-    /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one.
+    /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one: in
+    /// Hermite functions, or on a mesh where that is nearer.
     ///
     /// # Errors
-    /// Those of [`Kept::new`].
+    /// Those of either.
     pub(in crate::fokker_planck) fn within(
         oscillator: &Oscillator,
         tolerance: f64,
         late: &dyn Fn() -> Result<()>,
     ) -> Result<Self> {
-        let mut resolution = FIRST;
-        let mut coarser = Kept::new(oscillator, resolution, late)?;
+        let goal = SETTLED_LAW_SHARE.get() * tolerance;
+        let functions = |level: usize| {
+            let law = Kept::new(oscillator, FIRST.refined(level), late)?;
+            Ok(Law::Functions(law))
+        };
+        let functions = Self::of(oscillator, (MOST, goal), functions);
+        if functions.as_ref().is_ok_and(|it| it.error <= goal) {
+            return functions;
+        }
+        let on_mesh = |level: usize| {
+            late()?;
+            Ok(Law::OnMesh(OnMesh::new(oscillator, level)?))
+        };
+        match (functions, Self::of(oscillator, (MESHES, goal), on_mesh)) {
+            (Ok(a), Ok(b)) => Ok(if a.error < b.error { a } else { b }),
+            (Ok(it), Err(_)) | (Err(_), Ok(it)) => Ok(it),
+            (Err(error), Err(_)) => Err(error),
+        }
+    }
+
+    /// As near to `goal` as so many resolutions of one kind come.
+    fn of(
+        oscillator: &Oscillator,
+        (most, goal): (usize, f64),
+        at: impl Fn(usize) -> Result<Law>,
+    ) -> Result<Self> {
+        let mut coarser = at(0)?;
         let mut best: Option<Self> = None;
         let mut before = None;
-        for _ in 1..MOST {
-            resolution = resolution.refined(1);
-            let law = match Kept::new(oscillator, resolution, late) {
-                Err(Error::Linear { .. } | Error::Unresolved { .. }) if best.is_some() => break,
+        for level in 1..most {
+            let law = match at(level) {
+                Err(Error::Linear { .. } | Error::Unresolved { .. } | Error::Mesh { .. })
+                    if best.is_some() =>
+                {
+                    break;
+                }
                 law => law?,
             };
             let change = law.distance(&coarser);
@@ -61,7 +92,7 @@ impl Settled {
                 break;
             }
             let error = before.map_or(left(UNKNOWN) * change, |it| left_of([it, change]))
-                + left(UNKNOWN) * law.rounding;
+                + left(UNKNOWN) * law.rounding();
             before = Some(change);
             let coarser = std::mem::replace(&mut coarser, law.clone());
             let known = best.as_ref().map_or(f64::INFINITY, |it: &Self| it.error);
@@ -73,7 +104,7 @@ impl Settled {
                     left: error / change.max(f64::MIN_POSITIVE),
                 });
             }
-            if error <= SETTLED_LAW_SHARE.get() * tolerance {
+            if error <= goal {
                 break;
             }
         }
