@@ -60,7 +60,7 @@ pub(crate) struct SteadyState {
 /// Solves L P = 0 on a mesh by sparse LU and by time integration, and compares both with (21).
 ///
 /// # Errors
-/// [`Error::NoStationaryLaw`] for a contact without one; otherwise those of [`null_vector`].
+/// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; otherwise those of [`null_vector`].
 pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     SteadyState::of(oscillator, settings)?.solve(oscillator, &limits, &|_| {})
@@ -70,7 +70,7 @@ impl SteadyState {
     /// The recipe for an oscillator with a stationary law.
     ///
     /// # Errors
-    /// [`Error::NoStationaryLaw`] for a contact without one; those of the mesh.
+    /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; those of the mesh.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
         const SOLVES: f64 = 60.0;
         oscillator
