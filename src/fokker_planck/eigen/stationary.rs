@@ -8,7 +8,6 @@ use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, at_least, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, work};
-use crate::fokker_planck::policy::CARRIED;
 use crate::fokker_planck::settings::Settings;
 use crate::fokker_planck::solved::{Law, OnMesh};
 use crate::moments::{Moment, Moments};
@@ -316,10 +315,13 @@ impl Question for Task<'_> {
             let all = 0..scales.len();
             let [earlier, last] = [(&a, &b), (&b, &c)]
                 .map(|(x, y)| all.clone().map(|k| change(x, y, k)).collect::<Vec<f64>>());
-            // Rates and times of what hardly ever happens say nothing of the rest.
+            // No moment is known better than the last one of q, v and the energy: P(loss) may change by less than is left of it.
+            // Skewness and kurtosis weigh tails that the rest hardly sees; rates and times of what hardly ever happens say
+            // nothing of it.
             let pooled = |changes: &[f64]| {
-                let moments = changes[..Moment::ALL.len()].iter();
-                CARRIED.get() * moments.copied().fold(0.0, f64::max)
+                let moments = Moment::ALL.into_iter().zip(changes);
+                let seen = moments.filter(|(it, _)| !it.is_standardised());
+                seen.map(|(_, change)| *change).fold(0.0, f64::max)
             };
             let pooled = [pooled(&earlier), pooled(&last)];
             let rounding = ROUNDING.max(left(UNKNOWN) * law.rounding());

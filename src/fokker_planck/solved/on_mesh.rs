@@ -60,7 +60,7 @@ pub(in crate::fokker_planck) struct OnMesh {
     pub(super) raw: RawMoments,
     /// E\[c v^2\], which is pi h.
     pub(super) dissipated: f64,
-    /// The residual of the null vector.
+    /// The residual of the null vector, and what it holds where no motion comes.
     pub(super) rounding: f64,
 }
 
@@ -108,6 +108,33 @@ fn laid_out(oscillator: &Oscillator, refinement: usize) -> Result<(Oscillator, M
     Ok((held, Mesh { q, v }))
 }
 
+/// The displacements that a motion comes to against friction which meets contact at the highest speed of a domain, and two
+/// deviations more.
+fn reached(oscillator: &Oscillator, [left, right, _, speed]: [f64; 4]) -> [f64; 2] {
+    let contact = oscillator.contact();
+    let cold = oscillator.of_temperature(oscillator.viscous_temperature());
+    let [width, _] = deviations(&cold);
+    let deep = |wall: f64, sign: f64, edge: f64| {
+        let (mut q, mut v) = (wall, speed);
+        let step = 0.01 * width;
+        while v > 0.0 && (edge - q) * sign > 0.0 {
+            // v dv/dq = -c v - G: at most all of the speed.
+            let taken = oscillator.friction(q) + sign * contact.force(q) / v;
+            v -= step * taken;
+            q += sign * step;
+        }
+        q + sign * 2.0 * width
+    };
+    contact.flight().map_or([left, right], |[back, loss]| {
+        let low = if back.is_finite() {
+            deep(back, -1.0, left)
+        } else {
+            left
+        };
+        [low, deep(loss, 1.0, right)]
+    })
+}
+
 impl OnMesh {
     /// What the solve of a refinement takes.
     ///
@@ -136,14 +163,24 @@ impl OnMesh {
         let generator = Generator::new(&held, &mesh, DRIFT)?;
         let (null, rounding) = null_vector(&generator)?;
         let observables = Observables::new(&held, &mesh, DRIFT, generator.weights())?;
-        let raw = observables.raw(&null.ratio(&generator));
-        let nv = mesh.v.len();
+        let (nv, mut g) = (mesh.v.len(), null.ratio(&generator));
+        // What friction lets no motion come to holds rounding and dispersion, which a fourth power of the force would weigh.
+        let [left, right] = reached(oscillator, mesh.domain());
+        let mut beyond = 0.0;
+        let rows = g.chunks_exact_mut(nv).zip(null.cells().chunks_exact(nv));
+        for ((g, cells), q) in rows.zip(mesh.q.centres()) {
+            if *q < left || *q > right {
+                g.fill(0.0);
+                beyond += cells.iter().map(|p| p.abs()).sum::<f64>();
+            }
+        }
+        let raw = observables.raw(&g);
         let mut it = Self {
             density: null.snapshot(f64::INFINITY).p.into_iter().collect(),
             of_v: vec![0.0; nv],
             raw,
             dissipated: 0.0,
-            rounding,
+            rounding: rounding + beyond,
             mesh,
         };
         let Mesh { q, v } = &it.mesh;
