@@ -201,13 +201,32 @@ impl Density {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside.
+    /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside. Of order 3 where the
+    /// difference changes sign inside of cells; as accurate as its sum where it does not.
     pub(crate) fn distance_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
-        let mut more = 0.0;
-        let inside = self.sum_active(law, columns, |p, law| {
-            more += p - law;
-            (p - law).abs()
-        });
+        let nv = self.mesh.v.len();
+        let both = self.cells.iter().zip(&law.cells);
+        let change: Vec<f64> = both.map(|(p, law)| p - law).collect();
+        let beside = |k: usize, stride: usize| {
+            let (before, after) = (k.checked_sub(stride), change.get(k + stride));
+            [
+                before.map_or(0.0, |k| change[k]),
+                after.copied().unwrap_or(0.0),
+            ]
+        };
+        let cells = columns.iter().enumerate();
+        let cells = cells.flat_map(|(i, column)| column.clone().map(move |j| i * nv + j));
+        let (mut inside, mut more) = (0.0, 0.0);
+        for k in cells {
+            let neighbours = [nv, 1].map(|stride| beside(k, stride));
+            let bend: f64 = neighbours
+                .iter()
+                .map(|[a, b]| a - 2.0 * change[k] + b)
+                .sum();
+            let slopes = neighbours.map(|[a, b]| 0.5 * (b - a));
+            inside += mean_modulus(change[k] + bend / 24.0, slopes);
+            more += change[k];
+        }
         inside + f64::max(more, 0.0)
     }
 
@@ -257,6 +276,19 @@ pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
     }
 }
 
+/// Mean of |mean + a x + b y| over the cell |x|, |y| < 1/2.
+fn mean_modulus(mean: f64, slopes: [f64; 2]) -> f64 {
+    let [a, b] = slopes.map(f64::abs);
+    if mean.abs() >= 0.5 * (a + b) {
+        return mean.abs();
+    }
+    // |s|^3/6 is the modulus integrated twice; a slope of next to nothing would leave rounding alone.
+    let (steep, flat) = (a.max(b), a.min(b).max(1e-3 * a.max(b)));
+    let twice = |s: f64| s.abs().powi(3) / 6.0;
+    let along = |s: f64| twice(s + 0.5 * flat) - twice(s - 0.5 * flat);
+    (along(mean + 0.5 * steep) - along(mean - 0.5 * steep)) / (steep * flat)
+}
+
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times
 /// widths for the central schemes.
 fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> Result<Vec<f64>> {
@@ -286,4 +318,42 @@ fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> 
     }
     let density = |x: f64| normal((x - mean) / deviation) / deviation;
     Ok(points().map(|(x, slope)| density(*x) * slope).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Density;
+    use crate::fokker_planck::mesh::{Axis, Mesh};
+    use crate::gaussian::{lower, normal};
+
+    /// Two Gaussians of deviation 1 whose means are `apart` in an oblique direction: the L1 distance is 2 erf(apart/sqrt 8).
+    fn error(cells: usize, apart: f64) -> f64 {
+        let axis = || Axis::uniform(-9.0, 9.0, cells).unwrap();
+        let mesh = Mesh {
+            q: axis(),
+            v: axis(),
+        };
+        let columns = vec![0..cells; cells];
+        let h = 18.0 / cells as f64;
+        let at = |shift: [f64; 2]| {
+            let centre = |i: usize, shift: f64| -9.0 + (i as f64 + 0.5) * h - shift;
+            Density::on(&mesh, &columns, |i, j| {
+                h * h * normal(centre(i, shift[0])) * normal(centre(j, shift[1]))
+            })
+        };
+        let distance =
+            at([0.3, -0.2]).distance_to(&at([0.3 + 0.8 * apart, 0.6 * apart - 0.2]), &columns);
+        let exact = 2.0 * (2.0 * lower(0.5 * apart) - 1.0);
+        (distance - exact).abs()
+    }
+
+    #[test]
+    fn the_l1_distance_is_of_order_3_where_the_difference_changes_sign_inside_of_cells() {
+        let errors = [24, 48, 96, 192].map(|cells| error(cells, 0.7));
+        println!("{errors:?}");
+        assert!(
+            errors[1] < 2e-4 && 512.0 * errors[3] < errors[0],
+            "{errors:?}"
+        );
+    }
 }

@@ -52,7 +52,7 @@ use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use interval::{Leg, Noise, Schedule};
 use pass::{Blocks, Buffers, Map, Matrix};
-use rows::{Rates, active};
+use rows::{Rates, Rows};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -87,10 +87,7 @@ pub struct FlowMap {
     weights: Weights,
     settings: Settings,
     spline: Spline,
-    /// Cells per q row on orbits that close inside the domain.
-    active: Vec<Range<usize>>,
-    /// Number of active cells in the rows before.
-    offsets: Vec<usize>,
+    rows: Rows,
     /// Values to coefficients along v, without noise.
     open: Blocks,
     /// Flow maps by what they do.
@@ -157,11 +154,10 @@ impl FlowMap {
         } else {
             0.0
         };
-        let active = active(oscillator.contact(), mesh, stationary);
-        let mut offsets = vec![0];
-        for range in &active {
-            offsets.push(offsets[offsets.len() - 1] + range.len());
-        }
+        let noise = forcing.as_ref().map_or(oscillator, |it| it.noise());
+        let excess = (1.0 / noise.temperature() - beta).max(0.0);
+        let excess = if stationary { excess } else { 0.0 };
+        let rows = Rows::of(oscillator.contact(), mesh, stationary, excess);
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
         let open = vec![(0..nq, Matrix::new(nv, stride, None))];
         Ok(Self {
@@ -175,8 +171,7 @@ impl FlowMap {
             weights,
             settings,
             spline: Spline::new(),
-            active,
-            offsets,
+            rows,
             open,
             maps: Vec::new(),
             matrices: Vec::new(),
@@ -210,7 +205,7 @@ impl FlowMap {
 
     /// The cells of each q-column on orbits that close inside the domain: those that hold unknowns.
     pub fn columns(&self) -> &[Range<usize>] {
-        &self.active
+        &self.rows.active
     }
 
     pub(crate) fn settings(&self) -> &Settings {
@@ -326,7 +321,7 @@ impl FlowMap {
     fn run(&mut self, share: bool, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
         let nv = self.mesh.v.len();
         let (buffers, schedule) = (&mut self.buffers, &self.schedule);
-        let rows = (&self.active[..], &self.offsets[..]);
+        let rows = &self.rows;
         buffers.average(nv, &self.open, share);
         for &(map, matrix) in &schedule.parts {
             late()?;

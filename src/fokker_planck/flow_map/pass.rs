@@ -1,6 +1,7 @@
 //! The two passes of a step: g carried along the motion, and averaged along v.
 
 use super::super::interpolation::{self, Filter, MARGIN, PANEL, POINTS};
+use super::rows::Rows;
 use crate::matrix::vectorised;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -51,7 +52,11 @@ impl Buffers {
         &mut self,
         nv: usize,
         map: &Map,
-        (active, offsets): (&[Range<usize>], &[usize]),
+        Rows {
+            active,
+            offsets,
+            beyond,
+        }: &Rows,
         share: bool,
     ) {
         /// Rows per task.
@@ -68,8 +73,13 @@ impl Buffers {
                         let out = &mut row[range.clone()];
                         gather(places, weights, coefficients, stride, out);
                         let (first, last) = (row[range.start], row[range.end - 1]);
-                        row[..range.start].fill(first);
-                        row[range.end..].fill(last);
+                        let beyond = &beyond[i * nv..(i + 1) * nv];
+                        for (x, share) in row[..range.start].iter_mut().zip(beyond) {
+                            *x = first * share;
+                        }
+                        for (x, share) in row[range.end..].iter_mut().zip(&beyond[range.end..]) {
+                            *x = last * share;
+                        }
                     }
                 },
             );

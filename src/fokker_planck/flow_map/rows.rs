@@ -58,8 +58,46 @@ impl Rates {
     }
 }
 
+/// The cells of each q row on orbits that close inside the domain, and how g continues beyond them.
+#[derive(Debug, Clone)]
+pub(super) struct Rows {
+    /// Per row the cells that hold unknowns.
+    pub(super) active: Vec<Range<usize>>,
+    /// Their number in the rows before.
+    pub(super) offsets: Vec<usize>,
+    /// g of the other cells over that of the nearest one that holds an unknown: p falls off as the stationary law under the
+    /// noise. Where g is taken against a hotter law, a constant would let what lies there grow by e^{2 zeta t}.
+    pub(super) beyond: Vec<f64>,
+}
+
+impl Rows {
+    /// Those of a mesh; `excess` is 1/T of the noise less that of the law which g is taken against.
+    pub(super) fn of(contact: &ContactLaw, mesh: &Mesh, stationary: bool, excess: f64) -> Self {
+        let active = active(contact, mesh, stationary);
+        let mut offsets = vec![0];
+        for range in &active {
+            offsets.push(offsets[offsets.len() - 1] + range.len());
+        }
+        let v = mesh.v.centres();
+        let row = |range: &Range<usize>| {
+            let (first, last) = (range.start, range.end - 1);
+            let share = move |j: usize| {
+                let edge = v[j.clamp(first, last)];
+                (-0.5 * excess * (v[j] * v[j] - edge * edge)).exp()
+            };
+            (0..v.len()).map(share)
+        };
+        let beyond = active.iter().flat_map(row).collect();
+        Self {
+            active,
+            offsets,
+            beyond,
+        }
+    }
+}
+
 /// Per q row the cells on orbits that stay within the outermost centres; at least the two slowest.
-pub(super) fn active(contact: &ContactLaw, mesh: &Mesh, stationary: bool) -> Vec<Range<usize>> {
+fn active(contact: &ContactLaw, mesh: &Mesh, stationary: bool) -> Vec<Range<usize>> {
     let (q, v) = (mesh.q.centres(), mesh.v.centres());
     let [nq, nv] = mesh.cells();
     if !stationary {

@@ -24,7 +24,7 @@ impl FlowMap {
         /// Rows of cells traced together.
         const ROWS: usize = 8;
         let [nq, _] = self.mesh.cells();
-        let total = self.offsets[nq];
+        let total = self.rows.offsets[nq];
         let stencil = STENCIL;
         let mut sorted: Vec<usize> = (0..legs.len()).collect();
         sorted.sort_by(|a, b| {
@@ -45,7 +45,7 @@ impl FlowMap {
             let (mut places, mut weights) = (&mut map.places[..], &mut map.weights[..]);
             for (row, parts) in &mut groups {
                 let end = (*row + ROWS).min(nq);
-                let count = self.offsets[end] - self.offsets[*row];
+                let count = self.rows.offsets[end] - self.rows.offsets[*row];
                 let (p, rest) = places.split_at_mut(count);
                 places = rest;
                 let (w, rest) = weights.split_at_mut(count * stencil);
@@ -59,7 +59,7 @@ impl FlowMap {
             let centres = (self.mesh.q.centres(), self.mesh.v.centres());
             let cells: Vec<[f64; 2]> = (*row..end)
                 .flat_map(|i| {
-                    self.active[i]
+                    self.rows.active[i]
                         .clone()
                         .map(move |j| [centres.0[i], centres.1[j]])
                 })

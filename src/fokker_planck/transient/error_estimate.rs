@@ -31,10 +31,16 @@ pub(super) struct Errors {
     rounding: f64,
 }
 
-/// Moments that the motion turns into each other; N is a function of q.
-const FAMILIES: [&[Moment]; 2] = [
+/// Moments that the motion turns into each other, N being a function of q; and the shape of the law of N.
+const FAMILIES: [&[Moment]; 3] = [
     &[Moment::MeanQ, Moment::MeanV, Moment::MeanForce],
-    &[Moment::VarQ, Moment::VarV, Moment::CovQv],
+    &[
+        Moment::VarQ,
+        Moment::VarV,
+        Moment::CovQv,
+        Moment::MeanEnergy,
+    ],
+    &[Moment::SkewnessForce, Moment::KurtosisForce],
 ];
 
 /// The differences of a run to the one before; a number that only the finer one knows differs by anything.
