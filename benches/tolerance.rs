@@ -333,9 +333,12 @@ impl Scene {
     /// Runs of fixed cells, step and domain, the cheapest first.
     fn candidates(&self, cells: [usize; 2]) -> Vec<(f64, Settings)> {
         let mut all = Vec::new();
+        // Friction shortens the steps.
+        let longest = 1.5 / self.oscillator.zeta().max(1.0);
         for k in 0..22 {
             let cells = cells.map(|n| 2 * ((0.12 * n as f64 * 1.15_f64.powi(k)) as usize / 2));
-            for step in [1.5, 1.1, 0.8, 0.6, 0.42, 0.3, 0.2, 0.14, 0.1] {
+            for shorter in [1.0, 1.4, 1.9, 2.5, 3.6, 5.0, 7.5, 11.0, 15.0, 22.0, 30.0] {
+                let step = longest / shorter;
                 for neglected in [1e-4, 1e-5, 1e-6, 1e-8] {
                     let settings = Settings {
                         cells: Some(cells),
@@ -448,7 +451,7 @@ fn survey(
                 (
                     format!(
                         "{:<16}{least:>10.2}{error:>9.0e}",
-                        format!("{q} x {v}, {step}")
+                        format!("{q} x {v}, {step:.2}")
                     ),
                     format!("{:6.1}", alone / least),
                 )

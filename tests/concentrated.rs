@@ -280,6 +280,7 @@ fn from_energies_far_above_the_stationary_law_a_linear_oscillator_keeps_its_clos
         (0.005, 0.01, [0.6, 0.3]),
         // Friction keeps motion from turning: what lies at the edge of the domain stays there.
         (1.75, 0.08, [-0.5, -0.4]),
+        (4.5, 0.1, [-0.5, -0.4]),
     ] {
         let h = 2.0 * zeta * temperature / std::f64::consts::PI;
         let it = Oscillator::new(ContactLaw::Linear, zeta, h).unwrap();

@@ -76,13 +76,7 @@ fn every_built_in_transient_has_its_recipe() {
         ("bilinear", MAP, ON_A_MESH, [151, 88], 80),
         ("displaced", MAP, ON_A_MESH, [118, 70], 160),
         ("dropped", MAP, AT_FIRST, [202, 122], 66),
-        (
-            "overdamped",
-            "finite volumes, order 8, imex",
-            ON_A_MESH,
-            [124, 84],
-            100,
-        ),
+        ("overdamped", MAP, ON_A_MESH, [133, 84], 120),
         ("free-fall", MAP, FOR_GOOD, [28, 28], 3),
     ];
     let mut others = Vec::new();

@@ -66,7 +66,7 @@ table! {
         a moving local grid carries it until it is wide enough.";
     FALLING = 1.25: "Amplitude of a density over that of the stationary law up to which finite volumes hold it under strong \
         friction, and of their domain over that: with less room the tails cut off were 7e-5 of a variance. At 2 a mesh takes over \
-        earlier, and has three times the cells. Without it zeta = 3, T = 0.5 from (6, 0) has no answer in 70 s, for 35 s.";
+        earlier, and has three times the cells. With it zeta = 5, T = 0.5 from (6, 0) took 91 s.";
     KINK_FINER = 3.6: "Cells of a flow map where contact begins over those elsewhere, under much noise: the kink of the force leaves \
         order 3 to equal cells. Twice as many bring a bilinear contact to 1e-4 in a third of the time, cost a Hertzian one a tenth, \
         and change nothing over the calibration.";
