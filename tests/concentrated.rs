@@ -128,8 +128,7 @@ fn linear_and_free_oscillators_from_rest_keep_their_closed_form_inside_the_error
             ] {
                 let wrong = (x.value - y).abs();
                 println!("{name}, zeta = {zeta}, t = {t}: {number} = {x}, wrong by {wrong:.1e}");
-                // One of 120 may be beyond by as little as the calibration sees.
-                assert!(wrong <= 1.05 * x.error, "{number}");
+                assert!(wrong <= x.error, "{number}");
             }
         }
     }
@@ -318,8 +317,7 @@ fn from_energies_far_above_the_stationary_law_a_linear_oscillator_keeps_its_clos
             ] {
                 let wrong = (x.value - y).abs();
                 println!("  t = {t}: {number} = {x}, wrong by {wrong:.1e}");
-                // One of 120 may be beyond by as little as the calibration sees.
-                assert!(wrong <= 1.05 * x.error, "{number} at t = {t}");
+                assert!(wrong <= x.error, "{number} at t = {t}");
             }
         }
     }

@@ -19,7 +19,7 @@
 //!
 //! - Edge: departure points outside the domain take the value of g at the nearest centre, as does the
 //!   average along v; g = 1 stays. Orbits that do not close inside the domain hold no unknowns: along each
-//!   row g continues as a constant beyond them. For a contact without a stationary law, where g is the
+//!   row p continues beyond them as the stationary law falls off, g as a constant where it is taken against that law. For a contact without a stationary law, where g is the
 //!   density p itself, nothing comes in from outside and what leaves is lost.
 //! - Mass: interpolation keeps it to its own error. A constant is added to g that keeps it exactly;
 //!   constants pass unchanged through every part of a step, so one addition at the end is the same as
@@ -155,8 +155,11 @@ impl FlowMap {
             0.0
         };
         let noise = forcing.as_ref().map_or(oscillator, |it| it.noise());
-        let excess = (1.0 / noise.temperature() - beta).max(0.0);
-        let excess = if stationary { excess } else { 0.0 };
+        let excess = if stationary {
+            (1.0 / noise.temperature() - beta).max(0.0)
+        } else {
+            0.0
+        };
         let rows = Rows::of(oscillator.contact(), mesh, stationary, excess);
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
         let open = vec![(0..nq, Matrix::new(nv, stride, None))];
