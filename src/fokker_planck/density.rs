@@ -205,27 +205,20 @@ impl Density {
     /// difference changes sign inside of cells; as accurate as its sum where it does not.
     pub(crate) fn distance_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
         let nv = self.mesh.v.len();
-        let both = self.cells.iter().zip(&law.cells);
-        let change: Vec<f64> = both.map(|(p, law)| p - law).collect();
-        let beside = |k: usize, stride: usize| {
-            let (before, after) = (k.checked_sub(stride), change.get(k + stride));
-            [
-                before.map_or(0.0, |k| change[k]),
-                after.copied().unwrap_or(0.0),
-            ]
-        };
-        let cells = columns.iter().enumerate();
-        let cells = cells.flat_map(|(i, column)| column.clone().map(move |j| i * nv + j));
+        let outside = || std::iter::repeat_n(0.0, nv);
+        let both = self.cells.iter().zip(&law.cells).map(|(p, law)| p - law);
+        let change: Vec<f64> = outside().chain(both).chain(outside()).collect();
         let (mut inside, mut more) = (0.0, 0.0);
-        for k in cells {
-            let neighbours = [nv, 1].map(|stride| beside(k, stride));
-            let bend: f64 = neighbours
-                .iter()
-                .map(|[a, b]| a - 2.0 * change[k] + b)
-                .sum();
-            let slopes = neighbours.map(|[a, b]| 0.5 * (b - a));
-            inside += mean_modulus(change[k] + bend / 24.0, slopes);
-            more += change[k];
+        for (i, column) in columns.iter().enumerate() {
+            let first = (i + 1) * nv + column.start;
+            let at = |first: usize| &change[first..first + column.len()];
+            let along_q = at(first - nv).iter().zip(at(first + nv));
+            let along_v = at(first - 1).iter().zip(at(first + 1));
+            for ((own, (a, b)), (c, d)) in at(first).iter().zip(along_q).zip(along_v) {
+                let bend = a + b + c + d - 4.0 * own;
+                inside += mean_modulus(own + bend / 24.0, [0.5 * (b - a), 0.5 * (d - c)]);
+                more += own;
+            }
         }
         inside + f64::max(more, 0.0)
     }
@@ -277,14 +270,21 @@ pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
 }
 
 /// Mean of |mean + a x + b y| over the cell |x|, |y| < 1/2.
+#[inline]
 fn mean_modulus(mean: f64, slopes: [f64; 2]) -> f64 {
-    let [a, b] = slopes.map(f64::abs);
-    if mean.abs() >= 0.5 * (a + b) {
-        return mean.abs();
+    let slopes = slopes.map(f64::abs);
+    if mean.abs() >= 0.5 * (slopes[0] + slopes[1]) {
+        mean.abs()
+    } else {
+        mean_across_zero(mean, slopes)
     }
+}
+
+/// The same of a plane that passes through zero in the cell; slopes not negative.
+fn mean_across_zero(mean: f64, [a, b]: [f64; 2]) -> f64 {
     // |s|^3/6 is the modulus integrated twice; a slope of next to nothing would leave rounding alone.
     let (steep, flat) = (a.max(b), a.min(b).max(1e-3 * a.max(b)));
-    let twice = |s: f64| s.abs().powi(3) / 6.0;
+    let twice = |s: f64| s.abs() * s * s / 6.0;
     let along = |s: f64| twice(s + 0.5 * flat) - twice(s - 0.5 * flat);
     (along(mean + 0.5 * steep) - along(mean - 0.5 * steep)) / (steep * flat)
 }
