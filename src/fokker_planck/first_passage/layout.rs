@@ -1,6 +1,7 @@
 //! Steps, meshes and times of the backward equation.
 
 use super::mesh::{Fineness, POINTS, extent};
+use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
 use crate::contact::ContactLaw;
 use crate::fokker_planck::budget::{Cost, timing};
@@ -223,7 +224,8 @@ impl Layout {
     /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors.
     fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
         let [nq, nv] = self.nodes.map(|n| n as f64);
-        nq * (self.points(oscillator) * 112.0 + nv * 46.0 * 8.0) + 40.0 * 8.0 * nq * nv
+        nq * (self.points(oscillator) * 112.0 + nv * 46.0 * 8.0)
+            + (24.0 + FULL as f64) * 8.0 * nq * nv
     }
 
     /// What the fine run takes, and those that measure its error.
