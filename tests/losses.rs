@@ -291,7 +291,7 @@ fn paths_stop_at_the_limit_of_time_and_a_tolerance_out_of_reach_is_a_shortfall()
     let free = Settings {
         cells: None,
         step: None,
-        // The first mesh takes 3.9 MB, the next one more than this.
+        // The first mesh takes a little less, the next one more than this.
         max_memory: 4_500_000,
         tolerance: 3e-4,
         ..settings

@@ -225,7 +225,7 @@ impl Layout {
     fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
         let [nq, nv] = self.nodes.map(|n| n as f64);
         nq * (self.points(oscillator) * 112.0 + nv * 46.0 * 8.0)
-            + (24.0 + FULL as f64) * 8.0 * nq * nv
+            + (16.0 + FULL as f64) * 8.0 * nq * nv
     }
 
     /// What the fine run takes, and those that measure its error.

@@ -19,7 +19,7 @@ const GROWTH: usize = 4;
 /// Vectors of one that corrects the sum.
 const CORRECTING: usize = 16;
 /// At so many a space is given up for one that begins with the modes found.
-pub(super) const FULL: usize = 64;
+pub(super) const FULL: usize = 40;
 /// Spaces built one after another, at the most.
 const CYCLES: usize = 12;
 /// What the long run of an absorbed motion is.
