@@ -22,12 +22,14 @@ const CORRECTING: usize = 16;
 pub(super) const FULL: usize = 40;
 /// Spaces built one after another, at the most.
 const CYCLES: usize = 12;
+/// Of a factor of a step.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// What the long run of an absorbed motion is.
 #[derive(Debug, Clone)]
 pub(crate) struct LongRun {
     /// X = sum over n of the survivals; None where losses are so rare that it is the slowest mode alone.
     pub(crate) sum: Option<Vec<f64>>,
-    /// The slowest mode, and the exponent by which it falls in a step.
+    /// The slowest mode, and the exponent by which it falls in a step; 0 or less where that is rounding.
     pub(crate) mode: Vec<f64>,
     pub(crate) exponent: f64,
     /// Relative errors of the sum and of 1 - factor that the iteration leaves.
@@ -115,7 +117,7 @@ pub(crate) fn long_run(
                 steps,
             });
         }
-        residuals[1] = modes[0].residual / modes[0].lost();
+        residuals[1] = modes[0].error();
         // The first space is that of both.
         if solving || cycle == 0 {
             space.correct(&left, &mut sum)?;
@@ -141,6 +143,8 @@ pub(crate) fn long_run(
         let begun = balance.along(&shape, &given) / balance.along(&shape, &shape) / stride as f64;
         let more = begun * (1.0 / exponent - 1.0 / of_mesh);
         sum.iter_mut().zip(&shape).for_each(|(x, m)| *x += more * m);
+    } else if exponent < ROUNDING {
+        exponent = 0.0;
     }
     Ok(LongRun {
         sum: Some(sum),
@@ -188,7 +192,7 @@ impl Balance<'_> {
         let mut open = 0.0;
         for (k, mode) in modes.iter().enumerate() {
             // Further ones that are not known are not slow.
-            if k > 0 && mode.residual > 0.1 * mode.lost() {
+            if k > 0 && mode.error() > 0.1 {
                 continue;
             }
             let own = self.along(&mode.shape, &mode.shape);
@@ -218,6 +222,11 @@ impl Mode {
     /// What is lost of it over a stride; rounding is the least that is told of a factor.
     fn lost(&self) -> f64 {
         (1.0 - self.factor).max(f64::EPSILON)
+    }
+
+    /// What that may be off, relative to it.
+    fn error(&self) -> f64 {
+        self.residual / self.lost()
     }
 }
 
@@ -282,7 +291,7 @@ impl Space {
                     return Ok(lost);
                 }
             }
-            if residual / modes[0].lost() <= enough || self.is_full() {
+            if modes[0].error() <= enough || self.is_full() {
                 return Ok(None);
             }
         }

@@ -280,9 +280,8 @@ impl Problem<'_> {
             0.0
         };
         run.mean_time = mean_time;
-        // Below the rounding of a step, where no detailed balance tells it, it is not known.
-        let known = long.exponent > 8.0 * f64::EPSILON || rare(&long.mode).is_some();
-        run.rate = if known { rate } else { f64::NAN };
+        // Below rounding, where no detailed balance tells it, it is not known.
+        run.rate = if rate > 0.0 { rate } else { f64::NAN };
         run.total = total;
         run.over_rice = run.rate * stationary.total / rice;
         run.residuals = [long.residuals[0] + forgets, unlike];
