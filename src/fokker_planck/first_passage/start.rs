@@ -1,6 +1,6 @@
 //! Initial conditions as weights on the nodes of a mesh: what each sees of the survival there.
 
-use super::absorbed::Absorbed;
+use super::absorbed::{Absorbed, REACH};
 use super::cut::{between, cuts, from_cut};
 use super::mesh::Contact;
 use super::region::Region;
@@ -174,27 +174,32 @@ impl Starts<'_> {
     /// probability of a loss in the step from the mirrored state. Small numbers keep their digits.
     pub(super) fn outflow(&self, lines: &[Line]) -> Result<Start> {
         let deviation = self.region.oscillator.temperature().sqrt();
-        let ends = [-8.0 * deviation, 8.0 * deviation];
-        let scale = self.absorbed.spread.min(0.5 * deviation);
+        let spread = self.absorbed.spread;
+        let scale = spread.min(0.5 * deviation);
+        // From the mesh's edge down to where no kick takes the energy over the level: p_s rises as exp(v^2/2T) on the way there, which
+        // shifts the kicks that count.
+        let speed = self.mesh().speed;
+        let kicked = spread * (REACH + 1.5 * spread * speed / deviation.powi(2));
+        let energies = [
+            0.5 * speed * speed - self.region.rise(),
+            -kicked * (speed + 0.5 * kicked),
+        ];
+        let crossing = self.region.potential(self.region.barrier.low);
         let mut near = Vec::new();
         let mut points = Vec::new();
         for &Line { q, weight, cut, .. } in lines {
             let law = |v: f64| weight * normal(v / deviation) / deviation;
+            let at_level = crossing - self.region.potential(q);
+            let [most, least] = energies.map(|it| (2.0 * (at_level + it)).max(0.0).sqrt());
             // Both ends of [cut, -cut] are roots.
-            if cut > ends[0] {
-                for (v, w) in from_cut(cut, [ends[0], 0.0], scale) {
-                    near.push(([q, v], w * law(v)));
-                    near.push(([q, -v], w * law(v)));
-                }
-                for (v, w) in from_cut(-cut, ends, scale) {
+            for (v, w) in from_cut(cut, [-most, -least], scale) {
+                near.push(([q, v], w * law(v)));
+                near.push(([q, -v], w * law(v)));
+            }
+            if cut > -most {
+                for (v, w) in from_cut(-cut, [-most, most], scale) {
                     points.push(([q, v], w * law(v)));
                 }
-            } else {
-                near.extend(
-                    from_cut(cut, ends, scale)
-                        .into_iter()
-                        .map(|(v, w)| ([q, v], w * law(v))),
-                );
             }
         }
         let mirrored: Vec<[f64; 2]> = near.iter().map(|(z, _)| [z[0], -z[1]]).collect();
