@@ -366,8 +366,7 @@ impl Task<'_> {
         let runs = Runs::new(runs);
         let (fine, tolerance) = (runs.fine, self.problem.asked.tolerance);
         let [survival, lost, mut density] = self.curves(layout, &runs);
-        // What a start that is solved for may be off, given that nothing is lost at 0.
-        let begun = self.begun(fine);
+        let begun = self.begun(layout, fine);
         let mut worst = Worst::default();
         let mut number = |of: &dyn Fn(&Run) -> f64, beyond: f64, judged: bool| {
             let (value, parts) = runs.exponential(of);
@@ -423,17 +422,17 @@ impl Task<'_> {
         (it, worst)
     }
 
-    /// What a start that is solved for may be off.
-    fn begun(&self, fine: &Run) -> f64 {
+    /// What of an initial condition is beyond the mesh, or what one that is solved for may be off, given that nothing is lost at 0.
+    fn begun(&self, layout: &Layout, fine: &Run) -> f64 {
         let law = self.problem.law.as_ref();
-        law.map_or(0.0, |law| law.error / fine.total)
+        law.map_or(layout.unseen, |law| law.error / fine.total)
     }
 
     /// Survival, losses and their density.
     fn curves(&self, layout: &Layout, runs: &Runs<'_>) -> [Vec<Estimate>; 3] {
         let (fine, times) = (runs.fine, &layout.times[..]);
-        // What the edge of the mesh leaves out of the losses, and what a start that is solved for may be off.
-        let (outside, begun) = (layout.outside, self.begun(fine));
+        // What the edge of the mesh leaves out of the losses, and of the initial condition.
+        let (outside, begun) = (layout.outside, self.begun(layout, fine));
         // Of an initial condition that is beyond the level in part, losses are a difference from 1.
         let at_once = fine.lost.first().is_some_and(|lost| *lost != 0.0);
         let rounding = if at_once { ROUNDING } else { 0.0 };

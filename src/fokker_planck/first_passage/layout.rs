@@ -3,10 +3,12 @@
 use super::mesh::{Fineness, POINTS, extent};
 use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
+use super::start::DEVIATIONS;
 use crate::contact::ContactLaw;
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::LADDER_RATIO;
+use crate::gaussian::lower;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::f64::consts::TAU;
@@ -48,6 +50,8 @@ pub(super) struct Layout {
     pub(super) correlation_time: f64,
     /// Part of the losses that begins beyond the edge of the mesh.
     pub(super) outside: f64,
+    /// Part of the initial condition that is beyond it.
+    pub(super) unseen: f64,
     /// Whether each step has its own kick.
     pub(super) driven: bool,
 }
@@ -140,6 +144,13 @@ impl Layout {
         let correlation_time = oscillator.correlation_time();
         let right = region.turning_point(rise + level * temperature);
         let right = barrier.high.or(right).unwrap_or(barrier.low);
+        let unseen = match region.seen(initial) {
+            Initial::Gaussian { mean, deviation } => {
+                let edge = (right - mean[0]) / deviation[0];
+                2.0 * lower(-DEVIATIONS) + barrier.high.map_or(lower(-edge), |_| 0.0)
+            }
+            Initial::Rest | Initial::Stationary => 0.0,
+        };
         let nodes = match asked.cells {
             Some(cells) => cells.map(|n| n.max(16)),
             None => {
@@ -157,6 +168,7 @@ impl Layout {
             speed,
             correlation_time,
             outside,
+            unseen,
             driven: forcing.is_some(),
         }
     }

@@ -12,6 +12,9 @@ use rayon::prelude::*;
 /// Motions followed between two looks at the clock.
 const BATCH: usize = 512;
 
+/// How far a Gaussian of the velocity is integrated.
+pub(super) const DEVIATIONS: f64 = 8.0;
+
 /// The velocities at one displacement, in an integral over q.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line {
@@ -61,7 +64,7 @@ impl Starts<'_> {
     pub(super) fn lines(&self, lines: &[Line], mean: f64, deviation: f64) -> Result<Start> {
         let mut points = Vec::new();
         let mut lost = 0.0;
-        let ends = [mean - 8.0 * deviation, mean + 8.0 * deviation];
+        let ends = [-DEVIATIONS, DEVIATIONS].map(|it| mean + it * deviation);
         // Survival has the scale of the noise, the start that of its deviation.
         let scale = (2.0 * self.absorbed.spread).min(0.5 * deviation);
         for &Line {
@@ -89,7 +92,7 @@ impl Starts<'_> {
         deviation: f64,
         law: &(dyn Fn(f64, &[f64]) -> Vec<f64> + Sync),
     ) -> Result<Start> {
-        let edge = 8.0 * deviation;
+        let edge = DEVIATIONS * deviation;
         let scale = (2.0 * self.absorbed.spread).min(0.5 * deviation);
         let parts: Result<Vec<Part>> = lines
             .par_iter()
@@ -227,7 +230,7 @@ impl Starts<'_> {
         let cut = self.cuts(&[self.region.barrier.low])[0][0].max(0.0);
         // From (q_loss, 0) the survival rises as a root of v.
         let start = -f64::MIN_POSITIVE;
-        let points: Vec<([f64; 2], f64)> = from_cut(cut, [start, 8.0 * deviation], scale)
+        let points: Vec<([f64; 2], f64)> = from_cut(cut, [start, DEVIATIONS * deviation], scale)
             .into_iter()
             .map(|(v, w)| {
                 let flux = density * v * normal(v / deviation) / deviation;
