@@ -5,6 +5,7 @@
 
 use std::f64::consts::PI;
 use vibroimpact::contact::ContactLaw;
+use vibroimpact::damping::Damping;
 use vibroimpact::estimate::Estimate;
 use vibroimpact::fokker_planck::{FirstLoss, Flight, Settings, first_loss, flight_law};
 use vibroimpact::initial::Initial;
@@ -162,6 +163,27 @@ fn the_rate_of_rare_losses_is_rice_s_times_the_share_that_is_not_a_repetition() 
         assert!((got.mean_time.value * got.rate.value - 1.0).abs() < 1e-6);
         assert!(got.method.step > 0.4);
     }
+}
+
+#[test]
+fn friction_in_contact_alone_is_viscous_up_to_the_loss_of_contact() {
+    let settings = Settings {
+        tolerance: 1e-2,
+        ..Settings::default()
+    };
+    let lost = |damping: Damping| {
+        let it = hertz(0.02, 4e-4).with_damping(damping).unwrap();
+        first_loss(&it, &Initial::Rest, 10.0, &settings, &|_| {}).unwrap()
+    };
+    let [viscous, contact] = [Damping::Viscous, Damping::Contact].map(lost);
+    assert!(contact.shortfall.is_none());
+    for (a, b) in viscous.survival.iter().zip(&contact.survival) {
+        assert_eq!(a.value, b.value);
+    }
+    assert_eq!(viscous.rate.value, contact.rate.value);
+    assert_eq!(viscous.mean_time.value, contact.mean_time.value);
+    // The stationary law is another, and so is Rice's rate.
+    assert!(contact.rate_over_rice.value.is_nan());
 }
 
 #[test]

@@ -9,7 +9,6 @@ use crate::monte_carlo::{Ensemble, FirstLosses, Records, Series};
 
 /// How a stage will be computed: decided once, printed and executed.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant)] // One a stage.
 pub(super) enum Recipe {
     ClosedForm,
     Stationary(StationaryState),

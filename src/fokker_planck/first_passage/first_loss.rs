@@ -75,6 +75,8 @@ fn equation(driven: bool) -> &'static str {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FirstPassage {
     asked: Asked,
+    /// As it moves up to the levels.
+    inside: Oscillator,
     layout: Layout,
     forcing: Option<Arc<Forcing>>,
     /// What it will take.
@@ -132,6 +134,7 @@ impl FirstPassage {
         let asked = Asked {
             name,
             barrier,
+            reference: (!oscillator.is_viscous()).then(|| oscillator.temperature()),
             until,
             tolerance: settings.tolerance,
             step: settings.step,
@@ -140,14 +143,16 @@ impl FirstPassage {
         if !oscillator.contact().is_confining() {
             oscillator.displacement_law()?;
         }
-        let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
-        let layout = Layout::of(oscillator, initial, &asked, forcing.as_ref());
-        let mut cost = layout.cost(oscillator);
+        let inside = barrier.inside(oscillator)?;
+        let forcing = Forcing::of(&inside, initial, &settings.excitation, until)?;
+        let layout = Layout::of(&inside, initial, &asked, forcing.as_ref());
+        let mut cost = layout.cost(&inside);
         if asked.step.is_none() && asked.cells.is_none() {
             cost.seconds *= ROUNDS;
         }
         Ok(Self {
             asked,
+            inside,
             layout,
             forcing: forcing.map(Arc::new),
             cost,
@@ -184,7 +189,7 @@ impl FirstPassage {
         };
         let task = Task {
             problem: Problem {
-                oscillator,
+                oscillator: &self.inside,
                 initial,
                 asked: self.asked,
                 forcing: self.forcing.as_deref(),

@@ -29,6 +29,8 @@ pub(super) struct Asked {
     pub(super) name: &'static str,
     /// The loss point, or any other level.
     pub(super) barrier: Barrier,
+    /// T of what the stationary law is weighed with, where that is not exp(-H/T)/Z.
+    pub(super) reference: Option<f64>,
     pub(super) until: f64,
     pub(super) tolerance: f64,
     pub(super) step: Option<f64>,
@@ -79,25 +81,22 @@ impl Layout {
         let t = oscillator.temperature();
         let rise = region.rise();
         // One hundredth of the tolerance above the edge, a start with its Gaussian, and the way from well to well.
-        let mut level = (100.0 / tolerance).ln().clamp(8.0, 30.0) + 2.0;
+        let least = (100.0 / tolerance).ln().clamp(8.0, 30.0) + 2.0;
+        let hotter = match initial {
+            Initial::Stationary => asked.reference.map_or(1.0, |it| it / temperature),
+            _ => 1.0,
+        };
+        let mut level = least * hotter;
         if let Some(top) = oscillator.contact().barrier() {
             level = level.max((top - rise) / t + OVER_A_BARRIER);
         }
-        let far = match region.seen(initial) {
-            Initial::Gaussian { mean, deviation } => {
-                let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
-                let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
-                corners.map(|(a, b)| [far(0, a), far(1, b)]).to_vec()
-            }
-            Initial::Rest => vec![[0.0; 2]],
-            Initial::Stationary => Vec::new(),
-        };
-        for [q, v] in far {
+        for [q, v] in corners(&region.seen(initial)) {
             let q = q.max(barrier.low);
             let q = barrier.high.map_or(q, |high| q.min(high));
             level = level.max((0.5 * v * v + region.height(q) - rise) / t);
         }
-        let outside = (-level).exp() * (1.0 + level);
+        let beyond = level / hotter;
+        let outside = (-beyond).exp() * (1.0 + beyond);
         let speed = (2.0 * (rise + level * t)).sqrt() + swing;
         let level = if forcing.is_none() {
             level
@@ -276,6 +275,19 @@ impl Layout {
         }
         self.steps().min(10.0 * self.correlation_time / self.step)
             + 1.2 * 18.0 * self.stride(self.step) as f64
+    }
+}
+
+/// The ends of an initial condition, five deviations of a Gaussian away.
+fn corners(initial: &Initial) -> Vec<[f64; 2]> {
+    match initial {
+        Initial::Gaussian { mean, deviation } => {
+            let far = |k: usize, sign: f64| mean[k] + sign * 5.0 * deviation[k];
+            let signs = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+            signs.map(|(a, b)| [far(0, a), far(1, b)]).to_vec()
+        }
+        Initial::Rest => vec![[0.0; 2]],
+        Initial::Stationary => Vec::new(),
     }
 }
 

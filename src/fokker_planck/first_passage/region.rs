@@ -2,6 +2,7 @@
 //!
 //! A passage upwards is one downwards in x = -q, and so is everything that the motion needs of the oscillator.
 
+use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::fokker_planck::solved::Law;
 use crate::fokker_planck::trajectory::Motion;
@@ -79,6 +80,20 @@ impl Barrier {
             return Err(Error::invalid(key, level, accepted));
         }
         Ok(it)
+    }
+
+    /// What moves up to these levels: friction in contact alone is viscous where there is no flight.
+    ///
+    /// # Errors
+    /// Those of [`Oscillator::with_damping`].
+    pub(super) fn inside(&self, oscillator: &Oscillator) -> Result<Oscillator> {
+        let loss = oscillator.contact().loss_point();
+        let in_contact = loss.is_none_or(|loss| self.sign > 0.0 && self.low >= loss);
+        let it = oscillator.clone();
+        match oscillator.damping() {
+            Damping::Contact if in_contact => it.with_damping(Damping::Viscous),
+            _ => Ok(it),
+        }
     }
 }
 

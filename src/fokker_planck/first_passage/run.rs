@@ -134,6 +134,7 @@ const ENDS: usize = 3;
 
 /// What is asked of whom.
 pub(super) struct Problem<'a> {
+    /// As it moves up to the levels.
     pub(super) oscillator: &'a Oscillator,
     pub(super) initial: &'a Initial,
     pub(super) asked: Asked,
@@ -217,7 +218,8 @@ impl Problem<'_> {
             None
         };
         let balance = leaving.as_ref().map(|[out, into]| [out, into]);
-        let balance = balance.filter(|_| *self.initial == Initial::Stationary);
+        let known = *self.initial == Initial::Stationary && self.law.is_none();
+        let balance = balance.filter(|_| known);
         let step = fineness.step;
         let (every, times) = layout.of_steps(step);
         let integration = self.integrate(
@@ -253,7 +255,7 @@ impl Problem<'_> {
                 .barrier
                 .high
                 .map_or(0.0, |high| region.density(&law, high));
-        let rice = if it.is_viscous() {
+        let rice = if self.asked.reference.is_none() {
             crossed * deviation * normal(0.0)
         } else {
             f64::NAN
