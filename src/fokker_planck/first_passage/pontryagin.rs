@@ -27,15 +27,29 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// What the long run of an absorbed motion is.
 #[derive(Debug, Clone)]
 pub(crate) struct LongRun {
-    /// X = sum over n of the survivals; None where losses are so rare that it is the slowest mode alone.
+    /// X = sum over n of the survivals; None where losses are so rare that it is the slowest mode alone; NaN where what is lost of
+    /// that is rounding.
     pub(crate) sum: Option<Vec<f64>>,
-    /// The slowest mode, and the exponent by which it falls in a step; 0 or less where that is rounding.
+    /// The slowest mode, and the exponent by which it falls in a step; 0 where that is rounding.
     pub(crate) mode: Vec<f64>,
     pub(crate) exponent: f64,
     /// Relative errors of the sum and of 1 - factor that the iteration leaves.
     pub(crate) residuals: [f64; 2],
     /// Steps taken.
     pub(crate) steps: u64,
+}
+
+impl LongRun {
+    /// One of which nothing is told.
+    fn of_rounding(mode: Vec<f64>, steps: u64) -> Self {
+        Self {
+            sum: Some(vec![f64::NAN; mode.len()]),
+            mode,
+            exponent: 0.0,
+            residuals: [0.0; 2],
+            steps,
+        }
+    }
 }
 
 /// `stride` steps a Krylov vector; ends at the relative errors `enough`; `rare` tells of a mode what is lost of it in
@@ -93,6 +107,7 @@ pub(crate) fn long_run(
     };
     let mut modes: Vec<Mode> = (0..wells as i32).map(begun).collect();
     let mut residuals = [1.0, 1.0];
+    let least = ROUNDING * stride as f64;
     for cycle in 0..CYCLES {
         // The modes first, as far as half the spaces bring them, then the sum.
         let solving = residuals[1] <= enough || cycle >= CYCLES / 2;
@@ -105,7 +120,7 @@ pub(crate) fn long_run(
         let mut apply = |field: &[f64]| several(field, None);
         if solving {
             space.grow(CORRECTING, &mut apply)?;
-        } else if let Some(lost) = space.find(&mut modes, enough, rare, &mut apply)? {
+        } else if let Some(lost) = space.find(&mut modes, (enough, least), rare, &mut apply)? {
             let Mode {
                 shape, residual, ..
             } = modes.swap_remove(0);
@@ -118,6 +133,9 @@ pub(crate) fn long_run(
             });
         }
         residuals[1] = modes[0].error();
+        if modes[0].is_rounding(least) {
+            return Ok(LongRun::of_rounding(modes.swap_remove(0).shape, steps));
+        }
         // The first space is that of both.
         if solving || cycle == 0 {
             space.correct(&left, &mut sum)?;
@@ -143,8 +161,6 @@ pub(crate) fn long_run(
         let begun = balance.along(&shape, &given) / balance.along(&shape, &shape) / stride as f64;
         let more = begun * (1.0 / exponent - 1.0 / of_mesh);
         sum.iter_mut().zip(&shape).for_each(|(x, m)| *x += more * m);
-    } else if exponent < ROUNDING {
-        exponent = 0.0;
     }
     Ok(LongRun {
         sum: Some(sum),
@@ -228,6 +244,11 @@ impl Mode {
     fn error(&self) -> f64 {
         self.residual / self.lost()
     }
+
+    /// Whether it is known to rounding, `least`, and no more than that is lost of it.
+    fn is_rounding(&self, least: f64) -> bool {
+        self.residual.max((1.0 - self.factor).abs()) < least
+    }
 }
 
 /// An orthonormal basis V of the span of some vectors and of powers of B times them, and B in it: B V = V H for all of V but
@@ -267,12 +288,12 @@ impl Space {
         Ok(())
     }
 
-    /// Grows it until it holds the slowest mode to `enough`, or is full; what is lost of that in a step where it is next to
-    /// nothing: in a single well so rare a loss forgets the start long before, and the sum is the slowest mode.
+    /// Grows it until it holds the slowest mode to `enough` or to rounding, `least`, or is full; what is lost of that in a step where
+    /// it is next to nothing: in a single well so rare a loss forgets the start long before, and the sum is the slowest mode.
     fn find(
         &mut self,
         modes: &mut Vec<Mode>,
-        enough: f64,
+        (enough, least): (f64, f64),
         rare: &dyn Fn(&[f64]) -> Option<f64>,
         apply: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>>,
     ) -> Result<Option<f64>> {
@@ -291,7 +312,7 @@ impl Space {
                     return Ok(lost);
                 }
             }
-            if modes[0].error() <= enough || self.is_full() {
+            if modes[0].error() <= enough || modes[0].is_rounding(least) || self.is_full() {
                 return Ok(None);
             }
         }

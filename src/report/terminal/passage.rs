@@ -81,6 +81,8 @@ fn survival(
         brief(rounded(it.method.step, 3)),
         if lasts {
             "in the end the survival falls as exp(-rate t)"
+        } else if results.scene.excitation.is_plain() {
+            "losses too rare for the rounding of a step: no mean time, no rate"
         } else {
             "under [excitation] there is no rate in the end"
         },
