@@ -44,7 +44,7 @@ pub(crate) mod timing {
     /// The same, a node.
     pub(crate) const ABSORBED_NODE: f64 = 10e-9;
     /// A node in a step of the backward equation under a drive, its kernel made for it.
-    pub(crate) const DRIVEN_NODE: f64 = 0.35e-6;
+    pub(crate) const DRIVEN_NODE: f64 = 0.12e-6;
     /// To build the map of a point of the backward equation.
     pub(crate) const ABSORBED_MAP: f64 = 4e-6;
     /// An operation of a dense complex matrix product.

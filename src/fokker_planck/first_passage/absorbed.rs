@@ -10,7 +10,7 @@
 //! a critical velocity upwards too.
 
 use super::cut::{between, critical};
-use super::mesh::{Contact, Fineness, Stencil};
+use super::mesh::{Contact, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
@@ -50,11 +50,9 @@ impl Row {
 /// The survival of contact over one step, on a mesh.
 #[derive(Debug, Clone)]
 pub(crate) struct Absorbed {
-    pub(super) mesh: Contact,
+    /// Nodes of a row.
+    nv: usize,
     rows: Vec<Row>,
-    /// Deviation of the velocity that a step adds.
-    pub(super) spread: f64,
-    pub(super) step: f64,
     /// Probability of a loss within the first half step after a kick.
     first: Vec<f64>,
     /// ... between half a step and a step.
@@ -68,14 +66,12 @@ impl Absorbed {
     /// [`Error::NoStationaryLaw`] for a contact that does not confine; those of `late`.
     pub(crate) fn new(
         region: &Region<'_>,
-        fineness: &Fineness,
+        mesh: &Contact,
+        step: f64,
         late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
-        let mesh = Contact::new(region, fineness)?;
-        let step = fineness.step;
-        let noise = kicks(region, &mesh, step);
-        let least = |kicks: &[[f64; 2]]| kicks.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min);
-        let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
+        let noise = kicks(region, mesh, step);
+        let [whole, half] = [step, 0.5 * step].map(|time| critical(region, mesh, time));
         let [nq, nv] = mesh.nodes;
         let rows: Result<Vec<Row>> = (0..nq)
             .into_par_iter()
@@ -141,10 +137,8 @@ impl Absorbed {
             }
         }
         Ok(Self {
-            mesh,
+            nv,
             rows: rows?,
-            spread: least(&noise),
-            step,
             first,
             second,
         })
@@ -156,7 +150,7 @@ impl Absorbed {
 
     /// u <- P u, `scratch` of the same length.
     pub(crate) fn advance(&self, field: &mut Vec<f64>, scratch: &mut Vec<f64>) {
-        let nv = self.mesh.nodes[1];
+        let nv = self.nv;
         let before: &[f64] = field;
         scratch.par_chunks_mut(nv).zip(&self.rows).for_each_init(
             Vec::new,
@@ -184,6 +178,15 @@ impl Absorbed {
         }
         field
     }
+}
+
+/// The least deviation of the velocity that a step adds.
+pub(super) fn narrowest(region: &Region<'_>, mesh: &Contact, step: f64) -> f64 {
+    least(&kicks(region, mesh, step))
+}
+
+fn least(kicks: &[[f64; 2]]) -> f64 {
+    kicks.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min)
 }
 
 /// Decay and deviation of the Ornstein-Uhlenbeck step at each node.

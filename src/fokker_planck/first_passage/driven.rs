@@ -6,7 +6,7 @@
 
 use super::absorbed::REACH;
 use super::cut::{between, critical};
-use super::mesh::{Contact, Fineness, Stencil};
+use super::mesh::{Contact, Stencil};
 use super::region::Region;
 use super::start::Start;
 use crate::error::Result;
@@ -14,10 +14,14 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use crate::gaussian::{lower, normal};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Deviation of a kick over the finest cell along v below which its average is that of three points about its mean: a
 /// quadrature rule from cell to cell would not see it.
 const NEEDLE: f64 = 0.3;
+
+/// Parts in which rows are gathered beside each other.
+pub(super) const PARTS: usize = 8;
 
 /// A quadrature rule along v at one displacement, and where the motion takes its points.
 struct Row {
@@ -25,9 +29,10 @@ struct Row {
     ends: Vec<Stencil>,
 }
 
-/// What a row gives on: weights at points after the motion, and what is lost in either half of it.
-struct Given {
-    moved: Vec<(Stencil, f64)>,
+/// What a row gives on: points after the motion with their weights, and what is lost in either half of it.
+struct Given<'a> {
+    ends: Cow<'a, [Stencil]>,
+    weights: Vec<f64>,
     lost: [f64; 2],
 }
 
@@ -35,7 +40,7 @@ struct Given {
 pub(super) struct Driven<'a> {
     region: &'a Region<'a>,
     forcing: &'a Forcing,
-    mesh: Contact,
+    mesh: &'a Contact,
     step: f64,
     /// Critical velocities over a step and over half of it, row by row.
     whole: Vec<[f64; 2]>,
@@ -52,23 +57,18 @@ pub(super) struct Driven<'a> {
 
 impl<'a> Driven<'a> {
     /// From a start on the same mesh.
-    ///
-    /// # Errors
-    /// As [`super::absorbed::Absorbed::new`].
     pub(super) fn new(
         region: &'a Region<'a>,
-        fineness: &Fineness,
-        forcing: &'a Forcing,
-        start: &Start,
-    ) -> Result<Self> {
-        let mesh = Contact::new(region, fineness)?;
-        let step = fineness.step;
-        let [whole, half] = [step, 0.5 * step].map(|time| critical(region, &mesh, time));
+        mesh: &'a Contact,
+        step: f64,
+        (forcing, start): (&'a Forcing, &Start),
+    ) -> Self {
+        let [whole, half] = [step, 0.5 * step].map(|time| critical(region, mesh, time));
         let [nq, nv] = mesh.nodes;
         let rate = |i, j| region.friction_about(mesh.q(i), mesh.v(j), step);
         let rates = (0..nq).flat_map(|i| (0..nv).map(move |j| (i, j)));
         let rates = rates.map(|(i, j)| rate(i, j)).collect();
-        Ok(Self {
+        Self {
             region,
             forcing,
             step,
@@ -80,7 +80,7 @@ impl<'a> Driven<'a> {
             kicks: 0,
             rates,
             mesh,
-        })
+        }
     }
 
     /// The step.
@@ -119,14 +119,15 @@ impl<'a> Driven<'a> {
         }
         let [nq, nv] = self.mesh.nodes;
         let this = &*self;
-        let given: Result<Vec<Given>> = (0..nq)
+        let given: Result<Vec<Given<'_>>> = (0..nq)
             .into_par_iter()
             .map(|i| {
                 let row = i * nv..(i + 1) * nv;
                 let (weights, kicks) = (&this.weights[row.clone()], &kicks[row]);
                 if weights.iter().all(|w| *w == 0.0) {
                     return Ok(Given {
-                        moved: Vec::new(),
+                        ends: Cow::Borrowed(&[]),
+                        weights: Vec::new(),
                         lost: [0.0; 2],
                     });
                 }
@@ -138,18 +139,34 @@ impl<'a> Driven<'a> {
                 })
             })
             .collect();
-        let mut next = vec![0.0; nq * nv];
+        let given = given?;
+        // Part by part, in the order of the rows: the same bits on any number of threads.
+        let parts: Vec<(Vec<f64>, [f64; 2])> = given
+            .par_chunks(nq.div_ceil(PARTS))
+            .map(|rows| {
+                let (mut next, mut lost) = (vec![0.0; nq * nv], [0.0; 2]);
+                for row in rows {
+                    for (sum, part) in lost.iter_mut().zip(row.lost) {
+                        *sum += part;
+                    }
+                    for (end, weight) in row.ends.iter().zip(&row.weights) {
+                        end.add(*weight, &mut next, nv);
+                    }
+                }
+                (next, lost)
+            })
+            .collect();
+        drop(given);
         let mut lost = [0.0; 2];
-        // In the order of the rows: the same bits on any number of threads.
-        for row in given? {
-            for (sum, part) in lost.iter_mut().zip(row.lost) {
+        self.weights.fill(0.0);
+        for (next, gone) in parts {
+            for (sum, part) in lost.iter_mut().zip(gone) {
                 *sum += part;
             }
-            for (end, weight) in row.moved {
-                end.add(weight, &mut next, nv);
+            for (sum, part) in self.weights.iter_mut().zip(next) {
+                *sum += part;
             }
         }
-        self.weights = next;
         Ok(lost)
     }
 
@@ -171,7 +188,7 @@ impl<'a> Driven<'a> {
         let (fit, step, swing) = (self.fit, self.step, self.forcing.excitation());
         let push = swing.drive.map_or(0.0, |it| it.amplitude()) * step;
         let edge = self.mesh.speed + 2.0 * REACH * fit.max(widest) + push;
-        let (region, mesh, whole) = (self.region, &self.mesh, &self.whole);
+        let (region, mesh, whole) = (self.region, self.mesh, &self.whole);
         let rows: Result<Vec<Row>> = (0..mesh.nodes[0])
             .into_par_iter()
             .map(|i| {
@@ -234,7 +251,7 @@ impl<'a> Driven<'a> {
     }
 
     /// A row by its quadrature rule.
-    fn by_rule(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given {
+    fn by_rule(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given<'_> {
         let row = &self.rows[i];
         let mut carried = vec![0.0; row.points.len()];
         let mut kernel = Vec::new();
@@ -242,28 +259,30 @@ impl<'a> Driven<'a> {
             let first = row
                 .points
                 .partition_point(|(v, _)| *v < centre - REACH * spread);
+            let each = 1.0 / spread;
             kernel.clear();
             kernel.extend(
                 row.points[first..]
                     .iter()
                     .take_while(|(v, _)| *v <= centre + REACH * spread)
-                    .map(|(v, w)| w * normal((v - centre) / spread) / spread),
+                    .map(|(v, w)| w * each * normal((v - centre) * each)),
             );
             let sum: f64 = kernel.iter().sum();
             // What is not lost is carried on to rounding.
-            let part = if sum > 1e-10 { held / sum } else { 1.0 };
+            let part = weight * if sum > 1e-10 { held / sum } else { 1.0 };
             for (x, k) in carried[first..].iter_mut().zip(&kernel) {
-                *x += weight * part * k;
+                *x += part * k;
             }
         });
         Given {
-            moved: row.ends.iter().copied().zip(carried).collect(),
+            ends: Cow::Borrowed(&row.ends),
+            weights: carried,
             lost,
         }
     }
 
     /// A row node by node: three points of the Gauss-Hermite rule about each mean, or that mean alone.
-    fn by_points(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given {
+    fn by_points(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given<'_> {
         let rule = [
             (-3f64.sqrt(), 1.0 / 6.0),
             (0.0, 2.0 / 3.0),
@@ -291,7 +310,8 @@ impl<'a> Driven<'a> {
         let ends = self.region.ends(&starts, self.step).into_iter();
         let ends = ends.map(|end| self.mesh.stencil(end));
         Given {
-            moved: ends.zip(shares).collect(),
+            ends: ends.collect(),
+            weights: shares,
             lost,
         }
     }

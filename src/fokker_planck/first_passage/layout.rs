@@ -1,5 +1,6 @@
 //! Steps, meshes and times of the backward equation.
 
+use super::driven::PARTS;
 use super::mesh::{Fineness, POINTS, extent};
 use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
@@ -232,11 +233,16 @@ impl Layout {
         3.2 * 2.0 * self.speed / spread
     }
 
-    /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors.
+    /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors. Under a forcing no kernel is kept, and the points
+    /// carry what they pass on.
     fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
         let [nq, nv] = self.nodes.map(|n| n as f64);
-        nq * (self.points(oscillator) * 112.0 + nv * 46.0 * 8.0)
-            + (16.0 + FULL as f64) * 8.0 * nq * nv
+        let (point, kernel, vectors) = if self.driven {
+            (112.0 + 24.0, 0.0, 10 + PARTS)
+        } else {
+            (112.0, 46.0 * 8.0, 16 + FULL)
+        };
+        nq * (self.points(oscillator) * point + nv * (kernel + 8.0 * vectors as f64))
     }
 
     /// What the fine run takes, and those that measure its error.

@@ -1,12 +1,12 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
-use super::absorbed::Absorbed;
+use super::absorbed::{Absorbed, narrowest};
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
-use super::mesh::Fineness;
+use super::mesh::{Contact, Fineness};
 use super::pontryagin::long_run;
 use super::region::Region;
-use super::start::{Start, Starts};
+use super::start::{Line, Start, Starts};
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
@@ -151,15 +151,26 @@ impl Problem<'_> {
         Region::new(self.oscillator, self.asked.barrier)
     }
 
-    /// The start as weights, and what its survival is divided by.
-    fn start(&self, starts: &Starts, stationary: &Start) -> Result<(Start, f64)> {
+    /// exp(-H/T)/Z as weights, and the lines of them.
+    fn gibbs(&self, starts: &Starts) -> Result<(Vec<Line>, Start)> {
+        let deviation = self.oscillator.temperature().sqrt();
+        let law = self.oscillator.displacement_law()?;
+        let density = |x: f64| starts.region.density(&law, x);
+        let lines = starts.displacements(0.5 * deviation, density)?;
+        let it = starts.lines(&lines, 0.0, deviation)?;
+        Ok((lines, it))
+    }
+
+    /// The start as weights, and what its survival is divided by; `gibbs` where it is there.
+    fn start(&self, starts: &Starts, gibbs: Option<&Start>) -> Result<(Start, f64)> {
         let region = starts.region;
         Ok(match region.seen(self.initial) {
             Initial::Rest => (starts.point([0.0, 0.0])?, 1.0),
             Initial::Stationary => {
-                let it = match &self.law {
-                    None => stationary.clone(),
-                    Some(it) => {
+                let it = match (&self.law, gibbs) {
+                    (None, Some(it)) => it.clone(),
+                    (None, None) => self.gibbs(starts)?.1,
+                    (Some(it), _) => {
                         let scale = 0.5 * self.oscillator.temperature().sqrt();
                         let lines = starts.displacements(scale, |_| 1.0)?;
                         let law = |x: f64, v: &[f64]| region.along(&it.law, x, v);
@@ -194,33 +205,34 @@ impl Problem<'_> {
         let it = self.oscillator;
         let late = self.limits.late(self.asked.name);
         let region = &self.region();
-        let absorbed = Absorbed::new(region, fineness, &late)?;
-        let law = it.displacement_law()?;
-        let deviation = it.temperature().sqrt();
+        let (mesh, step) = (&Contact::new(region, fineness)?, fineness.step);
         let starts = Starts {
             region,
-            absorbed: &absorbed,
+            mesh,
+            step,
+            spread: narrowest(region, mesh, step),
             late: &late,
         };
-        let lines = starts.displacements(0.5 * deviation, |q| region.density(&law, q))?;
-        let stationary = starts.lines(&lines, 0.0, deviation)?;
-        let (start, total) = self.start(&starts, &stationary)?;
         if let Some(forcing) = self.forcing {
-            let driven = Driven::new(region, fineness, forcing, &start)?;
+            let (start, total) = self.start(&starts, None)?;
+            let driven = Driven::new(region, mesh, step, (forcing, &start));
             return self.driven(layout, driven, (&start, total), progress);
         }
+        let absorbed = Absorbed::new(region, mesh, step, &late)?;
+        let (lines, stationary) = self.gibbs(&starts)?;
+        let (start, total) = self.start(&starts, Some(&stationary))?;
+        let law = it.displacement_law()?;
         // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by time integration alone.
         let low = self.asked.barrier.low;
         let leaving = if region.balances() {
             let entering = starts.entering(region.density(&law, low))?;
-            Some([starts.outflow(&lines)?, entering])
+            Some([starts.outflow(&lines, absorbed.lost_first())?, entering])
         } else {
             None
         };
         let balance = leaving.as_ref().map(|[out, into]| [out, into]);
         let known = *self.initial == Initial::Stationary && self.law.is_none();
         let balance = balance.filter(|_| known);
-        let step = fineness.step;
         let (every, times) = layout.of_steps(step);
         let integration = self.integrate(
             &absorbed,
@@ -256,7 +268,7 @@ impl Problem<'_> {
                 .high
                 .map_or(0.0, |high| region.density(&law, high));
         let rice = if self.asked.reference.is_none() {
-            crossed * deviation * normal(0.0)
+            crossed * it.temperature().sqrt() * normal(0.0)
         } else {
             f64::NAN
         };

@@ -1,6 +1,6 @@
 //! Initial conditions as weights on the nodes of a mesh: what each sees of the survival there.
 
-use super::absorbed::{Absorbed, REACH};
+use super::absorbed::REACH;
 use super::cut::{between, cuts, from_cut};
 use super::mesh::Contact;
 use super::region::Region;
@@ -28,7 +28,10 @@ pub(super) struct Line {
 /// Initial conditions on a mesh.
 pub(super) struct Starts<'a> {
     pub(super) region: &'a Region<'a>,
-    pub(super) absorbed: &'a Absorbed,
+    pub(super) mesh: &'a Contact,
+    pub(super) step: f64,
+    /// Deviation of the velocity that a step adds, where it is least.
+    pub(super) spread: f64,
     /// Asked before each batch of motions.
     pub(super) late: &'a (dyn Fn() -> Result<()> + Sync),
 }
@@ -66,7 +69,7 @@ impl Starts<'_> {
         let mut lost = 0.0;
         let ends = [-DEVIATIONS, DEVIATIONS].map(|it| mean + it * deviation);
         // Survival has the scale of the noise, the start that of its deviation.
-        let scale = (2.0 * self.absorbed.spread).min(0.5 * deviation);
+        let scale = (2.0 * self.spread).min(0.5 * deviation);
         for &Line {
             q,
             weight,
@@ -93,7 +96,7 @@ impl Starts<'_> {
         law: &(dyn Fn(f64, &[f64]) -> Vec<f64> + Sync),
     ) -> Result<Start> {
         let edge = DEVIATIONS * deviation;
-        let scale = (2.0 * self.absorbed.spread).min(0.5 * deviation);
+        let scale = (2.0 * self.spread).min(0.5 * deviation);
         let parts: Result<Vec<Part>> = lines
             .par_iter()
             .map(
@@ -132,26 +135,26 @@ impl Starts<'_> {
         scale: f64,
         density: impl Fn(f64) -> f64,
     ) -> Result<Vec<Line>> {
-        let [nq, _] = self.mesh().nodes;
+        let [nq, _] = self.mesh.nodes;
         let (mut lines, rule) = (Vec::new(), gauss::<4>());
         for i in 0..nq - 1 {
-            let nodes = [i, i + 1].map(|i| self.mesh().q(i));
+            let nodes = [i, i + 1].map(|i| self.mesh.q(i));
             // A panel a cell, but none longer than the density's own scale.
             let parts = ((nodes[1] - nodes[0]) / scale).ceil().max(1.0);
             for part in 0..parts as usize {
                 if part.is_multiple_of(BATCH) {
                     (self.late)()?;
                 }
-                let width = self.mesh().spacing[0] / parts;
-                let low = i as f64 * self.mesh().spacing[0] + part as f64 * width;
+                let width = self.mesh.spacing[0] / parts;
+                let low = i as f64 * self.mesh.spacing[0] + part as f64 * width;
                 for (x, w) in rule {
                     let y = low + 0.5 * width * (1.0 + x);
-                    let (q, slope) = self.mesh().place(y);
-                    let weight = match self.mesh().middle {
+                    let (q, slope) = self.mesh.place(y);
+                    let weight = match self.mesh.middle {
                         Some(_) => 0.5 * width * w * slope * density(q),
                         None => {
                             let root = (1.0 + y * y).sqrt();
-                            0.5 * width * w * self.mesh().bend * y / root * density(q)
+                            0.5 * width * w * self.mesh.bend * y / root * density(q)
                         }
                     };
                     // What would underflow in any sum.
@@ -174,14 +177,15 @@ impl Starts<'_> {
     }
 
     /// What one step loses of the stationary law that carries a field u, R L_1 u: by detailed balance the
-    /// probability of a loss in the step from the mirrored state. Small numbers keep their digits.
-    pub(super) fn outflow(&self, lines: &[Line]) -> Result<Start> {
+    /// probability of a loss in the step from the mirrored state, `first` being that within half a step after a kick. Small numbers
+    /// keep their digits.
+    pub(super) fn outflow(&self, lines: &[Line], first: &[f64]) -> Result<Start> {
         let deviation = self.region.oscillator.temperature().sqrt();
-        let spread = self.absorbed.spread;
+        let spread = self.spread;
         let scale = spread.min(0.5 * deviation);
         // From the mesh's edge down to where no kick takes the energy over the level: p_s rises as exp(v^2/2T) on the way there, which
         // shifts the kicks that count.
-        let speed = self.mesh().speed;
+        let speed = self.mesh.speed;
         let kicked = spread * (REACH + 1.5 * spread * speed / deviation.powi(2));
         let energies = [
             0.5 * speed * speed - self.region.rise(),
@@ -207,17 +211,12 @@ impl Starts<'_> {
         }
         let mirrored: Vec<[f64; 2]> = near.iter().map(|(z, _)| [z[0], -z[1]]).collect();
         let images = self.half_a_step(&mirrored)?;
-        let nv = self.mesh().nodes[1];
-        points.extend(near.iter().zip(images).map(|((z, weight), image)| {
-            (
-                *z,
-                weight
-                    * self
-                        .mesh()
-                        .stencil(image)
-                        .value(self.absorbed.lost_first(), nv),
-            )
-        }));
+        let nv = self.mesh.nodes[1];
+        points.extend(
+            near.iter().zip(images).map(|((z, weight), image)| {
+                (*z, weight * self.mesh.stencil(image).value(first, nv))
+            }),
+        );
         self.seen(&points, 0.0)
     }
 
@@ -226,7 +225,7 @@ impl Starts<'_> {
     /// density at t of the first loss from p_s.
     pub(super) fn entering(&self, density: f64) -> Result<Start> {
         let deviation = self.region.oscillator.temperature().sqrt();
-        let scale = self.absorbed.spread.min(0.5 * deviation);
+        let scale = self.spread.min(0.5 * deviation);
         let cut = self.cuts(&[self.region.barrier.low])[0][0].max(0.0);
         // From (q_loss, 0) the survival rises as a root of v.
         let start = -f64::MIN_POSITIVE;
@@ -238,10 +237,6 @@ impl Starts<'_> {
             })
             .collect();
         self.seen(&points, 0.0)
-    }
-
-    fn mesh(&self) -> &Contact {
-        &self.absorbed.mesh
     }
 
     /// A function of many values, batch by batch on all threads.
@@ -260,34 +255,28 @@ impl Starts<'_> {
 
     /// Where each start is after half a step.
     fn half_a_step(&self, starts: &[[f64; 2]]) -> Result<Vec<[f64; 2]>> {
-        self.batches(starts, BATCH, |it| {
-            self.region.ends(it, 0.5 * self.absorbed.step)
-        })
+        self.batches(starts, BATCH, |it| self.region.ends(it, 0.5 * self.step))
     }
 
     /// The critical velocities over half a step.
     fn cuts(&self, q: &[f64]) -> Vec<[f64; 2]> {
-        cuts(
-            self.region,
-            0.5 * self.absorbed.step,
-            2.0 * self.mesh().speed,
-            q,
-        )
+        cuts(self.region, 0.5 * self.step, 2.0 * self.mesh.speed, q)
     }
 
     /// What points that outlive half a step see of the field, and the weight of those that do not.
     fn seen(&self, alive: &[([f64; 2], f64)], lost: f64) -> Result<Start> {
         let starts: Vec<[f64; 2]> = alive.iter().map(|(z, _)| *z).collect();
         let ends = self.half_a_step(&starts)?;
+        let [nq, nv] = self.mesh.nodes;
         let mut it = Start {
-            weights: vec![0.0; self.absorbed.len()],
+            weights: vec![0.0; nq * nv],
             lost,
             total: lost,
         };
         for ((_, weight), end) in alive.iter().zip(ends) {
             it.total += weight;
-            let stencil = self.mesh().stencil(end);
-            stencil.add(*weight, &mut it.weights, self.mesh().nodes[1]);
+            let stencil = self.mesh.stencil(end);
+            stencil.add(*weight, &mut it.weights, nv);
         }
         Ok(it)
     }
