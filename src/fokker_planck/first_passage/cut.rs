@@ -75,6 +75,9 @@ pub(super) fn cuts(region: &Region<'_>, time: f64, fastest: f64, q: &[f64]) -> V
         .collect()
 }
 
+/// What a motion is off where it ends, relative to the larger of 1 and q.
+const ROUNDING: f64 = 1e-14;
+
 /// The velocity below which an undamped motion is lost within a time.
 struct Cut<'a> {
     region: &'a Region<'a>,
@@ -107,35 +110,43 @@ impl<'a> Cut<'a> {
         let far = q.iter().fold(grazed, |a, b| a.max(*b));
         // Straight motion at the least: the contact resists, but for the preload that hastens by a time.
         let top = (2.0 * (far - self.loss) / self.time + 2.0 * self.time).min(self.fastest);
-        let gaps = |speeds: &[f64]| -> Vec<f64> {
-            let ends = after(speeds);
-            ends.iter().zip(q).map(|(end, q)| end[0] - q).collect()
-        };
         let (mut low, mut high) = (vec![0.0; q.len()], vec![top; q.len()]);
-        let (mut below, mut above) = (gaps(&low), gaps(&high));
+        let from = |speed: f64| after(&[speed])[0][0];
+        let [mut below, mut above] = [0.0, top].map(|speed| {
+            let end = from(speed);
+            q.iter().map(|q| end - q).collect::<Vec<f64>>()
+        });
+        // Whether the lower end was moved last.
+        let mut raised = vec![false; q.len()];
         // The Illinois variant of the false position (Dowell and Jarratt, BIT 11, 1971, 168), to rounding;
         // halving where it does not shrink the bracket.
         for round in 0..60 {
-            let open =
-                |k: usize| high[k] - low[k] > 1e-15 * top && q[k] > grazed && above[k] != 0.0;
-            if !(0..q.len()).any(open) {
+            let open: Vec<usize> = (0..q.len())
+                .filter(|k| high[*k] - low[*k] > 1e-15 * top && q[*k] > grazed && above[*k] > 0.0)
+                .collect();
+            if open.is_empty() {
                 break;
             }
-            let middle: Vec<f64> = (0..q.len())
-                .map(|k| {
+            let middle: Vec<f64> = open
+                .iter()
+                .map(|&k| {
                     let part = below[k] / (below[k] - above[k]);
                     let halve = round % 4 == 3 || !(part > 0.0 && part < 1.0);
                     low[k] + (high[k] - low[k]) * if halve { 0.5 } else { part }
                 })
                 .collect();
-            for (k, gap) in gaps(&middle).into_iter().enumerate() {
-                if gap < 0.0 {
-                    (low[k], below[k]) = (middle[k], gap);
-                    above[k] *= 0.5;
+            for ((k, middle), end) in open.into_iter().zip(&middle).zip(after(&middle)) {
+                let gap = end[0] - q[k];
+                if gap.abs() <= ROUNDING * q[k].abs().max(1.0) {
+                    (low[k], high[k]) = (*middle, *middle);
+                } else if gap < 0.0 {
+                    (low[k], below[k]) = (*middle, gap);
+                    above[k] *= if raised[k] { 0.5 } else { 1.0 };
                 } else {
-                    (high[k], above[k]) = (middle[k], gap);
-                    below[k] *= 0.5;
+                    (high[k], above[k]) = (*middle, gap);
+                    below[k] *= if raised[k] { 1.0 } else { 0.5 };
                 }
+                raised[k] = gap < 0.0;
             }
         }
         let ends = after(&high);
