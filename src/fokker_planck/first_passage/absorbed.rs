@@ -60,17 +60,16 @@ pub(crate) struct Absorbed {
 }
 
 impl Absorbed {
-    /// The maps of a step; `late` is asked before each row.
+    /// The maps of a step, with its [`kicks`]; `late` is asked before each row.
     ///
     /// # Errors
     /// [`Error::NoStationaryLaw`] for a contact that does not confine; those of `late`.
     pub(crate) fn new(
         region: &Region<'_>,
         mesh: &Contact,
-        step: f64,
+        (step, noise): (f64, &[[f64; 2]]),
         late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
-        let noise = kicks(region, mesh, step);
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, mesh, time));
         let [nq, nv] = mesh.nodes;
         let rows: Result<Vec<Row>> = (0..nq)
@@ -180,17 +179,13 @@ impl Absorbed {
     }
 }
 
-/// The least deviation of the velocity that a step adds.
-pub(super) fn narrowest(region: &Region<'_>, mesh: &Contact, step: f64) -> f64 {
-    least(&kicks(region, mesh, step))
-}
-
-fn least(kicks: &[[f64; 2]]) -> f64 {
+/// The least deviation of the velocity of some kicks.
+pub(super) fn least(kicks: &[[f64; 2]]) -> f64 {
     kicks.iter().map(|it| it[1]).fold(f64::INFINITY, f64::min)
 }
 
 /// Decay and deviation of the Ornstein-Uhlenbeck step at each node.
-fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
+pub(super) fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
     let [nq, nv] = mesh.nodes;
     let of = |i: usize, j: usize| {
         let rate = region.friction_about(mesh.q(i), mesh.v(j), step);

@@ -140,29 +140,28 @@ impl<'a> Driven<'a> {
             })
             .collect();
         let given = given?;
+        let mut lost = [0.0; 2];
+        for row in &given {
+            for (sum, part) in lost.iter_mut().zip(row.lost) {
+                *sum += part;
+            }
+        }
         // Part by part, in the order of the rows: the same bits on any number of threads.
-        let parts: Vec<(Vec<f64>, [f64; 2])> = given
+        let parts: Vec<Vec<f64>> = given
             .par_chunks(nq.div_ceil(PARTS))
             .map(|rows| {
-                let (mut next, mut lost) = (vec![0.0; nq * nv], [0.0; 2]);
+                let mut next = vec![0.0; nq * nv];
                 for row in rows {
-                    for (sum, part) in lost.iter_mut().zip(row.lost) {
-                        *sum += part;
-                    }
                     for (end, weight) in row.ends.iter().zip(&row.weights) {
                         end.add(*weight, &mut next, nv);
                     }
                 }
-                (next, lost)
+                next
             })
             .collect();
         drop(given);
-        let mut lost = [0.0; 2];
         self.weights.fill(0.0);
-        for (next, gone) in parts {
-            for (sum, part) in lost.iter_mut().zip(gone) {
-                *sum += part;
-            }
+        for next in parts {
             for (sum, part) in self.weights.iter_mut().zip(next) {
                 *sum += part;
             }

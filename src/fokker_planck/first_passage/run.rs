@@ -1,6 +1,6 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
-use super::absorbed::{Absorbed, narrowest};
+use super::absorbed::{Absorbed, kicks, least};
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::{Contact, Fineness};
@@ -206,11 +206,12 @@ impl Problem<'_> {
         let late = self.limits.late(self.asked.name);
         let region = &self.region();
         let (mesh, step) = (&Contact::new(region, fineness)?, fineness.step);
+        let noise = kicks(region, mesh, step);
         let starts = Starts {
             region,
             mesh,
             step,
-            spread: narrowest(region, mesh, step),
+            spread: least(&noise),
             late: &late,
         };
         if let Some(forcing) = self.forcing {
@@ -218,7 +219,7 @@ impl Problem<'_> {
             let driven = Driven::new(region, mesh, step, (forcing, &start));
             return self.driven(layout, driven, (&start, total), progress);
         }
-        let absorbed = Absorbed::new(region, mesh, step, &late)?;
+        let absorbed = Absorbed::new(region, mesh, (step, &noise), &late)?;
         let (lines, stationary) = self.gibbs(&starts)?;
         let (start, total) = self.start(&starts, Some(&stationary))?;
         let law = it.displacement_law()?;
