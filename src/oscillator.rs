@@ -167,6 +167,13 @@ impl Oscillator {
         2.0 * self.zeta * self.damping.factor(&self.contact, q, v)
     }
 
+    /// Whether friction, more than force, may bound how deep in contact motions come at q: beyond a wall, under friction that is
+    /// not the same in flight.
+    pub(crate) fn holds_back(&self, q: f64) -> bool {
+        let in_contact = self.contact.loss_point().is_some() && !self.contact.is_lost(q);
+        in_contact && !self.damping.has_closed_form()
+    }
+
     /// The largest c that a motion meets whose energy is so much above the lowest.
     pub(crate) fn highest_friction(&self, rise: f64) -> f64 {
         if self.is_viscous() {

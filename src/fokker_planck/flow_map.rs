@@ -160,7 +160,7 @@ impl FlowMap {
         } else {
             0.0
         };
-        let rows = Rows::of(oscillator.contact(), mesh, stationary, excess);
+        let rows = Rows::of(oscillator, mesh, stationary, excess);
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
         let open = vec![(0..nq, Matrix::new(nv, stride, None))];
         Ok(Self {

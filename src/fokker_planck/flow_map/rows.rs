@@ -1,6 +1,5 @@
 //! Rows of the mesh: their friction, and the cells that hold unknowns.
 
-use crate::contact::ContactLaw;
 use crate::fokker_planck::mesh::Mesh;
 use crate::oscillator::Oscillator;
 use std::ops::Range;
@@ -72,8 +71,8 @@ pub(super) struct Rows {
 
 impl Rows {
     /// Those of a mesh; `excess` is 1/T of the noise less that of the law which g is taken against.
-    pub(super) fn of(contact: &ContactLaw, mesh: &Mesh, stationary: bool, excess: f64) -> Self {
-        let active = active(contact, mesh, stationary);
+    pub(super) fn of(oscillator: &Oscillator, mesh: &Mesh, stationary: bool, excess: f64) -> Self {
+        let active = active(oscillator, mesh, stationary);
         let mut offsets = vec![0];
         for range in &active {
             offsets.push(offsets[offsets.len() - 1] + range.len());
@@ -96,18 +95,20 @@ impl Rows {
     }
 }
 
-/// Per q row the cells on orbits that stay within the outermost centres; at least the two slowest.
-fn active(contact: &ContactLaw, mesh: &Mesh, stationary: bool) -> Vec<Range<usize>> {
+/// Per q row the cells on orbits that stay within the outermost centres, but for those that friction keeps them from; at least
+/// the two slowest.
+fn active(oscillator: &Oscillator, mesh: &Mesh, stationary: bool) -> Vec<Range<usize>> {
+    let contact = oscillator.contact();
     let (q, v) = (mesh.q.centres(), mesh.v.centres());
     let [nq, nv] = mesh.cells();
     if !stationary {
         return vec![0..nv; nq];
     }
     let fastest = v[0].abs().min(v[nv - 1].abs());
-    let level = contact
-        .potential(q[0])
-        .min(contact.potential(q[nq - 1]))
-        .min(0.5 * fastest * fastest);
+    let ends = [q[0], q[nq - 1]].into_iter();
+    let ends = ends.filter(|q| !oscillator.holds_back(*q));
+    let ends = ends.map(|q| contact.potential(q));
+    let level = ends.fold(0.5 * fastest * fastest, f64::min);
     q.iter()
         .map(|q| {
             let reach = (2.0 * (level - contact.potential(*q))).max(0.0).sqrt();

@@ -94,14 +94,23 @@ impl FlowMap {
 
     /// Takes points back over what a kick of this time does beside its matrix, before that (0) or after it (1), v to v e^x;
     /// g there is to be multiplied by these factors.
+    ///
+    /// Friction brings points together and raises g by e^x for it, noise lowers it as it spreads a peak one cell wide. Where friction
+    /// raises more, which happens deep in contact on coarse cells, such peaks grow from step to step: there it is as strong as
+    /// the two are even. That bound rises as cells become finer.
     fn faster(&self, time: f64, side: usize, points: &mut [[f64; 2]], factors: &mut [f64]) {
         /// A factor that counts for nothing, as an exponent.
         const NOTHING: f64 = -80.0;
         if time == 0.0 {
             return;
         }
+        let cell = self.mesh.v.slopes()[0];
+        let spread = 2.0 * self.oscillator.noise() * time / (cell * cell);
+        let even = 0.5 * spread.ln_1p() / time;
         for ([q, v], factor) in points.iter_mut().zip(factors) {
-            let x = around(self.oscillator.friction(*q), self.rates.at(*q), time)[side];
+            let base = self.rates.at(*q);
+            let rate = self.oscillator.friction(*q).min(even.max(base));
+            let x = around(rate, base, time)[side];
             let exponent = x - 0.5 * self.beta * *v * *v * (2.0 * x).exp_m1();
             if exponent > NOTHING {
                 *factor *= exponent.exp();

@@ -6,7 +6,7 @@ use crate::gaussian::{Gaussian, lower, normal};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use crate::quadrature;
-use std::f64::consts::FRAC_2_SQRT_PI;
+use std::f64::consts::{FRAC_2_SQRT_PI, PI};
 
 /// How far a domain of several wells reaches above the highest barrier between them, in T.
 const OVER_BARRIER: f64 = 8.0;
@@ -157,6 +157,54 @@ impl Domain {
         let mean = (2.0 * (oscillator.energy(q, v) - lowest)).sqrt();
         let reach = mean + noise.hypot(((2.0 * level).sqrt() - mean).max(0.0));
         Ok(self.enlarged(oscillator, (reach / self.v[1]).min(1.0)))
+    }
+
+    /// This domain without what friction in contact keeps motions from: as deep as one comes in at its fastest, noise over half a
+    /// natural period added, if friction alone stops it, or as the initial condition does without friction.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid) for an initial condition that no level holds.
+    pub(crate) fn held_back(
+        self,
+        oscillator: &Oscillator,
+        initial: &Initial,
+        neglected: f64,
+    ) -> Result<Self> {
+        /// Steps into contact.
+        const STEPS: usize = 1000;
+        let contact = oscillator.contact();
+        let held = self.q.map(|q| oscillator.holds_back(q));
+        let (Some(walls), true) = (contact.flight(), held[0] || held[1]) else {
+            return Ok(self);
+        };
+        let start = |level: f64| start_outside(oscillator, initial, level);
+        let level = match initial {
+            Initial::Gaussian { .. } => {
+                level_of(initial, neglected, oscillator.temperature(), start)?
+            }
+            Initial::Rest | Initial::Stationary => 0.0,
+        };
+        let (left, right) = contact.turning_points(level).unwrap_or((0.0, 0.0));
+        let fastest = self.v[1] + (2.0 * PI * oscillator.noise()).sqrt();
+        let stopped = |wall: f64, end: f64| {
+            let step = (end - wall) / STEPS as f64;
+            let mut speed = fastest;
+            let taken = |i: &usize| {
+                speed -= step.abs() * oscillator.friction(wall + (*i as f64 + 0.5) * step);
+                speed < 0.0
+            };
+            (0..STEPS)
+                .find(taken)
+                .map_or(end, |i| wall + (i + 1) as f64 * step)
+        };
+        let mut q = self.q;
+        if held[0] {
+            q[0] = stopped(walls[0], q[0]).min(left).max(q[0]);
+        }
+        if held[1] {
+            q[1] = stopped(walls[1], q[1]).max(right).min(q[1]);
+        }
+        Ok(Self { q, ..self })
     }
 
     /// This domain of the stationary law, so many times as far along v and as high in amplitude.

@@ -294,14 +294,16 @@ pub(crate) fn domain(
     neglected: f64,
 ) -> Result<Domain> {
     let Some(forcing) = forcing else {
-        return unforced(oscillator, initial, until, first_grid, neglected);
+        let domain = unforced(oscillator, initial, until, first_grid, neglected)?;
+        return domain.held_back(oscillator, initial, neglected);
     };
     let noise = forcing.noise();
     let domain = unforced(noise, initial, until, first_grid, neglected)?;
     if !oscillator.contact().is_confining() {
         return Ok(domain);
     }
-    Ok(domain.enlarged(noise, 1.0 + forcing.swing() / domain.v[1]))
+    let domain = domain.enlarged(noise, 1.0 + forcing.swing() / domain.v[1]);
+    domain.held_back(noise, initial, neglected)
 }
 
 fn unforced(
