@@ -167,11 +167,36 @@ impl Oscillator {
         2.0 * self.zeta * self.damping.factor(&self.contact, q, v)
     }
 
-    /// Whether friction, more than force, may bound how deep in contact motions come at q: beyond a wall, under friction that is
-    /// not the same in flight.
-    pub(crate) fn holds_back(&self, q: f64) -> bool {
-        let in_contact = self.contact.loss_point().is_some() && !self.contact.is_lost(q);
-        in_contact && !self.damping.has_closed_form()
+    /// Whether friction, more than force, may bound how deep motions come in at either end of an interval: where that is beyond
+    /// a wall, and friction is not the same in flight.
+    pub(crate) fn holds_back(&self, [low, high]: [f64; 2]) -> [bool; 2] {
+        match self.contact.flight() {
+            Some([back, loss]) if !self.damping.has_closed_form() => [low < back, high > loss],
+            _ => [false; 2],
+        }
+    }
+
+    /// Displacements, of those in an interval, that a motion comes to which meets a wall at this speed, if friction alone stops
+    /// it there.
+    pub(crate) fn held_back(&self, speed: f64, mut q: [f64; 2]) -> [f64; 2] {
+        /// Steps into contact.
+        const STEPS: usize = 1000;
+        let held = self.holds_back(q);
+        let walls = self.contact.flight().unwrap_or(q);
+        let ends = q.iter_mut().zip(walls).zip(held);
+        for ((end, wall), _) in ends.filter(|(_, held)| *held) {
+            let step = (*end - wall) / STEPS as f64;
+            let places = (0..STEPS).map(|k| wall + (k as f64 + 0.5) * step);
+            let left = places.scan(speed, |speed, q| {
+                *speed -= step.abs() * self.friction(q);
+                Some(*speed)
+            });
+            let steps = left.take_while(|speed| *speed > 0.0).count();
+            if steps < STEPS {
+                *end = wall + (steps + 1) as f64 * step;
+            }
+        }
+        q
     }
 
     /// The largest c that a motion meets whose energy is so much above the lowest.

@@ -425,26 +425,42 @@ impl Pace {
         }
         Self {
             frequency: highest_frequency(oscillator, initial, rise),
-            friction: 0.5 * oscillator.highest_friction(rise),
+            friction: 0.5 * highest_friction(oscillator, initial, rise),
         }
     }
 }
 
+/// How far out paths begin, and how far above the lowest potential.
+fn begun(oscillator: &Oscillator, initial: &Initial) -> (f64, f64) {
+    let Initial::Gaussian { mean, deviation } = initial else {
+        return (0.0, 0.0);
+    };
+    let contact = oscillator.contact();
+    let [q, v] = [0, 1].map(|k| mean[k].abs() + 2.0 * deviation[k]);
+    let lowest = contact.lowest_potential().unwrap_or(0.0);
+    let level = contact.potential(q).max(contact.potential(-q)) - lowest;
+    (q, 0.5 * v * v + level.max(0.0))
+}
+
+/// The largest rate of friction on paths up to an energy, as deep as it lets them come in, and on those that begin deeper.
+fn highest_friction(oscillator: &Oscillator, initial: &Initial, rise: f64) -> f64 {
+    let Some((left, right)) = oscillator.contact().turning_points(rise) else {
+        return oscillator.highest_friction(rise);
+    };
+    let held = oscillator.held_back((2.0 * rise).sqrt(), [left, right]);
+    if held == [left, right] {
+        return oscillator.highest_friction(rise);
+    }
+    let begun = oscillator.highest_friction(begun(oscillator, initial).1.min(rise));
+    oscillator.highest_friction_between(held).max(begun)
+}
+
 /// The highest frequency of paths up to an energy, and of those that begin higher: the root of the stiffness at the outer
 /// turning point.
-fn highest_frequency(oscillator: &Oscillator, initial: &Initial, mut rise: f64) -> f64 {
+fn highest_frequency(oscillator: &Oscillator, initial: &Initial, rise: f64) -> f64 {
     let contact = oscillator.contact();
-    let mut outer: f64 = 0.0;
-    if let Initial::Gaussian { mean, deviation } = initial {
-        let (q, v) = (
-            mean[0].abs() + 2.0 * deviation[0],
-            mean[1].abs() + 2.0 * deviation[1],
-        );
-        let lowest = contact.lowest_potential().unwrap_or(0.0);
-        let level = contact.potential(q).max(contact.potential(-q)) - lowest;
-        rise = rise.max(0.5 * v * v + level.max(0.0));
-        outer = q;
-    }
+    let (mut outer, above) = begun(oscillator, initial);
+    let rise = rise.max(above);
     let Some((left, right)) = contact.turning_points(rise) else {
         return contact.stiffness(0.0).max(0.0).sqrt();
     };

@@ -105,10 +105,11 @@ fn active(oscillator: &Oscillator, mesh: &Mesh, stationary: bool) -> Vec<Range<u
         return vec![0..nv; nq];
     }
     let fastest = v[0].abs().min(v[nv - 1].abs());
-    let ends = [q[0], q[nq - 1]].into_iter();
-    let ends = ends.filter(|q| !oscillator.holds_back(*q));
-    let ends = ends.map(|q| contact.potential(q));
-    let level = ends.fold(0.5 * fastest * fastest, f64::min);
+    let ends = [q[0], q[nq - 1]];
+    let closed = ends.into_iter().zip(oscillator.holds_back(ends));
+    let closed = closed.filter(|(_, held)| !held);
+    let levels = closed.map(|(q, _)| contact.potential(q));
+    let level = levels.fold(0.5 * fastest * fastest, f64::min);
     q.iter()
         .map(|q| {
             let reach = (2.0 * (level - contact.potential(*q))).max(0.0).sqrt();

@@ -160,7 +160,7 @@ impl Domain {
     }
 
     /// This domain without what friction in contact keeps motions from: as deep as one comes in at its fastest, noise over half a
-    /// natural period added, if friction alone stops it, or as the initial condition does without friction.
+    /// natural period added, or as the initial condition does without friction.
     ///
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for an initial condition that no level holds.
@@ -170,13 +170,11 @@ impl Domain {
         initial: &Initial,
         neglected: f64,
     ) -> Result<Self> {
-        /// Steps into contact.
-        const STEPS: usize = 1000;
-        let contact = oscillator.contact();
-        let held = self.q.map(|q| oscillator.holds_back(q));
-        let (Some(walls), true) = (contact.flight(), held[0] || held[1]) else {
+        let fastest = self.v[1] + (2.0 * PI * oscillator.noise()).sqrt();
+        let held = oscillator.held_back(fastest, self.q);
+        if held == self.q {
             return Ok(self);
-        };
+        }
         let start = |level: f64| start_outside(oscillator, initial, level);
         let level = match initial {
             Initial::Gaussian { .. } => {
@@ -184,26 +182,12 @@ impl Domain {
             }
             Initial::Rest | Initial::Stationary => 0.0,
         };
-        let (left, right) = contact.turning_points(level).unwrap_or((0.0, 0.0));
-        let fastest = self.v[1] + (2.0 * PI * oscillator.noise()).sqrt();
-        let stopped = |wall: f64, end: f64| {
-            let step = (end - wall) / STEPS as f64;
-            let mut speed = fastest;
-            let taken = |i: &usize| {
-                speed -= step.abs() * oscillator.friction(wall + (*i as f64 + 0.5) * step);
-                speed < 0.0
-            };
-            (0..STEPS)
-                .find(taken)
-                .map_or(end, |i| wall + (i + 1) as f64 * step)
-        };
-        let mut q = self.q;
-        if held[0] {
-            q[0] = stopped(walls[0], q[0]).min(left).max(q[0]);
-        }
-        if held[1] {
-            q[1] = stopped(walls[1], q[1]).max(right).min(q[1]);
-        }
+        let begun = oscillator.contact().turning_points(level);
+        let (left, right) = begun.unwrap_or((0.0, 0.0));
+        let q = [
+            held[0].min(left).max(self.q[0]),
+            held[1].max(right).min(self.q[1]),
+        ];
         Ok(Self { q, ..self })
     }
 
