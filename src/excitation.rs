@@ -236,6 +236,17 @@ impl Excitation {
         within.chain(ends).fold(0.0, f64::max)
     }
 
+    /// The least deviation of the noise up to time t over the largest.
+    pub(crate) fn faded(&self, t: f64) -> f64 {
+        let ends = [0.0, t].map(|t| self.factor(t));
+        let within = self.bends(0.0, t).map(|t| self.factor(t));
+        let least = within.chain(ends).fold(f64::INFINITY, f64::min);
+        match self.highest_factor(t) {
+            0.0 => 1.0,
+            most => (least / most).sqrt(),
+        }
+    }
+
     /// When the noise begins: 0 unless the envelope is 0 at first.
     pub(crate) fn noise_from(&self) -> f64 {
         let Some(it) = &self.envelope else {

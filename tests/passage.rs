@@ -323,6 +323,30 @@ fn rare_passages_are_exponential_with_the_mean_time_of_their_rate() {
     assert!(away < solved.rate.error && solved.rate.error < 0.05 * solved.rate.value);
 }
 
+#[test]
+fn a_rate_below_rounding_is_that_of_detailed_balance_in_one_of_two_wells_and_in_both() {
+    // Over the barrier at 0 from -1, and through -2.8 from either well: 1e-25 a unit of time and less.
+    let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.0, 1.0]));
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    for (zeta, h, level) in [(0.05, 1.2e-4, 0.3), (0.1, 0.013, -2.8)] {
+        let it = Oscillator::new(wells.clone(), zeta, h).unwrap();
+        let passage = (level, Side::Below, 10.0);
+        let got = first_passage(&it, &Initial::Stationary, passage, &settings(1e-2), &|_| ());
+        let got = got.unwrap();
+        println!("{} {} {}", got.rate, got.mean_time, got.rate_over_rice);
+        assert!(got.shortfall.is_none());
+        assert!(got.rate.value > 0.0 && got.rate.value < 1e-24);
+        let product = got.rate.value * got.mean_time.value;
+        assert!((product - 1.0).abs() < 1e-6, "{product}");
+        let lost = got.lost[got.lost.len() - 1].value;
+        assert!(
+            (lost / (10.0 * got.rate.value) - 1.0).abs() < 0.05,
+            "{lost}"
+        );
+        assert!((got.rate_over_rice.value - 1.0).abs() < 0.02);
+    }
+}
+
 fn driven(amplitude: f64, frequency: f64) -> Excitation {
     Excitation {
         drive: Some(Drive::new(amplitude, frequency, 0.4).unwrap()),

@@ -18,7 +18,10 @@ use std::borrow::Cow;
 
 /// Deviation of a kick over the finest cell along v below which its average is that of three points about its mean: a
 /// quadrature rule from cell to cell would not see it.
-const NEEDLE: f64 = 0.3;
+pub(super) const NEEDLE: f64 = 0.3;
+
+/// Points of that.
+pub(super) const RULE: usize = 3;
 
 /// Parts in which rows are gathered beside each other.
 pub(super) const PARTS: usize = 8;
@@ -114,7 +117,9 @@ impl<'a> Driven<'a> {
             [f64::min(low, it), f64::max(high, it)]
         });
         let needle = narrowest < NEEDLE * self.mesh.finest();
-        if !needle {
+        if needle {
+            self.rows.clear();
+        } else {
             self.lay_out([narrowest, widest], late)?;
         }
         let [nq, nv] = self.mesh.nodes;
@@ -282,7 +287,7 @@ impl<'a> Driven<'a> {
 
     /// A row node by node: three points of the Gauss-Hermite rule about each mean, or that mean alone.
     fn by_points(&self, i: usize, weights: &[f64], kicks: &[Kick]) -> Given<'_> {
-        let rule = [
+        let rule: [(f64, f64); RULE] = [
             (-3f64.sqrt(), 1.0 / 6.0),
             (0.0, 2.0 / 3.0),
             (3f64.sqrt(), 1.0 / 6.0),

@@ -291,13 +291,15 @@ impl Question for Task<'_> {
     }
 
     fn next(&mut self) -> Result<Next> {
+        let asked = &self.problem.asked;
+        let free = asked.step.is_none() && asked.cells.is_none();
         if let Some((_, worst)) = &self.best {
             // All but what no mesh tells.
             if worst.ratio.is_nan() && worst.parts.iter().sum::<f64>() <= 1.0 {
-                let text = "losses so rare drown in rounding";
-                return Ok(Next::Stop(Stop::new(text, true)));
+                let text = "what is lost so seldom drowns in rounding";
+                return Ok(Next::Stop(Stop::new(text, free)));
             }
-            if self.problem.asked.step.is_some() || self.problem.asked.cells.is_some() {
+            if !free {
                 let text = "its step or its cells are those of the scene";
                 return Ok(Next::Stop(Stop::new(text, false)));
             }
@@ -384,11 +386,18 @@ impl Task<'_> {
                 worst.add(parts, tolerance * value.abs());
             }
             let error = parts[0] + parts[1] + (beyond + layout.outside) * value.abs();
+            // What one of the runs does not tell is not known.
+            let value = if error.is_nan() { error } else { value };
             Estimate::new(value, error, Origin::Space)
         };
         // Of an initial condition beyond the level nothing is left to be known relative to itself.
         let lasts = !layout.driven && fine.survival.first().is_some_and(|s| *s > 1e-9);
-        let of_mean = fine.residuals[0] + 2.0 * begun;
+        // The mean time is that of what begins inside.
+        let inside = fine
+            .survival
+            .first()
+            .map_or(1.0, |s| s.max(f64::MIN_POSITIVE));
+        let of_mean = fine.residuals[0] + 2.0 * begun / inside;
         let mut mean_time = number(&|run| run.mean_time, of_mean, lasts);
         let mut rate = number(&|run| run.rate, fine.residuals[1], !layout.driven);
         let mut rate_over_rice = number(&|run| run.over_rice, fine.residuals[1], false);

@@ -1,6 +1,6 @@
 //! Steps, meshes and times of the backward equation.
 
-use super::driven::PARTS;
+use super::driven::{NEEDLE, PARTS, RULE};
 use super::mesh::{Fineness, POINTS, extent};
 use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
@@ -57,6 +57,10 @@ pub(super) struct Layout {
     pub(super) unseen: f64,
     /// Whether each step has its own kick.
     pub(super) driven: bool,
+    /// The deviation of the weakest of them over that of the strongest.
+    faded: f64,
+    /// The finest cell along v, times their number.
+    finest: f64,
 }
 
 impl Layout {
@@ -170,6 +174,11 @@ impl Layout {
             outside,
             unseen,
             driven: forcing.is_some(),
+            faded: forcing.map_or(1.0, |it| it.excitation().faded(until)),
+            finest: {
+                let grade = grade(rise, t);
+                2.0 * (speed / grade).asinh() * grade
+            },
         }
     }
 
@@ -230,7 +239,18 @@ impl Layout {
     fn points(&self, oscillator: &Oscillator) -> f64 {
         let t = oscillator.temperature();
         let spread = (t * -(-4.0 * oscillator.zeta() * self.step).exp_m1()).sqrt();
-        3.2 * 2.0 * self.speed / spread
+        let each = 3.2 * 2.0 * self.speed;
+        if self.faded == 1.0 {
+            return each / spread;
+        }
+        // Rules serve noise that fades to half of what they are laid out for, down to where each node has points of its own.
+        let needle = NEEDLE * self.finest / self.nodes[1] as f64;
+        let own = if self.faded * spread < needle {
+            RULE as f64 * self.nodes[1] as f64
+        } else {
+            0.0
+        };
+        own.max(each / spread.min(0.5 * needle.max(self.faded * spread)))
     }
 
     /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors. Under a forcing no kernel is kept, and the points
@@ -305,7 +325,7 @@ fn nodes((region, right): (&Region<'_>, f64), speed: f64, step: f64, part: f64) 
     let (oscillator, rise) = (region.oscillator, region.rise());
     let t = oscillator.temperature();
     let spread = (t * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
-    let grade = (2.0 * rise / 3.0).max(t).sqrt();
+    let grade = grade(rise, t);
     let v = 2.0 * (speed / grade).asinh() * grade / (0.5 * part * spread);
     // More do not fit a run of seconds; the error then says so.
     let v = v.clamp(80.0, 600.0);
@@ -313,6 +333,11 @@ fn nodes((region, right): (&Region<'_>, f64), speed: f64, step: f64, part: f64) 
     let apart = 2.0 * (speed / grade).asinh() * grade / v;
     let q = (bend * reach / (SMOOTHER * apart)).max(0.7 * v);
     [q as usize, v as usize]
+}
+
+/// The speed beyond which cells along v grow with it.
+fn grade(rise: f64, temperature: f64) -> f64 {
+    (2.0 * rise / 3.0).max(temperature).sqrt()
 }
 
 /// Time from the loss point back to it at this speed.

@@ -40,6 +40,17 @@ pub(crate) struct LongRun {
 }
 
 impl LongRun {
+    /// One that is a mode alone, of which so much is lost in a step.
+    fn of_rare(mode: Vec<f64>, lost: f64, error: f64, steps: u64) -> Self {
+        Self {
+            sum: None,
+            mode,
+            exponent: -(-lost).ln_1p(),
+            residuals: [0.0, error],
+            steps,
+        }
+    }
+
     /// One of which nothing is told.
     fn of_rounding(mode: Vec<f64>, steps: u64) -> Self {
         Self {
@@ -124,17 +135,20 @@ pub(crate) fn long_run(
             let Mode {
                 shape, residual, ..
             } = modes.swap_remove(0);
-            return Ok(LongRun {
-                sum: None,
-                exponent: -(-lost).ln_1p(),
-                residuals: [0.0, residual],
-                mode: shape,
-                steps,
-            });
+            return Ok(LongRun::of_rare(shape, lost, residual, steps));
         }
         residuals[1] = modes[0].error();
         if modes[0].is_rounding(least) {
-            return Ok(LongRun::of_rounding(modes.swap_remove(0).shape, steps));
+            // Of several wells the next mode must be told from it.
+            let apart = modes.get(1).map_or(1.0, Mode::lost);
+            let Mode {
+                shape, residual, ..
+            } = modes.swap_remove(0);
+            let lost = rare(&shape).filter(|lost| *lost > 0.0 && residual < enough * apart);
+            return Ok(match lost {
+                Some(lost) => LongRun::of_rare(shape, lost, residual / apart, steps),
+                None => LongRun::of_rounding(shape, steps),
+            });
         }
         // The first space is that of both.
         if solving || cycle == 0 {

@@ -207,6 +207,22 @@ impl<'a> Region<'a> {
         law.density(self.q(x))
     }
 
+    /// Where the motion that survives may rest, and between: the q of its minima of U and of the maxima among them.
+    pub(crate) fn equilibria(&self) -> impl Iterator<Item = f64> {
+        let Barrier {
+            low, high, sign, ..
+        } = self.barrier;
+        let inside = move |q: &f64| {
+            let x = sign * q;
+            x > low && high.is_none_or(|high| x < high)
+        };
+        self.oscillator
+            .contact()
+            .equilibria()
+            .into_iter()
+            .filter(inside)
+    }
+
     /// A law that is solved for, at one x and many velocities.
     pub(crate) fn along(&self, law: &Law, x: f64, velocities: &[f64]) -> Vec<f64> {
         let seen: Vec<f64> = velocities.iter().map(|v| self.barrier.sign * v).collect();

@@ -6,7 +6,7 @@ use super::layout::{Asked, Layout};
 use super::mesh::{Contact, Fineness};
 use super::pontryagin::long_run;
 use super::region::Region;
-use super::start::{Line, Start, Starts};
+use super::start::{DEVIATIONS, Line, Start, Starts};
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::forcing::Forcing;
@@ -132,6 +132,10 @@ impl Integration {
 /// Steps after the last one asked for.
 const ENDS: usize = 3;
 
+/// The least density of the stationary law at a level by which losses are known from detailed balance: below it lines
+/// that count underflow.
+const SEEN: f64 = 1e-280;
+
 /// What is asked of whom.
 pub(super) struct Problem<'a> {
     /// As it moves up to the levels.
@@ -171,10 +175,13 @@ impl Problem<'_> {
                     (None, Some(it)) => it.clone(),
                     (None, None) => self.gibbs(starts)?.1,
                     (Some(it), _) => {
-                        let scale = 0.5 * self.oscillator.temperature().sqrt();
+                        let own = self.oscillator.temperature();
+                        // A law that friction in contact alone keeps up has longer tails than one up to the loss.
+                        let hottest = self.asked.reference.map_or(own, |it| it.max(own));
+                        let [scale, edge] = [0.5 * own.sqrt(), DEVIATIONS * hottest.sqrt()];
                         let lines = starts.displacements(scale, |_| 1.0)?;
                         let law = |x: f64, v: &[f64]| region.along(&it.law, x, v);
-                        starts.weighed(&lines, 2.0 * scale, &law)?
+                        starts.weighed(&lines, (scale, edge), &law)?
                     }
                 };
                 let total = it.total;
@@ -225,7 +232,7 @@ impl Problem<'_> {
         let law = it.displacement_law()?;
         // What leaves two levels, or a law that is not exp(-H/T)/Z, is known by time integration alone.
         let low = self.asked.barrier.low;
-        let leaving = if region.balances() {
+        let leaving = if region.balances() && region.density(&law, low) > SEEN {
             let entering = starts.entering(region.density(&law, low))?;
             Some([starts.outflow(&lines, absorbed.lost_first())?, entering])
         } else {
@@ -256,7 +263,7 @@ impl Problem<'_> {
             let forgotten = |it: &f64| it * layout.correlation_time / step;
             per_step(mode).filter(|it| forgotten(it) < 0.3 * self.asked.tolerance)
         };
-        let wells = it.contact().equilibria().len().div_ceil(2);
+        let wells = region.equilibria().count().div_ceil(2).max(1);
         let weights = (&stationary.weights[..], fineness.nodes[1]);
         let long = long_run(&absorbed, weights, wells, (stride, enough), &rare, &late)?;
         progress(1.0);
@@ -275,9 +282,14 @@ impl Problem<'_> {
         };
         let inside = start.total / total;
         let last = integration.gone.len() - 1;
-        let doubt = integration.doubt(rate * step, long.sum.is_none()) + unlike * rate * step;
+        // Where the mode is rounding, what is lost of those that survive still has digits.
+        let lasting = match integration.hazard {
+            Some((hazard, _)) if rate <= 0.0 => hazard,
+            _ => rate * step,
+        };
+        let doubt = integration.doubt(lasting, long.sum.is_none()) + unlike * lasting;
         let ends = (inside, total, balance.map(|[_, entering]| entering.total));
-        let mut run = integration.curves(ends, (rate * step, step), doubt, every, times);
+        let mut run = integration.curves(ends, (lasting, step), doubt, every, times);
         let mean_time = match &long.sum {
             Some(sum) => {
                 let sum = dot(&start.weights, sum);

@@ -88,15 +88,15 @@ impl Starts<'_> {
         self.seen(&points, lost)
     }
 
-    /// A start with any density, `law` at one q and many v, of the scale `deviation` in v; lines that weigh nothing more.
+    /// A start with any density, `law` at one q and many v, of so short a scale in v and up to an edge; lines that weigh nothing
+    /// more.
     pub(super) fn weighed(
         &self,
         lines: &[Line],
-        deviation: f64,
+        (scale, edge): (f64, f64),
         law: &(dyn Fn(f64, &[f64]) -> Vec<f64> + Sync),
     ) -> Result<Start> {
-        let edge = DEVIATIONS * deviation;
-        let scale = (2.0 * self.spread).min(0.5 * deviation);
+        let scale = (2.0 * self.spread).min(scale);
         let parts: Result<Vec<Part>> = lines
             .par_iter()
             .map(
