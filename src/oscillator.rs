@@ -176,24 +176,23 @@ impl Oscillator {
         }
     }
 
-    /// Displacements, of those in an interval, that a motion comes to which meets a wall at this speed, if friction alone stops
-    /// it there.
+    /// Displacements, of those in an interval, that a motion without noise comes to which meets a wall at this speed.
     pub(crate) fn held_back(&self, speed: f64, mut q: [f64; 2]) -> [f64; 2] {
         /// Steps into contact.
         const STEPS: usize = 1000;
         let held = self.holds_back(q);
         let walls = self.contact.flight().unwrap_or(q);
-        let ends = q.iter_mut().zip(walls).zip(held);
-        for ((end, wall), _) in ends.filter(|(_, held)| *held) {
-            let step = (*end - wall) / STEPS as f64;
-            let places = (0..STEPS).map(|k| wall + (k as f64 + 0.5) * step);
-            let left = places.scan(speed, |speed, q| {
-                *speed -= step.abs() * self.friction(q);
-                Some(*speed)
+        for k in (0..2).filter(|k| held[*k]) {
+            let step = (q[k] - walls[k]) / STEPS as f64;
+            let mut left = speed;
+            let stopped = (0..STEPS).find(|i| {
+                // v dv/dq = -c v - G.
+                let x = walls[k] + (*i as f64 + 0.5) * step;
+                left -= step.abs() * self.friction(x) + step * self.contact.force(x) / left;
+                left <= 0.0
             });
-            let steps = left.take_while(|speed| *speed > 0.0).count();
-            if steps < STEPS {
-                *end = wall + (steps + 1) as f64 * step;
+            if let Some(i) = stopped {
+                q[k] = walls[k] + (i + 1) as f64 * step;
             }
         }
         q

@@ -111,28 +111,10 @@ fn laid_out(oscillator: &Oscillator, refinement: usize) -> Result<(Oscillator, M
 /// The displacements that a motion comes to against friction which meets contact at the highest speed of a domain, and two
 /// deviations more.
 fn reached(oscillator: &Oscillator, [left, right, _, speed]: [f64; 4]) -> [f64; 2] {
-    let contact = oscillator.contact();
     let cold = oscillator.of_temperature(oscillator.viscous_temperature());
     let [width, _] = deviations(&cold);
-    let deep = |wall: f64, sign: f64, edge: f64| {
-        let (mut q, mut v) = (wall, speed);
-        let step = 0.01 * width;
-        while v > 0.0 && (edge - q) * sign > 0.0 {
-            // v dv/dq = -c v - G: at most all of the speed.
-            let taken = oscillator.friction(q) + sign * contact.force(q) / v;
-            v -= step * taken;
-            q += sign * step;
-        }
-        q + sign * 2.0 * width
-    };
-    contact.flight().map_or([left, right], |[back, loss]| {
-        let low = if back.is_finite() {
-            deep(back, -1.0, left)
-        } else {
-            left
-        };
-        [low, deep(loss, 1.0, right)]
-    })
+    let [low, high] = oscillator.held_back(speed, [left, right]);
+    [low - 2.0 * width, high + 2.0 * width]
 }
 
 impl OnMesh {
