@@ -351,10 +351,12 @@ fn bounce(region: &Region<'_>, speed: f64) -> f64 {
     back.map_or(f64::INFINITY, |k| times[k.saturating_sub(1)])
 }
 
-/// The largest rate of friction where an energy above the lowest reaches.
+/// The largest rate of friction where an energy above the lowest reaches, and friction lets it.
 fn strongest(region: &Region<'_>, rise: f64) -> f64 {
     let low = region.barrier.low;
     let high = region.barrier.high.or(region.turning_point(rise));
-    let ends = [low, high.unwrap_or(low)].map(|x| region.q(x));
-    region.oscillator.highest_friction_between(ends)
+    let mut ends = [low, high.unwrap_or(low)].map(|x| region.q(x));
+    ends.sort_by(f64::total_cmp);
+    let it = region.oscillator;
+    it.highest_friction_between(it.held_back((2.0 * rise).sqrt(), ends))
 }
