@@ -8,7 +8,9 @@ use vibroimpact::fokker_planck::{
 };
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
+use vibroimpact::plan::Plan;
 use vibroimpact::scales::Scales;
+use vibroimpact::scene::text::SceneText;
 
 /// Scene A: Hertz, h = 2e-3, zeta = 0.005, start N((1, 0), 0.4^2).
 fn scene_a() -> (Oscillator, Initial) {
@@ -180,4 +182,31 @@ fn a_tolerance_that_upwind_cannot_reach_ends_with_status_3_and_its_results() {
     assert_eq!(status, Some(0), "{table}");
     assert!(table.contains("is not met"), "{table}");
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_level_that_is_hidden_by_the_error_of_a_course_is_reached_with_a_finer_one() {
+    let scene = |fraction: &str| {
+        let text = format!(
+            "[oscillator]\nzeta = 0.02\nh = 2e-3\n[outputs]\nreach = {{ quantity = {fraction} }}\n"
+        );
+        let text = SceneText::parse("reach", &text, &[]).unwrap();
+        Plan::of(text.scene()).unwrap().run_quietly().unwrap()
+    };
+    // At a tolerance of 1e-3 four nines of the energy are within the error of all of it.
+    let results = scene("\"mean_energy\", fraction = 0.9999");
+    let t = results.reach.as_ref().unwrap().t.unwrap();
+    println!("{t}");
+    assert!(
+        (t.value - 234.063).abs() < t.error && t.error < 2e-4 * t.value,
+        "{t}"
+    );
+    // A billionth of it is there after 2.5e-8, which no course from rest tells from nothing.
+    let results = scene("\"mean_energy\", fraction = 1e-9");
+    let reached = results.reach.as_ref().unwrap();
+    let t = reached.t.unwrap();
+    assert!(
+        (t.value - 2.5e-8).abs() < t.error && reached.shortfall.is_some(),
+        "{t}"
+    );
 }

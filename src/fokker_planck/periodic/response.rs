@@ -109,12 +109,36 @@ impl Sweep {
 /// How a response curve will be computed: the periodic law at every frequency, each for itself.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ResponseCurve {
-    points: Vec<(f64, PeriodicLaw)>,
+    frequencies: Vec<f64>,
+    settings: Settings,
+    /// The recipe at the first of them.
+    first: PeriodicLaw,
     pub(crate) cost: Cost,
 }
 
+/// Points whose recipes a plan makes, at the most: each follows the motion without noise for long.
+const FORESEEN: usize = 16;
+
+/// The recipe of a point.
+fn point(oscillator: &Oscillator, frequency: f64, settings: &Settings) -> Result<PeriodicLaw> {
+    let drive = settings.excitation.drive.map(|it| it.at(frequency));
+    let settings = Settings {
+        excitation: Excitation {
+            drive: drive.transpose()?,
+            envelope: settings.excitation.envelope.clone(),
+        },
+        moments: Some(vec![
+            Moment::MeanQ,
+            Moment::MeanForce,
+            Moment::ContactLossProbability,
+        ]),
+        ..settings.clone()
+    };
+    PeriodicLaw::of(oscillator, (PHASES, 0), &settings)
+}
+
 impl ResponseCurve {
-    /// The recipes at these frequencies of the drive of the settings.
+    /// The recipe at these frequencies of the drive of the settings; its cost is told by some of them.
     ///
     /// # Errors
     /// Those of [`PeriodicLaw::of`] and of the drive.
@@ -123,47 +147,44 @@ impl ResponseCurve {
         frequencies: &[f64],
         settings: &Settings,
     ) -> Result<Self> {
-        let point = |frequency: &f64| -> Result<(f64, PeriodicLaw)> {
-            let drive = settings.excitation.drive.map(|it| it.at(*frequency));
-            let settings = Settings {
-                excitation: Excitation {
-                    drive: drive.transpose()?,
-                    envelope: settings.excitation.envelope.clone(),
-                },
-                moments: Some(vec![
-                    Moment::MeanQ,
-                    Moment::MeanForce,
-                    Moment::ContactLossProbability,
-                ]),
-                ..settings.clone()
-            };
-            Ok((
-                *frequency,
-                PeriodicLaw::of(oscillator, (PHASES, 0), &settings)?,
-            ))
-        };
-        let points: Result<Vec<_>> = frequencies.par_iter().map(point).collect();
-        let points = points?;
-        let costs = points.iter().map(|(_, it)| it.cost());
+        let count = frequencies.len();
+        let seen: Vec<f64> = frequencies
+            .iter()
+            .step_by(count.div_ceil(FORESEEN).max(1))
+            .copied()
+            .collect();
+        let points: Result<Vec<_>> = seen
+            .par_iter()
+            .map(|w| point(oscillator, *w, settings))
+            .collect();
+        let mut points = points?;
         let threads = rayon::current_num_threads() as u64;
+        let all = count as f64 / points.len().max(1) as f64;
+        let costs = points.iter().map(PeriodicLaw::cost);
         let cost = costs.fold(Cost::default(), |sum, it| Cost {
             cells: [0, 1].map(|k| sum.cells[k].max(it.cells[k])),
-            steps: sum.steps + it.steps,
+            steps: sum.steps + (all * it.steps as f64) as u64,
             memory: sum.memory.max(it.memory.saturating_mul(threads)),
-            seconds: sum.seconds + it.seconds / threads as f64,
+            seconds: sum.seconds + all * it.seconds / threads as f64,
         });
-        Ok(Self { points, cost })
+        Ok(Self {
+            frequencies: frequencies.to_vec(),
+            settings: settings.clone(),
+            first: points.swap_remove(0),
+            cost,
+        })
     }
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
-        let each = self.points.first().map_or(String::new(), |it| it.1.words());
-        format!("{} frequencies; {each}", self.points.len())
+        let count = self.frequencies.len();
+        format!("{count} frequencies; {}", self.first.words())
     }
 
     /// What is to be said of frequencies at which two orbits last without noise.
-    fn rivals(&self) -> Option<String> {
-        let both = self.points.iter().filter(|(_, law)| law.has_rivals());
+    fn rivals(&self, recipes: &[PeriodicLaw]) -> Option<String> {
+        let points = self.frequencies.iter().copied().zip(recipes);
+        let both = points.filter(|(_, law)| law.has_rivals());
         let at: Vec<f64> = both.map(|it| it.0).collect();
         let (first, last) = at.first().zip(at.last())?;
         Some(format!(
@@ -184,31 +205,34 @@ impl ResponseCurve {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Response> {
         let done = AtomicUsize::new(0);
-        let count = self.points.len();
-        let laws: Result<Vec<Periodic>> = self
-            .points
+        let count = self.frequencies.len();
+        let late = limits.late("the response curve");
+        let laws: Result<Vec<(PeriodicLaw, Periodic)>> = self
+            .frequencies
             .par_iter()
-            .map(|(_, recipe)| {
+            .map(|w| {
+                late()?;
+                let recipe = point(oscillator, *w, &self.settings)?;
                 let law = recipe.solve(oscillator, limits, &|_| ())?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / count as f64);
-                Ok(law)
+                Ok((recipe, law))
             })
             .collect();
-        let laws = laws?;
+        let (recipes, laws): (Vec<PeriodicLaw>, Vec<Periodic>) = laws?.into_iter().unzip();
         let harmonic = |of: fn(&Periodic) -> &[Harmonic], k: usize| -> Vec<Estimate> {
             laws.iter().map(|law| of(law)[k - 1].amplitude).collect()
         };
         let lost: Option<Vec<Estimate>> =
             laws.iter().map(|it| it.contact_loss_probability).collect();
         let unknown = Estimate::new(f64::NAN, f64::NAN, Origin::Space);
-        let slowest = |(law, (_, recipe)): (&Periodic, &(f64, PeriodicLaw))| {
+        let slowest = |(law, recipe): (&Periodic, &PeriodicLaw)| {
             recipe.slowest(law).map_or(unknown, |it| {
                 Estimate::new(it.modulus(), it.error, Origin::Space)
             })
         };
-        let short = laws.iter().zip(&self.points);
-        let short = short.filter_map(|(law, (w, _))| Some((w, law.shortfall.clone()?)));
+        let short = laws.iter().zip(&self.frequencies);
+        let short = short.filter_map(|(law, w)| Some((w, law.shortfall.clone()?)));
         let shortfall = short
             .max_by(|(_, a), (_, b)| a.ratio.total_cmp(&b.ratio))
             .map(|(w, it)| Shortfall {
@@ -216,17 +240,17 @@ impl ResponseCurve {
                 ..it
             });
         Ok(Response {
-            frequency: self.points.iter().map(|it| it.0).collect(),
+            frequency: self.frequencies.clone(),
             mean_q_1: harmonic(|it| &it.mean_q, 1),
             mean_q_2: harmonic(|it| &it.mean_q, 2),
             mean_force_1: harmonic(|it| &it.mean_force, 1),
             contact_loss_probability: lost,
-            multiplier: laws.iter().zip(&self.points).map(slowest).collect(),
+            multiplier: laws.iter().zip(&recipes).map(slowest).collect(),
             sweeps: Sweep::both(&laws),
             warnings: shortfall
                 .iter()
                 .map(Shortfall::to_string)
-                .chain(self.rivals())
+                .chain(self.rivals(&recipes))
                 .collect(),
             shortfall,
         })

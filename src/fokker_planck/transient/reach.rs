@@ -142,7 +142,7 @@ impl Reach {
                     let t = Some(Estimate::closed_form(0.0));
                     return Ok(self.answer(t, it, words));
                 }
-                Seen::Never(_) | Seen::NotYet(_) if best.is_some() => {
+                Seen::Never(_) | Seen::NotYet(_) | Seen::Blurred(..) if best.is_some() => {
                     reason = "a finer course did not find it again".into();
                     break;
                 }
@@ -151,7 +151,19 @@ impl Reach {
                     times = course(0.0, 2.0 * times.last().copied().unwrap_or(SPACING));
                     continue;
                 }
+                Seen::Blurred(finer, _) if settings.tolerance > FINEST && pass < PASSES => {
+                    settings.tolerance = (settings.tolerance * finer.clamp(0.02, 0.7)).max(FINEST);
+                    continue;
+                }
                 Seen::NotYet(words) | Seen::Never(words) => {
+                    return Ok(self.answer(None, it, &words));
+                }
+                Seen::Blurred(_, words) => {
+                    let free = self.settings.cells.is_none() && self.settings.step.is_none();
+                    let stop = Stop::new(words.clone(), free);
+                    let tolerance = self.settings.tolerance;
+                    let shortfall = stop.shortfall("reach.t".into(), f64::NAN, tolerance);
+                    let it = Transient { shortfall, ..it };
                     return Ok(self.answer(None, it, &words));
                 }
             };
@@ -213,7 +225,7 @@ impl Reach {
         let Some(curve) = Curve::of(self.moment, level, it, side) else {
             return Seen::Never("it does not exist at every time".into());
         };
-        if curve.at_once() {
+        if curve.at_once(self.settings.tolerance) {
             return Seen::AtOnce;
         }
         if let Some(crossing) = curve.crossing() {
@@ -227,7 +239,12 @@ impl Reach {
             it.times.last().copied().unwrap_or(0.0),
             level.value
         );
-        if curve.rests(stationary) {
+        let apart = (level.value - stationary.value).abs();
+        let error = curve.values.last().map_or(0.0, |it| it.error);
+        if curve.rests(stationary) && apart <= error {
+            let words = format!("the stationary value is not told from it: {words}");
+            Seen::Blurred(AIM * apart / error, words)
+        } else if curve.rests(stationary) {
             Seen::Never(words)
         } else {
             Seen::NotYet(words)
@@ -251,6 +268,8 @@ enum Seen {
     NotYet(String),
     /// Nothing, and it will stay so.
     Never(String),
+    /// Nothing that the stationary value could be told from: an error so many times as large might.
+    Blurred(f64, String),
 }
 
 /// A moment against time, turned so that it rises through 0 where it first reaches the level.
@@ -335,13 +354,12 @@ impl<'a> Curve<'a> {
         })
     }
 
-    /// Whether the very first time has the level.
-    fn at_once(&self) -> bool {
-        self.times.first() == Some(&0.0)
-            && self
-                .values
-                .first()
-                .is_some_and(|it| (it.value - self.level).abs() <= it.error)
+    /// Whether the very first time has the level, to its error and to the tolerance.
+    fn at_once(&self, tolerance: f64) -> bool {
+        let has = |it: &Estimate| {
+            (it.value - self.level).abs() <= it.error.min(tolerance * self.level.abs())
+        };
+        self.times.first() == Some(&0.0) && self.values.first().is_some_and(has)
     }
 
     /// Whether the last value is the stationary one within its error.

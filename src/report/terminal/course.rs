@@ -154,7 +154,7 @@ pub(super) fn course(table: &mut Table, results: &Results) {
             let time = format!("t = {}", brief(t));
             let both = [here, there];
             let numbers = cells(&both[..=usize::from(sampled.is_some())], true);
-            table.line(format!("{symbol:<8} {words:<15}{time:>12}{numbers}"));
+            table.line(format!("{symbol:<8} {words:<14} {time:>11} {numbers}"));
         }
     }
     let [nq, nv] = it.method.cells;
