@@ -207,6 +207,11 @@ impl Excitation {
         self.drive.map_or(0.0, |it| it.force(t))
     }
 
+    /// The amplitude of the drive.
+    pub(crate) fn push(&self) -> f64 {
+        self.drive.map_or(0.0, |it| it.amplitude)
+    }
+
     /// The rate at which it changes.
     pub(crate) fn rate(&self, t: f64) -> f64 {
         self.drive.map_or(0.0, |it| it.rate(t))

@@ -1,8 +1,10 @@
 //! The oscillator: contact law, damping and noise, and its Gibbs law exp(-H/T).
 
 pub(crate) mod displacement_law;
+mod inrush;
 
 pub use displacement_law::DisplacementLaw;
+pub(crate) use inrush::Inrush;
 
 use crate::contact::ContactLaw;
 use crate::damping::{Averaged, Damping};
@@ -40,10 +42,13 @@ impl PartialEq for Oscillator {
 }
 
 impl Oscillator {
+    /// The lowest T: the force N = (1 + 2q/3)^{3/2} holds a deviation of 1e-12 to four digits.
+    const COLDEST: f64 = 1e-24;
+
     /// An oscillator with damping ratio `zeta` > 0 and noise level `h` > 0.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a damping ratio or level that is not finite and positive.
+    /// [`Error::Invalid`] for a damping ratio or level that is not finite and positive, or a T beyond what doubles resolve.
     pub fn new(contact: ContactLaw, zeta: f64, h: f64) -> Result<Self> {
         positive("oscillator.zeta", zeta)?;
         positive("oscillator.h", h)?;
@@ -57,13 +62,13 @@ impl Oscillator {
             law: OnceLock::new(),
         };
         let t = it.temperature();
-        if !(t.is_finite() && t > f64::MIN_POSITIVE) {
+        if !(t.is_finite() && t >= Self::COLDEST) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
-            return Err(Error::invalid(
-                "oscillator.h",
-                value,
-                "T = pi h/(2 zeta) within a double",
-            ));
+            let accepted = format!(
+                "T = pi h/(2 zeta) of at least {:e}, so that a double tells the motion from the clearance",
+                Self::COLDEST
+            );
+            return Err(Error::invalid("oscillator.h", value, accepted));
         }
         Ok(it)
     }
@@ -174,28 +179,6 @@ impl Oscillator {
             Some([back, loss]) if !self.damping.has_closed_form() => [low < back, high > loss],
             _ => [false; 2],
         }
-    }
-
-    /// Displacements, of those in an interval, that a motion without noise comes to which meets a wall at this speed.
-    pub(crate) fn held_back(&self, speed: f64, mut q: [f64; 2]) -> [f64; 2] {
-        /// Steps into contact.
-        const STEPS: usize = 1000;
-        let held = self.holds_back(q);
-        let walls = self.contact.flight().unwrap_or(q);
-        for k in (0..2).filter(|k| held[*k]) {
-            let step = (q[k] - walls[k]) / STEPS as f64;
-            let mut left = speed;
-            let stopped = (0..STEPS).find(|i| {
-                // v dv/dq = -c v - G.
-                let x = walls[k] + (*i as f64 + 0.5) * step;
-                left -= step.abs() * self.friction(x) + step * self.contact.force(x) / left;
-                left <= 0.0
-            });
-            if let Some(i) = stopped {
-                q[k] = walls[k] + (i + 1) as f64 * step;
-            }
-        }
-        q
     }
 
     /// The largest c that a motion meets whose energy is so much above the lowest.

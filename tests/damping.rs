@@ -315,6 +315,72 @@ fn transients_and_first_losses_where_impacts_take_most_of_the_energy_agree_with_
 }
 
 #[test]
+fn where_friction_stops_motions_the_domain_holds_what_noise_and_a_drive_move() {
+    // Contact is never lost here: the same friction everywhere.
+    for zeta in [0.4, 1.0, 2.0, 8.0] {
+        let viscous = Oscillator::new(ContactLaw::Hertz, zeta, 0.01).unwrap();
+        let it = viscous.clone().with_damping(Damping::Contact).unwrap();
+        let [viscous, it] = [viscous, it].map(|it| {
+            transient(
+                &it,
+                &Initial::Rest,
+                &[1.0, 10.0],
+                &[],
+                &settings(1e-3),
+                &|_| (),
+            )
+            .unwrap()
+        });
+        assert!(it.shortfall.is_none(), "{:?}", it.shortfall);
+        for (a, b) in it.moments.iter().zip(&viscous.moments) {
+            let (z, name) = worst(a, b);
+            println!("zeta = {zeta}: {z:.2} ({name})");
+            assert!(z < 1.0, "{name} at zeta = {zeta}: {z}");
+        }
+    }
+    let wells = "contact = { law = \"table\", \
+        q = [-3.0, -2.5, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0], \
+        force = [-1, -1, -1, -1, -0.8, -0.4, 0.0, 0.25, 0.3, 0.2, 0.0, -0.2, -0.25, 0.0, 0.6, 2.5] }";
+    let walls = "contact = { law = \"power\", exponent = 1.5, gap = 0.5, back = 3.0 }";
+    let drive = "[excitation]\ndrive = { amplitude = 2.0, frequency = 0.2 }";
+    for scene in [
+        format!("zeta = 0.8\nh = 0.05\n{wells}\n[outputs]\nmoments_at = [5, 20]"),
+        format!("zeta = 1.0\nh = 0.1\n{walls}\n[outputs]\nmoments_at = [2, 10]"),
+        format!("zeta = 1.0\nh = 0.01\n{drive}\n[outputs]\nmoments_at = [2]"),
+    ] {
+        let text = format!(
+            "[oscillator]\ndamping = \"contact\"\n{scene}\n[monte_carlo]\npaths = 10000\n\
+             [accuracy]\ntolerance = 1e-2\n"
+        );
+        let scene = SceneText::parse("a.toml", &text, &[]).unwrap();
+        let results = Plan::of(scene.scene()).unwrap().run_quietly().unwrap();
+        let agreement = results.agreement.unwrap();
+        println!("{agreement:?}");
+        assert!(agreement.worst < 4.0, "{agreement:?}");
+    }
+}
+
+#[test]
+fn paths_that_begin_deep_in_contact_take_steps_that_its_friction_asks_for() {
+    let viscous = Oscillator::new(ContactLaw::Hertz, 0.1, 1e-3).unwrap();
+    let it = viscous.with_damping(Damping::HuntCrossley).unwrap();
+    let initial = Initial::gaussian([15.0, 0.0], [0.2, 0.2]).unwrap();
+    let [automatic, short] = [None, Some(0.004)].map(|step| {
+        let sampling = Sampling {
+            paths: 10_000,
+            step,
+            ..Sampling::default()
+        };
+        monte_carlo::run(&it, &initial, &[1.0, 3.0], &sampling, &|_| ()).unwrap()
+    });
+    for (a, b) in automatic.moments.iter().zip(&short.moments) {
+        let (z, name) = worst(a, b);
+        println!("{z:.1} ({name}) by steps of {}", automatic.step);
+        assert!(z < 4.0, "{name}: {z}");
+    }
+}
+
+#[test]
 fn a_law_that_finer_resolutions_spoil_is_as_good_as_the_best_of_them() {
     // Long flights: from the third resolution on rounding is all there is.
     let it = Oscillator::new(ContactLaw::Hertz, 0.211, 8.7e-2).unwrap();

@@ -11,7 +11,7 @@ use crate::excitation::Excitation;
 use crate::format::{num, rounded};
 use crate::initial::Initial;
 use crate::noise_free;
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Inrush, Oscillator};
 use std::f64::consts::E;
 use std::ops::Range;
 
@@ -52,7 +52,7 @@ impl Walk {
     /// [`Error::Invalid`] for a step that is not positive, or a scheme that does not suit the noise.
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
         if it.excitation.is_plain() {
-            let pace = Pace::of(oscillator, initial, 0.0);
+            let pace = Pace::of(oscillator, initial, [0.0; 2]);
             let (scheme, why) = resolve(it.scheme, it.noise, oscillator, pace.frequency)?;
             return Self::by((scheme, why), oscillator, it, pace);
         }
@@ -81,7 +81,7 @@ impl Walk {
         let time = FOLLOWED.min(8.0 / oscillator.reference_friction());
         let swing = noise_free::swing(oscillator, &it.excitation, time);
         let drive = it.excitation.drive.map_or(0.0, |it| it.frequency());
-        let pace = Pace::of(oscillator, initial, swing);
+        let pace = Pace::of(oscillator, initial, [it.excitation.push(), swing]);
         let walk = Self::by(
             (scheme, "it takes the drive with the noise"),
             oscillator,
@@ -135,7 +135,7 @@ impl Walk {
             ));
         }
         let walk = if it.excitation.is_plain() {
-            let pace = Pace::of(oscillator, initial, 0.0);
+            let pace = Pace::of(oscillator, initial, [0.0; 2]);
             let scheme = match it.scheme {
                 Scheme::Auto => (Scheme::Splitting42, "it locates losses at any friction"),
                 scheme => (scheme, "as asked"),
@@ -414,6 +414,9 @@ fn short(x: f64) -> String {
 /// Longest time that a motion without noise is followed for the amplitude of a driven one.
 const FOLLOWED: f64 = 1000.0;
 
+/// Energy over T that few paths exceed.
+const TYPICAL: f64 = 5.0;
+
 /// What few paths exceed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pace {
@@ -424,17 +427,53 @@ struct Pace {
 }
 
 impl Pace {
-    /// Up to an energy of 5 T, to whose amplitude a drive adds its `swing`.
-    fn of(oscillator: &Oscillator, initial: &Initial, swing: f64) -> Self {
-        let mut rise = 5.0 * oscillator.temperature();
+    /// Up to an energy of [`TYPICAL`] T, to whose amplitude a drive of this amplitude adds its `swing`.
+    fn of(oscillator: &Oscillator, initial: &Initial, [push, swing]: [f64; 2]) -> Self {
+        let mut rise = TYPICAL * oscillator.temperature();
         if swing > 0.0 {
             rise = 0.5 * ((2.0 * rise).sqrt() + swing).powi(2);
         }
         Self {
             frequency: highest_frequency(oscillator, initial, rise),
-            friction: 0.5 * highest_friction(oscillator, initial, rise),
+            friction: 0.5 * highest_friction(oscillator, initial, rise, [push, swing]),
         }
     }
+}
+
+/// The largest rate of friction on paths up to an energy, as deep as it lets them come in, and on those that begin higher.
+fn highest_friction(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    rise: f64,
+    [push, swing]: [f64; 2],
+) -> f64 {
+    if oscillator.is_viscous() {
+        return oscillator.friction(0.0);
+    }
+    let contact = oscillator.contact();
+    let (begun, level) = match initial {
+        Initial::Gaussian { mean, deviation } => {
+            let ends = |k: usize| [-2.0, 2.0].map(|times| mean[k] + times * deviation[k]);
+            let energies = ends(0).map(|q| ends(1).map(|v| oscillator.energy(q, v)));
+            let highest = energies.as_flattened().iter().copied().fold(0.0, f64::max);
+            let lowest = contact.lowest_potential().unwrap_or(0.0);
+            (ends(0), highest - lowest)
+        }
+        Initial::Rest | Initial::Stationary => ([0.0; 2], 0.0),
+    };
+    let certain = (2.0 * level).sqrt() + swing;
+    let highest = certain.max((2.0 * rise).sqrt());
+    let turning = contact.turning_points(0.5 * highest * highest);
+    let inrush = Inrush {
+        certain,
+        highest,
+        push,
+        rarity: TYPICAL,
+    };
+    let (left, right) = turning.unwrap_or((0.0, 0.0));
+    let held = inrush.reach(oscillator, [left, right]);
+    let [held, begun] = [held, begun].map(|ends| oscillator.highest_friction_between(ends));
+    held.max(begun)
 }
 
 /// How far out paths begin, and how far above the lowest potential.
@@ -447,19 +486,6 @@ fn begun(oscillator: &Oscillator, initial: &Initial) -> (f64, f64) {
     let lowest = contact.lowest_potential().unwrap_or(0.0);
     let level = contact.potential(q).max(contact.potential(-q)) - lowest;
     (q, 0.5 * v * v + level.max(0.0))
-}
-
-/// The largest rate of friction on paths up to an energy, as deep as it lets them come in, and on those that begin deeper.
-fn highest_friction(oscillator: &Oscillator, initial: &Initial, rise: f64) -> f64 {
-    let Some((left, right)) = oscillator.contact().turning_points(rise) else {
-        return oscillator.highest_friction(rise);
-    };
-    let held = oscillator.held_back((2.0 * rise).sqrt(), [left, right]);
-    if held == [left, right] {
-        return oscillator.highest_friction(rise);
-    }
-    let begun = oscillator.highest_friction(begun(oscillator, initial).1.min(rise));
-    oscillator.highest_friction_between(held).max(begun)
 }
 
 /// The highest frequency of paths up to an energy, and of those that begin higher: the root of the stiffness at the outer

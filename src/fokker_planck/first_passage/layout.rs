@@ -11,7 +11,7 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::gaussian::lower;
 use crate::initial::Initial;
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Inrush, Oscillator};
 use std::f64::consts::TAU;
 
 /// What runs with other steps differ by, over the error of the mesh that they share, if it is that of the mesh alone.
@@ -358,5 +358,11 @@ fn strongest(region: &Region<'_>, rise: f64) -> f64 {
     let mut ends = [low, high.unwrap_or(low)].map(|x| region.q(x));
     ends.sort_by(f64::total_cmp);
     let it = region.oscillator;
-    it.highest_friction_between(it.held_back((2.0 * rise).sqrt(), ends))
+    let inrush = Inrush {
+        certain: 0.0,
+        highest: (2.0 * rise).sqrt(),
+        push: 0.0,
+        rarity: rise / it.temperature(),
+    };
+    it.highest_friction_between(inrush.reach(it, ends))
 }

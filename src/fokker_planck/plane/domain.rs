@@ -4,7 +4,7 @@ use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::gaussian::{Gaussian, lower, normal};
 use crate::initial::Initial;
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Inrush, Oscillator};
 use crate::quadrature;
 use std::f64::consts::{FRAC_2_SQRT_PI, PI};
 
@@ -159,8 +159,9 @@ impl Domain {
         Ok(self.enlarged(oscillator, (reach / self.v[1]).min(1.0)))
     }
 
-    /// This domain without what friction in contact keeps motions from: as deep as one comes in at its fastest, noise over half a
-    /// natural period added, or as the initial condition does without friction.
+    /// This domain without what friction in contact keeps motions from: as deep as they come in with noise over half a natural
+    /// period added to the highest speed, or as the initial condition does without friction. A drive has this amplitude, and a
+    /// `swing` of its own.
     ///
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for an initial condition that no level holds.
@@ -169,10 +170,9 @@ impl Domain {
         oscillator: &Oscillator,
         initial: &Initial,
         neglected: f64,
+        [push, swing]: [f64; 2],
     ) -> Result<Self> {
-        let fastest = self.v[1] + (2.0 * PI * oscillator.noise()).sqrt();
-        let held = oscillator.held_back(fastest, self.q);
-        if held == self.q {
+        if oscillator.holds_back(self.q) == [false; 2] {
             return Ok(self);
         }
         let start = |level: f64| start_outside(oscillator, initial, level);
@@ -182,6 +182,13 @@ impl Domain {
             }
             Initial::Rest | Initial::Stationary => 0.0,
         };
+        let inrush = Inrush {
+            certain: (2.0 * level).sqrt() + swing,
+            highest: self.v[1] + (2.0 * PI * oscillator.noise()).sqrt(),
+            push,
+            rarity: 2.0 - neglected.ln(),
+        };
+        let held = inrush.reach(oscillator, self.q);
         let begun = oscillator.contact().turning_points(level);
         let (left, right) = begun.unwrap_or((0.0, 0.0));
         let q = [

@@ -18,7 +18,7 @@ use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::matrix::dot;
 use crate::moments::RawMoments;
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Inrush, Oscillator};
 
 /// Order 6, as the steady state.
 const DRIFT: Drift = Drift::Order6;
@@ -74,7 +74,7 @@ pub(in crate::fokker_planck) struct Row<'a> {
 /// The oscillator with flat weights, and the mesh of a refinement.
 fn laid_out(oscillator: &Oscillator, refinement: usize) -> Result<(Oscillator, Mesh)> {
     let (contact, margin) = (oscillator.contact(), DRIFT.margin());
-    let rise = oscillator.averaged_within(BEYOND * FARTHER.powi(refinement as i32));
+    let rise = oscillator.averaged_within(beyond(refinement));
     let held = oscillator.of_temperature(rise / EDGE);
     // What contact asks: the deviations of the law that friction would hold everywhere.
     let cold = oscillator.of_temperature(oscillator.viscous_temperature());
@@ -108,13 +108,28 @@ fn laid_out(oscillator: &Oscillator, refinement: usize) -> Result<(Oscillator, M
     Ok((held, Mesh { q, v }))
 }
 
-/// The displacements that a motion comes to against friction which meets contact at the highest speed of a domain, and two
+/// The displacements that a motion comes to against friction up to the highest speed of a domain of a refinement, and two
 /// deviations more.
-fn reached(oscillator: &Oscillator, [left, right, _, speed]: [f64; 4]) -> [f64; 2] {
+fn reached(
+    oscillator: &Oscillator,
+    [left, right, _, highest]: [f64; 4],
+    refinement: usize,
+) -> [f64; 2] {
     let cold = oscillator.of_temperature(oscillator.viscous_temperature());
     let [width, _] = deviations(&cold);
-    let [low, high] = oscillator.held_back(speed, [left, right]);
+    let inrush = Inrush {
+        certain: 0.0,
+        highest,
+        push: 0.0,
+        rarity: -beyond(refinement).ln(),
+    };
+    let [low, high] = inrush.reach(oscillator, [left, right]);
     [low - 2.0 * width, high + 2.0 * width]
+}
+
+/// Probability of the law averaged over orbits beyond the domain of a refinement.
+fn beyond(refinement: usize) -> f64 {
+    BEYOND * FARTHER.powi(refinement as i32)
 }
 
 impl OnMesh {
@@ -147,7 +162,7 @@ impl OnMesh {
         let observables = Observables::new(&held, &mesh, DRIFT, generator.weights())?;
         let (nv, mut g) = (mesh.v.len(), null.ratio(&generator));
         // What friction lets no motion come to holds rounding and dispersion, which a fourth power of the force would weigh.
-        let [left, right] = reached(oscillator, mesh.domain());
+        let [left, right] = reached(oscillator, mesh.domain(), refinement);
         let mut beyond = 0.0;
         let rows = g.chunks_exact_mut(nv).zip(null.cells().chunks_exact(nv));
         for ((g, cells), q) in rows.zip(mesh.q.centres()) {

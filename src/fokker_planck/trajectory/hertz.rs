@@ -102,7 +102,7 @@ fn press(
     }
     let step = steps(&y, &v);
     let (mut cy, mut cv) = ([[0.0; LANES]; ORDER + 1], [[0.0; LANES]; ORDER + 1]);
-    // A step is a good part of a bounce; only values that are no numbers get to the limit.
+    // A step is a good part of a bounce.
     for _ in 0..1_000_000 {
         if !busy.contains(&true) {
             break;
@@ -153,6 +153,12 @@ fn press(
             }
         }
         for l in 0..LANES {
+            if busy[l] && !t_end[l].is_finite() {
+                for k in next[l]..times.len() {
+                    ends[k * n + batch[l].point] = [f64::NAN; 2];
+                }
+                busy[l] = false;
+            }
             if busy[l] {
                 y[l] = y_end[l].max(0.0);
                 v[l] = v_end[l];

@@ -295,15 +295,17 @@ pub(crate) fn domain(
 ) -> Result<Domain> {
     let Some(forcing) = forcing else {
         let domain = unforced(oscillator, initial, until, first_grid, neglected)?;
-        return domain.held_back(oscillator, initial, neglected);
+        return domain.held_back(oscillator, initial, neglected, [0.0; 2]);
     };
     let noise = forcing.noise();
     let domain = unforced(noise, initial, until, first_grid, neglected)?;
     if !oscillator.contact().is_confining() {
         return Ok(domain);
     }
-    let domain = domain.enlarged(noise, 1.0 + forcing.swing() / domain.v[1]);
-    domain.held_back(noise, initial, neglected)
+    let swing = forcing.swing();
+    let domain = domain.enlarged(noise, 1.0 + swing / domain.v[1]);
+    let push = forcing.excitation().push();
+    domain.held_back(noise, initial, neglected, [push, swing])
 }
 
 fn unforced(

@@ -220,6 +220,13 @@ impl<'a> StartUp<'a> {
                     return Ok(false);
                 }
                 self.grid.advance(left / steps as f64);
+                if !self.grid.defect().is_finite() {
+                    let what = format!(
+                        "by t = {:.3e} doubles do not tell the points of the density apart",
+                        self.grid.time()
+                    );
+                    return Err(Error::Unresolved { what });
+                }
                 watch(self.grid.time())?;
             }
             self.grid.arrive(stop);
