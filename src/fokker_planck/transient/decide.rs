@@ -2,7 +2,7 @@
 
 use super::cost;
 use super::question::{KNOWN, Question};
-use super::recipe::{self, FirstGrid, Recipe, Rung, Scheme};
+use super::recipe::{FirstGrid, Recipe, Rung, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::Cost;
@@ -188,21 +188,14 @@ impl Question<'_> {
     /// volumes where the method is free.
     fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
         let gaussian = matches!(self.initial, Initial::Gaussian { .. });
+        let neglected = self.settings.neglected;
+        let neglected = neglected.unwrap_or_else(|| Rung::neglected(draft.expected));
         if draft.layout.is_given() && draft.first_grid == FirstGrid::Mesh && gaussian {
             let first_grid = FirstGrid::Moving;
-            let neglected = self.settings.neglected;
-            let neglected = neglected.unwrap_or_else(|| Rung::neglected(draft.expected));
-            let (oscillator, initial) = (self.oscillator, self.initial);
-            if !oscillator.contact().is_confining() {
+            if !self.oscillator.contact().is_confining() {
                 return Ok(None);
             }
-            let domain = recipe::domain(
-                (oscillator, self.forcing.map(|it| &**it)),
-                initial,
-                self.until(),
-                first_grid,
-                neglected,
-            )?;
+            let domain = self.domain((first_grid, true), neglected)?;
             return Ok(Some(Recipe {
                 first_grid,
                 layout: Layout {
@@ -215,9 +208,13 @@ impl Question<'_> {
         }
         let free =
             self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
-        Ok(free.then(|| Recipe {
+        if !free {
+            return Ok(None);
+        }
+        Ok(Some(Recipe {
             scheme: Scheme::Volumes(TimeScheme::Imex),
             layout: Layout {
+                domain: self.domain((draft.first_grid, false), neglected)?,
                 focused: false,
                 ..draft.layout
             },

@@ -95,13 +95,12 @@ impl Question<'_> {
         } = *self;
         let drift = self.drift();
         let neglected = self.neglected()?;
-        let forcing = self.forcing.map(|it| &**it);
-        let thermal = self.deviations();
+        let (thermal, flow_map) = (self.deviations(), self.takes_flow_map());
         let laid_out = |domain: Domain, widths: [f64; 2]| Layout {
             domain,
             cells: Cells::of(settings, widths),
             drift,
-            focused: self.takes_flow_map(),
+            focused: flow_map,
         };
         if let Some([q, v]) = settings.cells {
             // On the coarsest of three rungs two are within.
@@ -137,13 +136,7 @@ impl Question<'_> {
                     true
                 }
                 Initial::Gaussian { mean, deviation } if settings.cells.is_some() => {
-                    let domain = recipe::domain(
-                        (oscillator, forcing),
-                        initial,
-                        self.until(),
-                        FirstGrid::Mesh,
-                        neglected,
-                    )?;
+                    let domain = self.domain((FirstGrid::Mesh, flow_map), neglected)?;
                     self.is_held(&laid_out(domain, thermal), mean, deviation)?
                 }
                 Initial::Gaussian { .. } => {
@@ -160,8 +153,7 @@ impl Question<'_> {
                 FirstGrid::Moving
             }
         };
-        let until = self.until();
-        let domain = recipe::domain((oscillator, forcing), initial, until, first_grid, neglected)?;
+        let domain = self.domain((first_grid, flow_map), neglected)?;
         Ok(match first_grid {
             FirstGrid::Mesh => (laid_out(domain, self.widths()), first_grid),
             FirstGrid::MovingForGood => {
@@ -185,6 +177,12 @@ impl Question<'_> {
             .clamp(2.0, 10.0)
     }
 
+    /// The domain of a first grid, under a flow map or under finite volumes.
+    pub(super) fn domain(&self, first: (FirstGrid, bool), neglected: f64) -> Result<Domain> {
+        let forced = (self.oscillator, self.forcing.map(|it| &**it));
+        recipe::domain(forced, self.initial, self.until(), first, neglected)
+    }
+
     /// Probability that the domain leaves out: that of the rung expected, or of the one whose cells the scene gives.
     fn neglected(&self) -> Result<f64> {
         let settings = self.settings;
@@ -195,15 +193,8 @@ impl Question<'_> {
         if settings.cells.is_none() {
             return Ok(expected);
         }
-        let forced = (self.oscillator, self.forcing.map(|it| &**it));
         let layout = Layout {
-            domain: recipe::domain(
-                forced,
-                self.initial,
-                self.until(),
-                FirstGrid::Mesh,
-                expected,
-            )?,
+            domain: self.domain((FirstGrid::Mesh, self.takes_flow_map()), expected)?,
             cells: Cells::of(settings, self.deviations()),
             drift: self.drift(),
             focused: self.takes_flow_map(),

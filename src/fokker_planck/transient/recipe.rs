@@ -215,7 +215,7 @@ impl Recipe {
                 (oscillator, self.forcing.as_deref()),
                 initial,
                 until,
-                self.first_grid,
+                (self.first_grid, self.layout.focused),
                 neglected,
             )?
         };
@@ -282,7 +282,7 @@ impl Recipe {
 }
 
 /// The truncated domain of a run until `until`: under a forcing that of its strongest noise, and farther by as much as the
-/// drive swings.
+/// drive swings. A flow map needs no more of it than motions come to against friction; finite volumes need streamlines that close.
 ///
 /// # Errors
 /// Those of [`Domain::closed`] and [`Domain::swept`].
@@ -290,22 +290,24 @@ pub(crate) fn domain(
     (oscillator, forcing): (&Oscillator, Option<&Forcing>),
     initial: &Initial,
     until: f64,
-    first_grid: FirstGrid,
+    (first_grid, flow_map): (FirstGrid, bool),
     neglected: f64,
 ) -> Result<Domain> {
-    let Some(forcing) = forcing else {
-        let domain = unforced(oscillator, initial, until, first_grid, neglected)?;
-        return domain.held_back(oscillator, initial, neglected, [0.0; 2]);
-    };
-    let noise = forcing.noise();
+    let noise = forcing.map_or(oscillator, |it| it.noise());
     let domain = unforced(noise, initial, until, first_grid, neglected)?;
     if !oscillator.contact().is_confining() {
         return Ok(domain);
     }
-    let swing = forcing.swing();
-    let domain = domain.enlarged(noise, 1.0 + swing / domain.v[1]);
-    let push = forcing.excitation().push();
-    domain.held_back(noise, initial, neglected, [push, swing])
+    let drive = forcing.map_or([0.0; 2], |it| [it.excitation().push(), it.swing()]);
+    let domain = match drive[1] {
+        0.0 => domain,
+        swing => domain.enlarged(noise, 1.0 + swing / domain.v[1]),
+    };
+    if flow_map {
+        domain.held_back(noise, initial, neglected, drive)
+    } else {
+        Ok(domain)
+    }
 }
 
 fn unforced(
