@@ -62,11 +62,14 @@ impl Oscillator {
             law: OnceLock::new(),
         };
         let t = it.temperature();
-        if !(t.is_finite() && t >= Self::COLDEST) {
+        let coldest = match it.contact {
+            ContactLaw::Linear => f64::MIN_POSITIVE,
+            _ => Self::COLDEST,
+        };
+        if !(t.is_finite() && t >= coldest) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
             let accepted = format!(
-                "T = pi h/(2 zeta) of at least {:e}, so that a double tells the motion from the clearance",
-                Self::COLDEST
+                "T = pi h/(2 zeta) of at least {coldest:e}, so that a double tells the motion from the static compression"
             );
             return Err(Error::invalid("oscillator.h", value, accepted));
         }

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
+use vibroimpact::error::Error;
 use vibroimpact::fokker_planck::{
     Axis, Domain, Drift, Generator, Mesh, Settings, SolvedLaw, TransientMethod, first_loss,
     flight_law, impact_law, null_vector, spectrum, stationary_law, steady, transient,
@@ -377,6 +378,28 @@ fn paths_that_begin_deep_in_contact_take_steps_that_its_friction_asks_for() {
         let (z, name) = worst(a, b);
         println!("{z:.1} ({name}) by steps of {}", automatic.step);
         assert!(z < 4.0, "{name}: {z}");
+    }
+}
+
+#[test]
+fn cells_too_coarse_for_friction_deep_in_contact_are_refused_or_said_to_be() {
+    let viscous = Oscillator::new(ContactLaw::Hertz, 2.5, 0.5).unwrap();
+    let it = viscous.with_damping(Damping::HuntCrossley).unwrap();
+    let initial = Initial::gaussian([4.0, 0.0], [0.5, 0.5]).unwrap();
+    let coarse = Settings {
+        cells: Some([90, 60]),
+        method: Some(TransientMethod::FlowMap),
+        ..settings(1e-2)
+    };
+    let run = transient(&it, &initial, &[0.5], &[], &coarse, &|_| ());
+    let paths = monte_carlo::run(&it, &initial, &[0.5], &Sampling::default(), &|_| ()).unwrap();
+    match run {
+        Err(Error::Mesh { what, .. }) => assert!(what.contains("90 x 60"), "{what}"),
+        Err(other) => panic!("{other}"),
+        Ok(it) => {
+            let (z, name) = worst(&it.moments[0], &paths.moments[0]);
+            assert!(z < 4.0, "{name}: {z}");
+        }
     }
 }
 

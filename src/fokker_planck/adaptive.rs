@@ -4,7 +4,7 @@
 use super::budget::{Limits, Work};
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
-use crate::format::bytes;
+use crate::format::{bytes, seconds as in_words};
 use crate::moments::{Moment, Moments};
 use std::time::Instant;
 
@@ -195,10 +195,10 @@ fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<
             error,
         ))
     } else if seconds > pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left) {
-        let what = format!("{name} would take about {seconds:.1e} s");
+        let [would, are] = [seconds, left].map(in_words);
+        let what = format!("{name} would take about {would}, and {are} are left");
         let error = limits.out_of_time(what.clone());
-        let what = format!("{what}, and {left:.1e} s are left of accuracy.max_seconds");
-        Some((what, error))
+        Some((format!("{what} of accuracy.max_seconds"), error))
     } else {
         None
     }

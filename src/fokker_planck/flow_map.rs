@@ -68,6 +68,9 @@ pub struct Progress {
     pub defect: f64,
     /// Largest negative mass at the end of an interval.
     pub negative: f64,
+    /// Largest part that friction lacked of itself at the end of an interval, on the average over the density, where cells are
+    /// too coarse for its strength.
+    pub lacking: f64,
 }
 
 /// The propagator of an oscillator on a mesh.
@@ -312,6 +315,8 @@ impl FlowMap {
         self.weights.each(density.cells_mut(), |g, w| *g *= w);
         let negative = density.negative_mass();
         self.progress.negative = self.progress.negative.max(negative);
+        let lacking = self.lacking(density.cells());
+        self.progress.lacking = self.progress.lacking.max(lacking);
         Ok(())
     }
 

@@ -317,7 +317,7 @@ impl Plan {
                 } if !late && share < 0.95 * limit => Error::Limit {
                     key,
                     limit: most,
-                    what: format!("{what} in the {} that other stages leave", seconds(share)),
+                    what: format!("{what}; other stages leave it {}", seconds(share)),
                 },
                 other => other,
             });

@@ -104,9 +104,7 @@ impl FlowMap {
         if time == 0.0 {
             return;
         }
-        let cell = self.mesh.v.slopes()[0];
-        let spread = 2.0 * self.oscillator.noise() * time / (cell * cell);
-        let even = 0.5 * spread.ln_1p() / time;
+        let even = self.even(time);
         for ([q, v], factor) in points.iter_mut().zip(factors) {
             let base = self.rates.at(*q);
             let rate = self.oscillator.friction(*q).min(even.max(base));
@@ -119,6 +117,33 @@ impl FlowMap {
                 *factor = 0.0;
             }
         }
+    }
+
+    /// The rate of friction that raises a peak one cell wide over a kick of this time as much as noise lowers it.
+    fn even(&self, time: f64) -> f64 {
+        let cell = self.mesh.v.slopes()[0];
+        let spread = 2.0 * self.oscillator.noise() * time / (cell * cell);
+        0.5 * spread.ln_1p() / time
+    }
+
+    /// What friction lacks of itself on cells too coarse for it, on the average over a density.
+    pub(super) fn lacking(&self, density: &[f64]) -> f64 {
+        let times = self.maps.iter().flat_map(|(leg, _)| leg.friction);
+        let time = times.fold(0.0, f64::max);
+        if time == 0.0 {
+            return 0.0;
+        }
+        let even = self.even(time);
+        let rows = density.chunks_exact(self.mesh.v.len());
+        let lacking = rows.zip(self.mesh.q.centres()).map(|(row, q)| {
+            let part = 1.0 - even.max(self.rates.at(*q)) / self.oscillator.friction(*q);
+            if part > 0.0 {
+                part * row.iter().map(|p| p.abs()).sum::<f64>()
+            } else {
+                0.0
+            }
+        });
+        lacking.sum()
     }
 
     /// Stencils of departure points.

@@ -211,10 +211,14 @@ impl Question<'_> {
         if !free {
             return Ok(None);
         }
+        let domain = match self.oscillator.holds_back(draft.layout.domain.q) {
+            [false, false] => draft.layout.domain,
+            _ => self.domain((draft.first_grid, false), neglected)?,
+        };
         Ok(Some(Recipe {
             scheme: Scheme::Volumes(TimeScheme::Imex),
             layout: Layout {
-                domain: self.domain((draft.first_grid, false), neglected)?,
+                domain,
                 focused: false,
                 ..draft.layout
             },

@@ -56,6 +56,18 @@ pub(super) fn is_unfit(error: &Error) -> bool {
     }
 }
 
+/// What a mesh of the scene lacks on which most of the density is lost.
+fn too_coarse(run: &Run) -> Error {
+    let [nq, nv] = run.mesh.cells();
+    Error::Mesh {
+        what: format!(
+            "on {nq} x {nv} cells a part of the density moves against too little friction or is lost: deep in contact cells \
+             along v are wider than the spread of v that noise holds there"
+        ),
+        help: "more method.cells along v, or cells of the program's choice".into(),
+    }
+}
+
 /// Cells of the program's own choice are no mistake of the scene's.
 fn unfit(error: Error, recipe: &Recipe) -> Error {
     match error {
@@ -203,7 +215,11 @@ impl<'a> Ladder<'a> {
             if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
                 errors = errors.with_steps(rung, whole, halved);
             }
-            self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
+            if !fine.is_lost() {
+                self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
+            } else if recipe.layout.is_given() {
+                return Err(too_coarse(fine));
+            }
             self.errors = Some(errors);
         }
         Ok(())

@@ -75,7 +75,7 @@ impl Task<'_> {
         let steps = propagator.steps();
         let mut outputs = self.through(&mut propagator, &observables, density, times)?;
         for output in &mut outputs {
-            output.lost = left;
+            output.lost = left + propagator.lacking();
         }
         let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
             ([one, other], Some(slow), Some(left)) => {

@@ -215,6 +215,14 @@ impl Propagator {
         }
     }
 
+    /// Largest part that friction lacked of itself so far on cells too coarse for it.
+    pub(super) fn lacking(&self) -> f64 {
+        match self {
+            Self::Volumes { .. } => 0.0,
+            Self::FlowMap { map, .. } => map.progress().lacking,
+        }
+    }
+
     /// The longest step taken, or allowed.
     pub(super) fn step(&self) -> f64 {
         match self {

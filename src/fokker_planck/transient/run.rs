@@ -40,8 +40,8 @@ pub(super) struct Output {
     pub(super) steps: u64,
     /// What they are known to have left, in the L1 norm: embedded estimates of schemes of finite volumes.
     pub(super) step_error: f64,
-    /// Probability that the local grid of a concentrated initial condition has lost so far, or that a periodic law leaves open;
-    /// and rounding.
+    /// Probability that the local grid of a concentrated initial condition has lost so far, that a periodic law leaves open, or
+    /// that moves against too little friction on coarse cells; and rounding.
     pub(super) lost: f64,
     /// Whether a local grid in its own frame said it, not a density in the truncated domain.
     pub(super) framed: bool,
@@ -156,6 +156,13 @@ pub(super) fn believable(
     }
 }
 
+impl Run {
+    /// Whether it lost so much of the density that its numbers are none.
+    pub(super) fn is_lost(&self) -> bool {
+        self.outputs.iter().any(|it| it.lost > NO_DENSITY)
+    }
+}
+
 /// A run whose density is none.
 fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
     let [nq, nv] = mesh.cells();
@@ -251,7 +258,7 @@ impl Task<'_> {
                 steps: propagator.steps(),
                 step_error: propagator.step_error(),
                 undershoot: beyond(&output, &solved),
-                lost,
+                lost: lost + propagator.lacking(),
                 ..output
             });
         }
