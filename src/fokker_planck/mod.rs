@@ -1,4 +1,5 @@
-//! The transient Fokker-Planck equation (17) by finite volumes: transient, steady state, slow modes.
+//! The Fokker-Planck equation (17), by flow maps, finite volumes and Hermite functions: transient, steady state, slow modes, spectra,
+//! first passages, and what a drive makes of them.
 //!
 //! ```
 //! use vibroimpact::fokker_planck::{Settings, spectrum, transient};

@@ -1,6 +1,6 @@
 //! Monte Carlo: independent paths, streamed statistics, standard errors on every number.
 //!
-//! - [`run`]: an ensemble, its moments and densities at given times;
+//! - [`run`]: an ensemble and its moments at given times;
 //! - [`records`]: long records, stationary statistics and losses of contact;
 //! - [`series`]: sampled records, for spectra;
 //! - [`first_loss`]: how long contact survives.

@@ -26,7 +26,8 @@ pub struct SpectrumNumbers {
 /// A spectrum by Welch's method, and what it had to be expected to be.
 #[derive(Debug, Clone)]
 pub struct SampledSpectrum {
-    /// The estimate, with its standard error.
+    /// The estimate, with the standard error of one at its expectation: that of the estimate itself follows its fluctuations, and
+    /// low values would seem too sure.
     pub density: Vec<Estimate>,
     /// Its expectation: the solved spectrum seen through window and sampling.
     pub expectation: Vec<f64>,
@@ -78,6 +79,9 @@ impl SpectrumNumbers {
         let mut expectation = welch.expectation(&correlation);
         density.truncate(self.solved.omega.len());
         expectation.truncate(self.solved.omega.len());
+        for (it, expected) in density.iter_mut().zip(&expectation) {
+            *it = Estimate::new(it.value, expected * share(it), Origin::Sampling);
+        }
         self.sampled = Some(SampledSpectrum {
             magnitude: density.iter().map(|it| welch.magnitude(it.value)).collect(),
             density,
@@ -88,8 +92,7 @@ impl SpectrumNumbers {
         Ok(averages)
     }
 
-    /// Expectation and estimate at every frequency. The standard error is taken at the expectation: that
-    /// of the estimate follows its fluctuations, and low values would seem too sure.
+    /// Expectation and estimate at every frequency.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
         let sampled = self.sampled.as_ref();
         let values = sampled.into_iter().flat_map(|it| {
@@ -97,12 +100,13 @@ impl SpectrumNumbers {
             both.zip(&self.solved.density)
         });
         values.map(|((expected, got), exact)| {
-            let share = |it: &Estimate| it.error / it.value.abs().max(f64::MIN_POSITIVE);
-            let error = expected * share(exact);
-            (
-                Estimate::new(*expected, error, Origin::Space),
-                Estimate::new(got.value, expected * share(got), Origin::Sampling),
-            )
+            let expected = Estimate::new(*expected, expected * share(exact), Origin::Space);
+            (expected, *got)
         })
     }
+}
+
+/// An error over its value.
+fn share(it: &Estimate) -> f64 {
+    it.error / it.value.abs().max(f64::MIN_POSITIVE)
 }

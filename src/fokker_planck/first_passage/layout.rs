@@ -1,7 +1,7 @@
 //! Steps, meshes and times of the backward equation.
 
 use super::driven::{NEEDLE, PARTS, RULE};
-use super::mesh::{Fineness, POINTS, extent};
+use super::mesh::{Fineness, POINTS, Stencil, extent};
 use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
 use super::start::DEVIATIONS;
@@ -142,7 +142,9 @@ impl Layout {
             let each = (0.5 * pairs / MOST_OUTPUTS).ceil();
             (2.0 * each, 4 * each as usize)
         };
-        let outputs = (pairs / each).ceil().max(8.0);
+        // A short time has fewer: each of its steps costs as much as a long one, on more nodes.
+        let least = (4.0 * until / longest).clamp(2.0, 8.0);
+        let outputs = (pairs / each).max(least).ceil();
         let gap = until / outputs;
         let step = gap / every as f64;
         let correlation_time = oscillator.correlation_time();
@@ -253,14 +255,15 @@ impl Layout {
         own.max(each / spread.min(0.5 * needle.max(self.faded * spread)))
     }
 
-    /// A stencil of 112 bytes a point; a kernel of 46 points a node; Krylov vectors. Under a forcing no kernel is kept, and the points
+    /// A stencil a point; a kernel of 46 points a node; Krylov vectors. Under a forcing no kernel is kept, and the points
     /// carry what they pass on.
     fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
         let [nq, nv] = self.nodes.map(|n| n as f64);
+        let stencil = size_of::<Stencil>() as f64;
         let (point, kernel, vectors) = if self.driven {
-            (112.0 + 24.0, 0.0, 10 + PARTS)
+            (stencil + 24.0, 0.0, 10 + PARTS)
         } else {
-            (112.0, 46.0 * 8.0, 16 + FULL)
+            (stencil, 46.0 * 8.0, 16 + FULL)
         };
         nq * (self.points(oscillator) * point + nv * (kernel + 8.0 * vectors as f64))
     }

@@ -1,4 +1,5 @@
-//! The transient: from an initial condition through the output times, on two meshes, with an error on every number.
+//! The transient: from an initial condition through the output times, on finer and finer meshes until each number is within its
+//! tolerance.
 
 mod begun;
 mod cost;

@@ -1,4 +1,5 @@
-//! Band-limited noise between its samples.
+//! Friction and noise exactly, the force held straight over a step: for strong friction, and for band-limited noise between its
+//! samples.
 
 use super::kernel::Group;
 use crate::monte_carlo::events::{PATIENCE, Watch};
