@@ -1,8 +1,9 @@
 //! Error estimates of a transient: what its mesh, its steps, the truncation of its domain and its roundings may
 //! have done to each number, kept apart until they are added.
 
+use super::output::Output;
 use super::recipe::{Rung, Scheme};
-use super::run::{Output, Run, Task};
+use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};

@@ -1,8 +1,9 @@
 //! One run for the law that lasts under a drive: the fixed point of the map over one period, then the period itself.
 
+use super::output::Output;
 use super::propagator::{self, Propagator};
 use super::recipe::Rung;
-use super::run::{Floquet, Output, Run, Side, Task, believable};
+use super::run::{Floquet, Run, Side, Task, believable};
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;

@@ -7,6 +7,7 @@ mod decide;
 mod error_estimate;
 mod ladder;
 mod lasting;
+mod output;
 mod propagator;
 mod question;
 mod reach;

@@ -1,7 +1,8 @@
 //! The answer of a transient: two runs joined, every number with its error.
 
 use super::error_estimate::{Errors, outside};
-use super::run::{Output, Run, Task};
+use super::output::Output;
+use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::convergence::{UNKNOWN, left};

@@ -1,12 +1,13 @@
 //! One run of a transient: one recipe on one mesh, through the output times.
 
+use super::output::Output;
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
 use super::start_up::StartUp;
 use crate::error::{Error, Result};
 use crate::fokker_planck::budget::{self, Limits};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
-use crate::fokker_planck::density::{Density, Snapshot};
+use crate::fokker_planck::density::Density;
 use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::integrators::Late;
@@ -20,32 +21,6 @@ use crate::initial::Initial;
 use crate::moments::{Moments, PerMoment};
 use crate::oscillator::Oscillator;
 use std::sync::Arc;
-
-/// One run on one mesh, at one time.
-#[derive(Clone)]
-pub(super) struct Output {
-    pub(super) t: f64,
-    pub(super) moments: Moments,
-    pub(super) mass: f64,
-    pub(super) lowest: f64,
-    pub(super) negative: f64,
-    /// What the negative cells weigh in each number.
-    pub(super) undershoot: [f64; 11],
-    pub(super) entropy: f64,
-    pub(super) distance: f64,
-    /// What a stationary law that is solved for may be off in both.
-    pub(super) doubt: [f64; 2],
-    pub(super) snapshot: Option<Snapshot>,
-    /// Steps up to here on the mesh, those of a local grid not counted.
-    pub(super) steps: u64,
-    /// What they are known to have left, in the L1 norm: embedded estimates of schemes of finite volumes.
-    pub(super) step_error: f64,
-    /// Probability that the local grid of a concentrated initial condition has lost so far, that a periodic law leaves open, or
-    /// that moves against too little friction on coarse cells; and rounding.
-    pub(super) lost: f64,
-    /// Whether a local grid in its own frame said it, not a density in the truncated domain.
-    pub(super) framed: bool,
-}
 
 /// One run on one mesh.
 #[derive(Clone)]
@@ -389,34 +364,18 @@ impl Task<'_> {
                 _ => [0.0; 2],
             },
             snapshot: wanted.then(|| density.snapshot(t)),
-            steps: 0,
-            step_error: 0.0,
-            lost: 0.0,
-            framed: false,
+            ..Output::default()
         }
     }
 
     /// What a local grid says at time t.
     fn look(&self, t: f64, start_up: &StartUp) -> Result<Output> {
-        let mut look = start_up.look();
-        self.keep(&mut look.moments);
-        let wanted = self.density_times.contains(&t);
-        Ok(Output {
-            t,
-            moments: look.moments,
-            mass: 1.0,
-            lowest: look.lowest,
-            negative: look.negative,
-            undershoot: [0.0; 11],
-            entropy: look.entropy,
-            distance: look.distance,
-            doubt: look.doubt,
-            snapshot: wanted.then(|| start_up.snapshot()).transpose()?,
-            steps: 0,
-            step_error: 0.0,
-            lost: start_up.loss(),
-            framed: true,
-        })
+        let mut output = start_up.look(t);
+        self.keep(&mut output.moments);
+        if self.density_times.contains(&t) {
+            output.snapshot = Some(start_up.snapshot()?);
+        }
+        Ok(output)
     }
 }
 

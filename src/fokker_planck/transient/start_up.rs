@@ -1,6 +1,7 @@
 //! The start-up phase of a run whose initial condition no mesh of the plane resolves: a local grid in its own frame,
 //! until the density is wide enough to be handed over.
 
+use super::output::Output;
 use super::propagator::Propagator;
 use super::recipe::{FirstGrid, Rung};
 use crate::error::{Error, Result};
@@ -17,7 +18,6 @@ use crate::fokker_planck::policy::{
 };
 use crate::fokker_planck::solved::{Column, Law, Settled};
 use crate::initial::Initial;
-use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
 use std::cell::RefCell;
@@ -55,17 +55,6 @@ impl<'a> Columns<'a> {
         }
         column.density(v)
     }
-}
-
-/// What a local grid says at an output time.
-pub(super) struct Look {
-    pub(super) moments: Moments,
-    pub(super) lowest: f64,
-    pub(super) negative: f64,
-    pub(super) entropy: f64,
-    pub(super) distance: f64,
-    /// What a stationary law that is solved for may be off in both.
-    pub(super) doubt: [f64; 2],
 }
 
 /// What rounding leaves of a local grid's moments, the motion being known to 1e-12: 3e-10 of themselves for
@@ -371,8 +360,8 @@ impl<'a> StartUp<'a> {
         (density, (mass - 1.0).abs())
     }
 
-    /// The numbers of an output.
-    pub(super) fn look(&self) -> Look {
+    /// What it says at time t.
+    pub(super) fn look(&self, t: f64) -> Output {
         let grid = &self.grid;
         let law = self.oscillator.displacement_law().ok();
         let temperature = self.oscillator.temperature();
@@ -386,19 +375,22 @@ impl<'a> StartUp<'a> {
                 law.density(q) * (-0.5 * v * v / temperature).exp() / scale
             })
         };
-        let moments = grid.moments();
+        let output = Output {
+            t,
+            moments: grid.moments(),
+            mass: 1.0,
+            lost: self.loss(),
+            framed: true,
+            ..Output::default()
+        };
         if grid.is_point() {
-            return Look {
-                moments,
-                lowest: 0.0,
-                negative: 0.0,
+            return Output {
                 entropy: f64::INFINITY,
                 distance: 2.0,
-                doubt: [0.0; 2],
+                ..output
             };
         }
-        Look {
-            moments,
+        Output {
             lowest: grid.lowest(),
             negative: grid.sum(|_, p| (-p).max(0.0)),
             entropy: grid.sum(|x, p| {
@@ -420,6 +412,7 @@ impl<'a> StartUp<'a> {
                     });
                     [left(UNKNOWN) * apart, law.error]
                 }),
+            ..output
         }
     }
 
