@@ -7,6 +7,8 @@ use vibroimpact::fokker_planck::{FirstLoss, Settings, first_loss, first_passage}
 use vibroimpact::initial::Initial;
 use vibroimpact::monte_carlo::{self, Sampling};
 use vibroimpact::oscillator::{Oscillator, Side};
+use vibroimpact::plan::Plan;
+use vibroimpact::scene::text::SceneText;
 
 fn settings(tolerance: f64) -> Settings {
     Settings {
@@ -527,4 +529,20 @@ fn a_rate_below_rounding_that_no_detailed_balance_tells_is_not_said_to_be_known(
     // What does not hang on it is known.
     let last = it.survival[it.survival.len() - 1];
     assert!(last.error < 1e-2 && (last.value - 1.0).abs() <= last.error);
+}
+
+#[test]
+fn paths_are_there_where_the_backward_equation_has_no_answer() {
+    // Steps as short as this time ask for more nodes than a second allows.
+    let text = "[oscillator]\nzeta = 0.05\nh = 1e-2\n[initial]\nkind = \"rest\"\n\
+                [outputs]\nfirst_loss = { until = 0.01 }\n[monte_carlo]\npaths = 1000\n\
+                [accuracy]\nmax_seconds = 1\n";
+    let scene = SceneText::parse("a.toml", text, &[]).unwrap();
+    let results = Plan::of(scene.scene()).unwrap().run_quietly().unwrap();
+    assert!(results.first_loss.is_none() && !results.shortfalls.is_empty());
+    let paths = results.first_loss_paths.as_ref().unwrap();
+    assert_eq!(paths.survival.len(), 17);
+    assert!(paths.survival[16].value == 1.0 && paths.survival[16].error > 0.0);
+    let table = vibroimpact::report::terminal::table(&results, false);
+    assert!(table.contains("survives 0.01"), "{table}");
 }

@@ -89,6 +89,8 @@ pub fn first_passage(
 pub(crate) struct FirstLosses {
     pub(crate) walk: Walk,
     pub(crate) paths: u64,
+    /// The last time.
+    pub(crate) until: f64,
     /// Where paths survive, and whether it ends at the loss of contact.
     range: [f64; 2],
     level: bool,
@@ -163,6 +165,7 @@ impl FirstLosses {
         let threads = rayon::current_num_threads() as u64;
         Ok(Self {
             paths: settings.paths,
+            until,
             range,
             level,
             run_in,

@@ -55,8 +55,6 @@ impl Plan {
                 let solved = results.solved.is_some() || !self.has(Part::Stationary);
                 self.scene.oscillator.is_viscous() || solved
             }
-            Part::FirstLossPaths => results.first_loss.is_some(),
-            Part::FirstPassagePaths => results.first_passage.is_some(),
             Part::Series => results.spectrum.is_some(),
             _ => true,
         }
@@ -130,12 +128,16 @@ impl Plan {
                     Part::FirstLossPaths => (&results.first_loss, &mut results.first_loss_paths),
                     _ => (&results.first_passage, &mut results.first_passage_paths),
                 };
-                if let Some(solved) = solved {
-                    let times = self.dimensionless(&solved.times);
-                    let it = recipe.run((oscillator, initial), &times, limits, progress)?;
-                    results.run.warnings.extend(it.warnings.iter().cloned());
-                    *answer = Some(it.in_unit(clock));
-                }
+                // Paths alone are seen at even times.
+                let times = match solved {
+                    Some(solved) => self.dimensionless(&solved.times),
+                    None => (0..=16)
+                        .map(|k| f64::from(k) / 16.0 * recipe.until)
+                        .collect(),
+                };
+                let it = recipe.run((oscillator, initial), &times, limits, progress)?;
+                results.run.warnings.extend(it.warnings.iter().cloned());
+                *answer = Some(it.in_unit(clock));
             }
             Recipe::Transient(recipe) => {
                 let density_at = outputs.density_at.list();

@@ -9,10 +9,10 @@ use crate::results::Results;
 
 pub(super) fn first_loss(results: &Results) -> Option<String> {
     let both = (
-        results.first_loss.as_ref()?,
+        results.first_loss.as_ref(),
         results.first_loss_paths.as_ref(),
     );
-    let table = survival(results, ["a loss", "contact loss"], both);
+    let table = survival(results, ["a loss", "contact loss"], both)?;
     Some(table.html("First passage to contact loss"))
 }
 
@@ -20,10 +20,10 @@ pub(super) fn first_passage(results: &Results) -> Option<String> {
     let asked = results.scene.outputs.first_passage?;
     let [quantity, way] = asked.side.words();
     let both = (
-        results.first_passage.as_ref()?,
+        results.first_passage.as_ref(),
         results.first_passage_paths.as_ref(),
     );
-    let table = survival(results, ["a passage", "the passage"], both);
+    let table = survival(results, ["a passage", "the passage"], both)?;
     Some(table.html(&format!(
         "First passage of {quantity} {way} {}",
         brief(asked.level)
@@ -34,34 +34,39 @@ pub(super) fn first_passage(results: &Results) -> Option<String> {
 fn survival(
     results: &Results,
     [event, target]: [&str; 2],
-    (it, paths): (&FirstLoss, Option<&FirstLossResult>),
-) -> Table {
+    (solved, paths): (Option<&FirstLoss>, Option<&FirstLossResult>),
+) -> Option<Table> {
+    let times = solved.map(|it| &it.times);
+    let times = times.or(paths.map(|it| &it.times))?;
     let mut table = Table::of(["", "backward equation", "Monte Carlo"]);
     let unit = results.scene.clock().symbol()[1];
-    let last = it.times.len() - 1;
+    let last = times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
-        let t = format!("{}{unit}", brief(it.times[k]));
+        let t = format!("{}{unit}", brief(times[k]));
         let survival = paths.and_then(|it| it.survival.get(k).copied());
         let event_free = event.replacen("a ", "no ", 1);
         table.put([
             format!("probability of {event_free} until {t}"),
-            shown(Some(it.survival[k])),
+            shown(solved.map(|it| it.survival[k])),
             shown(survival),
         ]);
         table.put([
             format!("probability of {event} until {t}"),
-            shown(Some(it.lost[k])),
+            shown(solved.map(|it| it.lost[k])),
             shown(survival.map(Estimate::complement)),
         ]);
     }
-    for (words, number) in [
-        (format!("mean time to {target}"), it.mean_time),
-        ("asymptotic hazard rate".into(), it.rate),
-        ("the same over Rice's rate".into(), it.rate_over_rice),
-    ] {
+    let lasting = solved.map(|it| {
+        [
+            (format!("mean time to {target}"), it.mean_time),
+            ("asymptotic hazard rate".into(), it.rate),
+            ("the same over Rice's rate".into(), it.rate_over_rice),
+        ]
+    });
+    for (words, number) in lasting.into_iter().flatten() {
         if !number.value.is_nan() {
             table.put([words, shown(Some(number)), String::new()]);
         }
     }
-    table
+    Some(table)
 }

@@ -10,16 +10,13 @@ use crate::results::Results;
 use std::fmt::Write;
 
 pub(super) fn first_loss(table: &mut Table, results: &Results) {
-    let sampled = results.first_loss_paths.as_ref();
-    if let Some(it) = &results.first_loss {
-        let words = ["FIRST LOSS OF CONTACT", "time to the loss", "given contact"];
-        survival(table, results, words, (it, sampled));
-    }
+    let words = ["FIRST LOSS OF CONTACT", "time to the loss", "given contact"];
+    let (solved, sampled) = (&results.first_loss, &results.first_loss_paths);
+    survival(table, results, words, (solved.as_ref(), sampled.as_ref()));
 }
 
 pub(super) fn first_passage(table: &mut Table, results: &Results) {
-    let (Some(it), Some(asked)) = (&results.first_passage, results.scene.outputs.first_passage)
-    else {
+    let Some(asked) = results.scene.outputs.first_passage else {
         return;
     };
     let [quantity, way] = asked.side.words();
@@ -29,12 +26,8 @@ pub(super) fn first_passage(table: &mut Table, results: &Results) {
         brief(asked.level)
     );
     let words = [&title, "time to the passage", "short of the level"];
-    survival(
-        table,
-        results,
-        words,
-        (it, results.first_passage_paths.as_ref()),
-    );
+    let (solved, sampled) = (&results.first_passage, &results.first_passage_paths);
+    survival(table, results, words, (solved.as_ref(), sampled.as_ref()));
 }
 
 /// `[title, mean, given]`: the heading, what is meant by the mean time, and of what a stationary start is taken.
@@ -42,37 +35,49 @@ fn survival(
     table: &mut Table,
     results: &Results,
     [title, mean, given]: [&str; 3],
-    (it, sampled): (&FirstLoss, Option<&FirstLossResult>),
+    (solved, sampled): (Option<&FirstLoss>, Option<&FirstLossResult>),
 ) {
+    let times = solved.map(|it| &it.times);
+    let Some(times) = times.or(sampled.map(|it| &it.times)) else {
+        return;
+    };
     let mut head = format!("{title:<26}{:>18}", "backward eq.");
     if sampled.is_some() {
         let _ = write!(head, "{:>18}{:>7}", "paths", "z");
     }
     table.heading(head);
-    let mut put = |symbol: &str, words: &str, a: Estimate, b: Option<Estimate>| {
+    let mut put = |symbol: &str, words: &str, a: Option<Estimate>, b: Option<Estimate>| {
         let words = format!("{symbol:<8} {words}");
-        let both = [Some(a), b];
+        let both = [a, b];
         table.line(row(&words, &both[..=usize::from(sampled.is_some())], true));
     };
-    let last = it.times.len() - 1;
+    let last = times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
-        let words = format!("survives {}", brief(it.times[k]));
-        put("S", &words, it.survival[k], seen);
+        let words = format!("survives {}", brief(times[k]));
+        put("S", &words, solved.map(|it| it.survival[k]), seen);
     }
     for k in [last / 2, last] {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
-        let words = format!("lost by {}", brief(it.times[k]));
-        put("1 - S", &words, it.lost[k], seen.map(Estimate::complement));
+        let words = format!("lost by {}", brief(times[k]));
+        let lost = solved.map(|it| it.lost[k]);
+        put("1 - S", &words, lost, seen.map(Estimate::complement));
     }
     let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
+    let lost = lost.map(|it| it.mean_time);
+    let Some(it) = solved else {
+        if lost.is_some() {
+            put("mean", mean, None, lost);
+        }
+        return;
+    };
     let lasts = it.rate.value.is_finite();
     if lasts {
-        put("mean", mean, it.mean_time, lost.map(|it| it.mean_time));
-        put("rate", "S ~ exp(-rate t)", it.rate, None);
+        put("mean", mean, Some(it.mean_time), lost);
+        put("rate", "S ~ exp(-rate t)", Some(it.rate), None);
     }
     if it.rate_over_rice.value.is_finite() {
-        put("", "over Rice's rate", it.rate_over_rice, None);
+        put("", "over Rice's rate", Some(it.rate_over_rice), None);
     }
     let text = format!(
         "{} x {} nodes, step {}; {}; from {}",
