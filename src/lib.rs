@@ -63,6 +63,7 @@ pub mod fokker_planck;
 mod format;
 pub mod gaussian;
 pub mod initial;
+mod inrush;
 #[cfg(feature = "cli")]
 pub mod map;
 mod matrix;

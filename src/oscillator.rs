@@ -1,10 +1,8 @@
 //! The oscillator: contact law, damping and noise, and its Gibbs law exp(-H/T).
 
 pub(crate) mod displacement_law;
-mod inrush;
 
 pub use displacement_law::DisplacementLaw;
-pub(crate) use inrush::Inrush;
 
 use crate::contact::ContactLaw;
 use crate::damping::{Averaged, Damping};

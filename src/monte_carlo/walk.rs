@@ -10,8 +10,9 @@ use crate::estimate::Warning;
 use crate::excitation::Excitation;
 use crate::format::{num, rounded};
 use crate::initial::Initial;
+use crate::inrush::Inrush;
 use crate::noise_free;
-use crate::oscillator::{Inrush, Oscillator};
+use crate::oscillator::Oscillator;
 use std::f64::consts::E;
 use std::ops::Range;
 

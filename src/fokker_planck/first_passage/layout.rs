@@ -11,7 +11,8 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::gaussian::lower;
 use crate::initial::Initial;
-use crate::oscillator::{Inrush, Oscillator};
+use crate::inrush::Inrush;
+use crate::oscillator::Oscillator;
 use std::f64::consts::TAU;
 
 /// What runs with other steps differ by, over the error of the mesh that they share, if it is that of the mesh alone.

@@ -40,6 +40,8 @@ pub(crate) struct Fineness {
     /// The steps of a coarser run beside this one over its own: an interval is divided into so many times
     /// as many, lest both take the same and their difference be blind to it. 1 where there is none.
     pub(crate) beside: f64,
+    /// Steps more in every interval, for the same reason.
+    pub(crate) more: u64,
 }
 
 /// A concentrated density on its own grid in its own frame.
@@ -157,9 +159,11 @@ impl LocalGrid {
 
     /// The number of equal steps of an interval.
     pub(crate) fn divide(&self, duration: f64) -> u64 {
-        let Fineness { step, beside, .. } = self.fineness;
+        let Fineness {
+            step, beside, more, ..
+        } = self.fineness;
         let coarser = (duration / (beside * step) - 1e-9).ceil().max(1.0);
-        (beside * coarser).ceil() as u64
+        (beside * coarser).ceil() as u64 + more
     }
 
     /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most.

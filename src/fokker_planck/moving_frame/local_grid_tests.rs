@@ -12,6 +12,7 @@ fn run(oscillator: &Oscillator, initial: &Initial, t: f64, step: f64) -> LocalGr
         border: 1e-12,
         step,
         beside: 1.0,
+        more: 0,
     };
     let mut grid = LocalGrid::new((oscillator, None), initial, 0.02, fineness).unwrap();
     grid.leave_point(t);

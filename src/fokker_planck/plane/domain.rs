@@ -4,7 +4,8 @@ use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::gaussian::{Gaussian, lower, normal};
 use crate::initial::Initial;
-use crate::oscillator::{Inrush, Oscillator};
+use crate::inrush::Inrush;
+use crate::oscillator::Oscillator;
 use crate::quadrature;
 use std::f64::consts::{FRAC_2_SQRT_PI, PI};
 

@@ -16,9 +16,10 @@ use crate::fokker_planck::mesh::{Axis, Focus, Mesh};
 use crate::fokker_planck::null_vector::null_vector;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::LADDER_RATIO;
+use crate::inrush::Inrush;
 use crate::matrix::dot;
 use crate::moments::RawMoments;
-use crate::oscillator::{Inrush, Oscillator};
+use crate::oscillator::Oscillator;
 
 /// Order 6, as the steady state.
 const DRIFT: Drift = Drift::Order6;

@@ -2,7 +2,7 @@
 
 use super::cost;
 use super::question::{KNOWN, Question};
-use super::recipe::{FirstGrid, Recipe, Rung, Scheme};
+use super::recipe::{FirstGrid, RUNGS, Recipe, Rung, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::Cost;
@@ -268,8 +268,8 @@ impl Question<'_> {
         self.costed(recipe, format!("{why_drift}; {why_time}"))
     }
 
-    /// The rung that has as many cells as the scene gives, or else the one at which the tolerance is expected; on rung 0 and
-    /// up cells are fractions of these widths.
+    /// The rung that has as many cells as the scene gives, or the first with two below it, or else the one at which the tolerance is
+    /// expected; on rung 0 and up cells are fractions of these widths.
     pub(super) fn rung_of(&self, layout: &Layout, widths: [f64; 2]) -> Result<f64> {
         let Cells::Given(cells) = layout.cells else {
             return Ok(self.expected());
@@ -284,7 +284,8 @@ impl Question<'_> {
         let each = cells.into_iter().zip(single);
         let finer = each.map(|(n, single)| inner(n) / inner(single));
         let finer = finer.fold(f64::INFINITY, f64::min);
-        Ok(((finer / FIRST_CELLS.get()).ln() / LADDER_RATIO.get().ln()).clamp(0.0, 10.0))
+        Ok(((finer / FIRST_CELLS.get()).ln() / LADDER_RATIO.get().ln())
+            .clamp((RUNGS - 1) as f64, 10.0))
     }
 
     /// The recipe with its foreseen cost.

@@ -286,6 +286,11 @@ impl Errors {
         }
     }
 
+    /// The normalisation of every number.
+    pub(super) fn scales(&self) -> &Table {
+        &self.scales
+    }
+
     /// The largest part of the steps of the scene, over the normalisation.
     pub(super) fn steps(&self) -> f64 {
         let parts = self.time.iter().zip(&self.scales);

@@ -116,6 +116,11 @@ impl Rung {
         COARSEST.get() * LADDER_RATIO.get().powf(-3.0 * r)
     }
 
+    /// The rung that aims at a tolerance.
+    pub(super) fn of_tolerance(tolerance: f64) -> f64 {
+        (COARSEST.get() / tolerance).ln() / (3.0 * LADDER_RATIO.get().ln())
+    }
+
     /// Probability that the domain of rung `r` leaves out: ten times as much of a variance is lost with it, and a long
     /// flight's tail falls more slowly than the probability beyond it.
     pub(crate) fn neglected(r: f64) -> f64 {

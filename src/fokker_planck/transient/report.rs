@@ -194,7 +194,8 @@ impl Task<'_> {
             ));
         }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);
-        let [relative_entropy, distance] = self.beside_the_law(&fine, coarse, &moments, outside);
+        let [relative_entropy, distance] =
+            self.beside_the_law(&fine, coarse, (&moments, errors.scales()), outside);
         let of_law = |it: Vec<Estimate>| it.into_iter().map(|it| known.then_some(it)).collect();
         let negative = fine.outputs.iter().map(|o| o.negative).fold(0.0, f64::max);
         if negative > self.recipe.tolerance {
@@ -248,26 +249,30 @@ impl Task<'_> {
         }
     }
 
-    /// Relative entropy and L1 distance to the stationary law at each time.
+    /// Relative entropy and L1 distance to the stationary law at each time: what two runs differ by, with the margin of a number
+    /// of which no more is known, and the largest error of a moment over its normalisation.
     fn beside_the_law(
         &self,
         fine: &Run,
         coarse: &Run,
-        moments: &[Moments],
+        (moments, scales): (&[Moments], &[[f64; 11]]),
         outside: f64,
     ) -> [Vec<Estimate>; 2] {
         let of = |law: usize, f: fn(&Output) -> f64| {
-            let pairs = fine.outputs.iter().zip(&coarse.outputs).zip(moments);
-            let one = |((a, b), moments): ((&Output, &Output), &Moments)| {
+            let pairs = fine.outputs.iter().zip(&coarse.outputs);
+            let one = |((a, b), (moments, scale)): ((&Output, &Output), (&Moments, &[f64; 11]))| {
                 // E[H]/T is a part of the entropy.
                 let energy = match (law, moments.get(Moment::MeanEnergy)) {
                     (0, Some(energy)) => energy.error / self.oscillator.temperature(),
                     _ => 0.0,
                 };
-                let error = (f(a) - f(b)).abs() + energy + outside + a.doubt[law];
+                let numbers = moments.named().into_iter().zip(scale);
+                let off = numbers.map(|((_, it), scale)| it.map_or(0.0, |it| it.error / scale));
+                let off = off.fold(energy, f64::max);
+                let error = left(UNKNOWN) * (f(a) - f(b)).abs() + off + outside + a.doubt[law];
                 Estimate::new(f(a), error, Origin::Space)
             };
-            pairs.map(one).collect()
+            pairs.zip(moments.iter().zip(scales)).map(one).collect()
         };
         [of(0, |it| it.entropy), of(1, |it| it.distance)]
     }

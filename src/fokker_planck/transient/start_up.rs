@@ -68,12 +68,13 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let tolerance = rung.tolerance;
     let zeta = oscillator.zeta();
     let relative = tolerance / 1e-3;
-    // What a step leaves is known from the differences of rungs alone: each has steps of its own, unless output times cut
-    // them shorter.
-    let (weak, beside) = if oscillator.is_viscous() {
-        (LOCAL_STEP.get() * relative.powf(1.0 / 6.0), 1.5)
+    // What a step leaves is known from the differences of rungs alone: each has steps of its own. Output times may cut them
+    // shorter, which steps of order 2 show: two more in every interval from rung to rung.
+    let (weak, beside, more) = if oscillator.is_viscous() {
+        (LOCAL_STEP.get() * relative.powf(1.0 / 6.0), 1.5, 0)
     } else {
-        (LOCAL_STEP_FRICTION.get() * relative.cbrt(), 1.0)
+        let more = (2.0 * Rung::of_tolerance(tolerance)).max(0.0).ceil() as u64;
+        (LOCAL_STEP_FRICTION.get() * relative.cbrt(), 1.0, more)
     };
     let strong = (LOCAL_STEP_DAMPING.get() * tolerance / zeta.powi(3)).powf(0.25);
     // A drive asks no more of these steps than of those on a mesh, which are of lower order.
@@ -87,6 +88,7 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
         border: LOCAL_BORDER.get() * tolerance,
         step: weak.min(strong).min(driven).min(1.0),
         beside,
+        more,
     }
 }
 

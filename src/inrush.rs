@@ -5,7 +5,7 @@
 //! falls further as exp(-int (G - F) c/(pi h) dx). A depth is as rare as its likeliest cause: some of the rarity in the speed at
 //! the wall, where -ln p grows as its square, and the rest in what noise adds.
 
-use super::Oscillator;
+use crate::oscillator::Oscillator;
 
 /// Steps into contact.
 const STEPS: usize = 500;
