@@ -107,8 +107,7 @@ impl FlowMap {
         let even = self.even(time);
         for ([q, v], factor) in points.iter_mut().zip(factors) {
             let base = self.rates.at(*q);
-            let rate = self.oscillator.friction(*q).min(even.max(base));
-            let x = around(rate, base, time)[side];
+            let x = around(self.bounded(*q, even), base, time)[side];
             let exponent = x - 0.5 * self.beta * *v * *v * (2.0 * x).exp_m1();
             if exponent > NOTHING {
                 *factor *= exponent.exp();
@@ -126,6 +125,11 @@ impl FlowMap {
         0.5 * spread.ln_1p() / time
     }
 
+    /// The rate of friction that cells take where they are even with noise at this one.
+    fn bounded(&self, q: f64, even: f64) -> f64 {
+        self.oscillator.friction(q).min(even.max(self.rates.at(q)))
+    }
+
     /// What friction lacks of itself on cells too coarse for it, on the average over a density.
     pub(super) fn lacking(&self, density: &[f64]) -> f64 {
         let times = self.maps.iter().flat_map(|(leg, _)| leg.friction);
@@ -136,7 +140,7 @@ impl FlowMap {
         let even = self.even(time);
         let rows = density.chunks_exact(self.mesh.v.len());
         let lacking = rows.zip(self.mesh.q.centres()).map(|(row, q)| {
-            let part = 1.0 - even.max(self.rates.at(*q)) / self.oscillator.friction(*q);
+            let part = 1.0 - self.bounded(*q, even) / self.oscillator.friction(*q);
             if part > 0.0 {
                 part * row.iter().map(|p| p.abs()).sum::<f64>()
             } else {

@@ -56,13 +56,13 @@ pub(super) fn is_unfit(error: &Error) -> bool {
     }
 }
 
-/// What a mesh of the scene lacks on which most of the density is lost.
+/// What a mesh of the scene is too coarse for.
 fn too_coarse(run: &Run) -> Error {
     let [nq, nv] = run.mesh.cells();
     Error::Mesh {
         what: format!(
-            "on {nq} x {nv} cells a part of the density moves against too little friction or is lost: deep in contact cells \
-             along v are wider than the spread of v that noise holds there"
+            "on {nq} x {nv} cells a part of the density moves against too little friction: deep in contact cells along v are \
+             wider than the spread of v that noise holds there"
         ),
         help: "more method.cells along v, or cells of the program's choice".into(),
     }
@@ -215,7 +215,7 @@ impl<'a> Ladder<'a> {
             if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
                 errors = errors.with_steps(rung, whole, halved);
             }
-            if !fine.is_lost() {
+            if !fine.is_none() {
                 self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
             } else if recipe.layout.is_given() {
                 return Err(too_coarse(fine));

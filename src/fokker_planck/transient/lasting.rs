@@ -99,6 +99,7 @@ impl Task<'_> {
             domain,
             unknowns: propagator.unknowns(),
             settled: None,
+            lacking: propagator.lacking(),
             floquet: Some(Floquet {
                 multipliers: fixed.eigenvalues,
                 residual: fixed.residual,

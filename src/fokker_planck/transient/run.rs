@@ -33,6 +33,8 @@ pub(super) struct Run {
     pub(super) unknowns: usize,
     /// Time at which the density was within the tolerance of (21), if it came to that.
     pub(super) settled: Option<f64>,
+    /// What friction lacked of itself on cells too coarse for it, on the average over the density.
+    pub(super) lacking: f64,
     /// Of the law that lasts under a drive.
     pub(super) floquet: Option<Floquet>,
 }
@@ -80,7 +82,7 @@ impl Task<'_> {
     }
 }
 
-/// Negative mass beyond which nothing is left of a density.
+/// Negative mass, or mass that moves against too little friction, beyond which nothing is left of a density.
 const NO_DENSITY: f64 = 0.1;
 
 /// The change of every number if the negative cells were positive: where a density undershoots, two
@@ -132,9 +134,9 @@ pub(super) fn believable(
 }
 
 impl Run {
-    /// Whether it lost so much of the density that its numbers are none.
-    pub(super) fn is_lost(&self) -> bool {
-        self.outputs.iter().any(|it| it.lost > NO_DENSITY)
+    /// Whether friction lacked so much of itself that its numbers are none.
+    pub(super) fn is_none(&self) -> bool {
+        self.lacking > NO_DENSITY
     }
 }
 
@@ -253,6 +255,7 @@ impl Task<'_> {
             domain,
             unknowns: propagator.unknowns(),
             settled,
+            lacking: propagator.lacking(),
             floquet: None,
         })
     }
@@ -390,6 +393,7 @@ fn started_up(outputs: Vec<Output>, start_up: &StartUp) -> Result<Run> {
         mesh,
         domain: start_up.domain(),
         settled: None,
+        lacking: 0.0,
         floquet: None,
     })
 }
