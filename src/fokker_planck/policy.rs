@@ -83,7 +83,7 @@ table! {
     SAFETY = 2.5: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
         half of them, with many cells; as much again over the cells per deviation with few.";
     CARRIED = 0.25: "Part that a difference is taken for at least, since one may pass through zero: of the difference before, of those \
-        of moments that the motion turns into it, of other phases of a periodic law; and of the largest change of a law's moments.";
+        of moments that the motion turns into it, of other phases of a periodic law, of spectra; and of the largest change of a law's moments.";
     FLOOR = 2e-4: "What all rungs share of an error at least, over what the last one aims at: rounding, and what passes through \
         zero more than once.";
     UNSEEN = 0.36: "The part of the error of steps that runs with about as many do not show.";

@@ -11,10 +11,10 @@ use super::walk::{self, BLOCK, Cost, TASKS, Walk};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::Limits;
 use crate::error::{Error, Result};
-use crate::estimate::Warning;
+use crate::estimate::{Estimate, Warning};
 use crate::initial::Initial;
 use crate::matrix::vectorised;
-use crate::moments::Moments;
+use crate::moments::{Moments, PerMoment};
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 
@@ -177,6 +177,15 @@ impl Ensemble {
             let names = || unknown("monte_carlo", &moved);
             let warning = self.walk.warning(self.bias, self.paths as f64, names);
             it.warnings.extend(warning);
+            for (moments, t) in it.moments.iter_mut().zip(&self.times) {
+                let steps = if *t > 0.0 { self.bias } else { 0.0 };
+                let sizes = sizes(moments);
+                for (number, size) in moments.each_mut().into_iter().zip(sizes) {
+                    if let Some(number) = number {
+                        number.error = number.error.max(steps * size);
+                    }
+                }
+            }
             return Ok(it);
         };
         let half = |part: f64| progress(0.5 * part);
@@ -294,6 +303,29 @@ impl Ensemble {
         }
         warnings
     }
+}
+
+/// What a step that is off by a share of the motion changes the moments by, over that share: their squares and products are those
+/// of root mean squares. Of standardised moments and of P(loss) there is none: without a spread no step changes them.
+fn sizes(moments: &Moments) -> PerMoment<f64> {
+    let of = |mean: Estimate, variance: f64| (mean.value.powi(2) + variance).max(0.0).sqrt();
+    let q = of(moments.mean_q, moments.var_q.value);
+    let v = of(moments.mean_v, moments.var_v.value);
+    let force = of(moments.mean_force, moments.std_force.value.powi(2));
+    let energy = moments.mean_energy.value;
+    [
+        q,
+        q * q,
+        v,
+        v * v,
+        q * v,
+        force,
+        force,
+        0.0,
+        0.0,
+        energy,
+        0.0,
+    ]
 }
 
 /// The steps of a path that stops at every time, none longer than `step`, and the longest of them; 0 without any.

@@ -64,7 +64,7 @@ struct Side {
 enum End {
     /// b, and what v -> -v makes of the solution, (J V)^T R.
     Mirrored { dual: Array2<f64> },
-    /// l on the basis, the transposed equation on a basis of its own, and the modes that decay, each with its part of the
+    /// l on the basis, the transposed equation on a basis of its own, and its modes, all of which decay, each with its part of the
     /// variance.
     Own {
         state: Array1<f64>,
@@ -160,8 +160,8 @@ impl Reduced {
         values
     }
 
-    /// The same with its modes. Where v -> -v does not turn L into its transpose a projection may have modes that grow; what
-    /// they hold of a spectrum is within its error, and in time they are left out.
+    /// The same with its modes. Where v -> -v does not turn L into its transpose a projection may have modes that grow. What one
+    /// holds of a spectrum, Re a/(i omega - r), a mode of the rate -r* that holds -a* holds too, and that one decays.
     fn with_modes(mut self) -> Result<Self> {
         let Side { matrix, size, .. } = &self.right;
         if let End::Own { state, modes, .. } = &mut self.end {
@@ -171,10 +171,15 @@ impl Reduced {
             DenseLu::factor(&vectors)?.solve(&mut parts)?;
             let all = rates.into_iter().zip(vectors.columns()).zip(parts);
             *modes = all
-                .filter(|((rate, _), _)| rate.re < 0.0)
                 .map(|((rate, vector), part)| {
                     let seen: C = vector.iter().zip(&*state).map(|(x, l)| x * l).sum();
-                    [rate, seen * part]
+                    let mode = [rate, seen * part];
+                    let decays = rate.re < 0.0;
+                    if decays {
+                        mode
+                    } else {
+                        mode.map(|x| -x.conj())
+                    }
                 })
                 .collect();
         }

@@ -6,11 +6,11 @@ use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::convergence::{UNKNOWN, left};
+use crate::fokker_planck::convergence::{UNKNOWN, at_least, left};
 use crate::fokker_planck::hermite::{
     Adjoint, FAR, Hierarchy, Resolution, lost_digits, work as friction_work,
 };
-use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
+use crate::fokker_planck::policy::{CARRIED, SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
@@ -127,7 +127,7 @@ impl Resolvent {
             next: self.first,
             solved: Vec::new(),
             last: None,
-            largest: None,
+            changes: None,
             best: None,
         };
         adaptive::pursue(task, limits, progress)
@@ -168,10 +168,10 @@ struct Task<'a> {
     next: Resolution,
     /// Frequencies that the last resolution was solved for.
     solved: Vec<f64>,
-    /// The answers of the last resolution at the frequencies watched, and the largest change from the one before, over
-    /// the normalisation.
+    /// The answers of the last resolution at the frequencies watched, and the largest relative change near each of them from the
+    /// one before.
     last: Option<Vec<Answer>>,
-    largest: Option<f64>,
+    changes: Option<Vec<f64>>,
     best: Option<Spectrum>,
 }
 
@@ -246,22 +246,21 @@ impl Question for Task<'_> {
         self.solved = solved.into_iter().step_by(2).collect();
         let fine = model.all(control);
         if let Some(coarse) = &self.last {
-            let peak = fine.iter().map(|it| it.value).fold(0.0, f64::max);
-            let changes = |floor: f64| -> Vec<f64> {
-                let relative = |(a, b): (&Answer, &Answer)| {
-                    (a.value - b.value).abs() / b.value.abs().max(floor)
-                };
-                coarse.iter().zip(&fine).map(relative).collect()
+            let relative = |(a, b): (&Answer, &Answer)| {
+                (a.value - b.value).abs() / b.value.abs().max(f64::MIN_POSITIVE)
             };
-            let largest = changes(FLOOR * peak).into_iter().fold(0.0, f64::max);
-            let left = left(self.largest.map_or(UNKNOWN, |before| largest / before));
-            self.largest = Some(largest);
-            let change = changes(f64::MIN_POSITIVE);
+            let each: Vec<f64> = coarse.iter().zip(&fine).map(relative).collect();
+            let last = nearby(control, &each);
+            let errors: Vec<f64> = match &self.changes {
+                None => last.iter().map(|it| left(UNKNOWN) * it).collect(),
+                Some(before) => before.iter().zip(&last).map(left_nearby).collect(),
+            };
+            self.changes = Some(last);
             let answers = model.all(omegas);
             self.best = Some(Spectrum {
                 quantity: *quantity,
                 omega: omegas.to_vec(),
-                density: estimates(omegas, &answers, control, &change, left),
+                density: estimates(omegas, &answers, control, &errors),
                 variance: model.variance,
                 mean: form.adjoint.as_ref().map(|it| it.mean),
                 functions: [next.across(), 2 * next.pairs],
@@ -327,24 +326,31 @@ fn control(omegas: &[f64]) -> Vec<f64> {
     all
 }
 
-/// The answers with the largest relative change nearby, times `left`, as their error: a difference of two curves crosses
-/// zero where they are no better than elsewhere.
-fn estimates(
-    omegas: &[f64],
-    answers: &[Answer],
-    control: &[f64],
-    change: &[f64],
-    left: f64,
-) -> Vec<Estimate> {
+/// The largest of the changes near each of the frequencies watched: a difference of two curves crosses zero where they are no
+/// better than elsewhere.
+fn nearby(control: &[f64], changes: &[f64]) -> Vec<f64> {
     let reach = SPECTRUM_NEARBY.get();
-    let nearby = |omega: f64| {
+    let largest = |omega: &f64| {
         let first = control.partition_point(|w| *w < omega - reach);
         let end = control.partition_point(|w| *w <= omega + reach);
-        change[first..end].iter().fold(0.0f64, |a, b| a.max(*b))
+        changes[first..end].iter().fold(0.0f64, |a, b| a.max(*b))
     };
+    control.iter().map(largest).collect()
+}
+
+/// What two changes near a frequency leave there: they fall as fast as they do there, and not elsewhere, and the last of them may
+/// be small by chance.
+fn left_nearby((before, last): (&f64, &f64)) -> f64 {
+    left((last / before).min(1.0)) * at_least(*last, CARRIED.get() * before)
+}
+
+/// The answers, each with the larger relative error of the two frequencies watched beside it.
+fn estimates(omegas: &[f64], answers: &[Answer], control: &[f64], errors: &[f64]) -> Vec<Estimate> {
     let estimate = |(omega, it): (&f64, &Answer)| {
         let value = FRAC_2_PI * it.value;
-        let error = FRAC_2_PI * it.error + value.abs() * nearby(*omega) * left;
+        let above = control.partition_point(|w| w < omega).min(errors.len() - 1);
+        let relative = errors[above].max(errors[above.saturating_sub(1)]);
+        let error = FRAC_2_PI * it.error + value.abs() * relative;
         Estimate::new(value, error, Origin::Space)
     };
     omegas.iter().zip(answers).map(estimate).collect()
