@@ -375,7 +375,7 @@ impl Task<'_> {
     /// The numbers of a round with their errors, and the largest of these over the tolerance.
     fn report(&self, layout: &Layout, runs: [&Run; 4]) -> (FirstLoss, Worst) {
         let steps = runs.iter().map(|it| it.steps).sum();
-        let runs = Runs::new(runs);
+        let runs = Runs::new(runs, layout.resolves());
         let (fine, tolerance) = (runs.fine, self.problem.asked.tolerance);
         let [survival, lost, mut density] = self.curves(layout, &runs);
         let begun = self.begun(layout, fine);

@@ -39,6 +39,9 @@ pub(super) struct Asked {
     pub(super) cells: Option<[usize; 2]>,
 }
 
+/// Part of the time in which noise turns a motion back that a step takes at most, to see it.
+const WITHIN_A_TURN: f64 = 0.25;
+
 /// Steps, meshes and times of a task.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
@@ -46,6 +49,8 @@ pub(super) struct Layout {
     /// Steps between times of the fine run, two or a multiple of four.
     pub(super) every: usize,
     pub(super) step: f64,
+    /// Longest step that sees noise turn a motion back at the level.
+    resolving: f64,
     pub(super) nodes: [usize; 2],
     pub(super) level: f64,
     /// The highest speed on the mesh.
@@ -132,8 +137,10 @@ impl Layout {
         // first, as where friction is weak, miss little, and stay.
         let levels = [Some(barrier.low), barrier.high].into_iter().flatten();
         let turned = levels.map(|x| TAU * oscillator.h() / region.force(x).powi(2));
-        let wanted = turned.filter(|it| *it > automatic).map(|it| 0.25 * it);
+        let turned = turned.map(|it| WITHIN_A_TURN * it);
+        let wanted = turned.clone().filter(|it| WITHIN_A_TURN * automatic < *it);
         let automatic = wanted.fold(automatic, f64::min);
+        let resolving = turned.fold(f64::INFINITY, f64::min);
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);
@@ -170,6 +177,7 @@ impl Layout {
             times: (0..=outputs as usize).map(|k| k as f64 * gap).collect(),
             every,
             step,
+            resolving,
             nodes,
             level,
             speed,
@@ -205,6 +213,11 @@ impl Layout {
             it.nodes = it.nodes.map(|n| (n as f64 * times).ceil() as usize);
         }
         it
+    }
+
+    /// Whether its steps see noise turn a motion back at the level: what shorter ones change then follows from longer ones.
+    pub(super) fn resolves(&self) -> bool {
+        self.step <= self.resolving
     }
 
     /// The mesh and the step of a run: the fine one, on a coarser mesh, of twice and four times the step.

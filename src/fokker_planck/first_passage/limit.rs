@@ -11,8 +11,9 @@ const OF_MESH: f64 = 0.7;
 /// between two kicks of the noise, near v = 0, shifts the level by sqrt(h) tau^(3/2): the error is a tau^(3/2) + b tau^2, the
 /// latter that of the splitting, and the two have opposite signs where friction is not weak. Both are removed (Richardson).
 /// The error is a margin on what the second part changes in the extrapolation of the first, more by what would follow it, and a
-/// quarter of the whole change at least.
-fn extrapolated([one, two, four]: [f64; 3]) -> [f64; 2] {
+/// quarter of the whole change at least. Steps too long to be `resolved`, that do not see noise turn a motion back, miss what
+/// they miss whatever their length: all that the step changed and the extrapolation would is left.
+fn extrapolated([one, two, four]: [f64; 3], resolved: bool) -> [f64; 2] {
     let ratio = 2f64.powf(1.5);
     let (near, far) = (one - two, two - four);
     // What a and b change from twice the step to it.
@@ -27,7 +28,11 @@ fn extrapolated([one, two, four]: [f64; 3]) -> [f64; 2] {
     let falls = (split / missed).abs().min(SLOWEST.get());
     let both = (missed / (ratio - 1.0)).abs() + (split / 3.0).abs();
     let left = (LEFT.get() * second / (1.0 - falls)).min(both);
-    let error = left.max(CARRIED.get() * change.abs());
+    let error = if resolved {
+        left.max(CARRIED.get() * change.abs())
+    } else {
+        near.abs() + both
+    };
     [one + change, error]
 }
 
@@ -38,11 +43,13 @@ pub(super) struct Runs<'a> {
     /// With twice and four times the step.
     two: &'a Run,
     four: Run,
+    resolved: bool,
 }
 
 impl<'a> Runs<'a> {
-    pub(super) fn new([fine, coarse, two, four]: [&'a Run; 4]) -> Self {
+    pub(super) fn new([fine, coarse, two, four]: [&'a Run; 4], resolved: bool) -> Self {
         Self {
+            resolved,
             fine,
             coarse,
             two,
@@ -51,7 +58,7 @@ impl<'a> Runs<'a> {
     }
 
     fn extrapolated(&self, of: impl Fn(&Run) -> f64) -> [f64; 2] {
-        extrapolated([self.fine, self.two, &self.four].map(of))
+        extrapolated([self.fine, self.two, &self.four].map(of), self.resolved)
     }
 
     /// A number that goes as the exponential of the step, as a rate does or its inverse, and what mesh and steps err.
@@ -116,7 +123,7 @@ mod tests {
     #[test]
     fn steps_that_err_with_two_signs_are_extrapolated_to_none() {
         for (a, b) in [(1e-3, 0.0), (0.0, 1e-3), (-3e-3, 1e-3), (1e-3, 1e-3)] {
-            let [value, error] = extrapolated(number(&[(a, 1.5), (b, 2.0)]));
+            let [value, error] = extrapolated(number(&[(a, 1.5), (b, 2.0)]), true);
             assert!((value - 7.0).abs() < 1e-14, "{a} {b}: {value}");
             assert!(error > 0.04 * (a + b).abs(), "{a} {b}: {error}");
         }
@@ -125,7 +132,7 @@ mod tests {
     #[test]
     fn errors_of_other_orders_are_within_what_is_said_of_them() {
         for order in [1.0, 1.25, 1.75, 2.5, 3.0, 4.0] {
-            let [value, error] = extrapolated(number(&[(1e-3, order)]));
+            let [value, error] = extrapolated(number(&[(1e-3, order)]), true);
             let over = (value - 7.0).abs() / error;
             println!("order {order}: {over:.2} of its error");
             assert!(over < 0.7, "order {order}: {over}");
