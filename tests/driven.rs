@@ -317,6 +317,36 @@ fn hertz(zeta: f64, h: f64) -> Oscillator {
 }
 
 #[test]
+fn paths_that_no_noise_has_spread_have_the_error_of_their_steps() {
+    let excitation = Excitation {
+        drive: Some(Drive::new(0.8, 0.9, 0.0).unwrap()),
+        envelope: Some(Envelope::new(vec![12.0, 20.0], vec![0.0, 1.0]).unwrap()),
+    };
+    let sampling = Sampling {
+        paths: 1000,
+        excitation: excitation.clone(),
+        ..Sampling::default()
+    };
+    for contact in [ContactLaw::Hertz, ContactLaw::Bilinear] {
+        let it = Oscillator::new(contact, 0.05, 0.01).unwrap();
+        let times = [1.0, 5.0, 11.0];
+        let got = monte_carlo::run(&it, &Initial::Rest, &times, &sampling, &|_| ()).unwrap();
+        for (t, moments) in times.iter().zip(&got.moments) {
+            let [q, v] = noise_free::motion(&it, &excitation, [0.0, 0.0], [0.0, *t]);
+            for (exact, found) in [(q, moments.mean_q), (v, moments.mean_v)] {
+                assert!(found.error > 0.0, "{t}: {found}");
+                let off = (found.value - exact).abs();
+                println!(
+                    "t = {t}: {exact} against {found}, {:.2} of its error",
+                    off / found.error
+                );
+                assert!(off < found.error, "{t}: {exact} against {found}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_weak_drive_is_answered_as_the_fluctuations_say() {
     // chi(W) = (1/T) Int <v(0) q(t)> e^{-iWt} dt: its imaginary part is -(pi/2) W G(W)/T, G the one-sided spectrum of q.
     let (it, w) = (hertz(0.005, 2e-3), 0.9);

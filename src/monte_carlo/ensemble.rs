@@ -11,12 +11,13 @@ use super::walk::{self, BLOCK, Cost, TASKS, Walk};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::Limits;
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Warning};
+use crate::estimate::Warning;
 use crate::initial::Initial;
 use crate::matrix::vectorised;
-use crate::moments::{Moments, PerMoment};
+use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
+use std::f64::consts::E;
 
 /// A band that ends below twice the resonance distorts what the contact does.
 const RESONANCE: f64 = 2.0;
@@ -177,14 +178,9 @@ impl Ensemble {
             let names = || unknown("monte_carlo", &moved);
             let warning = self.walk.warning(self.bias, self.paths as f64, names);
             it.warnings.extend(warning);
+            let forgets = 1.0 / (E * question.0.zeta());
             for (moments, t) in it.moments.iter_mut().zip(&self.times) {
-                let steps = if *t > 0.0 { self.bias } else { 0.0 };
-                let sizes = sizes(moments);
-                for (number, size) in moments.each_mut().into_iter().zip(sizes) {
-                    if let Some(number) = number {
-                        number.error = number.error.max(steps * size);
-                    }
-                }
+                steps_err(moments, self.bias * t.min(forgets + 1.0));
             }
             return Ok(it);
         };
@@ -305,27 +301,21 @@ impl Ensemble {
     }
 }
 
-/// What a step that is off by a share of the motion changes the moments by, over that share: their squares and products are those
-/// of root mean squares. Of standardised moments and of P(loss) there is none: without a spread no step changes them.
-fn sizes(moments: &Moments) -> PerMoment<f64> {
-    let of = |mean: Estimate, variance: f64| (mean.value.powi(2) + variance).max(0.0).sqrt();
-    let q = of(moments.mean_q, moments.var_q.value);
-    let v = of(moments.mean_v, moments.var_v.value);
-    let force = of(moments.mean_force, moments.std_force.value.powi(2));
-    let energy = moments.mean_energy.value;
-    [
-        q,
-        q * q,
-        v,
-        v * v,
-        q * v,
-        force,
-        force,
-        0.0,
-        0.0,
-        energy,
-        0.0,
-    ]
+/// Gives means that no noise has spread the error of their steps: a share of the motion, and of its energy that times the force.
+fn steps_err(moments: &mut Moments, share: f64) {
+    let [q, v, force] = [moments.mean_q, moments.mean_v, moments.mean_force].map(|it| it.value);
+    let motion = q.hypot(v);
+    let means = [
+        (&mut moments.mean_q, motion),
+        (&mut moments.mean_v, motion),
+        (&mut moments.mean_force, motion + force.abs()),
+        (&mut moments.mean_energy, motion * (motion + force.abs())),
+    ];
+    for (mean, size) in means {
+        if mean.error == 0.0 {
+            mean.error = share * size;
+        }
+    }
 }
 
 /// The steps of a path that stops at every time, none longer than `step`, and the longest of them; 0 without any.

@@ -355,3 +355,21 @@ fn estimates(omegas: &[f64], answers: &[Answer], control: &[f64], errors: &[f64]
     };
     omegas.iter().zip(answers).map(estimate).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{left_nearby, nearby};
+
+    #[test]
+    fn a_change_is_judged_by_how_it_falls_where_it_is() {
+        // It falls tenfold at the first frequencies, and hardly at the last.
+        let control: Vec<f64> = (0..5).map(f64::from).collect();
+        let [before, last] = [[1.0; 5], [0.1, 0.1, 0.0, 0.8, 0.8]].map(|it| nearby(&control, &it));
+        let left: Vec<f64> = before.iter().zip(&last).map(left_nearby).collect();
+        assert_eq!(left[0], left[1]);
+        assert!(left[0] >= 0.1 && left[0] < 0.2, "{left:?}");
+        // A change of none may be one that passes through zero.
+        assert!(left[2] >= 0.1, "{left:?}");
+        assert!(left[3] > 4.0 * 0.8, "{left:?}");
+    }
+}
