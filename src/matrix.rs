@@ -22,6 +22,17 @@ pub(crate) fn vectorised<R>(work: impl FnMut() -> R) -> R {
     pulp::Arch::new().dispatch(Work(work))
 }
 
+/// [`vectorised`] of an expression, as a closure that is inlined.
+macro_rules! vectorise {
+    ($work:expr) => {
+        $crate::matrix::vectorised(
+            #[inline(always)]
+            || $work,
+        )
+    };
+}
+pub(crate) use vectorise;
+
 /// The scalar product of what two vectors have in common, in eight sums: vectors of the caller's instructions.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -137,11 +137,8 @@ pub(super) fn check_memory(
     if given {
         let accepted =
             format!("cells that fit accuracy.max_memory = {limit}; these need about {needed}");
-        return Err(Error::invalid(
-            "method.cells",
-            format!("{cells:?}"),
-            accepted,
-        ));
+        let cells = format!("{cells:?}");
+        return Err(Error::invalid("method.cells", cells, accepted));
     }
     Err(Error::Limit {
         key: "accuracy.max_memory",

@@ -194,11 +194,8 @@ impl Density {
     pub fn lowest(&self) -> f64 {
         let Mesh { q, v } = &self.mesh;
         let area = |k: usize| q.slopes()[k / v.len()] * v.slopes()[k % v.len()];
-        self.cells
-            .iter()
-            .enumerate()
-            .map(|(k, p)| p / area(k))
-            .fold(f64::INFINITY, f64::min)
+        let densities = self.cells.iter().enumerate().map(|(k, p)| p / area(k));
+        densities.fold(f64::INFINITY, f64::min)
     }
 
     /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside. Of order 3 where the
@@ -293,11 +290,8 @@ fn mean_across_zero(mean: f64, [a, b]: [f64; 2]) -> f64 {
 /// widths for the central schemes.
 fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> Result<Vec<f64>> {
     if exact {
-        return Ok(axis
-            .edges()
-            .windows(2)
-            .map(|w| gaussian_mass(mean, deviation, w[0], w[1]))
-            .collect());
+        let mass = |w: &[f64]| gaussian_mass(mean, deviation, w[0], w[1]);
+        return Ok(axis.edges().windows(2).map(mass).collect());
     }
     let points = || axis.centres().iter().zip(axis.slopes());
     let near = points().filter(|(x, _)| (**x - mean).abs() < 3.0 * deviation + axis.at(0.0).1);

@@ -139,9 +139,8 @@ impl FlowMap {
         }
         let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
         let measure = Measure::of(reference)?;
-        oscillator
-            .damping()
-            .depends_on_displacement("the flow map")?;
+        let damping = oscillator.damping();
+        damping.depends_on_displacement("the flow map")?;
         let width = mesh.v.at(0.5 * nv as f64).1 / oscillator.temperature().sqrt();
         if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
             return Err(Error::Mesh {
@@ -289,11 +288,8 @@ impl FlowMap {
         if density.cells().len() != self.mesh.len() {
             let [nq, nv] = self.mesh.cells();
             let given = format!("{} cells", density.cells().len());
-            return Err(Error::invalid(
-                "the density",
-                given,
-                format!("one on {nq} x {nv} cells"),
-            ));
+            let accepted = format!("one on {nq} x {nv} cells");
+            return Err(Error::invalid("the density", given, accepted));
         }
         // Over such a time noise spreads by less than a rounding of v, and motion by less than one of q.
         if duration < 1e-20 {

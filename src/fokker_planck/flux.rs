@@ -157,11 +157,8 @@ impl Weights {
         let pairs =
             |edges: &[f64]| -> Vec<[f64; 2]> { edges.windows(2).map(|w| [w[0], w[1]]).collect() };
         let centred = |axis: &super::mesh::Axis, f: &dyn Fn(f64) -> f64| -> Vec<f64> {
-            axis.centres()
-                .iter()
-                .zip(axis.slopes())
-                .map(|(x, slope)| f(*x) * slope)
-                .collect()
+            let places = axis.centres().iter().zip(axis.slopes());
+            places.map(|(x, slope)| f(*x) * slope).collect()
         };
         let gauss = |x: f64| maxwell(x, temperature);
         let (q, maxwell) = if drift == Drift::Upwind {

@@ -220,10 +220,8 @@ impl Forcing {
         let drive = self.excitation.drive;
         let amplitude = drive.map_or(0.0, |it| it.amplitude()) / self.temperature.sqrt();
         let frequency = 1.0 + drive.map_or(0.0, |it| it.frequency());
-        [
-            2e-4 * amplitude * frequency.powi(5),
-            0.06 * self.zeta * amplitude,
-        ]
+        let third = 2e-4 * amplitude * frequency.powi(5);
+        [third, 0.06 * self.zeta * amplitude]
     }
 
     /// The longest step for such an error of about `tolerance`: the nodes must also see the drive turn against the motion.
@@ -231,11 +229,11 @@ impl Forcing {
         let [ends, second] = self.error_constants();
         let frequency = self.excitation.drive.map_or(0.0, |it| it.frequency());
         let seen = SEEN / (1.0 + frequency.max(1.0));
-        let each = [
-            seen,
+        let (sixth, third) = (
             (tolerance / ends).powf(1.0 / 6.0),
             (tolerance / second).cbrt(),
-        ];
+        );
+        let each = [seen, sixth, third];
         each.into_iter().fold(f64::INFINITY, f64::min)
     }
 

@@ -110,12 +110,8 @@ impl Generator {
             check_tail(mesh, &weights, &active, drift)?;
         }
         let conductance = conductance(oscillator, mesh, drift);
-        let tilt = weights
-            .v
-            .iter()
-            .zip(&weights.maxwell)
-            .map(|(v, m)| v / m)
-            .collect();
+        let tilt = weights.v.iter().zip(&weights.maxwell);
+        let tilt = tilt.map(|(v, m)| v / m).collect();
         let mut it = Self {
             mesh: mesh.clone(),
             drift,
@@ -304,10 +300,8 @@ impl Generator {
             self.apply_diffusion(g, rate);
             self.relax(&(0..self.mesh.q.len()), g, rate);
         });
-        let leaving = self
-            .leaving
-            .iter()
-            .map(|(cell, rate)| rate * self.inverse[*cell]);
+        let leaving = self.leaving.iter();
+        let leaving = leaving.map(|(cell, rate)| rate * self.inverse[*cell]);
         let gathering = self.open.iter().filter(|_| self.gathers);
         let gathering = gathering.map(|(cell, rate)| 0.5 * rate.abs() * self.inverse[*cell]);
         let diagonal = leaving.chain(gathering).fold(0.0, f64::max);

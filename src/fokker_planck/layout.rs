@@ -237,15 +237,12 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
         return f64::INFINITY;
     };
     if contact.barrier().is_some() {
-        let widths = contact
-            .wells(level)
-            .into_iter()
-            .map(|[left, right]| right - left);
+        let wells = contact.wells(level).into_iter();
+        let widths = wells.map(|[left, right]| right - left);
         return 0.5 * widths.fold(f64::INFINITY, f64::min);
     }
-    let in_contact = contact
-        .loss_point()
-        .map_or(f64::INFINITY, |loss| right - loss);
+    let loss = contact.loss_point();
+    let in_contact = loss.map_or(f64::INFINITY, |loss| right - loss);
     (0.5 * (right - left)).min(0.5 * in_contact.max(right))
 }
 

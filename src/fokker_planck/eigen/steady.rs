@@ -73,9 +73,8 @@ impl SteadyState {
     /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; those of the mesh.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
         const SOLVES: f64 = 60.0;
-        oscillator
-            .damping()
-            .depends_on_displacement("the steady state")?;
+        let damping = oscillator.damping();
+        damping.depends_on_displacement("the steady state")?;
         // Exact in any drift where the weights are the stationary law.
         let automatic = if oscillator.is_viscous() {
             Drift::Upwind
@@ -116,15 +115,13 @@ impl SteadyState {
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
-        format!(
-            "finite volumes, {}; null vector by sparse LU{}",
-            self.layout.drift.name(),
-            if self.integrates {
-                ", and time integration"
-            } else {
-                ""
-            }
-        )
+        let integrates = if self.integrates {
+            ", and time integration"
+        } else {
+            ""
+        };
+        let drift = self.layout.drift.name();
+        format!("finite volumes, {drift}; null vector by sparse LU{integrates}")
     }
 
     /// As [`steady`], by a recipe made before for the same oscillator.
@@ -215,12 +212,8 @@ impl Question for Task<'_> {
         };
         let mass = exact.mass();
         let distance = |density: &Density| -> f64 {
-            density
-                .cells()
-                .iter()
-                .zip(exact.cells())
-                .map(|(p, w)| (p - w / mass).abs())
-                .sum()
+            let cells = density.cells().iter().zip(exact.cells());
+            cells.map(|(p, w)| (p - w / mass).abs()).sum()
         };
         let l1 = distance(&null);
         let outside = domain.neglected.max((1.0 - mass).abs());

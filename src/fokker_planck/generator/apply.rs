@@ -3,7 +3,7 @@
 use super::super::difference::{central, staggered};
 use super::super::flux::MassFlux;
 use super::Generator;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -58,17 +58,14 @@ impl Generator {
         g: &[f64],
         rate: &mut [f64],
     ) {
-        vectorised(
-            #[inline(always)]
-            || {
-                if TRANSPORT {
-                    self.transport(&columns, g, rate);
-                }
-                if DIFFUSION {
-                    self.diffusion(&columns, g, rate);
-                }
-            },
-        );
+        vectorise!({
+            if TRANSPORT {
+                self.transport(&columns, g, rate);
+            }
+            if DIFFUSION {
+                self.diffusion(&columns, g, rate);
+            }
+        });
     }
 
     /// Calls `work` for all columns, a share at a time, each with its cells of `rate`.
@@ -356,18 +353,16 @@ impl<'a, const K: usize> Row<'a, K> {
             let (g, a, b) = (&g[c], &a[c], &b[c]);
             let mut sum = [0.0; LANES];
             for l in 0..K {
-                let along_q = pair(
-                    g,
-                    a,
+                let (left, right) = (
                     (&g_left[l][c], &a_left[l][c]),
                     (&g_right[l][c], &a_right[l][c]),
                 );
-                let along_v = pair(
-                    g,
-                    b,
+                let (below, above) = (
                     (&g_below[l][c], &b_below[l][c]),
                     (&g_above[l][c], &b_above[l][c]),
                 );
+                let along_q = pair(g, a, left, right);
+                let along_v = pair(g, b, below, above);
                 for k in 0..LANES {
                     sum[k] = halves[l].mul_add(along_q[k] + along_v[k], sum[k]);
                 }

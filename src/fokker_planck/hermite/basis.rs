@@ -204,10 +204,8 @@ impl Basis {
     ) -> Result<Self> {
         let physics = (oscillator.contact(), oscillator.temperature());
         let weight = |q: f64| law.density(q);
-        let elements: Result<Vec<Element>> = ends
-            .windows(2)
-            .map(|ends| Element::new([ends[0], ends[1]], physics, weight, quantity))
-            .collect();
+        let element = |ends: &[f64]| Element::new([ends[0], ends[1]], physics, weight, quantity);
+        let elements: Result<Vec<Element>> = ends.windows(2).map(element).collect();
         let mut elements = elements?;
         let count = elements.len();
         let own = |elements: &[Element], k: usize| {
@@ -373,9 +371,8 @@ impl Legendre {
             let m = n as f64;
             let (mut value, mut slope) = (Vec::new(), Vec::new());
             for (k, x) in points.iter().enumerate() {
-                value.push(
-                    ((2.0 * m - 1.0) * x * it.value[n - 1][k] - (m - 1.0) * it.value[n - 2][k]) / m,
-                );
+                let (one, two) = (it.value[n - 1][k], it.value[n - 2][k]);
+                value.push(((2.0 * m - 1.0) * x * one - (m - 1.0) * two) / m);
                 slope.push(it.slope[n - 2][k] + (2.0 * m - 1.0) * it.value[n - 1][k]);
             }
             it.value.push(value);

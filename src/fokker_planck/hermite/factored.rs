@@ -150,12 +150,8 @@ impl<'a> Factored<'a> {
         }
         let (even, odd) = x.split_at_mut(full.even());
         // The odd n in terms of the even ones: o_n = (b_n + transport of e)/(s + 2 zeta n).
-        let half: Vec<C> = self
-            .rates
-            .friction
-            .iter()
-            .map(|it| (it + 2.0 * full.zeta).inv())
-            .collect();
+        let friction = self.rates.friction.iter();
+        let half: Vec<C> = friction.map(|it| (it + 2.0 * full.zeta).inv()).collect();
         let over = |odd: &mut [C]| {
             for row in odd.chunks_exact_mut(k) {
                 row.iter_mut().zip(&half).for_each(|(x, over)| *x *= over);

@@ -120,11 +120,9 @@ impl Additive {
         // Whole blocks of the solver.
         let size = generator.share().next_multiple_of(LANES).min(nq) * nv;
         generator.apply_diffusion(g, rate);
-        diffusion[0]
-            .par_chunks_mut(size)
-            .zip(rate.par_chunks(size))
-            .zip(inverse.par_chunks(size))
-            .for_each(|((diffusion, rate), inverse)| times(diffusion, rate, inverse));
+        let cells = diffusion[0].par_chunks_mut(size).zip(rate.par_chunks(size));
+        let cells = cells.zip(inverse.par_chunks(size));
+        cells.for_each(|((diffusion, rate), inverse)| times(diffusion, rate, inverse));
         stage.copy_from_slice(g);
         for i in 0..STAGES {
             if i > 0 {
@@ -139,12 +137,14 @@ impl Additive {
                         let cells = k * size..k * size + stage.len();
                         stage.copy_from_slice(&g[cells.clone()]);
                         for j in 0..i {
+                            let (transport, before) =
+                                (&transport[j][cells.clone()], &before[j][cells.clone()]);
                             add(
                                 stage,
                                 dt * EXPLICIT[i][j],
-                                &transport[j][cells.clone()],
+                                transport,
                                 dt * IMPLICIT[i][j],
-                                &before[j][cells.clone()],
+                                before,
                             );
                         }
                         // U = rhs + GAMMA dt B U gives B U without applying B.

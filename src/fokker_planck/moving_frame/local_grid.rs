@@ -204,10 +204,8 @@ impl LocalGrid {
             values.fold(0.0_f64, |largest, p| largest.max(p.abs()))
         };
         let first_and_last = self.values[..n].iter().chain(&self.values[n * (n - 1)..]);
-        let sides = self
-            .values
-            .chunks_exact(n)
-            .flat_map(|row| [&row[0], &row[n - 1]]);
+        let rows = self.values.chunks_exact(n);
+        let sides = rows.flat_map(|row| [&row[0], &row[n - 1]]);
         largest(&mut first_and_last.chain(sides))
     }
 

@@ -148,15 +148,10 @@ impl ResponseCurve {
         settings: &Settings,
     ) -> Result<Self> {
         let count = frequencies.len();
-        let seen: Vec<f64> = frequencies
-            .iter()
-            .step_by(count.div_ceil(FORESEEN).max(1))
-            .copied()
-            .collect();
-        let points: Result<Vec<_>> = seen
-            .par_iter()
-            .map(|w| point(oscillator, *w, settings))
-            .collect();
+        let each = count.div_ceil(FORESEEN).max(1);
+        let seen: Vec<f64> = frequencies.iter().step_by(each).copied().collect();
+        let points = seen.par_iter().map(|w| point(oscillator, *w, settings));
+        let points: Result<Vec<_>> = points.collect();
         let mut points = points?;
         let threads = rayon::current_num_threads() as u64;
         let all = count as f64 / points.len().max(1) as f64;

@@ -130,27 +130,17 @@ impl Axis {
     /// [`Error::Invalid`] for no cells or an empty interval.
     pub fn uniform(low: f64, high: f64, n: usize) -> Result<Self> {
         if n == 0 {
-            return Err(Error::invalid(
-                "method.cells",
-                n,
-                "at least one cell in each direction",
-            ));
+            let accepted = "at least one cell in each direction";
+            return Err(Error::invalid("method.cells", n, accepted));
         }
         if !(low < high && low.is_finite() && high.is_finite()) {
             let value = format!("[{low}, {high}]");
-            return Err(Error::invalid(
-                "the interval of an axis",
-                value,
-                "low < high, finite",
-            ));
+            let (name, accepted) = ("the interval of an axis", "low < high, finite");
+            return Err(Error::invalid(name, value, accepted));
         }
         let width = (high - low) / n as f64;
-        Ok(Self::new(
-            (Grading::Uniform, Focus::default()),
-            low,
-            width,
-            n,
-        ))
+        let even = (Grading::Uniform, Focus::default());
+        Ok(Self::new(even, low, width, n))
     }
 
     fn new((grading, focus): (Grading, Focus), start: f64, width: f64, n: usize) -> Self {

@@ -345,9 +345,7 @@ impl Question for Ladder<'_> {
         let coarse = self.runs.pop()?;
         let errors = self.errors?;
         let reason = self.task.recipe.reason.clone();
-        let it = self
-            .task
-            .report(fine, &coarse, &errors, reason, stop, Vec::new());
-        Some(it)
+        let task = &self.task;
+        Some(task.report(fine, &coarse, &errors, reason, stop, Vec::new()))
     }
 }

@@ -95,11 +95,8 @@ impl Reach {
     /// The method, for people.
     pub(crate) fn words(&self) -> String {
         let until = self.times.last().copied().unwrap_or(0.0);
-        format!(
-            "{}, in courses first to t = {until:.0}, then about the crossing; {}",
-            self.first.name(),
-            self.first.reason
-        )
+        let (name, reason) = (self.first.name(), &self.first.reason);
+        format!("{name}, in courses first to t = {until:.0}, then about the crossing; {reason}")
     }
 
     /// Finds the time; what the `stationary` value may be off is in its error.
@@ -324,11 +321,8 @@ impl<'a> Curve<'a> {
         // A level that is not known is as if the values were not.
         let values = it.moments.iter().map(|at| {
             let value = at.get(moment)?;
-            Some(Estimate::new(
-                value.value,
-                value.error + level.error,
-                value.origin,
-            ))
+            let error = value.error + level.error;
+            Some(Estimate::new(value.value, error, value.origin))
         });
         let mut values = values.collect::<Option<Vec<Estimate>>>()?;
         let (level, level_error) = (level.value, level.error);

@@ -172,10 +172,8 @@ impl Rung {
         mean: [f64; 2],
         deviation: [f64; 2],
     ) -> f64 {
-        let law = self
-            .layout
-            .domain
-            .enlarged(oscillator, 1.0 / (FALLING.get().powi(2)));
+        let domain = self.layout.domain;
+        let law = domain.enlarged(oscillator, 1.0 / (FALLING.get().powi(2)));
         law.amplitude(oscillator, mean, deviation)
     }
 
@@ -216,13 +214,11 @@ impl Recipe {
         let domain = if r == self.expected {
             self.layout.domain
         } else {
-            domain(
+            let (who, grid) = (
                 (oscillator, self.forcing.as_deref()),
-                initial,
-                until,
                 (self.first_grid, self.layout.focused),
-                neglected,
-            )?
+            );
+            domain(who, initial, until, grid, neglected)?
         };
         let cells = match self.layout.cells {
             Cells::Given(cells) => {

@@ -140,11 +140,8 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
     };
     // One that is not known to a tenth, or not from zero, is not known.
     let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
-    fine.multipliers
-        .iter()
-        .map(multiplier)
-        .filter(known)
-        .collect()
+    let all = fine.multipliers.iter().map(multiplier);
+    all.filter(known).collect()
 }
 
 impl Task<'_> {

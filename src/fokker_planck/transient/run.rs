@@ -240,13 +240,8 @@ impl Task<'_> {
             });
         }
         let domain = phase.as_ref().map_or(rung.layout.domain, StartUp::domain);
-        believable(
-            &outputs,
-            propagator.step(),
-            &domain,
-            oscillator.temperature(),
-            &mesh,
-        )?;
+        let (step, temperature) = (propagator.step(), oscillator.temperature());
+        believable(&outputs, step, &domain, temperature, &mesh)?;
         Ok(Run {
             outputs,
             steps: before + propagator.steps(),

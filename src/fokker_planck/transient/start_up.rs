@@ -274,10 +274,8 @@ impl<'a> StartUp<'a> {
     fn widest(&self, mesh: &Mesh) -> [f64; 2] {
         let frame = self.grid.frame();
         let near = |axis: &Axis, mean: f64, deviation: f64| {
-            [-3.0, 0.0, 3.0]
-                .map(|k| axis.at(axis.locate(mean + k * deviation)).1)
-                .into_iter()
-                .fold(0.0, f64::max)
+            let width = |k: f64| axis.at(axis.locate(mean + k * deviation)).1;
+            [-3.0, 0.0, 3.0].map(width).into_iter().fold(0.0, f64::max)
         };
         let [q, v] = frame.deviation();
         [
@@ -329,11 +327,8 @@ impl<'a> StartUp<'a> {
         let frame = self.grid.frame();
         let reach = self.grid.reach();
         let axis = |mean: f64, deviation: f64| {
-            Axis::uniform(
-                mean - reach * deviation,
-                mean + reach * deviation,
-                self.grid.cells(),
-            )
+            let [low, high] = [-reach, reach].map(|reach| mean + reach * deviation);
+            Axis::uniform(low, high, self.grid.cells())
         };
         // A point, which has none, lies within any.
         let [q, v] = frame.deviation().map(|it| if it > 0.0 { it } else { 1.0 });

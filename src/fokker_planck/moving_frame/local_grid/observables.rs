@@ -21,8 +21,8 @@ impl LocalGrid {
             .iter()
             .flat_map(|x| centres.iter().map(move |y| [*x, *y]));
         let cell = self.fineness.cell * self.fineness.cell * area;
+        let nodes = nodes.zip(&self.values);
         nodes
-            .zip(&self.values)
             .map(|(xi, p)| f(self.frame.at(xi), p / area))
             .sum::<f64>()
             * cell
@@ -91,11 +91,8 @@ impl LocalGrid {
                     }
                     None => (0.5 * (a + b) + 0.5 * (b - a) * z, w * 0.5 * (b - a)),
                 };
-                f(
-                    self.frame.mean[0] + self.frame.lower[0] * x,
-                    w * density(x),
-                    lost,
-                );
+                let q = self.frame.mean[0] + self.frame.lower[0] * x;
+                f(q, w * density(x), lost);
             }
         };
         for pair in centres.windows(2) {

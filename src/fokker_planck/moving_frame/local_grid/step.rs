@@ -190,13 +190,9 @@ impl LocalGrid {
         }
         let [m, x, y, xx, xy, yy] = sums;
         let (x, y) = (x / m, y / m);
-        let law = Frame::of(
-            [x, y],
-            [
-                [xx / m - x * x, xy / m - x * y],
-                [xy / m - x * y, yy / m - y * y],
-            ],
-        );
+        let covariance = xy / m - x * y;
+        let spread = [[xx / m - x * x, covariance], [covariance, yy / m - y * y]];
+        let law = Frame::of([x, y], spread);
         // A density that the grid does not resolve has no frame; the mass defect says so.
         if law.lower.iter().all(|l| l.is_finite()) && law.area() > 0.1 {
             law
