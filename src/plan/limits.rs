@@ -35,18 +35,18 @@ impl Plan {
                 (Part::Records | Part::Series, Some(duration)) => {
                     ("monte_carlo.duration", duration)
                 }
-                (Part::Series | Part::Spectrum, _) => (
-                    "outputs.spectrum.until",
-                    outputs.spectrum.map_or(0.0, |it| it.until),
-                ),
-                (Part::FirstLoss | Part::FirstLossPaths, _) => (
-                    "outputs.first_loss.until",
-                    outputs.first_loss.unwrap_or_default(),
-                ),
-                (Part::FirstPassage | Part::FirstPassagePaths, _) => (
-                    "outputs.first_passage.until",
-                    outputs.first_passage.map_or(0.0, |it| it.until),
-                ),
+                (Part::Series | Part::Spectrum, _) => {
+                    let until = outputs.spectrum.map_or(0.0, |it| it.until);
+                    ("outputs.spectrum.until", until)
+                }
+                (Part::FirstLoss | Part::FirstLossPaths, _) => {
+                    let until = outputs.first_loss.unwrap_or_default();
+                    ("outputs.first_loss.until", until)
+                }
+                (Part::FirstPassage | Part::FirstPassagePaths, _) => {
+                    let until = outputs.first_passage.map_or(0.0, |it| it.until);
+                    ("outputs.first_passage.until", until)
+                }
                 _ if outputs.density_at.last() > outputs.moments_at.last() => {
                     ("outputs.density_at", outputs.density_at.last())
                 }
@@ -61,24 +61,17 @@ impl Plan {
         }
         let limit = self.scene.accuracy.max_memory;
         if cost.memory_bytes > limit {
-            let need = format!(
-                "the {} stage would need {}; accuracy.max_memory = {}",
-                part.name(),
-                bytes(cost.memory_bytes),
-                bytes(limit)
-            );
+            let (need, limit) = (bytes(cost.memory_bytes), bytes(limit));
+            let what = format!("the {} stage would need {need}", part.name());
             return Err(match self.scene.method.cells {
                 Some([q, v]) if cost.cells.is_some() => {
+                    let need = format!("{what}; accuracy.max_memory = {limit}");
                     Error::invalid("method.cells", format!("[{q}, {v}]"), need)
                 }
                 _ => Error::Limit {
                     key: "accuracy.max_memory",
-                    limit: bytes(limit),
-                    what: format!(
-                        "the {} stage would need {}",
-                        part.name(),
-                        bytes(cost.memory_bytes)
-                    ),
+                    limit,
+                    what,
                 },
             });
         }
@@ -91,11 +84,8 @@ impl Plan {
                     bytes(limit),
                     bytes(size as u64)
                 );
-                return Err(Error::invalid(
-                    "outputs.density_at",
-                    format!("{count} times"),
-                    accepted,
-                ));
+                let times = format!("{count} times");
+                return Err(Error::invalid("outputs.density_at", times, accepted));
             }
         }
         Ok(())
@@ -118,10 +108,8 @@ impl Plan {
                 },
                 _,
             ) if TIMES.iter().any(|it| key.starts_with(it)) => {
-                let value = match value.parse() {
-                    Ok(tau) => num(clock.time(tau)),
-                    Err(_) => value,
-                };
+                let tau = value.parse();
+                let value = tau.map_or(value, |tau| num(clock.time(tau)));
                 let accepted = format!(
                     "{accepted} (in dimensionless time, of which outputs.time_unit = \"{}\" is {})",
                     clock.unit().name(),

@@ -1,8 +1,7 @@
 //! One stage of a plan: which question it answers, for which outputs, and what it will cost.
 
 use crate::error::Error;
-use crate::fokker_planck::{self};
-use crate::monte_carlo::{self};
+use crate::{fokker_planck, monte_carlo};
 
 /// One part of a plan.
 #[derive(Debug, Clone, PartialEq)]
