@@ -62,11 +62,8 @@ pub(super) fn summary(results: &Results) -> String {
         let _ = write!(text, " At t = {}{}, {from}", brief(*t), unit(results));
         match moments.get(Moment::ContactLossProbability) {
             Some(lost) => {
-                let _ = write!(
-                    text,
-                    ", contact is lost with probability {}.",
-                    share(lost.value)
-                );
+                let share = share(lost.value);
+                let _ = write!(text, ", contact is lost with probability {share}.");
             }
             None => match moments.get(Moment::MeanEnergy) {
                 Some(it) => {
@@ -90,11 +87,10 @@ pub(super) fn summary(results: &Results) -> String {
     }
     let first = results.first_loss.as_ref();
     if let Some(it) = first.filter(|it| it.mean_time.value.is_finite()) {
+        let time = cell(Some(it.mean_time)) + unit(results);
         let _ = write!(
             text,
-            " The first passage to contact loss takes {}{} in the mean.",
-            cell(Some(it.mean_time)),
-            unit(results)
+            " The first passage to contact loss takes {time} in the mean."
         );
     }
     if let Some(it) = &results.agreement {

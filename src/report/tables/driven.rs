@@ -31,10 +31,8 @@ pub(super) fn periodic(results: &Results) -> Option<String> {
         others.put(["P(loss) over a period".into(), shown(Some(lost))]);
     }
     for law in it.metastable.iter().flatten() {
-        others.put([
-            "probability of the motion about one of two orbits".into(),
-            shown(Some(law.probability)),
-        ]);
+        let words = "probability of the motion about one of two orbits";
+        others.put([words.into(), shown(Some(law.probability))]);
     }
     for (k, it) in (1..).zip(&it.multipliers) {
         let part = |value: f64| shown(Some(Estimate::new(value, it.error, Origin::Space)));

@@ -8,26 +8,20 @@ use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
 
 pub(super) fn first_loss(results: &Results) -> Option<String> {
-    let both = (
-        results.first_loss.as_ref(),
-        results.first_loss_paths.as_ref(),
-    );
-    let table = survival(results, ["a loss", "contact loss"], both)?;
+    let (solved, paths) = (&results.first_loss, &results.first_loss_paths);
+    let words = ["a loss", "contact loss"];
+    let table = survival(results, words, (solved.as_ref(), paths.as_ref()))?;
     Some(table.html("First passage to contact loss"))
 }
 
 pub(super) fn first_passage(results: &Results) -> Option<String> {
     let asked = results.scene.outputs.first_passage?;
     let [quantity, way] = asked.side.words();
-    let both = (
-        results.first_passage.as_ref(),
-        results.first_passage_paths.as_ref(),
-    );
-    let table = survival(results, ["a passage", "the passage"], both)?;
-    Some(table.html(&format!(
-        "First passage of {quantity} {way} {}",
-        brief(asked.level)
-    )))
+    let (solved, paths) = (&results.first_passage, &results.first_passage_paths);
+    let words = ["a passage", "the passage"];
+    let table = survival(results, words, (solved.as_ref(), paths.as_ref()))?;
+    let level = brief(asked.level);
+    Some(table.html(&format!("First passage of {quantity} {way} {level}")))
 }
 
 /// `[event, target]`: what is survived, and what the mean time leads to.

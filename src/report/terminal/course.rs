@@ -91,9 +91,8 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
         };
         let mut words: Vec<String> = it.rates.iter().map(rate).collect();
         if it.continuous_from == Some(0.0) {
-            words.push(
-                "none: without friction in flight the spectrum is continuous from 0 on".into(),
-            );
+            let none = "none: without friction in flight the spectrum is continuous from 0 on";
+            words.push(none.into());
         } else if let Some(edge) = it.continuous_from {
             let edge = if edge.abs() < 100.0 {
                 format!("{edge:.4}")
@@ -128,15 +127,9 @@ pub(super) fn course(table: &mut Table, results: &Results) {
     let Some(it) = results.transient.as_ref().filter(|it| !it.times.is_empty()) else {
         return;
     };
-    let heads = if sampled.is_some() {
-        ["Monte Carlo", "z"]
-    } else {
-        ["", ""]
-    };
-    table.heading(format!(
-        "{:<36}{:>17} {:>17}{:>7}",
-        "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
-    ));
+    let [paths, z] = sampled.map_or([""; 2], |_| ["Monte Carlo", "z"]);
+    let (title, solved) = ("ON THE WAY", "Fokker-Planck");
+    table.heading(format!("{title:<36}{solved:>17} {paths:>17}{z:>7}"));
     for &moment in Moment::course(&it.moments) {
         if it.moments.last().and_then(|it| it.get(moment)).is_none() {
             continue;
@@ -146,11 +139,8 @@ pub(super) fn course(table: &mut Table, results: &Results) {
             let here = it.moments.get(k).and_then(|it| it.get(moment));
             let there = results.paths_at(t).and_then(|it| it.get(moment));
             let entry = moment.entry();
-            let (symbol, words) = if n == 0 {
-                (entry.symbol, entry.words)
-            } else {
-                ("", "")
-            };
+            let first = (n == 0).then_some((entry.symbol, entry.words));
+            let (symbol, words) = first.unwrap_or_default();
             let time = format!("t = {}", brief(t));
             let both = [here, there];
             let numbers = cells(&both[..=usize::from(sampled.is_some())], true);
@@ -158,12 +148,9 @@ pub(super) fn course(table: &mut Table, results: &Results) {
         }
     }
     let [nq, nv] = it.method.cells;
-    let text = format!(
-        "{}, {nq} x {nv} cells, {} of at most {}",
-        it.method.name,
-        many(it.method.steps, "step"),
-        brief(it.method.step)
-    );
+    let (name, steps) = (&it.method.name, many(it.method.steps, "step"));
+    let longest = brief(it.method.step);
+    let text = format!("{name}, {nq} x {nv} cells, {steps} of at most {longest}");
     table.line("");
     table.paragraph("Fokker-Planck: ", &text);
     if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
