@@ -83,12 +83,8 @@ pub fn with<C: Parser>(
     let colour = colour(&io::stderr());
     // Fails only if a hook is there already, and then that one prints.
     let _ = miette::set_hook(Box::new(move |_| {
-        Box::new(
-            miette::MietteHandlerOpts::new()
-                .color(colour)
-                .width(80)
-                .build(),
-        )
+        let handler = miette::MietteHandlerOpts::new();
+        Box::new(handler.color(colour).width(80).build())
     }));
     obey(cli).unwrap_or_else(|stop| {
         let _ = writeln!(io::stderr(), "{:?}", stop.report);

@@ -37,11 +37,8 @@ impl Drive {
         if !(low..=high).contains(&frequency) {
             let accepted =
                 format!("a circular frequency from {low} to {high}; the contact resonates at 1");
-            return Err(Error::invalid(
-                "excitation.drive.frequency",
-                frequency,
-                accepted,
-            ));
+            let key = "excitation.drive.frequency";
+            return Err(Error::invalid(key, frequency, accepted));
         }
         finite("excitation.drive.phase", phase)?;
         Ok(Self {

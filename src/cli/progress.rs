@@ -14,11 +14,8 @@ use std::time::Instant;
 /// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is
 /// not a terminal.
 pub fn progress(jobs: usize, quiet: bool) -> ProgressBar {
-    bar(
-        jobs as u64,
-        quiet,
-        "{bar:30} {pos}/{len}  {eta} left  {msg}",
-    )
+    let template = "{bar:30} {pos}/{len}  {eta} left  {msg}";
+    bar(jobs as u64, quiet, template)
 }
 
 pub(super) fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
@@ -150,12 +147,8 @@ impl map::Watch for MapWatch {
             && told.elapsed().as_secs() >= Self::PAUSE
         {
             *told = std::time::Instant::now();
-            let _ = writeln!(
-                io::stderr(),
-                "{}/{} points  {words}",
-                it.computed,
-                it.points
-            );
+            let (computed, points) = (it.computed, it.points);
+            let _ = writeln!(io::stderr(), "{computed}/{points} points  {words}");
         }
     }
 }

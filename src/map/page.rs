@@ -33,22 +33,18 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
     for axis in &it.axes {
         let values = axis.values();
         let (first, last) = (plain(&values[0]), plain(&values[values.len() - 1]));
+        let (key, count, spacing) = (axis.key(), values.len(), axis.spacing().name());
         let _ = writeln!(
             axes,
-            "{:<28} {:>6} values, {}, {first} ... {last}",
-            axis.key(),
-            values.len(),
-            axis.spacing().name()
+            "{key:<28} {count:>6} values, {spacing}, {first} ... {last}"
         );
     }
     let _ = writeln!(body, "<h2>Axes</h2>\n<pre>{}</pre>", report::escaped(&axes));
     if let Some(picture) = picture {
         let svg = String::from_utf8_lossy(&picture.bytes);
         let name = &picture.name;
-        let _ = writeln!(
-            body,
-            "<figure>{svg}<figcaption>{name}</figcaption></figure>"
-        );
+        let caption = format!("<figcaption>{name}</figcaption>");
+        let _ = writeln!(body, "<figure>{svg}{caption}</figure>");
     }
     let _ = writeln!(
         body,

@@ -175,12 +175,8 @@ impl Scene {
         let (contact, t) = (self.oscillator.contact(), self.oscillator.temperature());
         let holds = (contact.potential(it.level) / t).is_finite();
         let accepted = "a level whose potential energy is within reach of a double";
-        require(
-            holds,
-            "outputs.first_passage.level",
-            num(it.level),
-            accepted,
-        )?;
+        let (key, level) = ("outputs.first_passage.level", num(it.level));
+        require(holds, key, level, accepted)?;
         if !contact.is_confining() {
             let value = format!("{{ level = {} }}", num(it.level));
             return Err(self.no_law("outputs.first_passage", &value));
@@ -297,12 +293,8 @@ impl Scene {
             require(holds, "monte_carlo.scheme", given, accepted)?;
             let duration = it.duration.map_or(String::new(), num);
             let accepted = "without [excitation]: under it no long record is stationary";
-            require(
-                it.duration.is_none(),
-                "monte_carlo.duration",
-                duration,
-                accepted,
-            )?;
+            let none = it.duration.is_none();
+            require(none, "monte_carlo.duration", duration, accepted)?;
             let first = self.outputs.first_loss.is_some() || self.outputs.first_passage.is_some();
             let asked = first || !self.outputs.moments_at.is_empty();
             let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \

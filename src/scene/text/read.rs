@@ -83,22 +83,11 @@ impl Document {
         if rig.table.is_none() {
             return Ok(None);
         }
+        let need = |key, accepted| rig.required(rig.number(key)?, key, accepted);
         let it = Rig::new(
-            rig.required(
-                rig.number("static_load")?,
-                "static_load",
-                "a load > 0 in newtons, as 110",
-            )?,
-            rig.required(
-                rig.number("frequency")?,
-                "frequency",
-                "a frequency > 0 in hertz, as 232",
-            )?,
-            rig.required(
-                rig.number("static_compression")?,
-                "static_compression",
-                "a compression > 0 in metres, as 7e-6",
-            )?,
+            need("static_load", "a load > 0 in newtons, as 110")?,
+            need("frequency", "a frequency > 0 in hertz, as 232")?,
+            need("static_compression", "a compression > 0 in metres, as 7e-6")?,
         );
         it.map(Some).map_err(|error| self.explain(&error))
     }
@@ -117,11 +106,8 @@ impl Document {
         let (h, psd) = (section.number("h")?, section.number("force_psd")?);
         let h = match (h, psd, rig) {
             (Some(_), Some(_), _) => {
-                return Err(section.refuse(
-                    "force_psd",
-                    "both oscillator.h and oscillator.force_psd are given",
-                    "accepted: one of them",
-                ));
+                let message = "both oscillator.h and oscillator.force_psd are given";
+                return Err(section.refuse("force_psd", message, "accepted: one of them"));
             }
             (Some(h), None, _) => h,
             (None, Some(psd), Some(rig)) => {
@@ -177,11 +163,8 @@ impl Document {
             oscillator.get("contact").map(|it| &it.value),
             Some(Value::Table(_))
         ) {
-            let named = oscillator.choice_or(
-                "contact",
-                &words,
-                "a table as { law = \"power\", exponent = 1.2 }",
-            )?;
+            let others = "a table as { law = \"power\", exponent = 1.2 }";
+            let named = oscillator.choice_or("contact", &words, others)?;
             return Ok(named.flatten().unwrap_or(ContactLaw::Hertz));
         }
         let section = oscillator.section("contact")?;

@@ -296,11 +296,8 @@ impl<'a> Section<'a> {
     /// One of `names` or "auto".
     pub(super) fn auto<T: Clone>(&self, key: &str, names: &[(&str, T)]) -> Read<Option<T>> {
         let mut all = vec![("auto", None)];
-        all.extend(
-            names
-                .iter()
-                .map(|(name, value)| (*name, Some(value.clone()))),
-        );
+        let named = names.iter();
+        all.extend(named.map(|(name, value)| (*name, Some(value.clone()))));
         Ok(self.choice(key, &all)?.flatten())
     }
 
@@ -361,11 +358,9 @@ fn parse_bytes(text: &str) -> Option<u64> {
 /// The one of `names` that is most likely meant, if any is likely.
 pub(crate) fn nearest<'a>(text: &str, names: &[&'a str]) -> Option<&'a str> {
     let close = |name: &&str| strsim::jaro_winkler(&text.to_lowercase(), name);
-    names
-        .iter()
-        .copied()
-        .max_by(|a, b| close(a).total_cmp(&close(b)))
-        .filter(|name| close(name) > 0.75)
+    let nearest = names.iter().copied();
+    let nearest = nearest.max_by(|a, b| close(a).total_cmp(&close(b)));
+    nearest.filter(|name| close(name) > 0.75)
 }
 
 #[cfg(test)]
