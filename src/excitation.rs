@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// assert!((drive.period() - 6.614).abs() < 1e-3);
 /// # Ok::<(), vibroimpact::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Drive {
     amplitude: f64,
     frequency: f64,
@@ -95,7 +95,7 @@ impl Drive {
 /// assert_eq!([rise.factor(25.0), rise.factor(70.0)], [0.5, 1.0]);
 /// # Ok::<(), vibroimpact::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Envelope {
     times: Vec<f64>,
     factors: Vec<f64>,
@@ -183,7 +183,7 @@ impl Envelope {
 }
 
 /// Drive and envelope; neither is the stationary noise alone.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct Excitation {
     /// + a cos(W t + phase) on the right-hand side.
     pub drive: Option<Drive>,

@@ -65,6 +65,17 @@ pub enum Scheme {
 }
 
 impl Scheme {
+    /// Every one.
+    pub(crate) const ALL: [Self; 7] = [
+        Self::Auto,
+        Self::CentralDifference,
+        Self::Baoab,
+        Self::Splitting42,
+        Self::Splitting62,
+        Self::EulerMaruyama,
+        Self::ExponentialHeun,
+    ];
+
     /// The name used in scenes.
     pub fn name(self) -> &'static str {
         match self {

@@ -224,9 +224,8 @@ impl Scene {
                             first_passage, periodic and response know it; stationary is the law without it";
             return Err(Error::invalid(key, value, accepted));
         }
-        let phases = outputs
-            .periodic
-            .map(|phases| ("outputs.periodic", format!("{{ phases = {phases} }}")));
+        let phases = outputs.periodic.map(|it| format!("{{ phases = {it} }}"));
+        let phases = phases.map(|phases| ("outputs.periodic", phases));
         let response = outputs.response.map(|it| {
             let points = format!("{{ from = {}, to = {}, .. }}", num(it.from), num(it.to));
             ("outputs.response", points)
@@ -354,24 +353,22 @@ impl Scene {
         if let Some(rig) = &self.rig {
             let (z, mass) = (rig.static_compression(), rig.mass());
             if z > 1e-3 {
+                let (z, mm) = (brief(z), brief(rounded(z * 1e3, 4)));
                 doubts.push(format!(
-                    "rig.static_compression = {} is in metres, {} mm; 3.5 um would be 3.5e-6",
-                    brief(z),
-                    brief(rounded(z * 1e3, 4))
+                    "rig.static_compression = {z} is in metres, {mm} mm; 3.5 um would be 3.5e-6"
                 ));
             }
             if !(1e-6..=1e5).contains(&mass) {
+                let mass = brief(rounded(mass, 3));
                 doubts.push(format!(
-                    "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {} kg",
-                    brief(rounded(mass, 3))
+                    "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {mass} kg"
                 ));
             }
             let zeta = self.oscillator.zeta();
             if zeta > 0.2 {
+                let (zeta, share) = (brief(zeta), brief(rounded(100.0 * zeta, 4)));
                 doubts.push(format!(
-                    "oscillator.zeta = {} is {} %; 0.8 % would be 0.008",
-                    brief(zeta),
-                    brief(rounded(100.0 * zeta, 4))
+                    "oscillator.zeta = {zeta} is {share} %; 0.8 % would be 0.008"
                 ));
             }
             let last = outputs.moments_at.last().max(outputs.density_at.last());
@@ -384,9 +381,8 @@ impl Scene {
             }
         }
         if self.initial != Initial::Rest && !self.begins_somewhere() {
-            doubts.push(
-                "initial: nothing that is asked for depends on the initial condition".to_owned(),
-            );
+            let doubt = "initial: nothing that is asked for depends on the initial condition";
+            doubts.push(doubt.to_owned());
         }
         doubts
     }
