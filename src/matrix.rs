@@ -33,6 +33,12 @@ macro_rules! vectorise {
 }
 pub(crate) use vectorise;
 
+/// Every pair of places along two axes, the second running fastest.
+pub(crate) fn grid<'a>(x: &'a [f64], y: &'a [f64]) -> impl Iterator<Item = [f64; 2]> + 'a {
+    let row = move |x: &'a f64| y.iter().map(move |y| [*x, *y]);
+    x.iter().flat_map(row)
+}
+
 /// The scalar product of what two vectors have in common, in eight sums: vectors of the caller's instructions.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -190,11 +190,9 @@ fn read(dir: &Path) -> Result<Collected> {
             .collect()
     };
     missing.sort_unstable_by_key(|it| it.0);
+    let title = map["scene"]["title"].as_str();
     Ok(Collected {
-        title: map["scene"]["title"]
-            .as_str()
-            .unwrap_or_default()
-            .to_owned(),
+        title: title.unwrap_or_default().to_owned(),
         points,
         failed,
         short,

@@ -239,10 +239,8 @@ impl Records {
         let every = || {
             let losses = Crossings::NAMES.map(|name| format!("records.{name}"));
             let losses = crossings.iter().flat_map(|_| losses.clone());
-            unknown("records", &[None])
-                .into_iter()
-                .chain(losses)
-                .collect()
+            let moments = unknown("records", &[None]).into_iter();
+            moments.chain(losses).collect()
         };
         let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
         if worth < 50.0 {
@@ -421,6 +419,7 @@ impl Run<'_> {
         sums.crossings = logbook.map(Logbook::into_sums);
         sums
     }
+
     /// One batch of one group, with someone who hears of the crossings.
     fn batch<L: Law, W: Watch>(
         &self,

@@ -189,16 +189,14 @@ impl Reach {
         let ratio = crossing.error() / (tolerance * crossing.t);
         let free = self.settings.cells.is_none() && self.settings.step.is_none();
         let shortfall = Stop::new(reason, free).shortfall("reach.t".into(), ratio, tolerance);
+        let by_value = crossing.by_value > crossing.by_time;
+        let origin = if by_value {
+            Origin::Space
+        } else {
+            Origin::Time
+        };
         Ok(Reached {
-            t: Some(Estimate::new(
-                crossing.t,
-                crossing.error(),
-                if crossing.by_value > crossing.by_time {
-                    Origin::Space
-                } else {
-                    Origin::Time
-                },
-            )),
+            t: Some(Estimate::new(crossing.t, crossing.error(), origin)),
             method: it.method,
             shortfall,
             // Those of a course that had another tolerance say nothing of this number.

@@ -18,6 +18,7 @@ use crate::fokker_planck::policy::{
 };
 use crate::fokker_planck::solved::{Column, Law, Settled};
 use crate::initial::Initial;
+use crate::matrix;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
 use std::cell::RefCell;
@@ -424,10 +425,7 @@ impl<'a> StartUp<'a> {
         }
         let mesh = self.own_mesh()?;
         let (q, v) = (mesh.q.centres(), mesh.v.centres());
-        let points: Vec<[f64; 2]> = q
-            .iter()
-            .flat_map(|q| v.iter().map(move |v| [*q, *v]))
-            .collect();
+        let points: Vec<[f64; 2]> = matrix::grid(q, v).collect();
         let p = self.grid.density(&points);
         Ok(Snapshot {
             t: self.grid.time(),

@@ -239,12 +239,9 @@ fn snapshots(
 /// steady.svg: the steady state on the mesh.
 pub(crate) fn steady(results: &Results) -> Picture {
     let it = results.steady.as_ref()?;
+    let ([nq, nv], law, apart) = (it.method.cells, results.known_law(), it.l1_error.value);
     let title = format!(
-        "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the {} {:.0e}",
-        it.method.cells[0],
-        it.method.cells[1],
-        results.known_law(),
-        it.l1_error.value
+        "Stationary p(q, q\u{307}) on {nq} \u{d7} {nv} cells, L\u{b9} distance to the {law} {apart:.0e}"
     );
     density_picture("steady.svg".into(), &title, &it.density, results)
 }

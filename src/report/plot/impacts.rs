@@ -27,17 +27,13 @@ pub(crate) fn impacts(results: &Results) -> Picture {
     let seen = results.sampled_crossings().map(|(seen, _)| seen);
     let seen = seen.filter(|it| it.mean_flight.value.is_finite());
     let joint = Panel::new([70.0, 44.0, 300.0, 320.0], (0.0, end), (0.0, fastest));
-    let speeds = Panel::new(
-        [450.0, 44.0, 240.0, 320.0],
-        (0.0, fastest),
-        (0.0, 1.35 * top),
-    );
+    let beside = |left: f64, x, top: f64| {
+        let place = [left, 44.0, 240.0, 320.0];
+        Panel::new(place, x, (0.0, 1.35 * top))
+    };
+    let speeds = beside(450.0, (0.0, fastest), top);
     let lightest = force.first().map_or(0.0, |it| it.0);
-    let forces = Panel::new(
-        [760.0, 44.0, 240.0, 320.0],
-        (lightest.min(heaviest), heaviest),
-        (0.0, 1.35 * high),
-    );
+    let forces = beside(760.0, (lightest.min(heaviest), heaviest), high);
     Some(picture("impacts.svg", (1030, 420), |area| {
         joint.title(area, "Impacts: joint density over its peak")?;
         joint.axes(area, "time of flight, \u{3c4}", "speed at the return")?;

@@ -1,6 +1,6 @@
 //! Tables of first losses of contact and of first passages.
 
-use super::table::{Table, shown};
+use super::table::Table;
 use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::brief;
@@ -39,16 +39,13 @@ fn survival(
         let t = format!("{}{unit}", brief(times[k]));
         let survival = paths.and_then(|it| it.survival.get(k).copied());
         let event_free = event.replacen("a ", "no ", 1);
-        table.put([
-            format!("probability of {event_free} until {t}"),
-            shown(solved.map(|it| it.survival[k])),
-            shown(survival),
-        ]);
-        table.put([
-            format!("probability of {event} until {t}"),
-            shown(solved.map(|it| it.lost[k])),
-            shown(survival.map(Estimate::complement)),
-        ]);
+        let words = format!("probability of {event_free} until {t}");
+        table.numbers(words, [solved.map(|it| it.survival[k]), survival]);
+        let (lost, seen) = (
+            solved.map(|it| it.lost[k]),
+            survival.map(Estimate::complement),
+        );
+        table.numbers(format!("probability of {event} until {t}"), [lost, seen]);
     }
     let lasting = solved.map(|it| {
         [
@@ -59,7 +56,7 @@ fn survival(
     });
     for (words, number) in lasting.into_iter().flatten() {
         if !number.value.is_nan() {
-            table.put([words, shown(Some(number)), String::new()]);
+            table.numbers(words, [Some(number), None]);
         }
     }
     Some(table)

@@ -22,6 +22,12 @@ impl Table {
         self.rows.push(cells.into());
     }
 
+    /// A row of words and numbers.
+    pub(super) fn numbers<const N: usize>(&mut self, words: String, all: [Option<Estimate>; N]) {
+        let numbers = all.into_iter().map(shown);
+        self.rows.push([words].into_iter().chain(numbers).collect());
+    }
+
     /// With its title; nothing without rows. Columns without a single entry are left out.
     pub(super) fn html(&self, title: &str) -> String {
         if self.rows.is_empty() {

@@ -1,7 +1,7 @@
 //! The approach to the stationary law: moments over time, steady state, eigenvalues, spectrum.
 
 use super::layout::{TIMES, Table, cells, row};
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::DecayRate;
 use crate::format::{brief, cell, many, rounded, spread};
 use crate::moments::Moment;
@@ -67,23 +67,17 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
     }
     if let Some(it) = &results.steady {
         let [nq, nv] = it.method.cells;
+        let (name, law) = (&it.method.name, results.known_law());
+        let (apart, residual) = (it.l1_error.value, it.residual);
         let text = format!(
-            "{nq} x {nv} cells, {}: L1 distance to the {} {:.1e}, residual {:.1e}",
-            it.method.name,
-            results.known_law(),
-            it.l1_error.value,
-            it.residual
+            "{nq} x {nv} cells, {name}: L1 distance to the {law} {apart:.1e}, residual {residual:.1e}"
         );
         table.line("");
         table.paragraph("steady state: ", &text);
     }
     if let Some(it) = &results.decay_rates {
         let rate = |rate: &DecayRate| {
-            let re = cell(Some(Estimate {
-                value: rate.re,
-                error: rate.error,
-                ..Estimate::default()
-            }));
+            let re = cell(Some(Estimate::new(rate.re, rate.error, Origin::Space)));
             match rate.im {
                 0.0 => re,
                 im => format!("{re} (a pair, ±{im:.4}i)"),
@@ -154,13 +148,9 @@ pub(super) fn course(table: &mut Table, results: &Results) {
     table.line("");
     table.paragraph("Fokker-Planck: ", &text);
     if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
-        let text = format!(
-            "{}, {} paths, {} of {}; errors are one standard error",
-            it.scheme,
-            scene.paths,
-            many(it.steps, "step"),
-            brief(it.step)
-        );
+        let (scheme, paths) = (it.scheme, scene.paths);
+        let steps = format!("{} of {}", many(it.steps, "step"), brief(it.step));
+        let text = format!("{scheme}, {paths} paths, {steps}; errors are one standard error");
         table.paragraph("Monte Carlo:   ", &text);
     }
 }

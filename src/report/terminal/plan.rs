@@ -72,17 +72,20 @@ fn costs(table: &mut Table, plan: &Plan) {
         let cells = cost.cells.map(|[q, v]| format!("{q} x {v}"));
         let [cells, steps, memory, time] = match stage.refusal {
             Some(_) => [""; 4].map(|_| "-".into()),
-            None => [
-                cells.unwrap_or("no mesh".into()),
-                cost.steps.to_string(),
-                bytes(cost.memory_bytes),
-                seconds(cost.seconds),
-            ],
+            None => {
+                let (memory, time) = (bytes(cost.memory_bytes), seconds(cost.seconds));
+                [
+                    cells.unwrap_or("no mesh".into()),
+                    cost.steps.to_string(),
+                    memory,
+                    time,
+                ]
+            }
         };
+        let (name, keys) = (stage.part.name(), stage.needed_by.join(", "));
+        let keys = keys.replace("outputs.", "");
         table.line(format!(
-            "{:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {}",
-            stage.part.name(),
-            stage.needed_by.join(", ").replace("outputs.", "")
+            "{name:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {keys}"
         ));
     }
     table.line("");

@@ -44,13 +44,9 @@ pub(super) fn plane(
     Some(picture("map.svg", size, |area| {
         write(area, heading, (92.0, 20.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
-            let place = [
-                92.0 + across * (k % columns) as f64,
-                top + down * (k / columns) as f64,
-                width,
-                height,
-            ];
-            let panel = Panel::new(place, range_x, range_y);
+            let left = 92.0 + across * (k % columns) as f64;
+            let top = top + down * (k / columns) as f64;
+            let panel = Panel::new([left, top, width, height], range_x, range_y);
             let scale = if shared { &scales[0] } else { &scales[k] };
             let first_of_row = k % columns == 0;
             let lowest = k + columns >= sheets.len();
