@@ -120,9 +120,6 @@ impl FlowMap {
 
     /// The propagator under a drive or an envelope too, from time 0 on; g is then taken against the law of
     /// [`Forcing::reference`].
-    ///
-    /// # Errors
-    /// Those of [`FlowMap::new`].
     pub(super) fn forced(
         oscillator: &Oscillator,
         mesh: &Mesh,
@@ -272,9 +269,6 @@ impl FlowMap {
     }
 
     /// The same, ended by `late`, which is asked before each group of rows that is traced and before each pass.
-    ///
-    /// # Errors
-    /// Those of [`FlowMap::advance`] and of `late`.
     pub(super) fn advance_watched(
         &mut self,
         density: &mut Density,

@@ -64,9 +64,6 @@ const FOLLOWED: f64 = 4000.0;
 
 impl Forcing {
     /// That of an excitation until time `until`; None where there is nothing beside stationary noise.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::new`].
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -83,9 +80,6 @@ impl Forcing {
     }
 
     /// That of the law which lasts under a drive.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::new`].
     pub(crate) fn lasting(
         oscillator: &Oscillator,
         excitation: &Excitation,
@@ -103,9 +97,6 @@ impl Forcing {
 
     /// No excitation, but energies up to `highest` above the lowest potential: a hotter law that p is taken against. None where
     /// the stationary law itself will do.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::new`].
     pub(crate) fn hot(
         oscillator: &Oscillator,
         initial: &Initial,

@@ -245,9 +245,6 @@ impl Plan {
     }
 
     /// The same into `results`, which after an error hold the stages that have ended.
-    ///
-    /// # Errors
-    /// Those of [`Plan::run`].
     pub(crate) fn run_on(&self, results: &mut Results, watch: &dyn Watch) -> Result<()> {
         let start = Instant::now();
         let spent = || self.planning + start.elapsed().as_secs_f64();

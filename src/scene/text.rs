@@ -98,9 +98,6 @@ impl Draft {
     }
 
     /// The scene with more overrides, which `option` of the command line gave.
-    ///
-    /// # Errors
-    /// Those of [`SceneText::parse`].
     pub(crate) fn with(&self, option: &str, overrides: &[String]) -> Result<SceneText, SceneError> {
         let mut document = self.0.clone();
         for text in overrides {

@@ -145,9 +145,6 @@ impl StationaryState {
     }
 
     /// As [`stationary_law`], by this recipe.
-    ///
-    /// # Errors
-    /// Those of [`stationary_law`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

@@ -125,9 +125,6 @@ impl SteadyState {
     }
 
     /// As [`steady`], by a recipe made before for the same oscillator.
-    ///
-    /// # Errors
-    /// Those of [`steady`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,
@@ -293,9 +290,6 @@ const ARRIVED: f64 = 1e-11;
 ///
 /// The step starts at a thousandth of the relaxation time 1/(2 zeta) and doubles every five steps up
 /// to 1000 of them, so that both the approach and its end are seen.
-///
-/// # Errors
-/// Those of [`BackwardEuler::step`] and of `late`.
 fn integrate(
     generator: &Generator,
     density: &mut Density,

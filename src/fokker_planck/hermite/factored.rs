@@ -109,9 +109,6 @@ impl<'a> Factored<'a> {
 
     /// The same as [`Factored::solve`], refined: under weak friction odd n divide by little, and a solution loses
     /// digits in proportion to 1/zeta^2.
-    ///
-    /// # Errors
-    /// Those of [`Factored::solve`].
     pub(in crate::fokker_planck) fn refined(&self, b: &[C]) -> Result<Vec<C>> {
         let size = |x: &[C]| x.iter().map(C::norm_sqr).sum::<f64>().sqrt();
         let mut x = self.solve(b)?;

@@ -137,9 +137,6 @@ impl PeriodicLaw {
     }
 
     /// The law.
-    ///
-    /// # Errors
-    /// Those of [`periodic`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

@@ -139,9 +139,6 @@ fn point(oscillator: &Oscillator, frequency: f64, settings: &Settings) -> Result
 
 impl ResponseCurve {
     /// The recipe at these frequencies of the drive of the settings; its cost is told by some of them.
-    ///
-    /// # Errors
-    /// Those of [`PeriodicLaw::of`] and of the drive.
     pub(crate) fn of(
         oscillator: &Oscillator,
         frequencies: &[f64],
@@ -190,9 +187,6 @@ impl ResponseCurve {
     }
 
     /// The curve. The points do not know of each other: the same bits for any number of threads.
-    ///
-    /// # Errors
-    /// Those of [`super::periodic()`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

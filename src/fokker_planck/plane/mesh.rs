@@ -179,9 +179,6 @@ impl Axis {
 
     /// The same with cells finer around some places, and a temperature in contact and one in flight: that of a law whose flights
     /// reach to so many times it.
-    ///
-    /// # Errors
-    /// As [`Axis::displacement`].
     pub(crate) fn focused(
         contact: &ContactLaw,
         temperatures: [f64; 2],
@@ -259,9 +256,6 @@ impl Axis {
     }
 
     /// The same with cells finer around some places that are symmetric about 0.
-    ///
-    /// # Errors
-    /// As [`Axis::velocity`].
     pub(crate) fn focused_velocity(
         reach: f64,
         (n, margin): (usize, usize),

@@ -133,9 +133,6 @@ fn beyond(refinement: usize) -> f64 {
 
 impl OnMesh {
     /// What the solve of a refinement takes.
-    ///
-    /// # Errors
-    /// Those of the mesh.
     pub(in crate::fokker_planck) fn work(
         oscillator: &Oscillator,
         refinement: usize,

@@ -59,9 +59,6 @@ const AGAIN: f64 = 1.0;
 
 impl Reach {
     /// The recipe for the time at which `moment` is `fraction` of its stationary value.
-    ///
-    /// # Errors
-    /// Those of [`Recipe::of`].
     pub(crate) fn of(
         (oscillator, initial): (&Oscillator, &Initial),
         moment: Moment,

@@ -152,9 +152,6 @@ impl Rung {
     }
 
     /// The mesh.
-    ///
-    /// # Errors
-    /// Those of [`Layout::mesh`].
     pub(crate) fn mesh(&self, oscillator: &Oscillator) -> Result<Mesh> {
         self.layout.mesh(oscillator, 1.0)
     }
@@ -199,9 +196,6 @@ impl Recipe {
     }
 
     /// The run of rung `r`.
-    ///
-    /// # Errors
-    /// Those of the domain.
     pub(crate) fn rung(
         &self,
         oscillator: &Oscillator,
@@ -284,9 +278,6 @@ impl Recipe {
 
 /// The truncated domain of a run until `until`: under a forcing that of its strongest noise, and farther by as much as the
 /// drive swings. A flow map needs no more of it than motions come to against friction; finite volumes need streamlines that close.
-///
-/// # Errors
-/// Those of [`Domain::closed`] and [`Domain::swept`].
 pub(crate) fn domain(
     (oscillator, forcing): (&Oscillator, Option<&Forcing>),
     initial: &Initial,

@@ -132,9 +132,6 @@ impl Recipe {
     }
 
     /// As [`transient`], by a recipe made before for the same question.
-    ///
-    /// # Errors
-    /// Those of [`transient`].
     pub(crate) fn solve(
         &self,
         (oscillator, initial): (&Oscillator, &Initial),
