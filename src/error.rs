@@ -133,6 +133,14 @@ impl Error {
         }
     }
 
+    /// [`Error::Mesh`] from what does not fit and what would help.
+    pub(crate) fn mesh(what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Mesh {
+            what: what.into(),
+            help: help.into(),
+        }
+    }
+
     /// Whether scene or argument are wrong, and not the computation: the user can mend it.
     pub fn is_refusal(&self) -> bool {
         matches!(

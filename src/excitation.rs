@@ -231,18 +231,20 @@ impl Excitation {
         times.iter().copied().filter(within)
     }
 
+    /// The factor where the envelope bends up to time t, and at both ends.
+    fn factors(&self, t: f64) -> impl Iterator<Item = f64> + '_ {
+        let times = self.bends(0.0, t).chain([0.0, t]);
+        times.map(|t| self.factor(t))
+    }
+
     /// The largest factor up to time t.
     pub(crate) fn highest_factor(&self, t: f64) -> f64 {
-        let ends = [0.0, t].map(|t| self.factor(t));
-        let within = self.bends(0.0, t).map(|t| self.factor(t));
-        within.chain(ends).fold(0.0, f64::max)
+        self.factors(t).fold(0.0, f64::max)
     }
 
     /// The least deviation of the noise up to time t over the largest.
     pub(crate) fn faded(&self, t: f64) -> f64 {
-        let ends = [0.0, t].map(|t| self.factor(t));
-        let within = self.bends(0.0, t).map(|t| self.factor(t));
-        let least = within.chain(ends).fold(f64::INFINITY, f64::min);
+        let least = self.factors(t).fold(f64::INFINITY, f64::min);
         match self.highest_factor(t) {
             0.0 => 1.0,
             most => (least / most).sqrt(),

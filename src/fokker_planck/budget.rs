@@ -67,14 +67,16 @@ impl Factors {
     }
 }
 
+/// What an LU takes over that of a five-point stencil.
+pub(super) fn widening(drift: Drift) -> f64 {
+    let wide = drift != Drift::Upwind;
+    if wide { timing::WIDE } else { 1.0 }
+}
+
 /// Seconds of a factorisation, which nothing can stop half way.
 pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) -> f64 {
     let n = nq as f64 * nv as f64;
-    let wide = if drift == Drift::Upwind {
-        1.0
-    } else {
-        timing::WIDE
-    };
+    let wide = widening(drift);
     match factors {
         Factors::None => 0.0,
         Factors::Real => n * timing::LU * wide,

@@ -297,18 +297,13 @@ fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> 
     let near = points().filter(|(x, _)| (**x - mean).abs() < 3.0 * deviation + axis.at(0.0).1);
     let widest = near.map(|(_, slope)| *slope).fold(0.0, f64::max);
     if deviation < Density::NARROWEST * widest {
-        let cells = axis.len() as f64 * Density::NARROWEST * widest / deviation;
-        return Err(Error::Mesh {
-            what: format!(
-                "initial.deviation = {deviation} in {name} is {:.2} cells, and {} are needed",
-                deviation / widest,
-                Density::NARROWEST
-            ),
-            help: format!(
-                "about {:.0} cells along {name}, or a wider initial condition",
-                cells.ceil()
-            ),
-        });
+        let (cells, least) = (deviation / widest, Density::NARROWEST);
+        let what = format!(
+            "initial.deviation = {deviation} in {name} is {cells:.2} cells, and {least} are needed"
+        );
+        let needed = (axis.len() as f64 * least * widest / deviation).ceil();
+        let help = format!("about {needed:.0} cells along {name}, or a wider initial condition");
+        return Err(Error::mesh(what, help));
     }
     let density = |x: f64| normal((x - mean) / deviation) / deviation;
     Ok(points().map(|(x, slope)| density(*x) * slope).collect())

@@ -129,10 +129,8 @@ impl FlowMap {
         positive("method.step", settings.step)?;
         let [nq, nv] = mesh.cells();
         if nq.min(nv) < 8 {
-            return Err(Error::Mesh {
-                what: format!("{nq} x {nv} cells, and the stencil needs 8 in each direction"),
-                help: "more cells".into(),
-            });
+            let what = format!("{nq} x {nv} cells, and the stencil needs 8 in each direction");
+            return Err(Error::mesh(what, "more cells"));
         }
         let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
         let measure = Measure::of(reference)?;
@@ -140,10 +138,12 @@ impl FlowMap {
         damping.depends_on_displacement("the flow map")?;
         let width = mesh.v.at(0.5 * nv as f64).1 / oscillator.temperature().sqrt();
         if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
-            return Err(Error::Mesh {
-                what: format!("a cell of the {nv} along v is {width:.1} thermal deviations wide"),
-                help: format!("about {:.0} cells along v", (nv as f64 * width).ceil()),
-            });
+            let what = format!("a cell of the {nv} along v is {width:.1} thermal deviations wide");
+            let needed = (nv as f64 * width).ceil();
+            return Err(Error::mesh(
+                what,
+                format!("about {needed:.0} cells along v"),
+            ));
         }
         let weights = Weights::new(&measure, mesh, reference.temperature(), Drift::Order8)?;
         let weights = weights.without_boundary();

@@ -99,11 +99,9 @@ impl Layout {
         let v = count(domain.v[1] - domain.v[0], width[1]) * finer;
         for (n, axis) in [(q, "q"), (v, "v")] {
             if n > 20_000.0 {
-                return Err(Error::Mesh {
-                    what: format!("{n:.1e} cells along {axis} would be needed"),
-                    help: "an initial condition that is wider, or nearer to the stationary law"
-                        .into(),
-                });
+                let what = format!("{n:.1e} cells along {axis} would be needed");
+                let help = "an initial condition that is wider, or nearer to the stationary law";
+                return Err(Error::mesh(what, help));
             }
         }
         // Even along v: an edge at v = 0 keeps the mesh symmetric.

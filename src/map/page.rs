@@ -39,7 +39,8 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
             "{key:<28} {count:>6} values, {spacing}, {first} ... {last}"
         );
     }
-    let _ = writeln!(body, "<h2>Axes</h2>\n<pre>{}</pre>", report::escaped(&axes));
+    let pre = |text: &str| format!("<pre>{}</pre>", report::escaped(text));
+    let _ = writeln!(body, "<h2>Axes</h2>\n{}", pre(&axes));
     if let Some(picture) = picture {
         let svg = String::from_utf8_lossy(&picture.bytes);
         let name = &picture.name;
@@ -49,15 +50,12 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
     let _ = writeln!(
         body,
         "<h2>Numbers</h2>\n<p>Lowest and highest value over the map, and the largest error. All of them: map.csv; as \
-         arrays over the axes: map.npz.</p>\n<pre>{}</pre>",
-        report::escaped(&spans(it))
+         arrays over the axes: map.npz.</p>\n{}",
+        pre(&spans(it))
     );
     let scene = serde_json::to_string_pretty(&it.scene).unwrap_or_default();
-    let _ = writeln!(
-        body,
-        "<h2>The scene of the first point, every default filled in</h2>\n<pre>{}</pre>",
-        report::escaped(&scene)
-    );
+    let title = "The scene of the first point, every default filled in";
+    let _ = writeln!(body, "<h2>{title}</h2>\n{}", pre(&scene));
     File::text("report.html", report::html(&it.title, &body))
 }
 

@@ -78,10 +78,8 @@ impl Origin<'_> {
 fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
     let text = std::fs::read_to_string(given.path(file)).map_err(|source| {
         let path = given.path(file);
-        let accepted = format!(
-            "a CSV file that can be read, beside the scene; {}: {source}",
-            path.display()
-        );
+        let path = path.display();
+        let accepted = format!("a CSV file that can be read, beside the scene; {path}: {source}");
         given.refuse("file", accepted)
     })?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
@@ -108,11 +106,7 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
                 if let Some([before, _]) = points.last()
                     && q <= *before
                 {
-                    let accepted = format!(
-                        "ascending q without repeats; the one before is {}",
-                        num(*before)
-                    );
-                    return Err(wrong(&format!("q = {}", num(q)), &accepted));
+                    return Err(wrong(&format!("q = {}", num(q)), &ascending(*before)));
                 }
                 points.push([q, force]);
             }
@@ -130,6 +124,11 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
     Ok(points)
 }
 
+fn ascending(before: f64) -> String {
+    let before = num(before);
+    format!("ascending q without repeats; the one before is {before}")
+}
+
 impl Table {
     fn through(origin: &Origin<'_>) -> Result<Self> {
         let points = origin.points;
@@ -140,11 +139,8 @@ impl Table {
         for (k, pair) in points.windows(2).enumerate() {
             if pair[1][0] <= pair[0][0] {
                 let key = full(&format!("q[{}]", k + 1));
-                let accepted = format!(
-                    "ascending q without repeats; the one before is {}",
-                    num(pair[0][0])
-                );
-                return Err(Error::invalid(key, num(pair[1][0]), accepted));
+                let (value, accepted) = (num(pair[1][0]), ascending(pair[0][0]));
+                return Err(Error::invalid(key, value, accepted));
             }
         }
         let flat = points.iter().take_while(|it| it[1] == points[0][1]).count();
@@ -230,10 +226,11 @@ fn slopes(knots: &[[f64; 2]]) -> Vec<f64> {
         if slope * d0 <= 0.0 { 0.0 } else { slope }
     };
     let first = end([widths[0], widths[1]], [secants[0], secants[1]]);
-    let last = end(
+    let (h, d) = (
         [widths[n - 2], widths[n - 3]],
         [secants[n - 2], secants[n - 3]],
     );
+    let last = end(h, d);
     // Thomas's algorithm; the matrix is dominated by its diagonal.
     let (mut beside, mut right) = (vec![0.0; n], vec![first; n]);
     for k in 1..n - 1 {

@@ -94,11 +94,7 @@ impl SteadyState {
         };
         let cells = layout.count_within(oscillator, 1.0, settings.max_memory)?;
         let n = cells[0] as f64 * cells[1] as f64;
-        let wide = if drift == Drift::Upwind {
-            1.0
-        } else {
-            timing::WIDE
-        };
+        let wide = budget::widening(drift);
         Ok(Self {
             layout,
             tolerance: settings.tolerance,

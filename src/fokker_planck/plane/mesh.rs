@@ -314,14 +314,10 @@ impl Axis {
 }
 
 fn check_count(n: usize, margin: usize, axis: &str) -> Result<()> {
-    if n < 2 * margin + 2 {
-        return Err(Error::Mesh {
-            what: format!(
-                "{n} cells along {axis}, and the stencil needs {}",
-                2 * margin + 2
-            ),
-            help: "more cells, or a lower order".into(),
-        });
+    let least = 2 * margin + 2;
+    if n < least {
+        let what = format!("{n} cells along {axis}, and the stencil needs {least}");
+        return Err(Error::mesh(what, "more cells, or a lower order"));
     }
     Ok(())
 }

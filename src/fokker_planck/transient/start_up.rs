@@ -298,16 +298,14 @@ impl<'a> StartUp<'a> {
             let widest = self.widest(mesh);
             for ((deviation, width), name) in narrowest.iter().zip(widest).zip(["q", "v"]) {
                 if *deviation < Density::NARROWEST * width {
-                    return Err(Error::Mesh {
-                        what: format!(
-                            "at t = {:.2} the density is {:.2} cells wide in {name} and no longer \
-                             fits a moving frame; {} cells are needed",
-                            self.grid.time(),
-                            deviation / width,
-                            Density::NARROWEST
-                        ),
-                        help: "more method.cells, none at all, or a wider initial.deviation".into(),
-                    });
+                    let (t, cells) = (self.grid.time(), deviation / width);
+                    let what = format!(
+                        "at t = {t:.2} the density is {cells:.2} cells wide in {name} and no longer \
+                         fits a moving frame; {} cells are needed",
+                        Density::NARROWEST
+                    );
+                    let help = "more method.cells, none at all, or a wider initial.deviation";
+                    return Err(Error::mesh(what, help));
                 }
             }
             return Ok(mesh.clone());
