@@ -142,9 +142,6 @@ pub(super) fn check_memory(
         let cells = format!("{cells:?}");
         return Err(Error::invalid("method.cells", cells, accepted));
     }
-    Err(Error::Limit {
-        key: "accuracy.max_memory",
-        limit,
-        what: format!("a mesh of {cells:?} cells would need about {needed}"),
-    })
+    let what = format!("a mesh of {cells:?} cells would need about {needed}");
+    Err(Error::limit("accuracy.max_memory", limit, what))
 }

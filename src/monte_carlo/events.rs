@@ -47,7 +47,7 @@ pub struct Impacts {
 
 impl Crossings {
     /// The names of its numbers.
-    pub(super) const NAMES: [&str; 4] = [
+    pub(crate) const NAMES: [&str; 4] = [
         "loss_rate",
         "losses_in_window",
         "mean_flight",

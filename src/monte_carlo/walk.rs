@@ -295,11 +295,8 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
     // A whole number of steps stays one where the quotient is rounded up.
     let count = (time / step * (1.0 - 1e-12)).ceil();
     if count > 1e15 {
-        return Err(Error::Limit {
-            key: "monte_carlo.step",
-            limit: step.to_string(),
-            what: format!("{count:e} steps over a time of {time}"),
-        });
+        let what = format!("{count:e} steps over a time of {time}");
+        return Err(Error::limit("monte_carlo.step", step.to_string(), what));
     }
     let length = if count > 0.0 { time / count } else { step };
     Ok((count as u64, length))

@@ -53,10 +53,8 @@ impl Plan {
                 _ => ("outputs.moments_at", outputs.moments_at.last()),
             };
             let (key, value) = step.map_or(otherwise, |step| (key, step));
-            let accepted = format!(
-                "at most {MOST_STEPS:.0e} steps, and this takes {:.1e}",
-                cost.steps as f64
-            );
+            let steps = cost.steps as f64;
+            let accepted = format!("at most {MOST_STEPS:.0e} steps, and this takes {steps:.1e}");
             return Err(Error::invalid(key, num(value), accepted));
         }
         let limit = self.scene.accuracy.max_memory;
@@ -68,22 +66,16 @@ impl Plan {
                     let need = format!("{what}; accuracy.max_memory = {limit}");
                     Error::invalid("method.cells", format!("[{q}, {v}]"), need)
                 }
-                _ => Error::Limit {
-                    key: "accuracy.max_memory",
-                    limit,
-                    what,
-                },
+                _ => Error::limit("accuracy.max_memory", limit, what),
             });
         }
         if let (Part::Transient, Some([q, v])) = (part, cost.cells) {
             let count = self.scene.outputs.density_at.list().len();
             let size = 8.0 * q as f64 * v as f64 * count as f64;
             if size > limit as f64 {
-                let accepted = format!(
-                    "densities that fit accuracy.max_memory = {}; these take {}",
-                    bytes(limit),
-                    bytes(size as u64)
-                );
+                let (limit, size) = (bytes(limit), bytes(size as u64));
+                let accepted =
+                    format!("densities that fit accuracy.max_memory = {limit}; these take {size}");
                 let times = format!("{count} times");
                 return Err(Error::invalid("outputs.density_at", times, accepted));
             }
@@ -117,11 +109,7 @@ impl Plan {
                 );
                 Error::invalid(key, value, accepted)
             }
-            (Error::Limit { key, limit, what }, _) => Error::Limit {
-                key,
-                limit,
-                what: clock.retold(&what),
-            },
+            (Error::Limit { key, limit, what }, _) => Error::limit(key, limit, clock.retold(&what)),
             (error, _) => error,
         }
     }

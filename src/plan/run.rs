@@ -287,11 +287,10 @@ impl Plan {
                     watch.begins(part);
                     self.compute((part, recipe), results, share, (&progress, &stop))
                 }
-                _ => Err(Error::Limit {
-                    key: "accuracy.max_seconds",
-                    limit: num(limit),
-                    what: format!("the {} stage had not begun", part.name()),
-                }),
+                _ => {
+                    let what = format!("the {} stage had not begun", part.name());
+                    Err(Error::limit("accuracy.max_seconds", num(limit), what))
+                }
             };
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
@@ -303,11 +302,10 @@ impl Plan {
                     key: key @ "accuracy.max_seconds",
                     limit: most,
                     what,
-                } if !late && share < 0.95 * limit => Error::Limit {
-                    key,
-                    limit: most,
-                    what: format!("{what}; other stages leave it {}", seconds(share)),
-                },
+                } if !late && share < 0.95 * limit => {
+                    let share = seconds(share);
+                    Error::limit(key, most, format!("{what}; other stages leave it {share}"))
+                }
                 other => other,
             });
             match computed {

@@ -30,11 +30,7 @@ pub struct Refusal {
 impl Refusal {
     /// As the error of a plan that has no other stage.
     pub fn error(&self) -> Error {
-        Error::Limit {
-            key: self.key,
-            limit: self.limit.clone(),
-            what: self.what.clone(),
-        }
+        Error::limit(self.key, &self.limit, &self.what)
     }
 }
 

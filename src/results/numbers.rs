@@ -105,13 +105,7 @@ impl Numbers {
     }
 
     fn losses(numbers: [Option<Estimate>; 4], lost_share: Option<Estimate>) -> Self {
-        let names = [
-            "loss_rate",
-            "losses_in_window",
-            "mean_flight",
-            "mean_impact_speed",
-        ];
-        let named = names.into_iter().zip(numbers).collect();
+        let named = Crossings::NAMES.into_iter().zip(numbers).collect();
         Self { named, lost_share }
     }
 

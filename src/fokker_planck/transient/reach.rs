@@ -49,7 +49,7 @@ const LENGTHS: usize = 4;
 /// Courses about the crossing, each with finer times or a finer tolerance.
 const PASSES: usize = 5;
 /// Times of a course about the crossing.
-const FINE: usize = 16;
+const FINE: f64 = 16.0;
 /// The part of the tolerance that a finer course aims at: the slope is not known any better.
 const AIM: f64 = 0.4;
 /// The finest tolerance that a course is given.
@@ -246,10 +246,16 @@ impl Reach {
 
 /// Equally spaced times from one to another, both among them.
 fn course(from: f64, to: f64) -> Vec<f64> {
-    let count = ((to - from) / SPACING).ceil().clamp(8.0, MOST as f64 - 1.0);
-    (0..=count as u32)
-        .map(|k| from + (to - from) * f64::from(k) / count)
-        .collect()
+    evenly(
+        from,
+        to,
+        ((to - from) / SPACING).ceil().clamp(8.0, MOST as f64 - 1.0),
+    )
+}
+
+fn evenly(from: f64, to: f64, count: f64) -> Vec<f64> {
+    let at = |k: u32| from + (to - from) * f64::from(k) / count;
+    (0..=count as u32).map(at).collect()
 }
 
 /// What a course shows.
@@ -287,20 +293,15 @@ struct Crossing {
 impl Crossing {
     fn error(&self) -> f64 {
         // Never less than the rounding of the times themselves.
-        (self.t - self.low)
-            .max(self.high - self.t)
-            .max(1e-13 * self.t)
+        let wider = (self.t - self.low).max(self.high - self.t);
+        wider.max(1e-13 * self.t)
     }
 
     /// Times about it, some beyond its error at both ends for the interpolation.
     fn window(&self) -> Vec<f64> {
         let reach = self.error().max(1e-9 * self.t);
         let from = (self.t - 2.0 * reach).max(0.0);
-        let to = self.t + 2.0 * reach;
-        let count = FINE as f64;
-        (0..=FINE)
-            .map(|k| from + (to - from) * k as f64 / count)
-            .collect()
+        evenly(from, self.t + 2.0 * reach, FINE)
     }
 }
 
