@@ -158,12 +158,9 @@ impl Limits {
         if bytes <= self.memory {
             return Ok(());
         }
-        let what = format!("{name} would need {}", shown(bytes));
-        Err(Error::limit(
-            "accuracy.max_memory",
-            shown(self.memory),
-            what,
-        ))
+        let (limit, need) = (shown(self.memory), shown(bytes));
+        let what = format!("{name} would need {need}");
+        Err(Error::limit("accuracy.max_memory", limit, what))
     }
 
     /// Stops a computation that is out of time.

@@ -77,10 +77,8 @@ pub trait Restoring: fmt::Debug + Send + Sync {
         let beyond = |q: f64| self.force(q) >= force;
         let right = (0..500).map(|k| 2f64.powi(k)).find(|q| beyond(*q));
         let left = (0..500).map(|k| -(2f64.powi(k))).find(|q| !beyond(*q));
-        let root = left
-            .zip(right)
-            .map(|(left, right)| bisect(left, right, beyond));
-        root.into_iter().collect()
+        let ends = left.zip(right).into_iter();
+        ends.map(|(a, b)| bisect(a, b, beyond)).collect()
     }
 
     /// G as polynomials of degree 3, piece by piece from minus infinity; empty for a law of another kind. The exact

@@ -139,11 +139,8 @@ impl FlowMap {
         let width = mesh.v.at(0.5 * nv as f64).1 / oscillator.temperature().sqrt();
         if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
             let what = format!("a cell of the {nv} along v is {width:.1} thermal deviations wide");
-            let needed = (nv as f64 * width).ceil();
-            return Err(Error::mesh(
-                what,
-                format!("about {needed:.0} cells along v"),
-            ));
+            let help = format!("about {:.0} cells along v", (nv as f64 * width).ceil());
+            return Err(Error::mesh(what, help));
         }
         let weights = Weights::new(&measure, mesh, reference.temperature(), Drift::Order8)?;
         let weights = weights.without_boundary();

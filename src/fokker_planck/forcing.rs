@@ -220,11 +220,11 @@ impl Forcing {
         let [ends, second] = self.error_constants();
         let frequency = self.excitation.drive.map_or(0.0, |it| it.frequency());
         let seen = SEEN / (1.0 + frequency.max(1.0));
-        let (sixth, third) = (
+        let each = [
+            seen,
             (tolerance / ends).powf(1.0 / 6.0),
             (tolerance / second).cbrt(),
-        );
-        let each = [seen, sixth, third];
+        ];
         each.into_iter().fold(f64::INFINITY, f64::min)
     }
 

@@ -246,8 +246,8 @@ impl Generator {
                     if other != usize::MAX && (boundary[number[here]] || boundary[other]) {
                         let smaller = 1.0 / self.inverse[here].max(self.inverse[there]);
                         let rate = BOUNDARY_RATE.get() * smaller;
-                        self.relaxed
-                            .extend([(here, there, rate), (there, here, rate)]);
+                        let pair = [(here, there, rate), (there, here, rate)];
+                        self.relaxed.extend(pair);
                     }
                 }
             }

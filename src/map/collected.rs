@@ -54,17 +54,11 @@ impl fmt::Display for Collected {
         /// Missing points that are listed; missing.csv has all.
         const LISTED: usize = 20;
         let axes = self.axes.iter().map(|it| it.values().len().to_string());
-        let axes: Vec<String> = axes.collect();
+        let axes = axes.collect::<Vec<_>>().join(" x ");
         let there = self.points - self.missing();
-        let (points, parts) = (
-            many(self.points as u64, "point"),
-            many(self.parts.len() as u64, "part"),
-        );
-        writeln!(
-            f,
-            "{points} ({}): {there} there, in {parts}",
-            axes.join(" x ")
-        )?;
+        let points = many(self.points as u64, "point");
+        let parts = many(self.parts.len() as u64, "part");
+        writeln!(f, "{points} ({axes}): {there} there, in {parts}")?;
         if self.short > 0 {
             let short = many(self.short as u64, "point");
             writeln!(f, "{short} missed the tolerance: status in map.csv")?;

@@ -226,11 +226,10 @@ fn slopes(knots: &[[f64; 2]]) -> Vec<f64> {
         if slope * d0 <= 0.0 { 0.0 } else { slope }
     };
     let first = end([widths[0], widths[1]], [secants[0], secants[1]]);
-    let (h, d) = (
+    let last = end(
         [widths[n - 2], widths[n - 3]],
         [secants[n - 2], secants[n - 3]],
     );
-    let last = end(h, d);
     // Thomas's algorithm; the matrix is dominated by its diagonal.
     let (mut beside, mut right) = (vec![0.0; n], vec![first; n]);
     for k in 1..n - 1 {

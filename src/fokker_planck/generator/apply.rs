@@ -353,16 +353,18 @@ impl<'a, const K: usize> Row<'a, K> {
             let (g, a, b) = (&g[c], &a[c], &b[c]);
             let mut sum = [0.0; LANES];
             for l in 0..K {
-                let (left, right) = (
+                let along_q = pair(
+                    g,
+                    a,
                     (&g_left[l][c], &a_left[l][c]),
                     (&g_right[l][c], &a_right[l][c]),
                 );
-                let (below, above) = (
+                let along_v = pair(
+                    g,
+                    b,
                     (&g_below[l][c], &b_below[l][c]),
                     (&g_above[l][c], &b_above[l][c]),
                 );
-                let along_q = pair(g, a, left, right);
-                let along_v = pair(g, b, below, above);
                 for k in 0..LANES {
                     sum[k] = halves[l].mul_add(along_q[k] + along_v[k], sum[k]);
                 }

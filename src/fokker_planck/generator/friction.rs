@@ -61,9 +61,8 @@ impl Generator {
                             let weights = [j, j + 1].map(|j| self.weights.at(i, j));
                             let rate = more * (weights[0] * weights[1]).sqrt() / (width * width);
                             let here = i * nv + j;
-                            let there = here + 1;
-                            self.relaxed
-                                .extend([(here, there, rate), (there, here, rate)]);
+                            self.relaxed.push((here, here + 1, rate));
+                            self.relaxed.push((here + 1, here, rate));
                         }
                     }
                     for j in column {

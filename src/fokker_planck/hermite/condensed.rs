@@ -85,11 +85,11 @@ impl Rows {
     fn add(&mut self, block: &Small, other: &Self) {
         for (a, row) in block.iter().enumerate() {
             for (b, x) in row.iter().enumerate() {
-                let (from, into) = (
+                axpy(
+                    *x,
                     (&other.re[b], &other.im[b]),
                     (&mut self.re[a], &mut self.im[a]),
                 );
-                axpy(*x, from, into);
             }
         }
     }

@@ -137,14 +137,12 @@ impl Additive {
                         let cells = k * size..k * size + stage.len();
                         stage.copy_from_slice(&g[cells.clone()]);
                         for j in 0..i {
-                            let (transport, before) =
-                                (&transport[j][cells.clone()], &before[j][cells.clone()]);
                             add(
                                 stage,
                                 dt * EXPLICIT[i][j],
-                                transport,
+                                &transport[j][cells.clone()],
                                 dt * IMPLICIT[i][j],
-                                before,
+                                &before[j][cells.clone()],
                             );
                         }
                         // U = rhs + GAMMA dt B U gives B U without applying B.

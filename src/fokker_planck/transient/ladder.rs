@@ -63,10 +63,8 @@ fn too_coarse(run: &Run) -> Error {
         "on {nq} x {nv} cells a part of the density moves against too little friction: deep in contact cells along v are \
          wider than the spread of v that noise holds there"
     );
-    Error::mesh(
-        what,
-        "more method.cells along v, or cells of the program's choice",
-    )
+    let help = "more method.cells along v, or cells of the program's choice";
+    Error::mesh(what, help)
 }
 
 /// Cells of the program's own choice are no mistake of the scene's.

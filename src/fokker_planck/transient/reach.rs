@@ -187,11 +187,7 @@ impl Reach {
         let free = self.settings.cells.is_none() && self.settings.step.is_none();
         let shortfall = Stop::new(reason, free).shortfall("reach.t".into(), ratio, tolerance);
         let by_value = crossing.by_value > crossing.by_time;
-        let origin = if by_value {
-            Origin::Space
-        } else {
-            Origin::Time
-        };
+        let origin = [Origin::Time, Origin::Space][usize::from(by_value)];
         Ok(Reached {
             t: Some(Estimate::new(crossing.t, crossing.error(), origin)),
             method: it.method,
@@ -246,11 +242,8 @@ impl Reach {
 
 /// Equally spaced times from one to another, both among them.
 fn course(from: f64, to: f64) -> Vec<f64> {
-    evenly(
-        from,
-        to,
-        ((to - from) / SPACING).ceil().clamp(8.0, MOST as f64 - 1.0),
-    )
+    let count = ((to - from) / SPACING).ceil();
+    evenly(from, to, count.clamp(8.0, MOST as f64 - 1.0))
 }
 
 fn evenly(from: f64, to: f64, count: f64) -> Vec<f64> {

@@ -41,11 +41,9 @@ fn survival(
         let event_free = event.replacen("a ", "no ", 1);
         let words = format!("probability of {event_free} until {t}");
         table.numbers(words, [solved.map(|it| it.survival[k]), survival]);
-        let (lost, seen) = (
-            solved.map(|it| it.lost[k]),
-            survival.map(Estimate::complement),
-        );
-        table.numbers(format!("probability of {event} until {t}"), [lost, seen]);
+        let words = format!("probability of {event} until {t}");
+        let lost = solved.map(|it| it.lost[k]);
+        table.numbers(words, [lost, survival.map(Estimate::complement)]);
     }
     let lasting = solved.map(|it| {
         [
