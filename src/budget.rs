@@ -141,11 +141,7 @@ impl Limits {
         if self.stop.raised() {
             return Error::Stopped { what };
         }
-        Error::Limit {
-            key: "accuracy.max_seconds",
-            limit: num(self.told),
-            what,
-        }
+        Error::limit("accuracy.max_seconds", num(self.told), what)
     }
 
     /// Refuses a piece of work of so many seconds that nothing can stop half way.
@@ -162,11 +158,9 @@ impl Limits {
         if bytes <= self.memory {
             return Ok(());
         }
-        Err(Error::Limit {
-            key: "accuracy.max_memory",
-            limit: shown(self.memory),
-            what: format!("{name} would need {}", shown(bytes)),
-        })
+        let (limit, need) = (shown(self.memory), shown(bytes));
+        let what = format!("{name} would need {need}");
+        Err(Error::limit("accuracy.max_memory", limit, what))
     }
 
     /// Stops a computation that is out of time.

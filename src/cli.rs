@@ -83,12 +83,8 @@ pub fn with<C: Parser>(
     let colour = colour(&io::stderr());
     // Fails only if a hook is there already, and then that one prints.
     let _ = miette::set_hook(Box::new(move |_| {
-        Box::new(
-            miette::MietteHandlerOpts::new()
-                .color(colour)
-                .width(80)
-                .build(),
-        )
+        let handler = miette::MietteHandlerOpts::new();
+        Box::new(handler.color(colour).width(80).build())
     }));
     obey(cli).unwrap_or_else(|stop| {
         let _ = writeln!(io::stderr(), "{:?}", stop.report);
@@ -109,15 +105,12 @@ fn command(cli: Cli) -> Outcome {
         Some(Command::Map { scene, options }) => map(scene.scene.as_deref(), &options),
         Some(Command::Collect { dir, draw, quiet }) => collect(&dir, &draw, quiet),
         Some(Command::Scenes { name: None }) => {
-            let lines: Vec<String> = BUILT_IN
-                .iter()
-                .map(|(name, text)| {
-                    let comment = text.lines().map_while(|line| line.strip_prefix("# "));
-                    let about = terminal::wrap(&comment.collect::<Vec<_>>().join(" "), 67);
-                    format!("{name:<12} {}\n", about.join(&format!("\n{:13}", "")))
-                })
-                .collect();
-            print(&lines.concat()).map(|()| 0)
+            let lines = |(name, text): &(&str, &str)| {
+                let comment = text.lines().map_while(|line| line.strip_prefix("# "));
+                let about = terminal::wrap(&comment.collect::<Vec<_>>().join(" "), 67);
+                format!("{name:<12} {}\n", about.join(&format!("\n{:13}", "")))
+            };
+            print(&BUILT_IN.iter().map(lines).collect::<String>()).map(|()| 0)
         }
         Some(Command::Completions { shell }) => {
             let mut text = Vec::new();
@@ -217,10 +210,10 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
     watch.bar.finish_and_clear();
     let tally = tally?;
     if !options.quiet {
+        let (file, out) = (options.out.join(part.file()), options.out.display());
+        let lines = format!("{tally}lines: {}\n", file.display());
         print(&format!(
-            "{tally}lines: {}\ntable, arrays and picture: vibroimpact collect {}\n",
-            options.out.join(part.file()).display(),
-            options.out.display()
+            "{lines}table, arrays and picture: vibroimpact collect {out}\n"
         ))?;
     }
     Ok(if tally.failed + tally.short > 0 { 3 } else { 0 })
@@ -229,16 +222,13 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
 fn collect(dir: &Path, draw: &[String], quiet: bool) -> Outcome {
     let draw = draw.iter().map(|it| map::Drawn::parse(it));
     let it = map::collect(dir, &draw.collect::<Result<Vec<_>>>()?)?;
+    let lacks = it.missing() + it.failed + it.short > 0;
     if !quiet {
         print(&format!("{it}files: {}\n", dir.display()))?;
-    } else if it.missing() + it.failed + it.short > 0 {
+    } else if lacks {
         let _ = write!(io::stderr(), "{it}");
     }
-    Ok(if it.missing() + it.failed + it.short > 0 {
-        3
-    } else {
-        0
-    })
+    Ok(if lacks { 3 } else { 0 })
 }
 
 /// Whether to use colour on a stream: a terminal, and nobody objects (no-color.org).

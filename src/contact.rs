@@ -67,19 +67,13 @@ impl ContactLaw {
             let value = || format!("G({}) = {low}, G({}) = {high}", pair[0], pair[1]);
             let falls = low > high + 1e-12 * high.abs() && !several;
             if !low.is_finite() || !high.is_finite() || falls {
-                return Err(Error::invalid(
-                    name,
-                    value(),
-                    "a finite force that never falls with q",
-                ));
+                let accepted = "a finite force that never falls with q";
+                return Err(Error::invalid(name, value(), accepted));
             }
             let lost = |q: f64| flight.is_some_and(|[a, b]| q > a && q < b);
             if lost(pair[0]) && lost(pair[1]) && low != high {
-                return Err(Error::invalid(
-                    name,
-                    value(),
-                    "a constant force in flight, below the loss point",
-                ));
+                let accepted = "a constant force in flight, below the loss point";
+                return Err(Error::invalid(name, value(), accepted));
             }
         }
         Ok(it)
@@ -315,12 +309,8 @@ impl ContactLaw {
         let q0 = self.equilibrium()?;
         let level = self.potential(q0) + rise;
         let held = |q: &f64| self.potential(*q) < level;
-        let minima: Vec<f64> = self
-            .equilibria()
-            .into_iter()
-            .step_by(2)
-            .filter(held)
-            .collect();
+        let minima = self.equilibria().into_iter().step_by(2);
+        let minima: Vec<f64> = minima.filter(held).collect();
         let first = minima.first().copied().unwrap_or(q0);
         let last = minima.last().copied().unwrap_or(q0);
         Some((

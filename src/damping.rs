@@ -57,11 +57,8 @@ impl Damping {
             let c = factor(q);
             if !(c.is_finite() && c >= 0.0) {
                 let value = format!("{c} at q = {q}");
-                return Err(Error::invalid(
-                    "oscillator.damping",
-                    value,
-                    "a finite factor, not negative",
-                ));
+                let accepted = "a finite factor, not negative";
+                return Err(Error::invalid("oscillator.damping", value, accepted));
             }
         }
         Ok(Self::Displacement(Arc::new(factor)))

@@ -133,6 +133,27 @@ impl Error {
         }
     }
 
+    /// [`Error::Limit`] from the key that holds it and what would have been needed.
+    pub(crate) fn limit(
+        key: &'static str,
+        limit: impl Into<String>,
+        what: impl Into<String>,
+    ) -> Self {
+        Self::Limit {
+            key,
+            limit: limit.into(),
+            what: what.into(),
+        }
+    }
+
+    /// [`Error::Mesh`] from what does not fit and what would help.
+    pub(crate) fn mesh(what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self::Mesh {
+            what: what.into(),
+            help: help.into(),
+        }
+    }
+
     /// Whether scene or argument are wrong, and not the computation: the user can mend it.
     pub fn is_refusal(&self) -> bool {
         matches!(

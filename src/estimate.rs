@@ -138,10 +138,10 @@ impl fmt::Display for Shortfall {
         }
         write!(f, "the tolerance {tolerance:e} is not met: ")?;
         if ratio.is_finite() {
+            let times = (10.0 * ratio).ceil() / 10.0;
             write!(
                 f,
-                "the error of {number} is {:.1} times too large; {reason}",
-                (10.0 * ratio).ceil() / 10.0
+                "the error of {number} is {times:.1} times too large; {reason}"
             )
         } else {
             write!(f, "{number} is not known; {reason}")

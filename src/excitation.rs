@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// assert!((drive.period() - 6.614).abs() < 1e-3);
 /// # Ok::<(), vibroimpact::Error>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Drive {
     amplitude: f64,
     frequency: f64,
@@ -37,11 +37,8 @@ impl Drive {
         if !(low..=high).contains(&frequency) {
             let accepted =
                 format!("a circular frequency from {low} to {high}; the contact resonates at 1");
-            return Err(Error::invalid(
-                "excitation.drive.frequency",
-                frequency,
-                accepted,
-            ));
+            let key = "excitation.drive.frequency";
+            return Err(Error::invalid(key, frequency, accepted));
         }
         finite("excitation.drive.phase", phase)?;
         Ok(Self {
@@ -98,7 +95,7 @@ impl Drive {
 /// assert_eq!([rise.factor(25.0), rise.factor(70.0)], [0.5, 1.0]);
 /// # Ok::<(), vibroimpact::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Envelope {
     times: Vec<f64>,
     factors: Vec<f64>,
@@ -186,7 +183,7 @@ impl Envelope {
 }
 
 /// Drive and envelope; neither is the stationary noise alone.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
 pub struct Excitation {
     /// + a cos(W t + phase) on the right-hand side.
     pub drive: Option<Drive>,
@@ -234,18 +231,20 @@ impl Excitation {
         times.iter().copied().filter(within)
     }
 
+    /// The factor where the envelope bends up to time t, and at both ends.
+    fn factors(&self, t: f64) -> impl Iterator<Item = f64> + '_ {
+        let times = self.bends(0.0, t).chain([0.0, t]);
+        times.map(|t| self.factor(t))
+    }
+
     /// The largest factor up to time t.
     pub(crate) fn highest_factor(&self, t: f64) -> f64 {
-        let ends = [0.0, t].map(|t| self.factor(t));
-        let within = self.bends(0.0, t).map(|t| self.factor(t));
-        within.chain(ends).fold(0.0, f64::max)
+        self.factors(t).fold(0.0, f64::max)
     }
 
     /// The least deviation of the noise up to time t over the largest.
     pub(crate) fn faded(&self, t: f64) -> f64 {
-        let ends = [0.0, t].map(|t| self.factor(t));
-        let within = self.bends(0.0, t).map(|t| self.factor(t));
-        let least = within.chain(ends).fold(f64::INFINITY, f64::min);
+        let least = self.factors(t).fold(f64::INFINITY, f64::min);
         match self.highest_factor(t) {
             0.0 => 1.0,
             most => (least / most).sqrt(),

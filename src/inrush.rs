@@ -53,10 +53,8 @@ impl Inrush {
         for i in 0..STEPS {
             let x = (i as f64 + 0.5) * step;
             let q = wall + inwards * x;
-            let (c, against) = (
-                oscillator.friction(q),
-                inwards * contact.force(q) - self.push,
-            );
+            let c = oscillator.friction(q);
+            let against = inwards * contact.force(q) - self.push;
             // v at the end of the step, which neither stiff friction nor rest upsets: v^2 + 2 c v dx = v_0^2 - 2 (G - F) dx.
             let slowed = c * step;
             v = (slowed * slowed + (v * v - 2.0 * against * step)).max(0.0);

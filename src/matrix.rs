@@ -22,6 +22,23 @@ pub(crate) fn vectorised<R>(work: impl FnMut() -> R) -> R {
     pulp::Arch::new().dispatch(Work(work))
 }
 
+/// [`vectorised`] of an expression, as a closure that is inlined.
+macro_rules! vectorise {
+    ($work:expr) => {
+        $crate::matrix::vectorised(
+            #[inline(always)]
+            || $work,
+        )
+    };
+}
+pub(crate) use vectorise;
+
+/// Every pair of places along two axes, the second running fastest.
+pub(crate) fn grid<'a>(x: &'a [f64], y: &'a [f64]) -> impl Iterator<Item = [f64; 2]> + 'a {
+    let row = move |x: &'a f64| y.iter().map(move |y| [*x, *y]);
+    x.iter().flat_map(row)
+}
+
 /// The scalar product of what two vectors have in common, in eight sums: vectors of the caller's instructions.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

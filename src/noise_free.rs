@@ -165,18 +165,12 @@ fn starts(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Ite
     let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
     let rest = drive.and_then(|_| oscillator.contact().equilibrium());
     let thermal = (2.0 * oscillator.temperature()).sqrt();
-    let turning = oscillator
-        .contact()
-        .turning_points(oscillator.temperature());
+    let contact = oscillator.contact();
+    let turning = contact.turning_points(oscillator.temperature());
     rest.into_iter().flat_map(move |rest| {
         let (left, right) = turning.unwrap_or((rest, rest));
-        [
-            [rest, 0.0],
-            [left, 0.0],
-            [right, 0.0],
-            [rest, thermal],
-            [rest, -thermal],
-        ]
+        let slow = [[rest, 0.0], [left, 0.0], [right, 0.0]].into_iter();
+        slow.chain([[rest, thermal], [rest, -thermal]])
     })
 }
 
@@ -262,10 +256,8 @@ pub fn orbit(oscillator: &Oscillator, drive: &Drive, guess: [f64; 2]) -> Result<
             });
         }
     }
-    Err(Error::linear(
-        "shooting for a periodic orbit",
-        format!("Newton's method ended nowhere from {guess:?}"),
-    ))
+    let what = format!("Newton's method ended nowhere from {guess:?}");
+    Err(Error::linear("shooting for a periodic orbit", what))
 }
 
 /// Periodic orbits over the frequency of a drive, each with its frequency: from the motions that settle at every frequency
@@ -291,11 +283,8 @@ pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Ve
     }
     // Between two of one frequency lies an unstable one.
     for w in frequencies {
-        let here: Vec<Orbit> = found
-            .iter()
-            .filter(|it| it.0 == *w)
-            .map(|it| it.1)
-            .collect();
+        let here = found.iter().filter(|it| it.0 == *w);
+        let here: Vec<Orbit> = here.map(|it| it.1).collect();
         let (Ok(drive), [a, b]) = (drive.at(*w), &here[..]) else {
             continue;
         };
@@ -315,11 +304,8 @@ pub fn orbits(oscillator: &Oscillator, drive: &Drive, frequencies: &[f64]) -> Ve
         }
     }
     // From where it was found it goes on to the neighbouring frequencies.
-    let onward: Vec<f64> = frequencies
-        .iter()
-        .chain(frequencies.iter().rev())
-        .copied()
-        .collect();
+    let both_ways = frequencies.iter().chain(frequencies.iter().rev());
+    let onward: Vec<f64> = both_ways.copied().collect();
     for pair in onward.windows(2) {
         let unstable = |it: &&(f64, Orbit)| it.0 == pair[0] && it.1.multiplier > 1.0;
         let known = found.iter().find(unstable).map(|it| it.1.start);
@@ -356,14 +342,8 @@ fn first_harmonic(
         let (s, c) = (drive.frequency() * t).sin_cos();
         cosine += state[0] * c;
         sine += state[0] * s;
-        state = path(
-            oscillator,
-            excitation,
-            state,
-            [t, t + step],
-            STEP,
-            &mut |_| (),
-        );
+        let times = [t, t + step];
+        state = path(oscillator, excitation, state, times, STEP, &mut |_| ());
     }
     2.0 / f64::from(SAMPLES) * f64::hypot(cosine, sine)
 }

@@ -88,11 +88,8 @@ impl Oscillator {
         };
         if !damping.is_viscous() {
             if !it.contact.is_confining() {
-                let value = format!(
-                    "\"{}\" with oscillator.contact = \"{}\"",
-                    damping.name(),
-                    it.contact.name()
-                );
+                let (damping, contact) = (damping.name(), it.contact.name());
+                let value = format!("\"{damping}\" with oscillator.contact = \"{contact}\"");
                 let accepted = "\"viscous\" for a contact that does not hold the motion";
                 return Err(Error::invalid("oscillator.damping", value, accepted));
             }
@@ -156,11 +153,8 @@ impl Oscillator {
         }
         let accepted =
             "\"viscous\" for a closed form: under other damping the stationary law is solved for";
-        Err(Error::invalid(
-            "oscillator.damping",
-            self.damping.name(),
-            accepted,
-        ))
+        let damping = self.damping.name();
+        Err(Error::invalid("oscillator.damping", damping, accepted))
     }
 
     /// c at displacement q; for a rate that depends on the energy at v = 0.

@@ -256,17 +256,14 @@ impl Results {
     /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14).
     pub fn physical(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
         let exact = Estimate::closed_form;
+        let oscillator = &self.scene.oscillator;
+        let level = rig.force_psd_from_level(oscillator.h());
+        let memory = rig.seconds(oscillator.correlation_time());
         let mut all = vec![
-            (
-                "force_psd_n2_per_hz",
-                exact(rig.force_psd_from_level(self.scene.oscillator.h())),
-            ),
+            ("force_psd_n2_per_hz", exact(level)),
             ("mass_kg", exact(rig.mass())),
             ("period_ms", exact(1e3 / rig.frequency())),
-            (
-                "memory_s",
-                exact(rig.seconds(self.scene.oscillator.correlation_time())),
-            ),
+            ("memory_s", exact(memory)),
         ];
         let window = self.scene.window_seconds(rig);
         let window = window.filter(|_| self.crossings.is_some());
@@ -327,32 +324,24 @@ impl Results {
         let micrometre = (rig.compression(1.0) - rig.compression(0.0)) * 1e6;
         let velocity = rig.velocity(1.0) * 1e3;
         let millisecond = self.scene.clock().seconds(rig) * 1e3;
-        let root = |x: Estimate| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt());
+        let root = |name: &str, unit: f64| {
+            of(name).map(|x| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt()).scaled(unit))
+        };
         let unit = |name: &str, unit: f64| of(name).map(|x| x.scaled(unit));
         let lost = lost_share.zip(self.scene.window_seconds(rig));
+        let lost = lost.map(|(share, window)| share.scaled(window));
+        let speed = unit("mean_impact_speed", velocity);
         let all = [
             ("std_force_n", unit("std_force", rig.newtons(1.0))),
             ("mean_displacement_um", unit("mean_q", micrometre)),
-            (
-                "std_displacement_um",
-                of("var_q").map(|x| root(x).scaled(micrometre)),
-            ),
-            (
-                "std_velocity_mm_per_s",
-                of("var_v").map(|x| root(x).scaled(velocity)),
-            ),
+            ("std_displacement_um", root("var_q", micrometre)),
+            ("std_velocity_mm_per_s", root("var_v", velocity)),
             ("contact_loss_probability", of("contact_loss_probability")),
             ("losses_per_second", unit("loss_rate", 1e3 / millisecond)),
             ("losses_in_window", of("losses_in_window")),
             ("mean_flight_ms", unit("mean_flight", millisecond)),
-            (
-                "time_out_of_contact_s",
-                lost.map(|(share, window)| share.scaled(window)),
-            ),
-            (
-                "mean_impact_speed_mm_per_s",
-                unit("mean_impact_speed", velocity),
-            ),
+            ("time_out_of_contact_s", lost),
+            ("mean_impact_speed_mm_per_s", speed),
         ];
         let there = |(name, number): (_, Option<Estimate>)| Some((name, number?));
         all.into_iter().filter_map(there).collect()

@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 /// assert!((h - 1.63e-3).abs() < 1e-5);
 /// assert!((rig.force_psd_from_level(h) - 0.17).abs() < 1e-15);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Rig {
     static_load: f64,
     frequency: f64,

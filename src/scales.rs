@@ -18,10 +18,8 @@ impl Scales {
             let t = oscillator.temperature();
             let mean = law.expect(|q| q).value;
             let var_q = law.expect(|q| (q - mean).powi(2)).value;
-            let force = law
-                .expect(|q| oscillator.contact().force(q).powi(2))
-                .value
-                .sqrt();
+            let square = law.expect(|q| oscillator.contact().force(q).powi(2));
+            let force = square.value.sqrt();
             deviations([var_q.sqrt(), t.sqrt(), force])
         });
         Self { known }

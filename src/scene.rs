@@ -17,7 +17,6 @@
 //! A file in TOML gives one: see [`text::SceneText`].
 
 mod check;
-mod names;
 mod outputs;
 pub(crate) mod resolved;
 #[cfg(feature = "toml")]
@@ -114,7 +113,7 @@ pub enum Noise {
 }
 
 /// How accurate, and within what time and memory.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Accuracy {
     /// For every deterministic number, relative to its normalisation.
     pub tolerance: f64,

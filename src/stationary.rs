@@ -209,11 +209,8 @@ impl Stationary {
             (value, value * (self.law.relative_error() + rounding))
         });
         let (value, error) = rates.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        Some(underflowing(Estimate::new(
-            value,
-            error,
-            Origin::Quadrature,
-        )))
+        let it = Estimate::new(value, error, Origin::Quadrature);
+        Some(underflowing(it))
     }
 
     /// Mean time out of contact per loss, P(lost)/nu. Without a second wall it is sqrt(2 pi T)/|G(q_loss)|: the density
@@ -234,11 +231,8 @@ impl Stationary {
         let ln = self.ln_lost()?;
         let value = (ln.value - rate).exp();
         let rounding = 4.0 * f64::EPSILON * (1.0 + most.abs());
-        Some(Estimate::new(
-            value,
-            value * (ln.error + rounding),
-            Origin::Quadrature,
-        ))
+        let error = value * (ln.error + rounding);
+        Some(Estimate::new(value, error, Origin::Quadrature))
     }
 
     /// Mean speed at the return to contact, sqrt(pi T/2): the velocity at a crossing has the Rayleigh law,

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::format::seconds;
-use crate::map::{self};
+use crate::map;
 use crate::plan::{Part, StopFlag, Watch};
 use crate::results::Results;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -14,11 +14,8 @@ use std::time::Instant;
 /// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is
 /// not a terminal.
 pub fn progress(jobs: usize, quiet: bool) -> ProgressBar {
-    bar(
-        jobs as u64,
-        quiet,
-        "{bar:30} {pos}/{len}  {eta} left  {msg}",
-    )
+    let template = "{bar:30} {pos}/{len}  {eta} left  {msg}";
+    bar(jobs as u64, quiet, template)
 }
 
 pub(super) fn bar(length: u64, quiet: bool, template: &str) -> ProgressBar {
@@ -43,7 +40,7 @@ pub(super) struct Observer {
 }
 
 impl Observer {
-    /// Seconds between lines in the log of a batch job: a run that is shorter prints none.
+    /// Seconds between lines in the log of a batch job, of a map too: a run that is shorter prints none.
     const PAUSE: u64 = 60;
 
     pub(super) fn new(quiet: bool) -> Self {
@@ -129,12 +126,7 @@ impl Watch for Observer {
 pub(super) struct MapWatch {
     pub(super) bar: ProgressBar,
     pub(super) quiet: bool,
-    pub(super) told: Mutex<std::time::Instant>,
-}
-
-impl MapWatch {
-    /// Seconds between lines in the log of a batch job.
-    const PAUSE: u64 = 60;
+    pub(super) told: Mutex<Instant>,
 }
 
 impl map::Watch for MapWatch {
@@ -147,15 +139,11 @@ impl map::Watch for MapWatch {
         if let Ok(mut told) = self.told.lock()
             && !self.quiet
             && self.bar.is_hidden()
-            && told.elapsed().as_secs() >= Self::PAUSE
+            && told.elapsed().as_secs() >= Observer::PAUSE
         {
-            *told = std::time::Instant::now();
-            let _ = writeln!(
-                io::stderr(),
-                "{}/{} points  {words}",
-                it.computed,
-                it.points
-            );
+            *told = Instant::now();
+            let (computed, points) = (it.computed, it.points);
+            let _ = writeln!(io::stderr(), "{computed}/{points} points  {words}");
         }
     }
 }

@@ -10,11 +10,8 @@ pub(super) fn no_such_scene(name: &str) -> Stop {
     let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
     let guess = nearest(name, &names).map_or(String::new(), |it| format!("did you mean {it}? "));
     let message = format!("there is no built-in scene {name:?}");
-    Stop::new(
-        2,
-        message,
-        &format!("{guess}accepted: {}", names.join(", ")),
-    )
+    let help = format!("{guess}accepted: {}", names.join(", "));
+    Stop::new(2, message, &help)
 }
 
 /// The scene of the command line with its overrides.
@@ -53,11 +50,8 @@ fn read_text(path: &Path) -> std::result::Result<String, Stop> {
         let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
         let guess = path.to_str().and_then(|it| nearest(it, &names));
         let guess = guess.map_or(String::new(), |it| format!("; did you mean {it}?"));
-        return Err(Stop::new(
-            2,
-            format!("{name} cannot be read: {error}"),
-            &format!("{accepted}{guess}"),
-        ));
+        let message = format!("{name} cannot be read: {error}");
+        return Err(Stop::new(2, message, &format!("{accepted}{guess}")));
     }
     if bytes.len() as u64 > MOST {
         let message = format!("{name} is too large for a scene");

@@ -52,11 +52,8 @@ impl Piece {
         let high = to.min(self.centre + far);
         let mut marks = vec![low];
         let turns = quadratic(3.0 * c3, 2.0 * c2, c1).into_iter();
-        marks.extend(
-            turns
-                .map(|x| self.centre + x)
-                .filter(|q| *q > low && *q < high),
-        );
+        let turns = turns.map(|x| self.centre + x);
+        marks.extend(turns.filter(|q| *q > low && *q < high));
         if to == f64::INFINITY {
             marks.push(high);
         }

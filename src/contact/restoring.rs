@@ -68,10 +68,8 @@ pub trait Restoring: fmt::Debug + Send + Sync {
 
     /// Where G or its derivative jumps, ascending: by default the ends of flight.
     fn kinks(&self) -> Vec<f64> {
-        self.back_wall()
-            .into_iter()
-            .chain(self.loss_point())
-            .collect()
+        let wall = self.back_wall().into_iter();
+        wall.chain(self.loss_point()).collect()
     }
 
     /// Every q at which G passes `force`, ascending; empty without one. The default serves a force that never falls.
@@ -79,10 +77,8 @@ pub trait Restoring: fmt::Debug + Send + Sync {
         let beyond = |q: f64| self.force(q) >= force;
         let right = (0..500).map(|k| 2f64.powi(k)).find(|q| beyond(*q));
         let left = (0..500).map(|k| -(2f64.powi(k))).find(|q| !beyond(*q));
-        left.zip(right)
-            .map(|(left, right)| bisect(left, right, beyond))
-            .into_iter()
-            .collect()
+        let ends = left.zip(right).into_iter();
+        ends.map(|(a, b)| bisect(a, b, beyond)).collect()
     }
 
     /// G as polynomials of degree 3, piece by piece from minus infinity; empty for a law of another kind. The exact

@@ -67,14 +67,16 @@ impl Factors {
     }
 }
 
+/// What an LU takes over that of a five-point stencil.
+pub(super) fn widening(drift: Drift) -> f64 {
+    let wide = drift != Drift::Upwind;
+    if wide { timing::WIDE } else { 1.0 }
+}
+
 /// Seconds of a factorisation, which nothing can stop half way.
 pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) -> f64 {
     let n = nq as f64 * nv as f64;
-    let wide = if drift == Drift::Upwind {
-        1.0
-    } else {
-        timing::WIDE
-    };
+    let wide = widening(drift);
     match factors {
         Factors::None => 0.0,
         Factors::Real => n * timing::LU * wide,
@@ -137,15 +139,9 @@ pub(super) fn check_memory(
     if given {
         let accepted =
             format!("cells that fit accuracy.max_memory = {limit}; these need about {needed}");
-        return Err(Error::invalid(
-            "method.cells",
-            format!("{cells:?}"),
-            accepted,
-        ));
+        let cells = format!("{cells:?}");
+        return Err(Error::invalid("method.cells", cells, accepted));
     }
-    Err(Error::Limit {
-        key: "accuracy.max_memory",
-        limit,
-        what: format!("a mesh of {cells:?} cells would need about {needed}"),
-    })
+    let what = format!("a mesh of {cells:?} cells would need about {needed}");
+    Err(Error::limit("accuracy.max_memory", limit, what))
 }

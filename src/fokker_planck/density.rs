@@ -194,11 +194,8 @@ impl Density {
     pub fn lowest(&self) -> f64 {
         let Mesh { q, v } = &self.mesh;
         let area = |k: usize| q.slopes()[k / v.len()] * v.slopes()[k % v.len()];
-        self.cells
-            .iter()
-            .enumerate()
-            .map(|(k, p)| p / area(k))
-            .fold(f64::INFINITY, f64::min)
+        let densities = self.cells.iter().enumerate().map(|(k, p)| p / area(k));
+        densities.fold(f64::INFINITY, f64::min)
     }
 
     /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside. Of order 3 where the
@@ -293,28 +290,20 @@ fn mean_across_zero(mean: f64, [a, b]: [f64; 2]) -> f64 {
 /// widths for the central schemes.
 fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> Result<Vec<f64>> {
     if exact {
-        return Ok(axis
-            .edges()
-            .windows(2)
-            .map(|w| gaussian_mass(mean, deviation, w[0], w[1]))
-            .collect());
+        let mass = |w: &[f64]| gaussian_mass(mean, deviation, w[0], w[1]);
+        return Ok(axis.edges().windows(2).map(mass).collect());
     }
     let points = || axis.centres().iter().zip(axis.slopes());
     let near = points().filter(|(x, _)| (**x - mean).abs() < 3.0 * deviation + axis.at(0.0).1);
     let widest = near.map(|(_, slope)| *slope).fold(0.0, f64::max);
     if deviation < Density::NARROWEST * widest {
-        let cells = axis.len() as f64 * Density::NARROWEST * widest / deviation;
-        return Err(Error::Mesh {
-            what: format!(
-                "initial.deviation = {deviation} in {name} is {:.2} cells, and {} are needed",
-                deviation / widest,
-                Density::NARROWEST
-            ),
-            help: format!(
-                "about {:.0} cells along {name}, or a wider initial condition",
-                cells.ceil()
-            ),
-        });
+        let (cells, least) = (deviation / widest, Density::NARROWEST);
+        let what = format!(
+            "initial.deviation = {deviation} in {name} is {cells:.2} cells, and {least} are needed"
+        );
+        let needed = (axis.len() as f64 * least * widest / deviation).ceil();
+        let help = format!("about {needed:.0} cells along {name}, or a wider initial condition");
+        return Err(Error::mesh(what, help));
     }
     let density = |x: f64| normal((x - mean) / deviation) / deviation;
     Ok(points().map(|(x, slope)| density(*x) * slope).collect())

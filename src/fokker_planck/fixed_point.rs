@@ -89,10 +89,8 @@ pub(super) fn solve(
     goal: Goal,
     map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
 ) -> Result<Fixed> {
-    let inverse: Vec<f64> = weights
-        .iter()
-        .map(|w| if *w > 0.0 { 1.0 / w } else { 0.0 })
-        .collect();
+    let inverse = weights.iter().map(|w| if *w > 0.0 { 1.0 / w } else { 0.0 });
+    let inverse: Vec<f64> = inverse.collect();
     let mut fixed = Fixed {
         residual: f64::INFINITY,
         slowest: 0.0,
@@ -186,11 +184,8 @@ fn without_mass(x: &mut [f64], weights: &[f64]) {
 }
 
 fn dot(a: &[f64], b: &[f64], inverse: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .zip(inverse)
-        .map(|((a, b), w)| a * b * w)
-        .sum()
+    let all = a.iter().zip(b).zip(inverse);
+    all.map(|((a, b), w)| a * b * w).sum()
 }
 
 /// Arnoldi's process for I - P, from a residual of this size.
@@ -229,11 +224,8 @@ impl Arnoldi {
     /// The modulus of the largest Ritz value of P, at most 1.
     fn slowest(&self) -> Result<f64> {
         let values = eigenvalues(&self.space.hessenberg())?;
-        Ok(values
-            .iter()
-            .map(|it| (1.0 - it).norm())
-            .fold(0.0, f64::max)
-            .min(1.0))
+        let apart = values.iter().map(|it| (1.0 - it).norm());
+        Ok(apart.fold(0.0, f64::max).min(1.0))
     }
 
     /// Ritz values of P with their errors, the largest first, and what the start has of the Ritz vector of that one, where it is

@@ -120,9 +120,6 @@ impl FlowMap {
 
     /// The propagator under a drive or an envelope too, from time 0 on; g is then taken against the law of
     /// [`Forcing::reference`].
-    ///
-    /// # Errors
-    /// Those of [`FlowMap::new`].
     pub(super) fn forced(
         oscillator: &Oscillator,
         mesh: &Mesh,
@@ -132,22 +129,18 @@ impl FlowMap {
         positive("method.step", settings.step)?;
         let [nq, nv] = mesh.cells();
         if nq.min(nv) < 8 {
-            return Err(Error::Mesh {
-                what: format!("{nq} x {nv} cells, and the stencil needs 8 in each direction"),
-                help: "more cells".into(),
-            });
+            let what = format!("{nq} x {nv} cells, and the stencil needs 8 in each direction");
+            return Err(Error::mesh(what, "more cells"));
         }
         let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
         let measure = Measure::of(reference)?;
-        oscillator
-            .damping()
-            .depends_on_displacement("the flow map")?;
+        let damping = oscillator.damping();
+        damping.depends_on_displacement("the flow map")?;
         let width = mesh.v.at(0.5 * nv as f64).1 / oscillator.temperature().sqrt();
         if matches!(measure, Measure::Gibbs(_)) && width > WIDEST {
-            return Err(Error::Mesh {
-                what: format!("a cell of the {nv} along v is {width:.1} thermal deviations wide"),
-                help: format!("about {:.0} cells along v", (nv as f64 * width).ceil()),
-            });
+            let what = format!("a cell of the {nv} along v is {width:.1} thermal deviations wide");
+            let help = format!("about {:.0} cells along v", (nv as f64 * width).ceil());
+            return Err(Error::mesh(what, help));
         }
         let weights = Weights::new(&measure, mesh, reference.temperature(), Drift::Order8)?;
         let weights = weights.without_boundary();
@@ -273,9 +266,6 @@ impl FlowMap {
     }
 
     /// The same, ended by `late`, which is asked before each group of rows that is traced and before each pass.
-    ///
-    /// # Errors
-    /// Those of [`FlowMap::advance`] and of `late`.
     pub(super) fn advance_watched(
         &mut self,
         density: &mut Density,
@@ -289,11 +279,8 @@ impl FlowMap {
         if density.cells().len() != self.mesh.len() {
             let [nq, nv] = self.mesh.cells();
             let given = format!("{} cells", density.cells().len());
-            return Err(Error::invalid(
-                "the density",
-                given,
-                format!("one on {nq} x {nv} cells"),
-            ));
+            let accepted = format!("one on {nq} x {nv} cells");
+            return Err(Error::invalid("the density", given, accepted));
         }
         // Over such a time noise spreads by less than a rounding of v, and motion by less than one of q.
         if duration < 1e-20 {

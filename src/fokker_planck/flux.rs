@@ -7,6 +7,7 @@
 use super::difference::central;
 use super::mesh::Mesh;
 use crate::error::{Error, Result};
+use crate::matrix::grid;
 use crate::oscillator::{DisplacementLaw, Oscillator};
 use std::f64::consts::{SQRT_2, TAU};
 
@@ -157,11 +158,8 @@ impl Weights {
         let pairs =
             |edges: &[f64]| -> Vec<[f64; 2]> { edges.windows(2).map(|w| [w[0], w[1]]).collect() };
         let centred = |axis: &super::mesh::Axis, f: &dyn Fn(f64) -> f64| -> Vec<f64> {
-            axis.centres()
-                .iter()
-                .zip(axis.slopes())
-                .map(|(x, slope)| f(*x) * slope)
-                .collect()
+            let places = axis.centres().iter().zip(axis.slopes());
+            places.map(|(x, slope)| f(*x) * slope).collect()
         };
         let gauss = |x: f64| maxwell(x, temperature);
         let (q, maxwell) = if drift == Drift::Upwind {
@@ -276,19 +274,14 @@ impl MassFlux {
         let psi = |q: &[f64], v: &[f64], margin: usize| -> Vec<f64> {
             let (m, n) = (q.len(), v.len());
             if matches!(measure, Measure::Liouville) {
-                let energies = q
-                    .iter()
-                    .flat_map(|q| v.iter().map(|v| oscillator.energy(*q, *v)));
-                return energies.collect();
+                let points = grid(q, v);
+                return points.map(|[q, v]| oscillator.energy(q, v)).collect();
             }
             let along_q: Vec<f64> = q.iter().map(|q| measure.density_q(*q)).collect();
             let along_v: Vec<f64> = v.iter().map(|v| measure.density_v(*v, t)).collect();
             let cut = largest_at_edge([m, n], margin, |i, j| along_q[i] * along_v[j]);
-            let value = |a: &f64, b: &f64| -t * (a * b - cut).max(0.0);
-            along_q
-                .iter()
-                .flat_map(|a| along_v.iter().map(move |b| value(a, b)))
-                .collect()
+            let value = |[a, b]: [f64; 2]| -t * (a * b - cut).max(0.0);
+            grid(&along_q, &along_v).map(value).collect()
         };
         let [nq, nv] = mesh.cells();
         if drift == Drift::Upwind {

@@ -64,9 +64,6 @@ const FOLLOWED: f64 = 4000.0;
 
 impl Forcing {
     /// That of an excitation until time `until`; None where there is nothing beside stationary noise.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::new`].
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -83,9 +80,6 @@ impl Forcing {
     }
 
     /// That of the law which lasts under a drive.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::new`].
     pub(crate) fn lasting(
         oscillator: &Oscillator,
         excitation: &Excitation,
@@ -103,9 +97,6 @@ impl Forcing {
 
     /// No excitation, but energies up to `highest` above the lowest potential: a hotter law that p is taken against. None where
     /// the stationary law itself will do.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::new`].
     pub(crate) fn hot(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -220,10 +211,8 @@ impl Forcing {
         let drive = self.excitation.drive;
         let amplitude = drive.map_or(0.0, |it| it.amplitude()) / self.temperature.sqrt();
         let frequency = 1.0 + drive.map_or(0.0, |it| it.frequency());
-        [
-            2e-4 * amplitude * frequency.powi(5),
-            0.06 * self.zeta * amplitude,
-        ]
+        let third = 2e-4 * amplitude * frequency.powi(5);
+        [third, 0.06 * self.zeta * amplitude]
     }
 
     /// The longest step for such an error of about `tolerance`: the nodes must also see the drive turn against the motion.

@@ -88,10 +88,8 @@ impl Generator {
         let active = active(&flux, drift, nq, nv);
         let unknowns: usize = active.iter().map(Range::len).sum();
         if unknowns < 2 {
-            return Err(Error::Mesh {
-                what: format!("no streamline fits {nq} x {nv} cells"),
-                help: "more cells".into(),
-            });
+            let what = format!("no streamline fits {nq} x {nv} cells");
+            return Err(Error::mesh(what, "more cells"));
         }
         let mut inverse = vec![0.0; nq * nv];
         for (i, range) in active.iter().enumerate() {
@@ -100,22 +98,16 @@ impl Generator {
             }
         }
         if !inverse.iter().all(|x| x.is_finite()) {
-            return Err(Error::Mesh {
-                what: "the stationary law underflows inside the truncated domain".into(),
-                help: "an initial condition nearer to the stationary law, or a higher tolerance"
-                    .into(),
-            });
+            let what = "the stationary law underflows inside the truncated domain";
+            let help = "an initial condition nearer to the stationary law, or a higher tolerance";
+            return Err(Error::mesh(what, help));
         }
         if drift != Drift::Upwind {
             check_tail(mesh, &weights, &active, drift)?;
         }
         let conductance = conductance(oscillator, mesh, drift);
-        let tilt = weights
-            .v
-            .iter()
-            .zip(&weights.maxwell)
-            .map(|(v, m)| v / m)
-            .collect();
+        let tilt = weights.v.iter().zip(&weights.maxwell);
+        let tilt = tilt.map(|(v, m)| v / m).collect();
         let mut it = Self {
             mesh: mesh.clone(),
             drift,
@@ -253,10 +245,9 @@ impl Generator {
                     let other = number[there];
                     if other != usize::MAX && (boundary[number[here]] || boundary[other]) {
                         let smaller = 1.0 / self.inverse[here].max(self.inverse[there]);
-                        self.relaxed
-                            .push((here, there, BOUNDARY_RATE.get() * smaller));
-                        self.relaxed
-                            .push((there, here, BOUNDARY_RATE.get() * smaller));
+                        let rate = BOUNDARY_RATE.get() * smaller;
+                        let pair = [(here, there, rate), (there, here, rate)];
+                        self.relaxed.extend(pair);
                     }
                 }
             }
@@ -304,10 +295,8 @@ impl Generator {
             self.apply_diffusion(g, rate);
             self.relax(&(0..self.mesh.q.len()), g, rate);
         });
-        let leaving = self
-            .leaving
-            .iter()
-            .map(|(cell, rate)| rate * self.inverse[*cell]);
+        let leaving = self.leaving.iter();
+        let leaving = leaving.map(|(cell, rate)| rate * self.inverse[*cell]);
         let gathering = self.open.iter().filter(|_| self.gathers);
         let gathering = gathering.map(|(cell, rate)| 0.5 * rate.abs() * self.inverse[*cell]);
         let diagonal = leaving.chain(gathering).fold(0.0, f64::max);
@@ -351,20 +340,14 @@ fn check_tail(mesh: &Mesh, weights: &Weights, active: &[Range<usize>], drift: Dr
         return Ok(());
     }
     let needed = |n: usize, s: f64| (n as f64 * (1.1 * s / most).max(1.0)).ceil();
-    Err(Error::Mesh {
-        what: format!(
-            "on [{nq}, {nv}] cells ln p_s falls by up to {:.1} per cell along q and {:.1} along v, and drift of \
-             order {} carries {most}",
-            steepest[0],
-            steepest[1],
-            drift.order()
-        ),
-        help: format!(
-            "about method.cells = [{}, {}], or a higher tolerance",
-            needed(nq, steepest[0]),
-            needed(nv, steepest[1])
-        ),
-    })
+    let ([q, v], order) = (steepest, drift.order());
+    let what = format!(
+        "on [{nq}, {nv}] cells ln p_s falls by up to {q:.1} per cell along q and {v:.1} along v, and drift of \
+         order {order} carries {most}"
+    );
+    let (nq, nv) = (needed(nq, q), needed(nv, v));
+    let help = format!("about method.cells = [{nq}, {nv}], or a higher tolerance");
+    Err(Error::mesh(what, help))
 }
 
 /// The contiguous range of cells per column that exchange anything with a neighbour.

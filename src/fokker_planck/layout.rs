@@ -99,11 +99,9 @@ impl Layout {
         let v = count(domain.v[1] - domain.v[0], width[1]) * finer;
         for (n, axis) in [(q, "q"), (v, "v")] {
             if n > 20_000.0 {
-                return Err(Error::Mesh {
-                    what: format!("{n:.1e} cells along {axis} would be needed"),
-                    help: "an initial condition that is wider, or nearer to the stationary law"
-                        .into(),
-                });
+                let what = format!("{n:.1e} cells along {axis} would be needed");
+                let help = "an initial condition that is wider, or nearer to the stationary law";
+                return Err(Error::mesh(what, help));
             }
         }
         // Even along v: an edge at v = 0 keeps the mesh symmetric.
@@ -237,15 +235,12 @@ fn thermal_width(oscillator: &Oscillator) -> f64 {
         return f64::INFINITY;
     };
     if contact.barrier().is_some() {
-        let widths = contact
-            .wells(level)
-            .into_iter()
-            .map(|[left, right]| right - left);
+        let wells = contact.wells(level).into_iter();
+        let widths = wells.map(|[left, right]| right - left);
         return 0.5 * widths.fold(f64::INFINITY, f64::min);
     }
-    let in_contact = contact
-        .loss_point()
-        .map_or(f64::INFINITY, |loss| right - loss);
+    let loss = contact.loss_point();
+    let in_contact = loss.map_or(f64::INFINITY, |loss| right - loss);
     (0.5 * (right - left)).min(0.5 * in_contact.max(right))
 }
 

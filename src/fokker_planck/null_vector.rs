@@ -92,11 +92,8 @@ fn check_connected(matrix: &CsMat<f64>) -> Result<()> {
     if forward == n && backward == n {
         return Ok(());
     }
-    Err(Error::Mesh {
-        what: format!(
-            "only {} of {n} cells exchange probability",
-            forward.min(backward)
-        ),
-        help: "more cells: the streamlines of this mesh fall into separate parts".into(),
-    })
+    let fewer = forward.min(backward);
+    let what = format!("only {fewer} of {n} cells exchange probability");
+    let help = "more cells: the streamlines of this mesh fall into separate parts";
+    Err(Error::mesh(what, help))
 }

@@ -43,11 +43,8 @@ impl Observables {
     ) -> Result<Self> {
         let measure = Measure::of(oscillator)?;
         let contact = oscillator.contact().clone();
-        let kinks: Vec<f64> = contact
-            .kinks()
-            .into_iter()
-            .map(|q| mesh.q.locate(q))
-            .collect();
+        let kinks = contact.kinks().into_iter();
+        let kinks: Vec<f64> = kinks.map(|q| mesh.q.locate(q)).collect();
         let functions = |q: f64, lost: bool| -> [f64; FUNCTIONS] {
             let n = contact.force(q);
             let (n2, lost) = (n * n, f64::from(u8::from(lost)));
@@ -162,12 +159,8 @@ fn along_v(
 ) -> [Vec<f64>; 3] {
     if drift != Drift::Upwind {
         let power = |n: i32| -> Vec<f64> {
-            mesh.v
-                .centres()
-                .iter()
-                .zip(&weights.v)
-                .map(|(v, w)| v.powi(n) * w)
-                .collect()
+            let cells = mesh.v.centres().iter().zip(&weights.v);
+            cells.map(|(v, w)| v.powi(n) * w).collect()
         };
         return [power(0), power(1), power(2)];
     }
@@ -180,11 +173,7 @@ fn along_v(
         }
         Measure::Liouville => [b - a, 0.5 * (b * b - a * a), (b.powi(3) - a.powi(3)) / 3.0],
     };
-    let cells: Vec<[f64; 3]> = mesh
-        .v
-        .edges()
-        .windows(2)
-        .map(|w| cell(w[0], w[1]))
-        .collect();
+    let cells = mesh.v.edges().windows(2).map(|w| cell(w[0], w[1]));
+    let cells: Vec<[f64; 3]> = cells.collect();
     std::array::from_fn(|n| cells.iter().map(|c| c[n]).collect())
 }

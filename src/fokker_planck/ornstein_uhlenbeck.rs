@@ -14,7 +14,7 @@ use super::interpolation::{MARGIN, POINTS, Spline};
 use super::mesh::Axis;
 use crate::damping::mean_decay;
 use crate::gaussian::{lower, normal};
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 
 /// Reach of the Gaussian in deviations: erfc(8.5/sqrt 2) = 2e-17.
 const REACH: f64 = 8.5;
@@ -117,10 +117,7 @@ impl Kick {
                 (0.5 * self.beta * (v * v - u * u / spread_by)).exp() / spread_by.sqrt()
             };
             if deviation > NO_WIDTH * narrowest {
-                vectorised(
-                    #[inline(always)]
-                    || gauss(axis, &spline, [mean, deviation], clamped, row),
-                );
+                vectorise!(gauss(axis, &spline, [mean, deviation], clamped, row));
             } else if clamped || (mean >= axis.edges()[0] && mean <= axis.edges()[n]) {
                 let xi = (axis.locate(mean) - 0.5).clamp(0.0, (n - 1) as f64);
                 spread(row, &spline, n, xi, 1.0);

@@ -18,6 +18,14 @@ pub enum TimeScheme {
 }
 
 impl TimeScheme {
+    /// Every one.
+    pub(crate) const ALL: [Self; 4] = [
+        Self::BackwardEuler,
+        Self::Implicit,
+        Self::Imex,
+        Self::Explicit,
+    ];
+
     /// The name used in scenes.
     pub fn name(self) -> &'static str {
         match self {
@@ -36,6 +44,14 @@ pub enum TransientMethod {
     FiniteVolume,
     /// The flow map: exact transport and exact noise in turn.
     FlowMap,
+}
+
+impl TransientMethod {
+    /// Both, by their names in scenes.
+    pub(crate) const NAMED: [(&str, Self); 2] = [
+        ("finite_volume", Self::FiniteVolume),
+        ("flow_map", Self::FlowMap),
+    ];
 }
 
 /// What a scene says about the Fokker-Planck solver; None is an automatic choice.

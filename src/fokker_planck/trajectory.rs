@@ -13,7 +13,7 @@ mod pieces;
 mod stoermer;
 
 use crate::contact::ContactLaw;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use flight::{landing, thrown};
 use hertz::hertz;
 
@@ -41,10 +41,7 @@ impl<'a> Motion<'a> {
             return;
         }
         match self.contact {
-            ContactLaw::Hertz => vectorised(
-                #[inline(always)]
-                || hertz(starts, times, ends),
-            ),
+            ContactLaw::Hertz => vectorise!(hertz(starts, times, ends)),
             contact => {
                 for (k, start) in starts.iter().enumerate() {
                     let (mut point, mut elapsed) = (*start, 0.0);

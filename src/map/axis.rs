@@ -86,25 +86,16 @@ impl Axis {
         };
         let end = |text: &str| text.parse::<f64>().ok().filter(|it| it.is_finite());
         let (Some(low), Some(high)) = (end(a), end(b)) else {
-            return Err(refused(
-                key,
-                range,
-                "ends that are numbers, as log:1e-4:1e-2:40",
-            ));
+            let accepted = "ends that are numbers, as log:1e-4:1e-2:40";
+            return Err(refused(key, range, accepted));
         };
         if spacing == Spacing::Logarithmic && !(low > 0.0 && high > 0.0) {
-            return Err(refused(
-                key,
-                range,
-                "log:a:b:n with ends a and b above 0; lin:a:b:n else",
-            ));
+            let accepted = "log:a:b:n with ends a and b above 0; lin:a:b:n else";
+            return Err(refused(key, range, accepted));
         }
         if low == high {
-            return Err(refused(
-                key,
-                range,
-                "two different ends, or a list of one value, as [0.1]",
-            ));
+            let accepted = "two different ends, or a list of one value, as [0.1]";
+            return Err(refused(key, range, accepted));
         }
         let count = n.parse::<usize>().ok().filter(|n| (2..=MOST).contains(n));
         let Some(count) = count else {

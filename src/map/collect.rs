@@ -190,11 +190,9 @@ fn read(dir: &Path) -> Result<Collected> {
             .collect()
     };
     missing.sort_unstable_by_key(|it| it.0);
+    let title = map["scene"]["title"].as_str();
     Ok(Collected {
-        title: map["scene"]["title"]
-            .as_str()
-            .unwrap_or_default()
-            .to_owned(),
+        title: title.unwrap_or_default().to_owned(),
         points,
         failed,
         short,
@@ -256,10 +254,8 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
             .into_iter()
             .find(|key| first[*key] != second[*key])
             .map_or("the numbers they have are others".into(), |key| {
-                format!(
-                    "{key} is {} in one and {} in the other",
-                    first[key], second[key]
-                )
+                let (one, other) = (&first[key], &second[key]);
+                format!("{key} is {one} in one and {other} in the other")
             }),
     };
     let values = place(axes, head.index);
@@ -309,11 +305,8 @@ fn chosen(table: &Table, draw: &[Drawn]) -> Result<Vec<Drawn>> {
 
 /// The picture over the axes that have more than one point; moments at several times have time as an axis more.
 fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Picture {
-    let mut rulers: Vec<Ruler> = axes
-        .iter()
-        .filter(|it| it.values().len() > 1)
-        .map(ruler)
-        .collect();
+    let long = axes.iter().filter(|it| it.values().len() > 1);
+    let mut rulers: Vec<Ruler> = long.map(ruler).collect();
     let times = drawn.first().filter(|it| it.place.is_none());
     let times = times.and_then(|it| table.times(&it.name));
     let times = times.filter(|it| it.len() > 1 && rulers.len() < 3);

@@ -54,28 +54,18 @@ impl fmt::Display for Collected {
         /// Missing points that are listed; missing.csv has all.
         const LISTED: usize = 20;
         let axes = self.axes.iter().map(|it| it.values().len().to_string());
-        let axes: Vec<String> = axes.collect();
+        let axes = axes.collect::<Vec<_>>().join(" x ");
         let there = self.points - self.missing();
-        writeln!(
-            f,
-            "{} ({}): {there} there, in {}",
-            many(self.points as u64, "point"),
-            axes.join(" x "),
-            many(self.parts.len() as u64, "part")
-        )?;
+        let points = many(self.points as u64, "point");
+        let parts = many(self.parts.len() as u64, "part");
+        writeln!(f, "{points} ({axes}): {there} there, in {parts}")?;
         if self.short > 0 {
-            writeln!(
-                f,
-                "{} missed the tolerance: status in map.csv",
-                many(self.short as u64, "point")
-            )?;
+            let short = many(self.short as u64, "point");
+            writeln!(f, "{short} missed the tolerance: status in map.csv")?;
         }
         if self.failed > 0 {
-            writeln!(
-                f,
-                "{} failed: message in map.csv",
-                many(self.failed as u64, "point")
-            )?;
+            let failed = many(self.failed as u64, "point");
+            writeln!(f, "{failed} failed: message in map.csv")?;
             for index in self.ended(Some(Ending::Failed)).take(3) {
                 writeln!(f, "  {}", self.called(index))?;
             }

@@ -33,35 +33,29 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
     for axis in &it.axes {
         let values = axis.values();
         let (first, last) = (plain(&values[0]), plain(&values[values.len() - 1]));
+        let (key, count, spacing) = (axis.key(), values.len(), axis.spacing().name());
         let _ = writeln!(
             axes,
-            "{:<28} {:>6} values, {}, {first} ... {last}",
-            axis.key(),
-            values.len(),
-            axis.spacing().name()
+            "{key:<28} {count:>6} values, {spacing}, {first} ... {last}"
         );
     }
-    let _ = writeln!(body, "<h2>Axes</h2>\n<pre>{}</pre>", report::escaped(&axes));
+    let pre = |text: &str| format!("<pre>{}</pre>", report::escaped(text));
+    let _ = writeln!(body, "<h2>Axes</h2>\n{}", pre(&axes));
     if let Some(picture) = picture {
         let svg = String::from_utf8_lossy(&picture.bytes);
         let name = &picture.name;
-        let _ = writeln!(
-            body,
-            "<figure>{svg}<figcaption>{name}</figcaption></figure>"
-        );
+        let caption = format!("<figcaption>{name}</figcaption>");
+        let _ = writeln!(body, "<figure>{svg}{caption}</figure>");
     }
     let _ = writeln!(
         body,
         "<h2>Numbers</h2>\n<p>Lowest and highest value over the map, and the largest error. All of them: map.csv; as \
-         arrays over the axes: map.npz.</p>\n<pre>{}</pre>",
-        report::escaped(&spans(it))
+         arrays over the axes: map.npz.</p>\n{}",
+        pre(&spans(it))
     );
     let scene = serde_json::to_string_pretty(&it.scene).unwrap_or_default();
-    let _ = writeln!(
-        body,
-        "<h2>The scene of the first point, every default filled in</h2>\n<pre>{}</pre>",
-        report::escaped(&scene)
-    );
+    let title = "The scene of the first point, every default filled in";
+    let _ = writeln!(body, "<h2>{title}</h2>\n{}", pre(&scene));
     File::text("report.html", report::html(&it.title, &body))
 }
 

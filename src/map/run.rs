@@ -108,11 +108,8 @@ impl fmt::Display for Tally {
         }
         let rate = self.computed as f64 / self.seconds.max(1e-9);
         let took = seconds(self.seconds);
-        writeln!(
-            f,
-            "{} computed in {took}, {rate:.3} points/s",
-            self.computed
-        )?;
+        let computed = self.computed;
+        writeln!(f, "{computed} computed in {took}, {rate:.3} points/s")?;
         for (count, what) in [
             (self.dropped, "cut-off or foreign lines were dropped"),
             (

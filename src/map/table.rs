@@ -141,11 +141,8 @@ impl Table {
         for axis in axes {
             let _ = write!(text, ",{}", quoted(axis.key()));
         }
-        let columns: Vec<&Column> = self
-            .columns
-            .iter()
-            .filter(|it| !is_curve(&it.name))
-            .collect();
+        let columns = self.columns.iter();
+        let columns: Vec<&Column> = columns.filter(|it| !is_curve(&it.name)).collect();
         let with_errors: Vec<bool> = columns.iter().map(|it| it.has_errors()).collect();
         for (column, errors) in columns.iter().zip(&with_errors) {
             let (name, unit) = (self.title(column), bracketed(&column.name, self.time));
@@ -266,12 +263,8 @@ fn section(it: &Value, path: &mut String, place: Option<usize>, visit: Visit<'_>
             (None, Some(Value::Number(e))) => {
                 for (key, x) in pairs.iter().filter(|(key, _)| *key != "error") {
                     if let Some(x) = x.as_f64() {
-                        visit(
-                            &format!("{path}.{key}"),
-                            place,
-                            x,
-                            error(&Value::Number(e.clone())),
-                        );
+                        let error = error(&Value::Number(e.clone()));
+                        visit(&format!("{path}.{key}"), place, x, error);
                     }
                 }
             }

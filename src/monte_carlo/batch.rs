@@ -271,10 +271,8 @@ impl Regression {
         let rows: Vec<Vec<f64>> = batches.iter().map(row).collect();
         let sum = |j: usize, k: usize| rows.iter().map(|row| row[j] * row[k]).sum();
         let all = 0..controls.len();
-        let matrix: Vec<Vec<f64>> = all
-            .clone()
-            .map(|j| all.clone().map(|k| sum(j, k)).collect())
-            .collect();
+        let row = |j| all.clone().map(|k| sum(j, k)).collect();
+        let matrix: Vec<Vec<f64>> = all.clone().map(row).collect();
         let away = controls.iter().map(|(k, exact)| exact - mean[*k]).collect();
         let away = solve(matrix.clone(), away);
         let share = 1.0 / rows.len() as f64;

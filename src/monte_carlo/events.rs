@@ -47,7 +47,7 @@ pub struct Impacts {
 
 impl Crossings {
     /// The names of its numbers.
-    pub(super) const NAMES: [&str; 4] = [
+    pub(crate) const NAMES: [&str; 4] = [
         "loss_rate",
         "losses_in_window",
         "mean_flight",
@@ -303,10 +303,8 @@ impl Watch for Logbook {
                 it.flights += 1.0;
                 it.flight_time += flight;
                 it.speed += speed;
-                for (hits, slot) in self.hits[lane]
-                    .iter_mut()
-                    .zip(self.bins.slots(flight, speed))
-                {
+                let slots = self.bins.slots(flight, speed);
+                for (hits, slot) in self.hits[lane].iter_mut().zip(slots) {
                     hits[slot] += 1;
                 }
             }
@@ -411,12 +409,9 @@ impl CrossingSums {
         let cells = self.counts[2].histogram(ReturnBins::joint(), false);
         let [times, speeds] = bins.cells.map(Bins::edges);
         let area = (times[1] - times[0]) * (speeds[1] - speeds[0]);
+        let density = cells.density.iter().map(|it| it.scaled(1.0 / area));
         Impacts {
-            density: cells
-                .density
-                .iter()
-                .map(|it| it.scaled(1.0 / area))
-                .collect(),
+            density: density.collect(),
             times,
             speeds,
         }

@@ -13,7 +13,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::initial::Initial;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use crate::oscillator::{Oscillator, Side};
 use crate::roots::bisect;
 use rayon::prelude::*;
@@ -401,10 +401,7 @@ impl WithLaw for &Survive<'_> {
                 let mut sums = LossSums::new(self);
                 for first in paths.clone().step_by(LANES) {
                     let lanes = (LANES as u64).min(paths.end - first);
-                    let times = vectorised(
-                        #[inline(always)]
-                        || self.first_losses(law, first),
-                    );
+                    let times = vectorise!(self.first_losses(law, first));
                     if self.progress.late() {
                         break;
                     }

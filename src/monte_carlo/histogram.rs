@@ -94,12 +94,8 @@ impl BatchCounts {
         self.batches += more.batches;
         self.total += more.total;
         self.total_square += more.total_square;
-        for (a, b) in self
-            .hits
-            .iter_mut()
-            .flatten()
-            .zip(more.hits.iter().flatten())
-        {
+        let mine = self.hits.iter_mut().flatten();
+        for (a, b) in mine.zip(more.hits.iter().flatten()) {
             *a += b;
         }
     }

@@ -17,7 +17,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
@@ -239,10 +239,8 @@ impl Records {
         let every = || {
             let losses = Crossings::NAMES.map(|name| format!("records.{name}"));
             let losses = crossings.iter().flat_map(|_| losses.clone());
-            unknown("records", &[None])
-                .into_iter()
-                .chain(losses)
-                .collect()
+            let moments = unknown("records", &[None]).into_iter();
+            moments.chain(losses).collect()
         };
         let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
         if worth < 50.0 {
@@ -371,10 +369,8 @@ impl WithLaw for &Run<'_> {
     type Output = RecordSums;
 
     fn with<L: Law>(self, law: L) -> RecordSums {
-        let parts: Vec<RecordSums> = (0..self.recipe.groups)
-            .into_par_iter()
-            .map(|group| self.group(law, group))
-            .collect();
+        let groups = (0..self.recipe.groups).into_par_iter();
+        let parts: Vec<RecordSums> = groups.map(|group| self.group(law, group)).collect();
         let mut total = RecordSums::new(self);
         for part in &parts {
             total.add(part);
@@ -423,6 +419,7 @@ impl Run<'_> {
         sums.crossings = logbook.map(Logbook::into_sums);
         sums
     }
+
     /// One batch of one group, with someone who hears of the crossings.
     fn batch<L: Law, W: Watch>(
         &self,
@@ -437,30 +434,27 @@ impl Run<'_> {
             progress: self.progress,
         };
         let patience = (PATIENCE / steps).max(1);
-        vectorised(
-            #[inline(always)]
-            || {
-                for k in 0..self.recipe.samples {
-                    if k % patience == patience - 1 && watch.late() {
-                        break;
-                    }
-                    let now = (start + k) as f64 * spacing;
-                    self.coefficients.advance(law, group, steps, now, watch);
-                    batch.sample(law, &self.units, &group.q, &group.v);
-                    for lane in 0..LANES {
-                        let (q, v) = (group.q[lane], group.v[lane]);
-                        let force = if law.is_lost(q) {
-                            self.bins[2].dirac()
-                        } else {
-                            self.bins[2].slot(law.force(q))
-                        };
-                        let slots = [self.bins[0].slot(q), self.bins[1].slot(v), force];
-                        for (hits, slot) in hits.iter_mut().zip(slots) {
-                            hits[lane][slot] += 1;
-                        }
+        vectorise!({
+            for k in 0..self.recipe.samples {
+                if k % patience == patience - 1 && watch.late() {
+                    break;
+                }
+                let now = (start + k) as f64 * spacing;
+                self.coefficients.advance(law, group, steps, now, watch);
+                batch.sample(law, &self.units, &group.q, &group.v);
+                for lane in 0..LANES {
+                    let (q, v) = (group.q[lane], group.v[lane]);
+                    let force = if law.is_lost(q) {
+                        self.bins[2].dirac()
+                    } else {
+                        self.bins[2].slot(law.force(q))
+                    };
+                    let slots = [self.bins[0].slot(q), self.bins[1].slot(v), force];
+                    for (hits, slot) in hits.iter_mut().zip(slots) {
+                        hits[lane][slot] += 1;
                     }
                 }
-            },
-        );
+            }
+        });
     }
 }

@@ -65,6 +65,17 @@ pub enum Scheme {
 }
 
 impl Scheme {
+    /// Every one.
+    pub(crate) const ALL: [Self; 7] = [
+        Self::Auto,
+        Self::CentralDifference,
+        Self::Baoab,
+        Self::Splitting42,
+        Self::Splitting62,
+        Self::EulerMaruyama,
+        Self::ExponentialHeun,
+    ];
+
     /// The name used in scenes.
     pub fn name(self) -> &'static str {
         match self {
@@ -103,6 +114,10 @@ pub(super) enum Coefficients {
 impl Coefficients {
     /// The coefficients of `scheme` for `step`; `frequency` is the highest of the scene.
     pub(super) fn new(scheme: Scheme, oscillator: &Oscillator, step: f64, frequency: f64) -> Self {
+        let splitting = |motions, weights: &[f64]| {
+            let it = Splitting::new(oscillator, step, frequency, motions, weights);
+            Self::Splitting(it)
+        };
         match scheme {
             Scheme::CentralDifference => {
                 Self::CentralDifference(CentralDifference::new(oscillator, step))
@@ -110,18 +125,13 @@ impl Coefficients {
             Scheme::Baoab => Self::Baoab(Baoab::new(oscillator, step)),
             Scheme::Auto | Scheme::Splitting42 => {
                 let c = 3f64.sqrt() / 6.0;
-                let (motions, weights) = ([0.5 - c, 2.0 * c, 2.0 * (0.5 - c)], [0.5, 0.5]);
-                Self::Splitting(Splitting::new(
-                    oscillator, step, frequency, motions, &weights,
-                ))
+                splitting([0.5 - c, 2.0 * c, 2.0 * (0.5 - c)], &[0.5, 0.5])
             }
             Scheme::Splitting62 => {
                 let c = 15f64.sqrt() / 10.0;
                 let motions = [0.5 - c, c, 2.0 * (0.5 - c)];
                 let weights = [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0];
-                Self::Splitting(Splitting::new(
-                    oscillator, step, frequency, motions, &weights,
-                ))
+                splitting(motions, &weights)
             }
             Scheme::EulerMaruyama => Self::EulerMaruyama(EulerMaruyama::new(oscillator, step)),
             Scheme::ExponentialHeun => {

@@ -12,7 +12,7 @@ use crate::budget::Limits;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use crate::oscillator::{Oscillator, Quantity};
 use rayon::prelude::*;
 
@@ -157,10 +157,8 @@ impl<T: Send> WithLaw for Run<'_, T> {
 
     fn with<L: Law>(self, law: L) -> Vec<T> {
         let groups = 0..self.recipe.asked.records / LANES as u64;
-        let all: Vec<Vec<T>> = groups
-            .into_par_iter()
-            .map(|number| self.group(law, number))
-            .collect();
+        let all = groups.into_par_iter().map(|number| self.group(law, number));
+        let all: Vec<Vec<T>> = all.collect();
         all.into_iter().flatten().collect()
     }
 }
@@ -169,10 +167,7 @@ impl<T> Run<'_, T> {
     fn group<L: Law>(&self, law: L, number: u64) -> Vec<T> {
         let mut records = vec![vec![0.0; self.recipe.asked.samples]; LANES];
         let mut group = self.paths.group(FIRST + number * LANES as u64);
-        vectorised(
-            #[inline(always)]
-            || self.sample(law, &mut group, &mut records),
-        );
+        vectorise!(self.sample(law, &mut group, &mut records));
         if self.progress.late() {
             return Vec::new();
         }

@@ -268,10 +268,8 @@ impl Band {
         }
         // x_n = sum_k c_k exp(2 pi i k n/N), without normalisation.
         for lane in 0..LANES {
-            let series = re
-                .iter()
-                .zip(&*im)
-                .map(|(re, im)| Complex::new(re[lane], im[lane]));
+            let parts = re.iter().zip(&*im);
+            let series = parts.map(|(re, im)| Complex::new(re[lane], im[lane]));
             self.column.clear();
             self.column.extend(series);
             self.transform

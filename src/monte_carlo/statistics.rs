@@ -20,10 +20,8 @@ impl Frame {
     fn of(sample: &[f64]) -> Self {
         let n = sample.len() as f64;
         let centre = sample.iter().sum::<f64>() / n;
-        let widest = sample
-            .iter()
-            .map(|x| (x - centre).abs())
-            .fold(0.0, f64::max);
+        let widest = sample.iter().map(|x| (x - centre).abs());
+        let widest = widest.fold(0.0, f64::max);
         let unit = (sample
             .iter()
             .map(|x| ((x - centre) / widest).powi(2))
@@ -53,11 +51,8 @@ impl Frames {
     /// The frames of the states (q, v) of the first paths.
     pub(super) fn of<L: Law>(law: L, q: &[f64], v: &[f64]) -> Self {
         let force: Vec<f64> = q.iter().map(|&q| law.force(q)).collect();
-        let energy: Vec<f64> = q
-            .iter()
-            .zip(v)
-            .map(|(&q, &v)| 0.5 * v * v + law.potential(q))
-            .collect();
+        let energy = |(&q, &v): (&f64, &f64)| 0.5 * v * v + law.potential(q);
+        let energy: Vec<f64> = q.iter().zip(v).map(energy).collect();
         Self([
             Frame::of(q),
             Frame::of(v),
@@ -311,10 +306,8 @@ fn sampled(value: f64, error: f64) -> Estimate {
 /// The mean; its error is sqrt(variance/n).
 fn mean<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
     let unit = 1.0 / frame.inverse;
-    sampled(
-        frame.centre + c.mean * unit,
-        (c.order[1] / (n - 1.0)).sqrt() * unit,
-    )
+    let deviation = (c.order[1] / (n - 1.0)).sqrt();
+    sampled(frame.centre + c.mean * unit, deviation * unit)
 }
 
 /// The unbiased variance; its error is sqrt((m4 - m2^2)/n).

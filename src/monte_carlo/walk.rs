@@ -63,32 +63,22 @@ impl Walk {
             (Scheme::Splitting62, Noise::White) => Scheme::Splitting62,
             (Scheme::Auto, _) => {
                 let accepted = "\"white\", with [excitation]";
-                return Err(Error::invalid(
-                    "monte_carlo.noise",
-                    "band-limited",
-                    accepted,
-                ));
+                let key = "monte_carlo.noise";
+                return Err(Error::invalid(key, "band-limited", accepted));
             }
             (scheme, _) => {
                 let accepted =
                     "\"auto\", \"splitting_4_2\" or \"splitting_6_2\", with [excitation]";
-                return Err(Error::invalid(
-                    "monte_carlo.scheme",
-                    format!("\"{scheme}\""),
-                    accepted,
-                ));
+                let scheme = format!("\"{scheme}\"");
+                return Err(Error::invalid("monte_carlo.scheme", scheme, accepted));
             }
         };
         let time = FOLLOWED.min(8.0 / oscillator.reference_friction());
         let swing = noise_free::swing(oscillator, &it.excitation, time);
         let drive = it.excitation.drive.map_or(0.0, |it| it.frequency());
         let pace = Pace::of(oscillator, initial, [it.excitation.push(), swing]);
-        let walk = Self::by(
-            (scheme, "it takes the drive with the noise"),
-            oscillator,
-            it,
-            pace,
-        )?;
+        let scheme = (scheme, "it takes the drive with the noise");
+        let walk = Self::by(scheme, oscillator, it, pace)?;
         // Its nodes must see the drive turn.
         let longest = walk.step.min(1.0 / drive.max(1.0));
         let step = it.step.unwrap_or(longest);
@@ -129,11 +119,8 @@ impl Walk {
     ) -> Result<Self> {
         if it.noise != Noise::White {
             let accepted = "\"white\", for first_loss";
-            return Err(Error::invalid(
-                "monte_carlo.noise",
-                "band-limited",
-                accepted,
-            ));
+            let key = "monte_carlo.noise";
+            return Err(Error::invalid(key, "band-limited", accepted));
         }
         let walk = if it.excitation.is_plain() {
             let pace = Pace::of(oscillator, initial, [0.0; 2]);
@@ -160,12 +147,8 @@ impl Walk {
 
     /// Scheme, step and reason.
     pub(super) fn words(&self) -> String {
-        format!(
-            "{}, step {} ({})",
-            self.scheme,
-            short(self.step),
-            self.reason
-        )
+        let (scheme, reason) = (self.scheme, &self.reason);
+        format!("{scheme}, step {} ({reason})", short(self.step))
     }
 
     /// Seconds of so many steps of a path, on all threads.
@@ -312,11 +295,8 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
     // A whole number of steps stays one where the quotient is rounded up.
     let count = (time / step * (1.0 - 1e-12)).ceil();
     if count > 1e15 {
-        return Err(Error::Limit {
-            key: "monte_carlo.step",
-            limit: step.to_string(),
-            what: format!("{count:e} steps over a time of {time}"),
-        });
+        let what = format!("{count:e} steps over a time of {time}");
+        return Err(Error::limit("monte_carlo.step", step.to_string(), what));
     }
     let length = if count > 0.0 { time / count } else { step };
     Ok((count as u64, length))
@@ -342,11 +322,8 @@ fn resolve(
     if !oscillator.is_viscous() && scheme == Scheme::ExponentialHeun {
         let accepted = "a scheme whose friction may change from place to place, as \"splitting_4_2\", with \
                         oscillator.damping other than \"viscous\"";
-        return Err(Error::invalid(
-            "monte_carlo.scheme",
-            "\"exponential_heun\"",
-            accepted,
-        ));
+        let scheme = "\"exponential_heun\"";
+        return Err(Error::invalid("monte_carlo.scheme", scheme, accepted));
     }
     let (count, band) = match noise {
         Noise::White => {

@@ -16,6 +16,12 @@ pub struct DisplacementLaw {
     normaliser: Estimate,
 }
 
+/// Places between two ends, neither of these among them.
+fn within(places: impl IntoIterator<Item = f64>, low: f64, high: f64) -> impl Iterator<Item = f64> {
+    let places = places.into_iter();
+    places.filter(move |q| *q > low && *q < high)
+}
+
 impl DisplacementLaw {
     /// Target of every quadrature, relative to the integral of the absolute value.
     const RELATIVE: f64 = 1e-14;
@@ -31,9 +37,8 @@ impl DisplacementLaw {
         let mut breaks = contact.equilibria();
         let several = breaks.len() > 1;
         for level in [0.1, 1.0, 4.0, 10.0, 20.0, 40.0, 80.0] {
-            let (left, right) = contact
-                .turning_points(level * temperature)
-                .unwrap_or((q0, q0));
+            let turning = contact.turning_points(level * temperature);
+            let (left, right) = turning.unwrap_or((q0, q0));
             breaks.extend([left, right]);
             if several {
                 breaks.extend(contact.wells(level * temperature).concat());
@@ -43,12 +48,7 @@ impl DisplacementLaw {
         // Far wells may hold the equilibria of no probability.
         if let Some((left, right)) = contact.turning_points(80.0 * temperature) {
             breaks.retain(|q| *q >= left && *q <= right);
-            breaks.extend(
-                contact
-                    .kinks()
-                    .into_iter()
-                    .filter(|q| *q > left && *q < right),
-            );
+            breaks.extend(within(contact.kinks(), left, right));
             breaks.sort_by(f64::total_cmp);
         }
         breaks.dedup();
@@ -64,11 +64,8 @@ impl DisplacementLaw {
         tests::NORMALISED.with(|count| count.set(count.get() + 1));
         law.normaliser = quadrature::integrate(weight, &law.breaks, Self::RELATIVE);
         if !(law.normaliser.value.is_finite() && law.normaliser.value > 0.0) {
-            return Err(Error::invalid(
-                "temperature",
-                temperature,
-                "a T within reach of a double",
-            ));
+            let accepted = "a T within reach of a double";
+            return Err(Error::invalid("temperature", temperature, accepted));
         }
         Ok(law)
     }
@@ -111,12 +108,7 @@ impl DisplacementLaw {
     /// P(a < q < b), accurate relative to itself also where it is tiny; split at the kinks.
     pub fn probability(&self, a: f64, b: f64) -> f64 {
         let mut breaks = vec![a];
-        breaks.extend(
-            self.contact
-                .kinks()
-                .into_iter()
-                .filter(|q| *q > a && *q < b),
-        );
+        breaks.extend(within(self.contact.kinks(), a, b));
         breaks.push(b);
         let mass = quadrature::integrate(|q| (-self.level(q)).exp(), &breaks, Self::RELATIVE);
         mass.value / self.normaliser.value
@@ -147,12 +139,7 @@ impl DisplacementLaw {
         let (left, right) = self.contact.turning_points(reach).unwrap_or((a, b));
         let (low, high) = (left.max(a).min(b), right.min(b).max(left.max(a).min(b)));
         let mut breaks = vec![low, high];
-        breaks.extend(
-            self.breaks
-                .iter()
-                .copied()
-                .filter(|q| *q > low && *q < high),
-        );
+        breaks.extend(within(self.breaks.iter().copied(), low, high));
         breaks.sort_by(f64::total_cmp);
         let scaled = |q: f64| (base - self.level(q)).exp();
         let scaled = quadrature::integrate(scaled, &breaks, Self::RELATIVE);

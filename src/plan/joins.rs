@@ -114,17 +114,13 @@ impl Plan {
             Part::FirstLossPaths => {
                 let until = outputs.first_loss.unwrap_or(0.0);
                 let it = FirstLosses::of(oscillator, initial, until, &sampling)?;
-                (
-                    Cost::of_sample(it.cost, it.words()),
-                    Recipe::FirstLosses(it),
-                )
+                let cost = Cost::of_sample(it.cost, it.words());
+                (cost, Recipe::FirstLosses(it))
             }
             Part::FirstPassagePaths => {
                 let it = FirstLosses::of_level(oscillator, initial, self.passage()?, &sampling)?;
-                (
-                    Cost::of_sample(it.cost, it.words()),
-                    Recipe::FirstLosses(it),
-                )
+                let cost = Cost::of_sample(it.cost, it.words());
+                (cost, Recipe::FirstLosses(it))
             }
             Part::Records => {
                 let it = Records::of(oscillator, &sampling)?;

@@ -35,67 +35,49 @@ impl Plan {
                 (Part::Records | Part::Series, Some(duration)) => {
                     ("monte_carlo.duration", duration)
                 }
-                (Part::Series | Part::Spectrum, _) => (
-                    "outputs.spectrum.until",
-                    outputs.spectrum.map_or(0.0, |it| it.until),
-                ),
-                (Part::FirstLoss | Part::FirstLossPaths, _) => (
-                    "outputs.first_loss.until",
-                    outputs.first_loss.unwrap_or_default(),
-                ),
-                (Part::FirstPassage | Part::FirstPassagePaths, _) => (
-                    "outputs.first_passage.until",
-                    outputs.first_passage.map_or(0.0, |it| it.until),
-                ),
+                (Part::Series | Part::Spectrum, _) => {
+                    let until = outputs.spectrum.map_or(0.0, |it| it.until);
+                    ("outputs.spectrum.until", until)
+                }
+                (Part::FirstLoss | Part::FirstLossPaths, _) => {
+                    let until = outputs.first_loss.unwrap_or_default();
+                    ("outputs.first_loss.until", until)
+                }
+                (Part::FirstPassage | Part::FirstPassagePaths, _) => {
+                    let until = outputs.first_passage.map_or(0.0, |it| it.until);
+                    ("outputs.first_passage.until", until)
+                }
                 _ if outputs.density_at.last() > outputs.moments_at.last() => {
                     ("outputs.density_at", outputs.density_at.last())
                 }
                 _ => ("outputs.moments_at", outputs.moments_at.last()),
             };
             let (key, value) = step.map_or(otherwise, |step| (key, step));
-            let accepted = format!(
-                "at most {MOST_STEPS:.0e} steps, and this takes {:.1e}",
-                cost.steps as f64
-            );
+            let steps = cost.steps as f64;
+            let accepted = format!("at most {MOST_STEPS:.0e} steps, and this takes {steps:.1e}");
             return Err(Error::invalid(key, num(value), accepted));
         }
         let limit = self.scene.accuracy.max_memory;
         if cost.memory_bytes > limit {
-            let need = format!(
-                "the {} stage would need {}; accuracy.max_memory = {}",
-                part.name(),
-                bytes(cost.memory_bytes),
-                bytes(limit)
-            );
+            let (need, limit) = (bytes(cost.memory_bytes), bytes(limit));
+            let what = format!("the {} stage would need {need}", part.name());
             return Err(match self.scene.method.cells {
                 Some([q, v]) if cost.cells.is_some() => {
+                    let need = format!("{what}; accuracy.max_memory = {limit}");
                     Error::invalid("method.cells", format!("[{q}, {v}]"), need)
                 }
-                _ => Error::Limit {
-                    key: "accuracy.max_memory",
-                    limit: bytes(limit),
-                    what: format!(
-                        "the {} stage would need {}",
-                        part.name(),
-                        bytes(cost.memory_bytes)
-                    ),
-                },
+                _ => Error::limit("accuracy.max_memory", limit, what),
             });
         }
         if let (Part::Transient, Some([q, v])) = (part, cost.cells) {
             let count = self.scene.outputs.density_at.list().len();
             let size = 8.0 * q as f64 * v as f64 * count as f64;
             if size > limit as f64 {
-                let accepted = format!(
-                    "densities that fit accuracy.max_memory = {}; these take {}",
-                    bytes(limit),
-                    bytes(size as u64)
-                );
-                return Err(Error::invalid(
-                    "outputs.density_at",
-                    format!("{count} times"),
-                    accepted,
-                ));
+                let (limit, size) = (bytes(limit), bytes(size as u64));
+                let accepted =
+                    format!("densities that fit accuracy.max_memory = {limit}; these take {size}");
+                let times = format!("{count} times");
+                return Err(Error::invalid("outputs.density_at", times, accepted));
             }
         }
         Ok(())
@@ -118,10 +100,8 @@ impl Plan {
                 },
                 _,
             ) if TIMES.iter().any(|it| key.starts_with(it)) => {
-                let value = match value.parse() {
-                    Ok(tau) => num(clock.time(tau)),
-                    Err(_) => value,
-                };
+                let tau = value.parse();
+                let value = tau.map_or(value, |tau| num(clock.time(tau)));
                 let accepted = format!(
                     "{accepted} (in dimensionless time, of which outputs.time_unit = \"{}\" is {})",
                     clock.unit().name(),
@@ -129,11 +109,7 @@ impl Plan {
                 );
                 Error::invalid(key, value, accepted)
             }
-            (Error::Limit { key, limit, what }, _) => Error::Limit {
-                key,
-                limit,
-                what: clock.retold(&what),
-            },
+            (Error::Limit { key, limit, what }, _) => Error::limit(key, limit, clock.retold(&what)),
             (error, _) => error,
         }
     }

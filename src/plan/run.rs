@@ -5,11 +5,10 @@ use super::joins::reached;
 use super::recipes::Recipe;
 use super::stage::{Part, Stage};
 use super::watch::{Nobody, Watch};
-use crate::budget::Limits;
-use crate::budget::StopFlag;
+use crate::budget::{Limits, StopFlag};
 use crate::error::{Error, Result};
 use crate::estimate::{Shortfall, Warning};
-use crate::fokker_planck::{self};
+use crate::fokker_planck;
 use crate::format::{num, seconds};
 use crate::results::in_unit::InUnit;
 use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
@@ -129,8 +128,8 @@ impl Plan {
                     _ => (&results.first_passage, &mut results.first_passage_paths),
                 };
                 // Paths alone are seen at even times.
-                let times = match solved {
-                    Some(solved) => self.dimensionless(&solved.times),
+                let times: Vec<f64> = match solved {
+                    Some(it) => it.times.iter().map(|t| clock.dimensionless(*t)).collect(),
                     None => (0..=16)
                         .map(|k| f64::from(k) / 16.0 * recipe.until)
                         .collect(),
@@ -233,11 +232,6 @@ impl Plan {
         Ok(())
     }
 
-    /// Times in the scene's unit as what is computed has them.
-    fn dimensionless(&self, times: &[f64]) -> Vec<f64> {
-        times.iter().map(|t| self.clock.dimensionless(*t)).collect()
-    }
-
     /// Run every stage; `watch` is told as it goes. A stage that finds no answer within the limits is a shortfall of the
     /// results, and the others are run.
     ///
@@ -251,9 +245,6 @@ impl Plan {
     }
 
     /// The same into `results`, which after an error hold the stages that have ended.
-    ///
-    /// # Errors
-    /// Those of [`Plan::run`].
     pub(crate) fn run_on(&self, results: &mut Results, watch: &dyn Watch) -> Result<()> {
         let start = Instant::now();
         let spent = || self.planning + start.elapsed().as_secs_f64();
@@ -270,11 +261,7 @@ impl Plan {
         watch: &dyn Watch,
         spent: &dyn Fn() -> f64,
     ) -> Result<()> {
-        let doubts = self.given.doubts();
-        results
-            .run
-            .warnings
-            .extend(doubts.into_iter().map(Warning::from));
+        results.warn(&self.given.doubts());
         let stop = watch.stop();
         let mut unanswered = None;
         for (k, (stage, recipe)) in self.stages.iter().zip(&self.recipes).enumerate() {
@@ -300,11 +287,10 @@ impl Plan {
                     watch.begins(part);
                     self.compute((part, recipe), results, share, (&progress, &stop))
                 }
-                _ => Err(Error::Limit {
-                    key: "accuracy.max_seconds",
-                    limit: num(limit),
-                    what: format!("the {} stage had not begun", part.name()),
-                }),
+                _ => {
+                    let what = format!("the {} stage had not begun", part.name());
+                    Err(Error::limit("accuracy.max_seconds", num(limit), what))
+                }
             };
             if stop.raised() {
                 let what = format!("the {} stage had not ended", part.name());
@@ -316,11 +302,10 @@ impl Plan {
                     key: key @ "accuracy.max_seconds",
                     limit: most,
                     what,
-                } if !late && share < 0.95 * limit => Error::Limit {
-                    key,
-                    limit: most,
-                    what: format!("{what}; other stages leave it {}", seconds(share)),
-                },
+                } if !late && share < 0.95 * limit => {
+                    let share = seconds(share);
+                    Error::limit(key, most, format!("{what}; other stages leave it {share}"))
+                }
                 other => other,
             });
             match computed {
@@ -344,22 +329,15 @@ impl Plan {
             if part.is_sampled() {
                 results.agreement = results.agree();
             }
-            results
-                .run
-                .stages
-                .push((part.name(), begin.elapsed().as_secs_f64()));
+            let took = begin.elapsed().as_secs_f64();
+            results.run.stages.push((part.name(), took));
             results.run.wall_seconds = spent();
             results.run.peak_memory_bytes = peak_memory();
-            let open = self.stages[k + 1..].iter();
-            let open = open.filter(|it| it.refusal.is_none());
-            let open: Vec<&str> = open.map(|it| it.part.name()).collect();
-            if open.is_empty() {
-                watch.ends(part, results)?;
-            } else {
-                results.run.warnings.push(unfinished(&open));
-                watch.ends(part, results)?;
-                results.run.warnings.pop();
-            }
+            let told = results.run.warnings.len();
+            let open = unfinished(&self.stages[k + 1..]);
+            results.run.warnings.extend(open);
+            watch.ends(part, results)?;
+            results.run.warnings.truncate(told);
         }
         match unanswered {
             Some(error) if results.run.stages.is_empty() => Err(error),
@@ -369,17 +347,9 @@ impl Plan {
 
     /// What is left to do after these results, as the warning that they then carry.
     pub(crate) fn left_after(&self, results: &Results) -> Option<Warning> {
-        let ended = |it: &Stage| {
-            results
-                .run
-                .stages
-                .iter()
-                .any(|(name, _)| *name == it.part.name())
-        };
-        let open = self.stages.iter();
-        let open = open.filter(|it| it.refusal.is_none() && !ended(it));
-        let open: Vec<&str> = open.map(|it| it.part.name()).collect();
-        (!open.is_empty()).then(|| unfinished(&open))
+        let stages = &results.run.stages;
+        let ended = |it: &&Stage| stages.iter().any(|(name, _)| *name == it.part.name());
+        unfinished(self.stages.iter().filter(|it| !ended(it)))
     }
 
     /// Run every stage, telling nobody.
@@ -392,8 +362,11 @@ impl Plan {
 }
 
 /// What results say while stages are still to come.
-fn unfinished(open: &[&str]) -> Warning {
-    Warning::from(format!("unfinished: {} had not ended yet", open.join(", ")))
+fn unfinished<'a>(open: impl IntoIterator<Item = &'a Stage>) -> Option<Warning> {
+    let open = open.into_iter().filter(|it| it.refusal.is_none());
+    let open: Vec<&str> = open.map(|it| it.part.name()).collect();
+    let text = format!("unfinished: {} had not ended yet", open.join(", "));
+    (!open.is_empty()).then(|| text.into())
 }
 
 /// Leave the numbers of these times only.

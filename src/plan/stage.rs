@@ -1,8 +1,7 @@
 //! One stage of a plan: which question it answers, for which outputs, and what it will cost.
 
 use crate::error::Error;
-use crate::fokker_planck::{self};
-use crate::monte_carlo::{self};
+use crate::{fokker_planck, monte_carlo};
 
 /// One part of a plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,11 +30,7 @@ pub struct Refusal {
 impl Refusal {
     /// As the error of a plan that has no other stage.
     pub fn error(&self) -> Error {
-        Error::Limit {
-            key: self.key,
-            limit: self.limit.clone(),
-            what: self.what.clone(),
-        }
+        Error::limit(self.key, &self.limit, &self.what)
     }
 }
 

@@ -155,7 +155,7 @@ impl Csv {
         self.numbers(head, kind, unit, curve.iter().copied().map(Some))
     }
 
-    /// The same in place.
+    /// The same as [`Self::numbers`] in place.
     pub(super) fn add(
         &mut self,
         head: &str,
@@ -201,14 +201,12 @@ impl Csv {
             format!("{} [{}]", it.head, spelled(unit))
         };
         let heads: Vec<String> = self.columns.iter().map(head).collect();
-        let mut text = heads.join(",");
-        text.push('\n');
+        let mut text = heads.join(",") + "\n";
         let rows = self.columns.iter().map(|it| it.values.len()).max();
         for k in 0..rows.unwrap_or(0) {
-            let value = |it: &Column| field(it.values.get(k).copied().unwrap_or(f64::NAN));
+            let value = |it: &Column| it.values.get(k).copied().map_or(String::new(), field);
             let values: Vec<String> = self.columns.iter().map(value).collect();
-            text += &values.join(",");
-            text.push('\n');
+            text += &(values.join(",") + "\n");
         }
         File::text(name, text)
     }
@@ -227,12 +225,10 @@ impl Rows {
         let rig = results.scene.rig;
         let mut text = format!("name,{},unit", heads.join(","));
         if rig.is_some() {
-            let si: Vec<String> = heads
-                .iter()
-                .flat_map(|it| it.split(','))
-                .map(|it| format!("{it} in SI units"))
-                .collect();
-            let _ = write!(text, ",{},SI unit", si.join(","));
+            for head in heads.iter().flat_map(|it| it.split(',')) {
+                let _ = write!(text, ",{head} in SI units");
+            }
+            text += ",SI unit";
         }
         text.push('\n');
         Self {

@@ -21,46 +21,42 @@ use std::io::Cursor;
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
 pub(super) fn stationary(results: &Results) -> Option<Vec<File>> {
     let (numbers, law) = (results.stationary.as_ref()?, results.law()?);
-    let mut table = Rows::of(results, &["value,error"]);
-    for (name, number) in numbers.iter() {
-        table.put(name, dimension(name), &[number]);
-    }
+    let table = rows(results, "value,error", numbers);
     let t = results.scene.oscillator.temperature();
-    let (low, high) = results
-        .contact()
-        .turning_points(18.0 * t)
-        .unwrap_or((0.0, 0.0));
-    let (bottom, top) = (results.contact().force(low), results.contact().force(high));
+    let contact = results.contact();
+    let (low, high) = contact.turning_points(18.0 * t).unwrap_or((0.0, 0.0));
+    let (bottom, top) = (contact.force(low), contact.force(high));
     let q = || grid(low, high);
     let force = || grid(bottom, top);
     let v = || grid(-6.0 * t.sqrt(), 6.0 * t.sqrt());
-    let by_q =
-        Csv::of(results)
-            .plain("q", "u", q())
-            .plain("p_q", "1/u", q().map(|q| law.density_q(q)));
+    let p_q = q().map(|q| law.density_q(q));
+    let by_q = Csv::of(results)
+        .plain("q", "u", q())
+        .plain("p_q", "1/u", p_q);
+    let p_force = force().map(|n| law.density_force(n));
+    let below = law.distribution_force(&force().collect::<Vec<_>>());
     let by_force = Csv::of(results)
         .plain("N", "F", force())
-        .plain(
-            "p_N without its Dirac mass",
-            "1/F",
-            force().map(|n| law.density_force(n)),
-        )
-        .plain(
-            "P(N <= this)",
-            "1",
-            law.distribution_force(&force().collect::<Vec<_>>()),
-        );
-    let by_v = Csv::of(results).plain("v", "u W", v()).plain(
-        "p_v",
-        "1/(u W)",
-        v().map(|v| law.density_v(v)),
-    );
+        .plain("p_N without its Dirac mass", "1/F", p_force)
+        .plain("P(N <= this)", "1", below);
+    let p_v = v().map(|v| law.density_v(v));
+    let by_v = Csv::of(results)
+        .plain("v", "u W", v())
+        .plain("p_v", "1/(u W)", p_v);
     Some(vec![
         table.file("stationary.csv"),
         by_q.file("stationary_q.csv"),
         by_v.file("stationary_v.csv"),
         by_force.file("stationary_force.csv"),
     ])
+}
+
+fn rows(results: &Results, heads: &str, numbers: &Numbers) -> Rows {
+    let mut table = Rows::of(results, &[heads]);
+    for (name, number) in numbers.iter() {
+        table.put(name, dimension(name), &[number]);
+    }
+    table
 }
 
 fn grid(low: f64, high: f64) -> impl Iterator<Item = f64> {
@@ -87,16 +83,12 @@ pub(super) fn with_moments(mut table: Csv, moments: &[Moments], kind: &str) -> C
 pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> {
     let mut files = Vec::new();
     if !it.times.is_empty() {
+        let entropy = it.relative_entropy.clone();
         let table = moments_csv(results, &it.times, &it.moments, "error")
             .curve("mass", "error", "1", &it.mass)
             .curve("lowest_density", "error", "1", &it.lowest_density)
             .curve("negative_mass", "error", "1", &it.negative_mass)
-            .numbers(
-                "relative_entropy",
-                "error",
-                "1",
-                it.relative_entropy.clone(),
-            )
+            .numbers("relative_entropy", "error", "1", entropy)
             .numbers("l1_distance", "error", "1", it.distance.clone());
         files.push(table.file("moments.csv"));
     }
@@ -111,27 +103,21 @@ pub(super) fn steady(results: &Results, it: &Steady) -> Result<Vec<File>> {
     let rig = results.scene.rig.as_ref();
     let mut files = vec![density("steady.npz".into(), &it.density, rig)?];
     if !it.approach.is_empty() {
-        let table = Csv::of(results)
-            .plain("t", "1/W", it.approach.iter().map(|it| it.0))
-            .plain(
-                "L1 distance to the closed form",
-                "1",
-                it.approach.iter().map(|it| it.1),
-            );
+        let (times, distances): (Vec<f64>, Vec<f64>) = it.approach.iter().copied().unzip();
+        let head = "L1 distance to the closed form";
+        let table = Csv::of(results).plain("t", "1/W", times);
+        let table = table.plain(head, "1", distances);
         files.push(table.file("approach.csv"));
     }
     Ok(files)
 }
 
 pub(super) fn decay_rates(results: &Results, it: &DecayRates) -> Vec<File> {
+    let errors = it.rates.iter().map(|it| it.error);
     let table = Csv::of(results)
         .plain("re", "W", it.rates.iter().map(|it| it.re))
         .plain("im", "W", it.rates.iter().map(|it| it.im))
-        .plain(
-            "error of re + i im",
-            "W",
-            it.rates.iter().map(|it| it.error),
-        );
+        .plain("error of re + i im", "W", errors);
     vec![table.file("decay_rates.csv")]
 }
 
@@ -143,10 +129,7 @@ pub(super) fn monte_carlo(results: &Results, it: &EnsembleResult) -> Vec<File> {
 /// Files of the long records: their stationary numbers, and p_q, p_v, p_N as histograms.
 pub(super) fn records(results: &Results) -> Option<Vec<File>> {
     let (it, numbers) = (results.records.as_ref()?, results.sampled_stationary()?);
-    let mut table = Rows::of(results, &["value,standard error"]);
-    for (name, number) in numbers.iter() {
-        table.put(name, dimension(name), &[number]);
-    }
+    let table = rows(results, "value,standard error", &numbers);
     let histogram = |file, name, units, of| histogram(results, file, (name, units), of);
     let mut files = vec![
         table.file("records.csv"),
@@ -190,7 +173,7 @@ pub(super) fn crossings(results: &Results, numbers: &Numbers) -> Vec<File> {
 /// Files of the spectrum: as a table and as arrays.
 pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<File>> {
     let force = it.solved.quantity == Quantity::Force;
-    let [unit, unit_of_magnitude] = if force {
+    let [unit, of_magnitude] = if force {
         ["F^2/W", "F"]
     } else {
         ["u^2/W", "u"]
@@ -214,12 +197,8 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
     let table = Csv::of(results).bare("omega", "W", omega).circular();
     let mut table = densities(table, "omega", unit, 1.0);
     if let Some(it) = &it.sampled {
-        let magnitude = it.magnitude.iter().copied();
-        table = table.plain(
-            "RMS magnitude sqrt(G x 1.5 bins)",
-            unit_of_magnitude,
-            magnitude,
-        );
+        let (head, magnitude) = ("RMS magnitude sqrt(G x 1.5 bins)", it.magnitude.clone());
+        table = table.plain(head, of_magnitude, magnitude);
     }
     let per_hertz = results.scene.rig.map(|rig| {
         if force {
@@ -230,12 +209,8 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
     });
     if let Some((unit, scale, rig)) = &per_hertz {
         let frequency = it.solved.omega.iter().map(|w| rig.hertz(*w)).collect();
-        table = densities(
-            table.bare("frequency", "Hz", frequency),
-            "frequency",
-            unit,
-            *scale,
-        );
+        let table_in_hertz = table.bare("frequency", "Hz", frequency);
+        table = densities(table_in_hertz, "frequency", unit, *scale);
     }
     let values = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.value));
     let errors = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.error));
@@ -265,9 +240,8 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
         arrays.push((names[1], errors(&it.solved.density) * *scale));
     }
     let arrays = packed("spectrum.npz".into(), |npz| {
-        arrays
-            .iter()
-            .try_for_each(|(name, array)| npz.add_array(*name, array))
+        let mut arrays = arrays.iter();
+        arrays.try_for_each(|(name, array)| npz.add_array(*name, array))
     })?;
     Ok(vec![table.file("spectrum.csv"), arrays])
 }
@@ -323,9 +297,8 @@ pub fn tables(
         for (name, axis) in axes {
             npz.add_array(*name, &Array1::from(axis.clone()))?;
         }
-        tables
-            .iter()
-            .try_for_each(|(name, table)| npz.add_array(name.as_str(), table))
+        let mut tables = tables.iter();
+        tables.try_for_each(|(name, table)| npz.add_array(name.as_str(), table))
     })
 }
 

@@ -19,20 +19,11 @@ pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
         ("mean_v", &it.mean_v),
         ("mean_force", &it.mean_force),
     ] {
+        let (head, unit) = (format!("amplitude of {name}"), dimension(name));
         let amplitudes = all.iter().map(|it| Some(it.amplitude));
-        harmonics.add(
-            &format!("amplitude of {name}"),
-            "error",
-            dimension(name),
-            amplitudes,
-        );
-        let phases = all.iter().map(|it| Some(it.phase));
-        harmonics.add(
-            &format!("phase of {name} against cos(W t)"),
-            "error",
-            "rad",
-            phases,
-        );
+        harmonics.add(&head, "error", unit, amplitudes);
+        let head = format!("phase of {name} against cos(W t)");
+        harmonics.add(&head, "error", "rad", all.iter().map(|it| Some(it.phase)));
     }
     let multipliers = Csv::of(results)
         .plain("re", "1", it.multipliers.iter().map(|it| it.re))
@@ -70,22 +61,11 @@ pub(super) fn response(results: &Results, it: &Response) -> Vec<File> {
     }
     add("modulus of the slowest multiplier", "1", &it.multiplier);
     for (way, sweep) in ["up", "down"].into_iter().zip(it.sweeps.iter().flatten()) {
-        add(
-            &format!("first harmonic of E[q], sweep {way}"),
-            "u",
-            &sweep.mean_q_1,
-        );
-        add(
-            &format!("first harmonic of E[N], sweep {way}"),
-            "F",
-            &sweep.mean_force_1,
-        );
+        let mut add = |name: &str, unit, curve| add(&format!("{name}, sweep {way}"), unit, curve);
+        add("first harmonic of E[q]", "u", &sweep.mean_q_1);
+        add("first harmonic of E[N]", "F", &sweep.mean_force_1);
         if let Some(lost) = &sweep.contact_loss_probability {
-            add(
-                &format!("P(loss) averaged over the phase, sweep {way}"),
-                "1",
-                lost,
-            );
+            add("P(loss) averaged over the phase", "1", lost);
         }
     }
     if let Some(rig) = &results.scene.rig {

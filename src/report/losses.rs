@@ -30,17 +30,13 @@ pub(super) fn survival(
     }
     let mut numbers = vec![("mean_time", it.mean_time), ("rate", it.rate)];
     numbers.retain(|it| !it.1.value.is_nan());
-    let arrays = arrays(
-        &format!("{name}.npz"),
-        results,
-        &it.times,
-        &[
-            ("survival", &it.survival),
-            ("lost", &it.lost),
-            ("density", &it.density),
-        ],
-        &numbers,
-    )?;
+    let curves: [(&str, &[Estimate]); 3] = [
+        ("survival", &it.survival),
+        ("lost", &it.lost),
+        ("density", &it.density),
+    ];
+    let npz = format!("{name}.npz");
+    let arrays = arrays(&npz, results, &it.times, &curves, &numbers)?;
     Ok(vec![table.file(&format!("{name}.csv")), arrays])
 }
 
@@ -49,13 +45,8 @@ pub(super) fn flights(results: &Results, it: &FlightLaw) -> Result<Vec<File>> {
     let table = Csv::of(results)
         .plain("flight time", "1/W", it.times.iter().copied())
         .curve("density", "error", "W", &it.density);
-    let arrays = arrays(
-        "flight_law.npz",
-        results,
-        &it.times,
-        &[("density", &it.density)],
-        &[],
-    )?;
+    let curves: [(&str, &[Estimate]); 1] = [("density", &it.density)];
+    let arrays = arrays("flight_law.npz", results, &it.times, &curves, &[])?;
     Ok(vec![table.file("flight_law.csv"), arrays])
 }
 
@@ -76,28 +67,16 @@ pub(super) fn impacts(results: &Results) -> Result<Vec<File>> {
         let (forces, density) = (&it.forces, &it.force_density);
         files.push(curve("impact_force.csv", force, "1/F", forces, density));
         let axes = [("t", it.times.clone()), ("speed", it.speeds.clone())];
-        files.push(joint(
-            "impacts.npz",
-            &axes,
-            [it.times.len(), it.speeds.len()],
-            &it.density,
-        )?);
+        let shape = [it.times.len(), it.speeds.len()];
+        files.push(joint("impacts.npz", &axes, shape, &it.density)?);
     }
-    if let Some((seen, _)) = results
-        .sampled_crossings()
-        .filter(|(it, _)| it.mean_flight.value.is_finite())
-    {
-        let it = &seen.impacts;
-        files.push(histogram(
-            results,
-            "impacts_seen.csv",
-            ("speed", ["u W", "1/(u W)"]),
-            &seen.impact_speed,
-        ));
-        let axes = [
-            ("t_edges", it.times.clone()),
-            ("speed_edges", it.speeds.clone()),
-        ];
+    let seen = results.sampled_crossings().map(|(seen, _)| seen);
+    if let Some(seen) = seen.filter(|it| it.mean_flight.value.is_finite()) {
+        let (it, speed) = (&seen.impacts, ("speed", ["u W", "1/(u W)"]));
+        let bins = &seen.impact_speed;
+        files.push(histogram(results, "impacts_seen.csv", speed, bins));
+        let (times, speeds) = (it.times.clone(), it.speeds.clone());
+        let axes = [("t_edges", times), ("speed_edges", speeds)];
         let shape = [it.times.len() - 1, it.speeds.len() - 1];
         files.push(joint("impacts_seen.npz", &axes, shape, &it.density)?);
     }

@@ -31,10 +31,8 @@ pub(super) fn content(results: &Results, pictures: &[(File, &str)]) -> String {
     for (file, words) in pictures {
         let svg = String::from_utf8_lossy(&file.bytes);
         let name = escaped(&file.name);
-        let _ = writeln!(
-            page,
-            "<figure>{svg}<figcaption>{words} ({name})</figcaption></figure>"
-        );
+        let caption = format!("<figcaption>{words} ({name})</figcaption>");
+        let _ = writeln!(page, "<figure>{svg}{caption}</figure>");
     }
     page
 }

@@ -6,7 +6,7 @@ mod table;
 
 use super::html::escaped;
 use crate::clock::TimeUnit;
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Origin};
 use crate::format::{brief, cell, seconds, spread};
 use crate::initial::Initial;
 use crate::moments::{Entry, Moment};
@@ -62,11 +62,8 @@ pub(super) fn summary(results: &Results) -> String {
         let _ = write!(text, " At t = {}{}, {from}", brief(*t), unit(results));
         match moments.get(Moment::ContactLossProbability) {
             Some(lost) => {
-                let _ = write!(
-                    text,
-                    ", contact is lost with probability {}.",
-                    share(lost.value)
-                );
+                let share = share(lost.value);
+                let _ = write!(text, ", contact is lost with probability {share}.");
             }
             None => match moments.get(Moment::MeanEnergy) {
                 Some(it) => {
@@ -79,22 +76,19 @@ pub(super) fn summary(results: &Results) -> String {
     if let (Some(it), Some(asked)) = (&results.reach, results.scene.outputs.reach)
         && let Some(t) = it.t
     {
+        let (symbol, part) = (asked.quantity.entry().symbol, brief(asked.fraction));
+        let t = cell(Some(t)) + unit(results);
         let _ = write!(
             text,
-            " {} reaches {} of its stationary value at t = {}{}.",
-            asked.quantity.entry().symbol,
-            brief(asked.fraction),
-            cell(Some(t)),
-            unit(results)
+            " {symbol} reaches {part} of its stationary value at t = {t}."
         );
     }
     let first = results.first_loss.as_ref();
     if let Some(it) = first.filter(|it| it.mean_time.value.is_finite()) {
+        let time = cell(Some(it.mean_time)) + unit(results);
         let _ = write!(
             text,
-            " The first passage to contact loss takes {}{} in the mean.",
-            cell(Some(it.mean_time)),
-            unit(results)
+            " The first passage to contact loss takes {time} in the mean."
         );
     }
     if let Some(it) = &results.agreement {
@@ -181,12 +175,10 @@ fn physical(results: &Results) -> Option<String> {
         };
         table.put([words.to_owned(), value, shown(seen), unit.to_owned()]);
     }
-    Some(table.html(&format!(
-        "On the rig: {} N, {} Hz, {} \u{b5}m",
-        brief(rig.static_load()),
-        brief(rig.frequency()),
-        brief(crate::format::rounded(rig.static_compression() * 1e6, 6))
-    )))
+    let (load, frequency) = (brief(rig.static_load()), brief(rig.frequency()));
+    let micrometres = brief(crate::format::rounded(rig.static_compression() * 1e6, 6));
+    let title = format!("On the rig: {load} N, {frequency} Hz, {micrometres} \u{b5}m");
+    Some(table.html(&title))
 }
 
 fn stationary(results: &Results) -> String {
@@ -239,7 +231,10 @@ fn crossings(results: &Results) -> Option<String> {
 fn spectrum(results: &Results) -> Option<String> {
     let it = results.spectrum.as_ref()?;
     let rig = results.scene.rig;
-    let hertz = |x: Option<Estimate>| shown(rig.zip(x).map(|(rig, x)| x.scaled(rig.hertz(1.0))));
+    let hertz = |x| {
+        rig.zip(x)
+            .map(|(rig, x): (_, Estimate)| x.scaled(rig.hertz(1.0)))
+    };
     let mut table = Table::of([
         "",
         "frequency, Hz",
@@ -249,14 +244,9 @@ fn spectrum(results: &Results) -> Option<String> {
         "one-sided density",
     ]);
     for (k, peak) in it.peaks.iter().take(4).enumerate() {
-        table.put([
-            format!("peak {}", k + 1),
-            hertz(Some(peak.omega)),
-            hertz(peak.width),
-            shown(Some(peak.omega)),
-            shown(peak.width),
-            shown(Some(peak.density)),
-        ]);
+        let (omega, width) = (Some(peak.omega), peak.width);
+        let numbers = [hertz(omega), hertz(width), omega, width, Some(peak.density)];
+        table.numbers(format!("peak {}", k + 1), numbers);
     }
     Some(table.html(&format!("Spectrum of the {}", it.solved.quantity.name())))
 }
@@ -265,24 +255,12 @@ fn eigenvalues(results: &Results) -> Option<String> {
     let it = results.decay_rates.as_ref()?;
     let mut table = Table::of(["", "real part", "imaginary part", "relaxation time"]);
     for (k, rate) in it.rates.iter().enumerate() {
-        let part = |value: f64| Estimate {
-            value,
-            error: rate.error,
-            ..Estimate::default()
-        };
-        let re = part(rate.re);
-        let time = Estimate {
-            value: -1.0 / rate.re,
-            error: rate.error / rate.re.powi(2),
-            ..re
-        };
-        let im = (rate.im != 0.0).then(|| format!("\u{b1}{}", cell(Some(part(rate.im)))));
-        table.put([
-            (k + 1).to_string(),
-            shown(Some(re)),
-            im.unwrap_or_default(),
-            shown(Some(time)),
-        ]);
+        let number =
+            |value: f64, error: f64| shown(Some(Estimate::new(value, error, Origin::Space)));
+        let re = number(rate.re, rate.error);
+        let im = (rate.im != 0.0).then(|| format!("\u{b1}{}", number(rate.im, rate.error)));
+        let time = number(-1.0 / rate.re, rate.error / rate.re.powi(2));
+        table.put([(k + 1).to_string(), re, im.unwrap_or_default(), time]);
     }
     Some(table.html("Slowest eigenvalues of the Fokker-Planck operator"))
 }
@@ -300,14 +278,14 @@ fn course(results: &Results) -> Option<String> {
             };
             let b = there.and_then(|it| it.get(*moment));
             let z = b.and_then(|b| distance(a, b));
-            let time = format!("{}{}", brief(t), unit(results));
-            table.put([
-                if n == 0 { time } else { String::new() },
-                moment.entry().symbol.to_owned(),
-                shown(Some(a)),
-                shown(b),
-                z.map_or(String::new(), |z| format!("{z:.1}")),
-            ]);
+            let time = if n == 0 {
+                brief(t) + unit(results)
+            } else {
+                String::new()
+            };
+            let z = z.map_or(String::new(), |z| format!("{z:.1}"));
+            let symbol = moment.entry().symbol.to_owned();
+            table.put([time, symbol, shown(Some(a)), shown(b), z]);
         }
     }
     Some(table.html("On the path to the stationary motion"))

@@ -12,7 +12,7 @@ pub(crate) use layout::wrap;
 pub use plan::plan;
 
 use crate::clock::TimeUnit;
-use crate::format::{brief, bytes, seconds};
+use crate::format::{brief, bytes, many, seconds};
 use crate::results::Results;
 use course::{course, deterministic, reach, spectrum};
 use driven::{periodic, response};
@@ -47,12 +47,8 @@ pub fn table(results: &Results, colour: bool) -> String {
 fn head(table: &mut Table, results: &Results) {
     let oscillator = &results.scene.oscillator;
     let title: String = results.scene.title.chars().take(50).collect();
-    let name = format!("vibroimpact {}: {title}", env!("CARGO_PKG_VERSION"));
-    if table.colour {
-        table.line(format!("\u{1b}[1m{name}\u{1b}[0m"));
-    } else {
-        table.line(name);
-    }
+    let version = env!("CARGO_PKG_VERSION");
+    table.bold(&format!("vibroimpact {version}: {title}"));
     let text = format!(
         "{} contact, {}damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
          T\u{a0}=\u{a0}{:.6}",
@@ -68,10 +64,8 @@ fn head(table: &mut Table, results: &Results) {
         TimeUnit::Period => "Times in periods 2 pi/Omega, rates per period, all else dimensionless",
         TimeUnit::Second => "Times in seconds, rates per second, all else dimensionless",
     };
-    table.paragraph(
-        "",
-        &format!("{text}; each number is printed with its error (\"value ± error\")."),
-    );
+    let text = format!("{text}; each number is printed with its error (\"value ± error\").");
+    table.paragraph("", &text);
 }
 
 fn agreement(table: &mut Table, results: &Results) {
@@ -90,36 +84,22 @@ fn agreement(table: &mut Table, results: &Results) {
 
 fn foot(table: &mut Table, results: &Results) {
     let run = &results.run;
-    let stages: Vec<String> = run
-        .stages
-        .iter()
-        .map(|(name, time)| format!("{name} {}", seconds(*time)))
-        .collect();
-    let memory = run
-        .peak_memory_bytes
-        .map_or(String::new(), |it| format!(", {}", bytes(it)));
-    let threads = if run.threads == 1 {
-        "thread"
-    } else {
-        "threads"
-    };
-    let text = format!(
-        "{} in all ({}; {} {threads}{memory})",
-        seconds(run.wall_seconds),
-        stages.join(", "),
-        run.threads
-    );
+    let stages = run.stages.iter();
+    let stages = stages.map(|(name, time)| format!("{name} {}", seconds(*time)));
+    let stages = stages.collect::<Vec<_>>().join(", ");
+    let memory = run.peak_memory_bytes.map(|it| format!(", {}", bytes(it)));
+    let memory = memory.unwrap_or_default();
+    let all = seconds(run.wall_seconds);
+    let threads = many(run.threads as u64, "thread");
+    let text = format!("{all} in all ({stages}; {threads}{memory})");
     table.line("");
     table.paragraph("time: ", &text);
     if results.falls_short() {
         let free = results.shortfalls.iter().filter(|(_, it)| it.free);
         let (none, short): (Vec<_>, Vec<_>) = free.partition(|(_, it)| it.number.is_empty());
+        let stand = "; the numbers stand with their errors";
         for (all, title, end) in [
-            (
-                short,
-                "TOLERANCE NOT REACHED: ",
-                "; the numbers stand with their errors",
-            ),
+            (short, "TOLERANCE NOT REACHED: ", stand),
             (none, "NO ANSWER: ", ""),
         ] {
             let stages: Vec<&str> = all.iter().map(|it| it.0).collect();

@@ -143,10 +143,8 @@ impl InUnit for FirstLossResult {
 
 impl InUnit for RecordResult {
     fn put_in(&mut self, clock: &Clock) {
-        times(
-            [&mut self.batch_length, &mut self.duration, &mut self.step],
-            clock,
-        );
+        let step = &mut self.step;
+        times([&mut self.batch_length, &mut self.duration, step], clock);
         if let Some(it) = &mut self.crossings {
             times([&mut it.time], clock);
             rates([&mut it.loss_rate], clock);

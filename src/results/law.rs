@@ -72,10 +72,8 @@ impl Law {
     pub(crate) fn distribution_force(&self, forces: &[f64]) -> Vec<f64> {
         let (contact, law) = match self {
             Self::ClosedForm(law) => {
-                return forces
-                    .iter()
-                    .map(|it| law.distribution_force(*it))
-                    .collect();
+                let below = forces.iter().map(|it| law.distribution_force(*it));
+                return below.collect();
             }
             Self::Solved { contact, law } => (contact, law),
         };

@@ -44,22 +44,14 @@ impl Numbers {
     /// All numbers of a stationary law.
     pub(crate) fn stationary(law: &Stationary) -> Self {
         let logarithm = law.log10_contact_loss_probability();
-        Self::law(
-            &law.moments(),
-            logarithm,
-            law.loss_rate(),
-            law.mean_flight(),
-        )
+        let (rate, flight) = (law.loss_rate(), law.mean_flight());
+        Self::law(&law.moments(), logarithm, rate, flight)
     }
 
     /// All numbers of a law that was solved for.
     pub(crate) fn solved(law: &SolvedLaw) -> Self {
-        Self::law(
-            &law.moments,
-            law.log10_contact_loss_probability(),
-            law.loss_rate,
-            law.mean_flight,
-        )
+        let logarithm = law.log10_contact_loss_probability();
+        Self::law(&law.moments, logarithm, law.loss_rate, law.mean_flight)
     }
 
     /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
@@ -68,12 +60,8 @@ impl Numbers {
         let logarithm = moments.contact_loss_probability.map(log10);
         let crossings = it.crossings.as_ref();
         let flight = crossings.map(|it| it.mean_flight);
-        Self::law(
-            moments,
-            logarithm.and_then(happened),
-            crossings.map(|it| it.loss_rate),
-            flight.and_then(happened),
-        )
+        let (rate, flight) = (crossings.map(|it| it.loss_rate), flight.and_then(happened));
+        Self::law(moments, logarithm.and_then(happened), rate, flight)
     }
 
     fn law(
@@ -95,41 +83,30 @@ impl Numbers {
 
     /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
     pub(crate) fn crossings(law: &Stationary, time: f64) -> Self {
-        Self {
-            named: vec![
-                ("loss_rate", law.loss_rate()),
-                ("losses_in_window", law.losses_in(time)),
-                ("mean_flight", law.mean_flight()),
-                ("mean_impact_speed", law.mean_impact_speed()),
-            ],
-            lost_share: law.contact_loss_probability(),
-        }
+        let window = law.losses_in(time);
+        let (flight, speed) = (law.mean_flight(), law.mean_impact_speed());
+        let lost = law.contact_loss_probability();
+        Self::losses([law.loss_rate(), window, flight, speed], lost)
     }
 
     /// Losses of contact by the flux through the loss point of a law that was solved for.
     pub(crate) fn flux(law: &SolvedLaw, time: f64) -> Self {
-        Self {
-            named: vec![
-                ("loss_rate", law.loss_rate),
-                ("losses_in_window", law.losses_in(time)),
-                ("mean_flight", law.mean_flight),
-                ("mean_impact_speed", law.mean_impact_speed),
-            ],
-            lost_share: law.moments.contact_loss_probability,
-        }
+        let window = law.losses_in(time);
+        let (flight, speed) = (law.mean_flight, law.mean_impact_speed);
+        let lost = law.moments.contact_loss_probability;
+        Self::losses([law.loss_rate, window, flight, speed], lost)
     }
 
     /// Losses of contact as seen in long records.
     pub(crate) fn seen(it: &Crossings, time: f64) -> Self {
-        Self {
-            named: vec![
-                ("loss_rate", Some(it.loss_rate)),
-                ("losses_in_window", Some(it.losses_in(time))),
-                ("mean_flight", happened(it.mean_flight)),
-                ("mean_impact_speed", happened(it.mean_impact_speed)),
-            ],
-            lost_share: Some(it.lost_share),
-        }
+        let (rate, window) = (Some(it.loss_rate), Some(it.losses_in(time)));
+        let (flight, speed) = (happened(it.mean_flight), happened(it.mean_impact_speed));
+        Self::losses([rate, window, flight, speed], Some(it.lost_share))
+    }
+
+    fn losses(numbers: [Option<Estimate>; 4], lost_share: Option<Estimate>) -> Self {
+        let named = Crossings::NAMES.into_iter().zip(numbers).collect();
+        Self { named, lost_share }
     }
 
     /// Name and number, in the order of results.json; None for a number that does not exist.

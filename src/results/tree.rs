@@ -2,9 +2,7 @@
 
 use super::{Numbers, Results, SpectrumNumbers, centres};
 use crate::estimate::Estimate;
-use crate::fokker_planck::{
-    FirstLoss, Harmonic, MetastableLaw, Periodic, Response, Sweep, Transient,
-};
+use crate::fokker_planck::{FirstLoss, MetastableLaw, Periodic, Response, Sweep, Transient};
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{Crossings, FirstLossResult};
 use crate::rig::Rig;
@@ -53,16 +51,10 @@ impl Results {
             physics["back_wall"] = json!(wall);
         }
         put("oscillator", Some(physics));
-        let stationary = self.stationary.as_ref();
-        put(
-            "stationary",
-            stationary.map(|it| numbers(&mut it.iter()).into()),
-        );
-        let crossings = self.crossings.as_ref();
-        put(
-            "crossings",
-            crossings.map(|it| self.crossing_tree(it, None)),
-        );
+        let law = self.stationary.as_ref();
+        put("stationary", law.map(|it| numbers(&mut it.iter()).into()));
+        let losses = self.crossings.as_ref();
+        put("crossings", losses.map(|it| self.crossing_tree(it, None)));
         put("first_loss", self.first_loss.as_ref().map(first_loss));
         let asked = self.scene.outputs.first_passage;
         let passage = self.first_passage.as_ref().zip(asked).map(|(it, asked)| {
@@ -86,11 +78,8 @@ impl Results {
         put("decay_rates", rates.map(|it| json!(it.rates)));
         put("continuous_from", rates.map(|it| json!(it.continuous_from)));
         put("spectrum", self.spectrum.as_ref().map(spectrum));
-        let sampled = self.sampled_tree();
-        put(
-            "monte_carlo",
-            (!sampled.is_empty()).then_some(sampled.into()),
-        );
+        let sampled = Some(self.sampled_tree()).filter(|it| !it.is_empty());
+        put("monte_carlo", sampled.map(Value::from));
         put("agreement", self.agreement.map(|it| json!(it)));
         put("rig", self.scene.rig.map(|rig| self.rig_tree(&rig)));
         let stages = self.run.stages.iter();
@@ -122,14 +111,15 @@ impl Results {
         let (paths, seed) = (settings.map(|it| it.paths), settings.map(|it| it.seed));
         let mut all = Map::new();
         if let Some(it) = &self.monte_carlo {
-            let mut transient = moments(&it.times, &it.moments);
+            let mut transient = over("t", &it.times, &it.moments);
             // Names of the density on the mesh that paths have no number for.
-            for name in [
+            let names = [
                 "mass",
                 "lowest_density",
                 "negative_mass",
                 "relative_entropy",
-            ] {
+            ];
+            for name in names {
                 transient.insert(name.into(), curve(it.times.iter().map(|_| None)));
             }
             let method = json!({
@@ -215,17 +205,11 @@ impl Results {
         };
         let mut all = object(self.physical(rig));
         if self.records.is_some() {
-            all.insert(
-                "monte_carlo".into(),
-                object(self.physical_sampled(rig)).into(),
-            );
+            let sampled = object(self.physical_sampled(rig));
+            all.insert("monte_carlo".into(), sampled.into());
         }
         all.into()
     }
-}
-
-fn moments(times: &[f64], all: &[Moments]) -> Map<String, Value> {
-    over("t", times, all)
 }
 
 /// Moments as curves over an axis.
@@ -240,15 +224,13 @@ fn over(name: &str, axis: &[f64], all: &[Moments]) -> Map<String, Value> {
 }
 
 fn transient(it: &Transient) -> Value {
-    let mut all = moments(&it.times, &it.moments);
+    let mut all = over("t", &it.times, &it.moments);
+    let entropy = curve(it.relative_entropy.iter().copied());
     for (name, points) in [
         ("mass", full_curve(&it.mass)),
         ("lowest_density", full_curve(&it.lowest_density)),
         ("negative_mass", full_curve(&it.negative_mass)),
-        (
-            "relative_entropy",
-            curve(it.relative_entropy.iter().copied()),
-        ),
+        ("relative_entropy", entropy),
         ("l1_distance", curve(it.distance.iter().copied())),
         ("method", json!(it.method)),
     ] {
@@ -259,23 +241,14 @@ fn transient(it: &Transient) -> Value {
 
 fn periodic(it: &Periodic) -> Value {
     let mut all = over("phase", &it.phase, &it.moments);
-    let list = |all: &[Harmonic]| json!(all);
-    let harmonics = json!({
-        "mean_q": list(&it.mean_q),
-        "mean_v": list(&it.mean_v),
-        "mean_force": list(&it.mean_force),
-    });
+    let harmonics =
+        json!({ "mean_q": it.mean_q, "mean_v": it.mean_v, "mean_force": it.mean_force });
+    let laws = it.metastable.as_ref();
+    let laws = laws.map(|it| it.each_ref().map(metastable));
     for (name, value) in [
         ("harmonics", harmonics),
         ("multipliers", json!(it.multipliers)),
-        (
-            "metastable",
-            json!(
-                it.metastable
-                    .as_ref()
-                    .map(|it| it.each_ref().map(metastable))
-            ),
-        ),
+        ("metastable", json!(laws)),
         ("residual", json!(it.residual)),
         ("method", json!(it.method)),
     ] {
@@ -288,7 +261,7 @@ fn metastable(it: &MetastableLaw) -> Value {
     json!({
         "probability": it.probability,
         "harmonics": {"mean_q": it.mean_q, "mean_force": it.mean_force},
-        "contact_loss_probability": it.contact_loss_probability.map(known),
+        "contact_loss_probability": it.contact_loss_probability,
     })
 }
 
@@ -322,16 +295,11 @@ fn first_loss(it: &FirstLoss) -> Value {
         "survival": full_curve(&it.survival),
         "lost": full_curve(&it.lost),
         "density": full_curve(&it.density),
-        "mean_time": known(it.mean_time),
-        "rate": known(it.rate),
-        "rate_over_rice": known(it.rate_over_rice),
+        "mean_time": it.mean_time,
+        "rate": it.rate,
+        "rate_over_rice": it.rate_over_rice,
         "method": it.method,
     })
-}
-
-/// A number that there is.
-fn known(it: Estimate) -> Option<Estimate> {
-    (!it.value.is_nan()).then_some(it)
 }
 
 fn sampled_first_loss(it: &FirstLossResult, paths: Option<u64>) -> Value {

@@ -175,12 +175,8 @@ impl Scene {
         let (contact, t) = (self.oscillator.contact(), self.oscillator.temperature());
         let holds = (contact.potential(it.level) / t).is_finite();
         let accepted = "a level whose potential energy is within reach of a double";
-        require(
-            holds,
-            "outputs.first_passage.level",
-            num(it.level),
-            accepted,
-        )?;
+        let (key, level) = ("outputs.first_passage.level", num(it.level));
+        require(holds, key, level, accepted)?;
         if !contact.is_confining() {
             let value = format!("{{ level = {} }}", num(it.level));
             return Err(self.no_law("outputs.first_passage", &value));
@@ -228,9 +224,8 @@ impl Scene {
                             first_passage, periodic and response know it; stationary is the law without it";
             return Err(Error::invalid(key, value, accepted));
         }
-        let phases = outputs
-            .periodic
-            .map(|phases| ("outputs.periodic", format!("{{ phases = {phases} }}")));
+        let phases = outputs.periodic.map(|it| format!("{{ phases = {it} }}"));
+        let phases = phases.map(|phases| ("outputs.periodic", phases));
         let response = outputs.response.map(|it| {
             let points = format!("{{ from = {}, to = {}, .. }}", num(it.from), num(it.to));
             ("outputs.response", points)
@@ -297,12 +292,8 @@ impl Scene {
             require(holds, "monte_carlo.scheme", given, accepted)?;
             let duration = it.duration.map_or(String::new(), num);
             let accepted = "without [excitation]: under it no long record is stationary";
-            require(
-                it.duration.is_none(),
-                "monte_carlo.duration",
-                duration,
-                accepted,
-            )?;
+            let none = it.duration.is_none();
+            require(none, "monte_carlo.duration", duration, accepted)?;
             let first = self.outputs.first_loss.is_some() || self.outputs.first_passage.is_some();
             let asked = first || !self.outputs.moments_at.is_empty();
             let accepted = "at least one time: [monte_carlo] without moments_at is for stationary records, and \
@@ -362,24 +353,22 @@ impl Scene {
         if let Some(rig) = &self.rig {
             let (z, mass) = (rig.static_compression(), rig.mass());
             if z > 1e-3 {
+                let (z, mm) = (brief(z), brief(rounded(z * 1e3, 4)));
                 doubts.push(format!(
-                    "rig.static_compression = {} is in metres, {} mm; 3.5 um would be 3.5e-6",
-                    brief(z),
-                    brief(rounded(z * 1e3, 4))
+                    "rig.static_compression = {z} is in metres, {mm} mm; 3.5 um would be 3.5e-6"
                 ));
             }
             if !(1e-6..=1e5).contains(&mass) {
+                let mass = brief(rounded(mass, 3));
                 doubts.push(format!(
-                    "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {} kg",
-                    brief(rounded(mass, 3))
+                    "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {mass} kg"
                 ));
             }
             let zeta = self.oscillator.zeta();
             if zeta > 0.2 {
+                let (zeta, share) = (brief(zeta), brief(rounded(100.0 * zeta, 4)));
                 doubts.push(format!(
-                    "oscillator.zeta = {} is {} %; 0.8 % would be 0.008",
-                    brief(zeta),
-                    brief(rounded(100.0 * zeta, 4))
+                    "oscillator.zeta = {zeta} is {share} %; 0.8 % would be 0.008"
                 ));
             }
             let last = outputs.moments_at.last().max(outputs.density_at.last());
@@ -392,9 +381,8 @@ impl Scene {
             }
         }
         if self.initial != Initial::Rest && !self.begins_somewhere() {
-            doubts.push(
-                "initial: nothing that is asked for depends on the initial condition".to_owned(),
-            );
+            let doubt = "initial: nothing that is asked for depends on the initial condition";
+            doubts.push(doubt.to_owned());
         }
         doubts
     }

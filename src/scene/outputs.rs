@@ -78,30 +78,22 @@ impl Outputs {
 
     /// The outputs that need a law that does not change, as keys with what stands under them.
     pub(super) fn stationary_questions(&self) -> impl Iterator<Item = (&'static str, String)> {
-        [
+        let reach = self.reach.map(|it| it.quantity.name());
+        let rates = Some(self.decay_rates).filter(|count| *count > 0);
+        let window = |it: f64| format!("{{ window = {} }}", num(it));
+        let until = |it: SpectrumRequest| format!("{{ until = {} }}", num(it.until));
+        let all = [
             ("outputs.steady", self.steady.then(|| "true".to_owned())),
-            (
-                "outputs.decay_rates",
-                (self.decay_rates > 0).then(|| self.decay_rates.to_string()),
-            ),
-            (
-                "outputs.spectrum",
-                self.spectrum
-                    .map(|it| format!("{{ until = {} }}", num(it.until))),
-            ),
-            (
-                "outputs.crossings",
-                self.crossings
-                    .map(|window| format!("{{ window = {} }}", num(window))),
-            ),
+            ("outputs.decay_rates", rates.map(|it| it.to_string())),
+            ("outputs.spectrum", self.spectrum.map(until)),
+            ("outputs.crossings", self.crossings.map(window)),
             (
                 "outputs.reach",
-                self.reach
-                    .map(|it| format!("{{ quantity = {:?} }}", it.quantity.name())),
+                reach.map(|it| format!("{{ quantity = {it:?} }}")),
             ),
-        ]
-        .into_iter()
-        .filter_map(|(key, value)| Some((key, value?)))
+        ];
+        let asked = |(key, value)| Some((key, value?));
+        all.into_iter().filter_map(asked)
     }
 }
 
@@ -124,7 +116,7 @@ pub struct ReachRequest {
 }
 
 /// A response curve: the periodic law at equally spaced frequencies of the drive.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct ResponseRequest {
     /// The lowest circular frequency.
     pub from: f64,

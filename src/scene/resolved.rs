@@ -1,10 +1,10 @@
 //! A scene with every default filled in: as JSON, and as a scene file.
 
-use super::names::{DRIFT, SCHEMES, TIME, TRANSIENT, name_of};
 use super::outputs::names;
 use super::{MonteCarlo, Noise, Scene};
 use crate::clock::TimeUnit;
 use crate::excitation::Excitation;
+use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -28,40 +28,27 @@ impl Scene {
             given(json!({
                 "paths": it.paths,
                 "seed": it.seed,
-                "scheme": name_of(SCHEMES, Some(it.scheme)),
+                "scheme": it.scheme.name(),
                 "noise": noise,
                 "step": it.step,
                 "duration": it.duration.or(records),
             }))
         });
-        let rig = self.rig.map(|rig| {
-            json!({
-                "static_load": rig.static_load(),
-                "frequency": rig.frequency(),
-                "static_compression": rig.static_compression(),
-            })
-        });
         let level = self.rig.zip(self.force_psd);
         let level =
             level.filter(|(rig, psd)| rig.level_from_force_psd(*psd) == self.oscillator.h());
         let level = level.map_or(("h", self.oscillator.h()), |(_, psd)| ("force_psd", psd));
-        let excitation = (self.excitation != Excitation::default()).then(|| {
-            let drive = self.excitation.drive.map(|it| {
-                json!({
-                    "amplitude": it.amplitude(),
-                    "frequency": it.frequency(),
-                    "phase": it.phase(),
-                })
-            });
-            let envelope = self.excitation.envelope.as_ref();
-            let envelope =
-                envelope.map(|it| json!({ "times": it.times(), "factors": it.factors() }));
-            given(json!({ "drive": drive, "envelope": envelope }))
+        let shaken = self.excitation != Excitation::default();
+        let excitation = shaken.then(|| given(json!(self.excitation)));
+        let method = &self.method;
+        let transient = TransientMethod::NAMED.into_iter();
+        let transient = transient.filter(|(_, it)| Some(*it) == method.transient);
+        let transient = transient.map(|it| it.0).next();
+        let drift = method.drift.map(|it| match it {
+            Drift::Upwind => json!("upwind"),
+            central => json!(central.order()),
         });
         let outputs = &self.outputs;
-        let response = outputs
-            .response
-            .map(|it| json!({ "from": it.from, "to": it.to, "points": it.points }));
         let spectrum = outputs.spectrum;
         let spectrum =
             spectrum.map(|it| json!({ "until": it.until, "quantity": it.quantity.name() }));
@@ -73,7 +60,7 @@ impl Scene {
                 "zeta": self.oscillator.zeta(),
                 level.0: level.1,
             },
-            "rig": rig,
+            "rig": self.rig,
             "excitation": excitation,
             "initial": initial,
             "outputs": given(json!({
@@ -92,20 +79,16 @@ impl Scene {
                 "reach": outputs.reach.map(|it| json!({ "quantity": it.quantity.name(), "fraction": it.fraction })),
                 "time_unit": outputs.time_unit.map(TimeUnit::name),
                 "periodic": outputs.periodic.map(|phases| json!({ "phases": phases })),
-                "response": response,
+                "response": outputs.response,
             })),
             "monte_carlo": monte_carlo,
-            "accuracy": {
-                "tolerance": self.accuracy.tolerance,
-                "max_seconds": self.accuracy.max_seconds,
-                "max_memory": self.accuracy.max_memory,
-            },
+            "accuracy": self.accuracy,
             "method": given(json!({
-                "transient": name_of(TRANSIENT, self.method.transient),
-                "drift": name_of(DRIFT, self.method.drift),
-                "time": name_of(TIME, self.method.time),
-                "cells": self.method.cells,
-                "step": self.method.step,
+                "transient": transient.unwrap_or("auto"),
+                "drift": drift.unwrap_or(json!("auto")),
+                "time": method.time.map_or("auto", TimeScheme::name),
+                "cells": method.cells,
+                "step": method.step,
             })),
         }))
     }
@@ -131,10 +114,8 @@ impl Scene {
 pub(crate) fn toml_value(value: &Value) -> String {
     match value {
         Value::Object(pairs) => {
-            let pairs = pairs.iter();
-            let pairs: Vec<String> = pairs
-                .map(|(key, value)| format!("{key} = {}", toml_value(value)))
-                .collect();
+            let pair = |(key, value): (&String, &Value)| format!("{key} = {}", toml_value(value));
+            let pairs: Vec<String> = pairs.iter().map(pair).collect();
             format!("{{ {} }}", pairs.join(", "))
         }
         Value::Array(items) => {

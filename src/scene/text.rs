@@ -38,10 +38,8 @@ pub const BUILT_IN: &[(&str, &str)] = &[
 /// The text of a built-in scene.
 #[cfg(feature = "cli")]
 pub(crate) fn built_in(name: &str) -> Option<&'static str> {
-    BUILT_IN
-        .iter()
-        .find(|(it, _)| *it == name)
-        .map(|(_, text)| *text)
+    let scene = BUILT_IN.iter().find(|(it, _)| *it == name);
+    scene.map(|(_, text)| *text)
 }
 
 /// A scene together with the text it came from, so that whatever is found wrong with it later can still
@@ -100,9 +98,6 @@ impl Draft {
     }
 
     /// The scene with more overrides, which `option` of the command line gave.
-    ///
-    /// # Errors
-    /// Those of [`SceneText::parse`].
     pub(crate) fn with(&self, option: &str, overrides: &[String]) -> Result<SceneText, SceneError> {
         let mut document = self.0.clone();
         for text in overrides {

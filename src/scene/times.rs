@@ -82,10 +82,9 @@ impl Times {
                         return Err(Error::invalid(item(), num(*t), accepted));
                     }
                     if k > 0 && *t <= times[k - 1] {
-                        let accepted = format!(
-                            "ascending times without repeats; the one before is {}",
-                            num(times[k - 1])
-                        );
+                        let before = num(times[k - 1]);
+                        let accepted =
+                            format!("ascending times without repeats; the one before is {before}");
                         return Err(Error::invalid(item(), num(*t), accepted));
                     }
                 }

@@ -222,10 +222,8 @@ fn validate(named: &[PathBuf], output: &Output, quiet: bool) -> Outcome {
     } else {
         named.to_vec()
     };
-    let folders: Vec<_> = list
-        .iter()
-        .map(|path| Folder::read(path))
-        .collect::<Result<_>>()?;
+    let folders = list.iter().map(|path| Folder::read(path));
+    let folders: Vec<_> = folders.collect::<Result<_>>()?;
     let root = common_root(&list)?;
     let target = output.out.clone().unwrap_or_else(|| root.clone());
     let path = target.join(readme::NAME);

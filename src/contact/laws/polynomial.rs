@@ -33,11 +33,8 @@ fn make(parameters: &Parameters) -> Result<Arc<dyn Restoring>> {
     if !confines {
         let shown: Vec<String> = given.iter().map(|c| num(*c)).collect();
         let accepted = "a force that confines: the last coefficient that is not 0 is that of q or of q^3, and > 0";
-        return Err(Error::invalid(
-            full("coefficients"),
-            format!("[{}]", shown.join(", ")),
-            accepted,
-        ));
+        let value = format!("[{}]", shown.join(", "));
+        return Err(Error::invalid(full("coefficients"), value, accepted));
     }
     Ok(Arc::new(Polynomial {
         given: given.to_vec(),

@@ -33,10 +33,8 @@ fn make(given: &Parameters) -> Result<Arc<dyn Restoring>> {
         .number("exponent")?
         .filter(|n| (1.0..=100.0).contains(n));
     let Some(exponent) = exponent else {
-        return Err(given.refuse(
-            "exponent",
-            "a number from 1 to 100; 1.5 is Hertz's, 1 a linear spring",
-        ));
+        let accepted = "a number from 1 to 100; 1.5 is Hertz's, 1 a linear spring";
+        return Err(given.refuse("exponent", accepted));
     };
     let (gap, back) = (given.number("gap")?, given.number("back")?);
     let wall = match (gap, back) {
@@ -44,10 +42,8 @@ fn make(given: &Parameters) -> Result<Arc<dyn Restoring>> {
         (None, Some(_)) => return Err(given.refuse("gap", "a width >= 0 of the gap, with back")),
         (Some(gap), _) if gap < 0.0 => return Err(given.refuse("gap", "a width >= 0 of the gap")),
         (Some(_), Some(back)) if back <= 0.0 => {
-            return Err(given.refuse(
-                "back",
-                "a number > 0: the second wall's stiffness over the first's",
-            ));
+            let accepted = "a number > 0: the second wall's stiffness over the first's";
+            return Err(given.refuse("back", accepted));
         }
         (Some(gap), back) => Some(Wall {
             gap,
@@ -133,10 +129,8 @@ impl Restoring for Power {
     }
 
     fn kinks(&self) -> Vec<f64> {
-        self.back_wall()
-            .into_iter()
-            .chain([-self.exponent])
-            .collect()
+        let wall = self.back_wall().into_iter();
+        wall.chain([-self.exponent]).collect()
     }
 
     /// The inverse of G, which never falls.

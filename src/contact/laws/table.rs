@@ -46,10 +46,8 @@ fn make(given: &Parameters) -> Result<Arc<dyn Restoring>> {
         (Some(_), None, _) => return Err(given.refuse("force", "a list of numbers, with q")),
         (None, Some(_), _) => return Err(given.refuse("q", "a list of numbers, with force")),
         (None, None, None) => {
-            return Err(given.refuse(
-                "file",
-                "a CSV file with the columns q and G, as \"force.csv\"",
-            ));
+            let accepted = "a CSV file with the columns q and G, as \"force.csv\"";
+            return Err(given.refuse("file", accepted));
         }
     };
     let about = Origin {
@@ -80,10 +78,8 @@ impl Origin<'_> {
 fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
     let text = std::fs::read_to_string(given.path(file)).map_err(|source| {
         let path = given.path(file);
-        let accepted = format!(
-            "a CSV file that can be read, beside the scene; {}: {source}",
-            path.display()
-        );
+        let path = path.display();
+        let accepted = format!("a CSV file that can be read, beside the scene; {path}: {source}");
         given.refuse("file", accepted)
     })?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
@@ -96,16 +92,11 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
         }
         let wrong = |found: &str, accepted: &str| {
             let shown: String = found.chars().take(60).collect();
-            Error::invalid(
-                full("file"),
-                format!("{file:?}, line {number}: {shown}"),
-                accepted,
-            )
+            let value = format!("{file:?}, line {number}: {shown}");
+            Error::invalid(full("file"), value, accepted)
         };
-        let fields: Vec<&str> = line
-            .split([',', ';', '\t'])
-            .map(|it| it.trim().trim_matches('"'))
-            .collect();
+        let fields = line.split([',', ';', '\t']);
+        let fields: Vec<&str> = fields.map(|it| it.trim().trim_matches('"')).collect();
         let numbers: Vec<Option<f64>> = fields.iter().map(|it| it.parse().ok()).collect();
         match numbers[..] {
             [Some(q), Some(force)] => {
@@ -115,11 +106,7 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
                 if let Some([before, _]) = points.last()
                     && q <= *before
                 {
-                    let accepted = format!(
-                        "ascending q without repeats; the one before is {}",
-                        num(*before)
-                    );
-                    return Err(wrong(&format!("q = {}", num(q)), &accepted));
+                    return Err(wrong(&format!("q = {}", num(q)), &ascending(*before)));
                 }
                 points.push([q, force]);
             }
@@ -137,6 +124,11 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
     Ok(points)
 }
 
+fn ascending(before: f64) -> String {
+    let before = num(before);
+    format!("ascending q without repeats; the one before is {before}")
+}
+
 impl Table {
     fn through(origin: &Origin<'_>) -> Result<Self> {
         let points = origin.points;
@@ -147,11 +139,8 @@ impl Table {
         for (k, pair) in points.windows(2).enumerate() {
             if pair[1][0] <= pair[0][0] {
                 let key = full(&format!("q[{}]", k + 1));
-                let accepted = format!(
-                    "ascending q without repeats; the one before is {}",
-                    num(pair[0][0])
-                );
-                return Err(Error::invalid(key, num(pair[1][0]), accepted));
+                let (value, accepted) = (num(pair[1][0]), ascending(pair[0][0]));
+                return Err(Error::invalid(key, value, accepted));
             }
         }
         let flat = points.iter().take_while(|it| it[1] == points[0][1]).count();
@@ -207,22 +196,14 @@ fn confines(
     let far = |slope: f64, force: f64| if slope == 0.0 { force } else { slope };
     // To the left a rising force becomes negative.
     if !(left > 0.0 || (left == 0.0 && g0 < 0.0)) {
-        let value = format!(
-            "G = {} and slope {} at its first point, q = {}",
-            num(g0),
-            num(left),
-            num(q0)
-        );
+        let (g, slope, q) = (num(g0), num(left), num(q0));
+        let value = format!("G = {g} and slope {slope} at its first point, q = {q}");
         let accepted = "a force that confines: below the first point it must fall to the left, or be constant and < 0";
         return Err(origin.refuse(value, accepted));
     }
     if far(right, g1) <= 0.0 {
-        let value = format!(
-            "G = {} and slope {} at its last point, q = {}",
-            num(g1),
-            num(right),
-            num(q1)
-        );
+        let (g, slope, q) = (num(g1), num(right), num(q1));
+        let value = format!("G = {g} and slope {slope} at its last point, q = {q}");
         let accepted =
             "a force that confines: beyond the last point it must rise, or be constant and > 0";
         return Err(origin.refuse(value, accepted));
@@ -235,10 +216,8 @@ fn confines(
 fn slopes(knots: &[[f64; 2]]) -> Vec<f64> {
     let n = knots.len();
     let widths: Vec<f64> = knots.windows(2).map(|w| w[1][0] - w[0][0]).collect();
-    let secants: Vec<f64> = knots
-        .windows(2)
-        .map(|w| (w[1][1] - w[0][1]) / (w[1][0] - w[0][0]))
-        .collect();
+    let secant = |w: &[[f64; 2]]| (w[1][1] - w[0][1]) / (w[1][0] - w[0][0]);
+    let secants: Vec<f64> = knots.windows(2).map(secant).collect();
     if n == 2 {
         return vec![secants[0]; 2];
     }

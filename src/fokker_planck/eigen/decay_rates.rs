@@ -108,9 +108,8 @@ impl Eigenvalues {
     /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one.
     pub(crate) fn of(oscillator: &Oscillator, count: usize, settings: &Settings) -> Result<Self> {
         oscillator.displacement_law()?;
-        oscillator
-            .damping()
-            .depends_on_displacement("decay rates")?;
+        let damping = oscillator.damping();
+        damping.depends_on_displacement("decay rates")?;
         let contact = oscillator.contact();
         let stiffness = contact.equilibrium().map(|q| contact.stiffness(q));
         let local = !oscillator.is_viscous();

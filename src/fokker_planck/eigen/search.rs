@@ -45,9 +45,6 @@ pub fn decay_rates(
 
 impl Eigenvalues {
     /// As [`decay_rates`], by this recipe.
-    ///
-    /// # Errors
-    /// Those of [`decay_rates`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

@@ -110,9 +110,8 @@ impl StationaryState {
     /// [`Error::NoStationaryLaw`] for a contact without one; [`Error::Invalid`] for a rate that depends on more than q.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
         oscillator.displacement_law()?;
-        oscillator
-            .damping()
-            .depends_on_displacement("the stationary law")?;
+        let damping = oscillator.damping();
+        damping.depends_on_displacement("the stationary law")?;
         let mut it = Self {
             first: Resolution::first(settings.cells, 2, [4, 10], 18.0),
             given: settings.cells.is_some(),
@@ -146,9 +145,6 @@ impl StationaryState {
     }
 
     /// As [`stationary_law`], by this recipe.
-    ///
-    /// # Errors
-    /// Those of [`stationary_law`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

@@ -73,9 +73,8 @@ impl SteadyState {
     /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; those of the mesh.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
         const SOLVES: f64 = 60.0;
-        oscillator
-            .damping()
-            .depends_on_displacement("the steady state")?;
+        let damping = oscillator.damping();
+        damping.depends_on_displacement("the steady state")?;
         // Exact in any drift where the weights are the stationary law.
         let automatic = if oscillator.is_viscous() {
             Drift::Upwind
@@ -95,11 +94,7 @@ impl SteadyState {
         };
         let cells = layout.count_within(oscillator, 1.0, settings.max_memory)?;
         let n = cells[0] as f64 * cells[1] as f64;
-        let wide = if drift == Drift::Upwind {
-            1.0
-        } else {
-            timing::WIDE
-        };
+        let wide = budget::widening(drift);
         Ok(Self {
             layout,
             tolerance: settings.tolerance,
@@ -116,21 +111,16 @@ impl SteadyState {
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
-        format!(
-            "finite volumes, {}; null vector by sparse LU{}",
-            self.layout.drift.name(),
-            if self.integrates {
-                ", and time integration"
-            } else {
-                ""
-            }
-        )
+        let integrates = if self.integrates {
+            ", and time integration"
+        } else {
+            ""
+        };
+        let drift = self.layout.drift.name();
+        format!("finite volumes, {drift}; null vector by sparse LU{integrates}")
     }
 
     /// As [`steady`], by a recipe made before for the same oscillator.
-    ///
-    /// # Errors
-    /// Those of [`steady`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,
@@ -215,12 +205,8 @@ impl Question for Task<'_> {
         };
         let mass = exact.mass();
         let distance = |density: &Density| -> f64 {
-            density
-                .cells()
-                .iter()
-                .zip(exact.cells())
-                .map(|(p, w)| (p - w / mass).abs())
-                .sum()
+            let cells = density.cells().iter().zip(exact.cells());
+            cells.map(|(p, w)| (p - w / mass).abs()).sum()
         };
         let l1 = distance(&null);
         let outside = domain.neglected.max((1.0 - mass).abs());
@@ -300,9 +286,6 @@ const ARRIVED: f64 = 1e-11;
 ///
 /// The step starts at a thousandth of the relaxation time 1/(2 zeta) and doubles every five steps up
 /// to 1000 of them, so that both the approach and its end are seen.
-///
-/// # Errors
-/// Those of [`BackwardEuler::step`] and of `late`.
 fn integrate(
     generator: &Generator,
     density: &mut Density,

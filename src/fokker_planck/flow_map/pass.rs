@@ -85,10 +85,8 @@ impl Buffers {
             );
         };
         if share {
-            self.values
-                .par_chunks_mut(ROWS * nv)
-                .enumerate()
-                .for_each(rows);
+            let groups = self.values.par_chunks_mut(ROWS * nv);
+            groups.enumerate().for_each(rows);
         } else {
             self.values.chunks_mut(ROWS * nv).enumerate().for_each(rows);
         }
@@ -131,10 +129,8 @@ impl Buffers {
             let rows = self.coefficients.par_chunks_mut(self.stride);
             rows.enumerate().with_min_len(16).for_each(row);
         } else {
-            self.coefficients
-                .chunks_mut(self.stride)
-                .enumerate()
-                .for_each(row);
+            let rows = self.coefficients.chunks_mut(self.stride);
+            rows.enumerate().for_each(row);
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::fokker_planck::interpolation::{POINTS, Spline};
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::around;
 use crate::fokker_planck::trajectory::Motion;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use rayon::prelude::*;
 
 /// Places and weights of some rows of a map.
@@ -76,10 +76,7 @@ impl FlowMap {
                     let mut factors = into.clone();
                     self.faster(legs[*k].friction[0], 1, ends, &mut factors);
                     let (places, weights) = &mut parts[*k];
-                    vectorised(
-                        #[inline(always)]
-                        || self.stencils((ends, &factors), places, weights),
-                    );
+                    vectorise!(self.stencils((ends, &factors), places, weights));
                 }
             }
             Ok(())

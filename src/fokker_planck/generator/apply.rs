@@ -3,7 +3,7 @@
 use super::super::difference::{central, staggered};
 use super::super::flux::MassFlux;
 use super::Generator;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -58,17 +58,14 @@ impl Generator {
         g: &[f64],
         rate: &mut [f64],
     ) {
-        vectorised(
-            #[inline(always)]
-            || {
-                if TRANSPORT {
-                    self.transport(&columns, g, rate);
-                }
-                if DIFFUSION {
-                    self.diffusion(&columns, g, rate);
-                }
-            },
-        );
+        vectorise!({
+            if TRANSPORT {
+                self.transport(&columns, g, rate);
+            }
+            if DIFFUSION {
+                self.diffusion(&columns, g, rate);
+            }
+        });
     }
 
     /// Calls `work` for all columns, a share at a time, each with its cells of `rate`.

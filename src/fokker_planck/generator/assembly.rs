@@ -209,12 +209,8 @@ impl Generator {
                 };
                 for (m, sm) in stencil() {
                     for (n, sn) in stencil() {
-                        add(
-                            Part::Diffusion,
-                            row + n,
-                            row + m,
-                            -k * sn * sm * self.tilt[m],
-                        );
+                        let rate = -k * sn * sm * self.tilt[m];
+                        add(Part::Diffusion, row + n, row + m, rate);
                     }
                 }
             }

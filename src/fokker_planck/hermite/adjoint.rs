@@ -19,9 +19,6 @@ pub(in crate::fokker_planck) struct Adjoint {
 
 impl Adjoint {
     /// That of an operator; None under viscous damping.
-    ///
-    /// # Errors
-    /// Those of the stationary law.
     pub(in crate::fokker_planck) fn of(
         oscillator: &Oscillator,
         full: &Hierarchy,

@@ -204,10 +204,8 @@ impl Basis {
     ) -> Result<Self> {
         let physics = (oscillator.contact(), oscillator.temperature());
         let weight = |q: f64| law.density(q);
-        let elements: Result<Vec<Element>> = ends
-            .windows(2)
-            .map(|ends| Element::new([ends[0], ends[1]], physics, weight, quantity))
-            .collect();
+        let element = |ends: &[f64]| Element::new([ends[0], ends[1]], physics, weight, quantity);
+        let elements: Result<Vec<Element>> = ends.windows(2).map(element).collect();
         let mut elements = elements?;
         let count = elements.len();
         let own = |elements: &[Element], k: usize| {
@@ -344,10 +342,8 @@ fn orthonormalise(functions: &mut [[Row; 2]]) -> Result<()> {
             take_off(here, before);
             let left = dot(&here[0], &here[0]).sqrt();
             if !(left.is_finite() && left > 1e-12 * size) {
-                return Err(Error::Mesh {
-                    what: "the stationary law underflows within an element".into(),
-                    help: "more method.cells in q".into(),
-                });
+                let what = "the stationary law underflows within an element";
+                return Err(Error::mesh(what, "more method.cells in q"));
             }
             for x in here.iter_mut().flatten() {
                 *x /= left;
@@ -373,9 +369,8 @@ impl Legendre {
             let m = n as f64;
             let (mut value, mut slope) = (Vec::new(), Vec::new());
             for (k, x) in points.iter().enumerate() {
-                value.push(
-                    ((2.0 * m - 1.0) * x * it.value[n - 1][k] - (m - 1.0) * it.value[n - 2][k]) / m,
-                );
+                let (one, two) = (it.value[n - 1][k], it.value[n - 2][k]);
+                value.push(((2.0 * m - 1.0) * x * one - (m - 1.0) * two) / m);
                 slope.push(it.slope[n - 2][k] + (2.0 * m - 1.0) * it.value[n - 1][k]);
             }
             it.value.push(value);

@@ -6,7 +6,7 @@
 
 use super::basis::{Element, INNER};
 use crate::error::{Error, Result};
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use ndarray::Array2;
 use num_complex::Complex;
 use std::borrow::Cow;
@@ -167,10 +167,7 @@ impl<'a> Condensed<'a> {
         let steps = Steps::of(self);
         let mut parts: [[Array2<C>; 2]; 2] =
             std::array::from_fn(|_| std::array::from_fn(|_| Array2::default((k, k))));
-        vectorised(
-            #[inline(always)]
-            || columns(self, &steps, &mut parts),
-        );
+        vectorise!(columns(self, &steps, &mut parts));
         let [[mut left, mut across], [other, mut right]] = parts;
         for i in 0..k {
             for j in 0..i {

@@ -109,9 +109,6 @@ impl<'a> Factored<'a> {
 
     /// The same as [`Factored::solve`], refined: under weak friction odd n divide by little, and a solution loses
     /// digits in proportion to 1/zeta^2.
-    ///
-    /// # Errors
-    /// Those of [`Factored::solve`].
     pub(in crate::fokker_planck) fn refined(&self, b: &[C]) -> Result<Vec<C>> {
         let size = |x: &[C]| x.iter().map(C::norm_sqr).sum::<f64>().sqrt();
         let mut x = self.solve(b)?;
@@ -150,12 +147,8 @@ impl<'a> Factored<'a> {
         }
         let (even, odd) = x.split_at_mut(full.even());
         // The odd n in terms of the even ones: o_n = (b_n + transport of e)/(s + 2 zeta n).
-        let half: Vec<C> = self
-            .rates
-            .friction
-            .iter()
-            .map(|it| (it + 2.0 * full.zeta).inv())
-            .collect();
+        let friction = self.rates.friction.iter();
+        let half: Vec<C> = friction.map(|it| (it + 2.0 * full.zeta).inv()).collect();
         let over = |odd: &mut [C]| {
             for row in odd.chunks_exact_mut(k) {
                 row.iter_mut().zip(&half).for_each(|(x, over)| *x *= over);

@@ -88,10 +88,8 @@ pub(super) fn null(
     let lu = forward.factored(Complex::new(1e-10 * forward.norm(), 0.0))?;
     late()?;
     let mut x = vec![Complex::<f64>::default(); full.len()];
-    x[..full.even()]
-        .iter_mut()
-        .step_by(full.pairs)
-        .for_each(|x| x.re = 1.0);
+    let even = x[..full.even()].iter_mut().step_by(full.pairs);
+    even.for_each(|x| x.re = 1.0);
     let mut change = f64::INFINITY;
     for _ in 0..30 {
         let before = x;

@@ -7,7 +7,7 @@
 
 use super::basis::{DEGREE, INNER};
 use crate::error::{Error, Result};
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use crate::sparse::DenseLu;
 use ndarray::Array2;
 use num_complex::Complex;
@@ -373,10 +373,7 @@ impl Band {
 
     /// Solves for so many right-hand sides that stand side by side.
     fn solve(&self, x: &mut [C], columns: usize) {
-        vectorised(
-            #[inline(always)]
-            || self.substitute(x, columns),
-        );
+        vectorise!(self.substitute(x, columns));
     }
 
     #[inline(always)]

@@ -120,11 +120,9 @@ impl Additive {
         // Whole blocks of the solver.
         let size = generator.share().next_multiple_of(LANES).min(nq) * nv;
         generator.apply_diffusion(g, rate);
-        diffusion[0]
-            .par_chunks_mut(size)
-            .zip(rate.par_chunks(size))
-            .zip(inverse.par_chunks(size))
-            .for_each(|((diffusion, rate), inverse)| times(diffusion, rate, inverse));
+        let cells = diffusion[0].par_chunks_mut(size).zip(rate.par_chunks(size));
+        let cells = cells.zip(inverse.par_chunks(size));
+        cells.for_each(|((diffusion, rate), inverse)| times(diffusion, rate, inverse));
         stage.copy_from_slice(g);
         for i in 0..STAGES {
             if i > 0 {

@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::fokker_planck::generator::{BANDS, Generator};
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use std::ops::Range;
 
 /// Columns worked on at once.
@@ -39,10 +39,9 @@ impl Banded {
         for first in (0..nq).step_by(LANES) {
             let columns = LANES.min(nq - first);
             let ranges = (first..first + columns).map(|i| generator.active(i));
-            let rows = ranges
-                .filter(|range| !range.is_empty())
-                .reduce(|a, b| a.start.min(b.start)..a.end.max(b.end))
-                .unwrap_or(0..0);
+            let rows = ranges.filter(|range| !range.is_empty());
+            let rows = rows.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
+            let rows = rows.unwrap_or(0..0);
             // A cell without an unknown stays as it is.
             let mut identity = [[0.0; LANES]; BANDS];
             identity[0] = [1.0; LANES];
@@ -88,14 +87,11 @@ impl Banded {
     /// one row of lanes per v cell.
     pub(super) fn solve(&self, columns: &Range<usize>, g: &mut [f64], work: &mut [Lanes]) {
         let blocks = &self.blocks[columns.start / LANES..columns.end.div_ceil(LANES)];
-        vectorised(
-            #[inline(always)]
-            || {
-                for (block, g) in blocks.iter().zip(g.chunks_mut(LANES * self.nv)) {
-                    self.solve_block(block, g, work);
-                }
-            },
-        );
+        vectorise!({
+            for (block, g) in blocks.iter().zip(g.chunks_mut(LANES * self.nv)) {
+                self.solve_block(block, g, work);
+            }
+        });
     }
 
     #[inline(always)]

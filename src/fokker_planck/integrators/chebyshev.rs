@@ -3,7 +3,7 @@
 use super::Integrator;
 use crate::error::Result;
 use crate::fokker_planck::generator::Generator;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use rayon::prelude::*;
 
 /// An explicit Runge-Kutta scheme of many stages for a linear equation whose spectrum lies along the
@@ -150,18 +150,13 @@ impl Chebyshev {
                     let cells = k * chunk..k * chunk + last.len();
                     generator.apply_to(cells.start / nv..cells.end / nv, source, rate);
                     let (source, inverse) = (&source[cells.clone()], &inverse[cells]);
-                    vectorised(
-                        #[inline(always)]
-                        || {
-                            let states = last.iter_mut().zip(sum.iter_mut()).zip(source);
-                            for (((last, sum), g), (rate, w)) in
-                                states.zip(rate.iter().zip(inverse))
-                            {
-                                *last = factor.mul_add(rate.mul_add(*w, shift * g), before * *last);
-                                *sum = c.mul_add(*last, *sum);
-                            }
-                        },
-                    );
+                    vectorise!({
+                        let states = last.iter_mut().zip(sum.iter_mut()).zip(source);
+                        for (((last, sum), g), (rate, w)) in states.zip(rate.iter().zip(inverse)) {
+                            *last = factor.mul_add(rate.mul_add(*w, shift * g), before * *last);
+                            *sum = c.mul_add(*last, *sum);
+                        }
+                    });
                 });
             if k == 1 {
                 now.copy_from_slice(start);

@@ -86,10 +86,8 @@ impl Frame {
         let part = |d: usize, k: usize| weight(k).sqrt() * (images[k][d] - centre[d] - offset[d]);
         let first = (0..9).map(|k| part(0, k).powi(2)).sum::<f64>().sqrt();
         let cross = (0..9).map(|k| part(0, k) * part(1, k)).sum::<f64>() / first;
-        let last = (0..9)
-            .map(|k| (part(1, k) - cross / first * part(0, k)).powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let square = |k| (part(1, k) - cross / first * part(0, k)).powi(2);
+        let last = (0..9).map(square).sum::<f64>().sqrt();
         Self {
             mean: [centre[0] + offset[0], centre[1] + offset[1]],
             lower: [first, cross, last],

@@ -5,7 +5,7 @@ use crate::fokker_planck::interpolation::{
     Filter, MARGIN, PANEL, POINTS, Spline, filter, reflected,
 };
 use crate::fokker_planck::mesh::Axis;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 
 /// A spline through values at the centres of n x n equal cells, mirrored at the border.
 #[derive(Debug, Clone)]
@@ -80,10 +80,7 @@ impl Interpolant {
         points: &[[f64; 2]],
         values: &mut [f64],
     ) {
-        vectorised(
-            #[inline(always)]
-            || self.values_at(frame, scale, points, values),
-        );
+        vectorise!(self.values_at(frame, scale, points, values));
     }
 
     #[inline(always)]

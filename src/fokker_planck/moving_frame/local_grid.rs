@@ -22,6 +22,7 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::mesh::Axis;
 use crate::gaussian::normal;
 use crate::initial::Initial;
+use crate::matrix::grid;
 use crate::noise_free;
 use crate::oscillator::Oscillator;
 use std::sync::Arc;
@@ -94,10 +95,8 @@ impl LocalGrid {
         let n = 2 * half as usize;
         let axis = Axis::uniform(-half * fineness.cell, half * fineness.cell, n)?;
         let centres = axis.centres();
-        let values: Vec<f64> = centres
-            .iter()
-            .flat_map(|x| centres.iter().map(move |y| normal(*x) * normal(*y)))
-            .collect();
+        let values = grid(centres, centres).map(|[x, y]| normal(x) * normal(y));
+        let values: Vec<f64> = values.collect();
         let mut it = Self {
             oscillator: oscillator.clone(),
             forcing,
@@ -204,10 +203,8 @@ impl LocalGrid {
             values.fold(0.0_f64, |largest, p| largest.max(p.abs()))
         };
         let first_and_last = self.values[..n].iter().chain(&self.values[n * (n - 1)..]);
-        let sides = self
-            .values
-            .chunks_exact(n)
-            .flat_map(|row| [&row[0], &row[n - 1]]);
+        let rows = self.values.chunks_exact(n);
+        let sides = rows.flat_map(|row| [&row[0], &row[n - 1]]);
         largest(&mut first_and_last.chain(sides))
     }
 

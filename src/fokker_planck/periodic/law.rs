@@ -132,16 +132,11 @@ impl PeriodicLaw {
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
-        format!(
-            "{}, its fixed point over a period by GMRES",
-            self.recipe.words()
-        )
+        let words = self.recipe.words();
+        format!("{words}, its fixed point over a period by GMRES")
     }
 
     /// The law.
-    ///
-    /// # Errors
-    /// Those of [`periodic`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,
@@ -157,9 +152,8 @@ impl PeriodicLaw {
             && law.contact_loss_probability.as_ref().is_some_and(flies)
         {
             law.multipliers.clear();
-            law.warnings.push(
-                "no Floquet multipliers: without friction in flight the spectrum is continuous up to 1".into(),
-            );
+            let none = "no Floquet multipliers: without friction in flight the spectrum is continuous up to 1";
+            law.warnings.push(none.into());
         }
         if self.has_rivals() {
             let periods = self

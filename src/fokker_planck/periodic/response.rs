@@ -139,24 +139,16 @@ fn point(oscillator: &Oscillator, frequency: f64, settings: &Settings) -> Result
 
 impl ResponseCurve {
     /// The recipe at these frequencies of the drive of the settings; its cost is told by some of them.
-    ///
-    /// # Errors
-    /// Those of [`PeriodicLaw::of`] and of the drive.
     pub(crate) fn of(
         oscillator: &Oscillator,
         frequencies: &[f64],
         settings: &Settings,
     ) -> Result<Self> {
         let count = frequencies.len();
-        let seen: Vec<f64> = frequencies
-            .iter()
-            .step_by(count.div_ceil(FORESEEN).max(1))
-            .copied()
-            .collect();
-        let points: Result<Vec<_>> = seen
-            .par_iter()
-            .map(|w| point(oscillator, *w, settings))
-            .collect();
+        let each = count.div_ceil(FORESEEN).max(1);
+        let seen: Vec<f64> = frequencies.iter().step_by(each).copied().collect();
+        let points = seen.par_iter().map(|w| point(oscillator, *w, settings));
+        let points: Result<Vec<_>> = points.collect();
         let mut points = points?;
         let threads = rayon::current_num_threads() as u64;
         let all = count as f64 / points.len().max(1) as f64;
@@ -195,9 +187,6 @@ impl ResponseCurve {
     }
 
     /// The curve. The points do not know of each other: the same bits for any number of threads.
-    ///
-    /// # Errors
-    /// Those of [`super::periodic()`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

@@ -5,7 +5,7 @@
 //! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1300 of it.
 //! Values continue beyond the first and the last node by reflection there, so a constant stays one.
 
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 
 /// Order of accuracy, and number of points of the stencil.
 pub(crate) const POINTS: usize = 8;
@@ -146,10 +146,7 @@ impl Filter {
 
 impl Filter {
     fn apply_vectorised(&self, panel: &mut [f64]) {
-        vectorised(
-            #[inline(always)]
-            || self.apply(panel),
-        );
+        vectorise!(self.apply(panel));
     }
 }
 

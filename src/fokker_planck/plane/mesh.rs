@@ -130,27 +130,17 @@ impl Axis {
     /// [`Error::Invalid`] for no cells or an empty interval.
     pub fn uniform(low: f64, high: f64, n: usize) -> Result<Self> {
         if n == 0 {
-            return Err(Error::invalid(
-                "method.cells",
-                n,
-                "at least one cell in each direction",
-            ));
+            let accepted = "at least one cell in each direction";
+            return Err(Error::invalid("method.cells", n, accepted));
         }
         if !(low < high && low.is_finite() && high.is_finite()) {
             let value = format!("[{low}, {high}]");
-            return Err(Error::invalid(
-                "the interval of an axis",
-                value,
-                "low < high, finite",
-            ));
+            let (name, accepted) = ("the interval of an axis", "low < high, finite");
+            return Err(Error::invalid(name, value, accepted));
         }
         let width = (high - low) / n as f64;
-        Ok(Self::new(
-            (Grading::Uniform, Focus::default()),
-            low,
-            width,
-            n,
-        ))
+        let even = (Grading::Uniform, Focus::default());
+        Ok(Self::new(even, low, width, n))
     }
 
     fn new((grading, focus): (Grading, Focus), start: f64, width: f64, n: usize) -> Self {
@@ -189,9 +179,6 @@ impl Axis {
 
     /// The same with cells finer around some places, and a temperature in contact and one in flight: that of a law whose flights
     /// reach to so many times it.
-    ///
-    /// # Errors
-    /// As [`Axis::displacement`].
     pub(crate) fn focused(
         contact: &ContactLaw,
         temperatures: [f64; 2],
@@ -269,9 +256,6 @@ impl Axis {
     }
 
     /// The same with cells finer around some places that are symmetric about 0.
-    ///
-    /// # Errors
-    /// As [`Axis::velocity`].
     pub(crate) fn focused_velocity(
         reach: f64,
         (n, margin): (usize, usize),
@@ -330,14 +314,10 @@ impl Axis {
 }
 
 fn check_count(n: usize, margin: usize, axis: &str) -> Result<()> {
-    if n < 2 * margin + 2 {
-        return Err(Error::Mesh {
-            what: format!(
-                "{n} cells along {axis}, and the stencil needs {}",
-                2 * margin + 2
-            ),
-            help: "more cells, or a lower order".into(),
-        });
+    let least = 2 * margin + 2;
+    if n < least {
+        let what = format!("{n} cells along {axis}, and the stencil needs {least}");
+        return Err(Error::mesh(what, "more cells, or a lower order"));
     }
     Ok(())
 }

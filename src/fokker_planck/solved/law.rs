@@ -14,37 +14,35 @@ pub(in crate::fokker_planck) enum Law {
     OnMesh(OnMesh),
 }
 
+/// The same of either.
+macro_rules! either {
+    ($law:expr, $it:ident => $what:expr) => {
+        match $law {
+            Self::Functions($it) => $what,
+            Self::OnMesh($it) => $what,
+        }
+    };
+}
+
 impl Law {
     /// Expectations, not divided by their mass.
     pub(in crate::fokker_planck) fn raw(&self) -> &RawMoments {
-        match self {
-            Self::Functions(it) => &it.raw,
-            Self::OnMesh(it) => &it.raw,
-        }
+        either!(self, it => &it.raw)
     }
 
     /// E\[c v^2\], which is pi h.
     pub(in crate::fokker_planck) fn dissipated(&self) -> f64 {
-        match self {
-            Self::Functions(it) => it.dissipated,
-            Self::OnMesh(it) => it.dissipated,
-        }
+        either!(self, it => it.dissipated)
     }
 
     /// What rounding leaves open, relative to the size of the law.
     pub(in crate::fokker_planck) fn rounding(&self) -> f64 {
-        match self {
-            Self::Functions(it) => it.rounding,
-            Self::OnMesh(it) => it.rounding,
-        }
+        either!(self, it => it.rounding)
     }
 
     /// Where it begins and ends in q.
     pub(in crate::fokker_planck) fn domain(&self) -> [f64; 2] {
-        match self {
-            Self::Functions(it) => it.domain(),
-            Self::OnMesh(it) => it.domain(),
-        }
+        either!(self, it => it.domain())
     }
 
     /// p_q(q).
@@ -57,10 +55,7 @@ impl Law {
 
     /// p_v(v).
     pub(in crate::fokker_planck) fn density_v(&self, v: f64) -> f64 {
-        match self {
-            Self::Functions(it) => it.density_v(v),
-            Self::OnMesh(it) => it.density_v(v),
-        }
+        either!(self, it => it.density_v(v))
     }
 
     /// The law at one displacement.
@@ -90,10 +85,7 @@ impl Law {
     /// Crossings of a level a unit of time and the integral of v^2 p over them, down and up.
     pub(in crate::fokker_planck) fn crossings(&self, q: f64) -> [[f64; 2]; 2] {
         let column = self.column(q);
-        let panels = match self {
-            Self::Functions(it) => it.panels(),
-            Self::OnMesh(it) => it.panels(),
-        };
+        let panels = either!(self, it => it.panels());
         let mut sums = [[0.0; 2]; 2];
         for ends in panels.windows(2) {
             let half = 0.5 * (ends[1] - ends[0]);
@@ -111,10 +103,7 @@ impl Law {
 
     /// The L1 distance to another law, by the quadrature of this one.
     pub(in crate::fokker_planck) fn distance(&self, other: &Self) -> f64 {
-        let [places, speeds] = match self {
-            Self::Functions(it) => it.quadrature(),
-            Self::OnMesh(it) => it.quadrature(),
-        };
+        let [places, speeds] = either!(self, it => it.quadrature());
         let velocities: Vec<f64> = speeds.iter().map(|it| it.0).collect();
         let at = |(q, w): &(f64, f64)| {
             let (one, two) = (self.along(*q, &velocities), other.along(*q, &velocities));
@@ -142,9 +131,6 @@ impl Column<'_> {
 
     /// p(q, v).
     pub(in crate::fokker_planck) fn density(&self, v: f64) -> f64 {
-        match self {
-            Self::Functions(it) => it.density(v),
-            Self::OnMesh(it) => it.density(v),
-        }
+        either!(self, it => it.density(v))
     }
 }

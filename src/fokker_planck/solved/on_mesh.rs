@@ -101,10 +101,8 @@ fn laid_out(oscillator: &Oscillator, refinement: usize) -> Result<(Oscillator, M
     let reach = (2.0 * rise).sqrt();
     let wider = (reach / (FASTEST * deviation)).max(1.0);
     let slow = Focus::new(vec![[0.0, wider - 1.0]], SLOW * deviation);
-    let half = count(
-        (reach + 0.5 * slow.more([-reach, reach])) / wider,
-        deviation,
-    ) + margin;
+    let edge = reach + 0.5 * slow.more([-reach, reach]);
+    let half = count(edge / wider, deviation) + margin;
     let v = Axis::focused_velocity(reach, (2 * half, margin), slow)?;
     Ok((held, Mesh { q, v }))
 }
@@ -135,9 +133,6 @@ fn beyond(refinement: usize) -> f64 {
 
 impl OnMesh {
     /// What the solve of a refinement takes.
-    ///
-    /// # Errors
-    /// Those of the mesh.
     pub(in crate::fokker_planck) fn work(
         oscillator: &Oscillator,
         refinement: usize,

@@ -41,9 +41,6 @@ impl Settled {
 
     /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one: in
     /// Hermite functions, or on a mesh where that is nearer.
-    ///
-    /// # Errors
-    /// Those of either.
     pub(in crate::fokker_planck) fn within(
         oscillator: &Oscillator,
         tolerance: f64,

@@ -254,12 +254,10 @@ impl Question<'_> {
         };
         let (time, why_time) = match self.settings.time {
             Some(time) => (time, "the scene asks for this scheme in time".to_string()),
-            None => time_scheme(
-                self.oscillator,
-                &generator,
-                self.settings.tolerance,
-                self.until(),
-            ),
+            None => {
+                let tolerance = self.settings.tolerance;
+                time_scheme(self.oscillator, &generator, tolerance, self.until())
+            }
         };
         let recipe = Recipe {
             scheme: Scheme::Volumes(time),
@@ -309,13 +307,8 @@ impl Question<'_> {
             );
         }
         recipe.reason = reason;
-        recipe.cost = cost::foreseen(
-            &recipe,
-            self.oscillator,
-            self.initial,
-            self.times,
-            self.settings.max_memory,
-        )?;
+        let (initial, times, memory) = (self.initial, self.times, self.settings.max_memory);
+        recipe.cost = cost::foreseen(&recipe, self.oscillator, initial, times, memory)?;
         Ok(recipe)
     }
 
@@ -328,11 +321,8 @@ impl Question<'_> {
         if let Some(TransientMethod::FiniteVolume) = it.method {
             let accepted =
                 "\"flow_map\" or \"auto\" with [excitation]: finite volumes know no force in time";
-            return Err(Error::invalid(
-                "method.transient",
-                "\"finite_volume\"",
-                accepted,
-            ));
+            let value = "\"finite_volume\"";
+            return Err(Error::invalid("method.transient", value, accepted));
         }
         for (key, asked) in [
             ("method.drift", it.drift.is_some()),
@@ -355,12 +345,8 @@ impl Question<'_> {
     /// law, if cells are the program's choice.
     fn carried(&self, draft: &Recipe) -> Result<Generator> {
         let on = |k: usize| {
-            let rung = draft.rung(
-                self.oscillator,
-                self.initial,
-                self.until(),
-                draft.expected + k as f64,
-            )?;
+            let r = draft.expected + k as f64;
+            let rung = draft.rung(self.oscillator, self.initial, self.until(), r)?;
             let limit = self.settings.max_memory;
             rung.layout.count_within(self.oscillator, 1.0, limit)?;
             let mesh = rung.layout.mesh(self.oscillator, 1.0)?;

@@ -250,37 +250,28 @@ impl Errors {
 
     /// What there is beside the error in space of a run, from it and a coarser one.
     fn beside(task: &Task, space: Table, scales: Table, [coarse, run]: [&Run; 2]) -> Self {
+        let outputs = || run.outputs.iter();
+        let undershoot = |(a, b): (&Output, &Output)| {
+            std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i]))
+        };
+        let lost = |(k, (it, scale)): (usize, (&Output, &[f64; 11]))| {
+            let lost = of_lost(it, scale);
+            match task.begun {
+                Some(begun) => std::array::from_fn(|i| lost[i] + begun[k][i]),
+                None => lost,
+            }
+        };
+        let settled = |it: &Output| match run.settled {
+            Some(since) if it.t >= since => it.distance + it.doubt[1],
+            _ => 0.0,
+        };
         Self {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
             shared: vec![0.0; run.outputs.len()],
-            undershoot: run
-                .outputs
-                .iter()
-                .zip(&coarse.outputs)
-                .map(|(a, b)| std::array::from_fn(|i| standing(a.undershoot[i], b.undershoot[i])))
-                .collect(),
-            lost: run
-                .outputs
-                .iter()
-                .zip(&scales)
-                .enumerate()
-                .map(|(k, (it, scale))| {
-                    let lost = of_lost(it, scale);
-                    match task.begun {
-                        Some(begun) => std::array::from_fn(|i| lost[i] + begun[k][i]),
-                        None => lost,
-                    }
-                })
-                .collect(),
-            settled: run
-                .outputs
-                .iter()
-                .map(|it| match run.settled {
-                    Some(since) if it.t >= since => it.distance + it.doubt[1],
-                    _ => 0.0,
-                })
-                .collect(),
+            undershoot: outputs().zip(&coarse.outputs).map(undershoot).collect(),
+            lost: outputs().zip(&scales).enumerate().map(lost).collect(),
+            settled: outputs().map(settled).collect(),
             scales,
             rounding: f64::EPSILON * (run.steps as f64 + 10.0),
         }

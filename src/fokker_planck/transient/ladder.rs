@@ -59,13 +59,12 @@ pub(super) fn is_unfit(error: &Error) -> bool {
 /// What a mesh of the scene is too coarse for.
 fn too_coarse(run: &Run) -> Error {
     let [nq, nv] = run.mesh.cells();
-    Error::Mesh {
-        what: format!(
-            "on {nq} x {nv} cells a part of the density moves against too little friction: deep in contact cells along v are \
-             wider than the spread of v that noise holds there"
-        ),
-        help: "more method.cells along v, or cells of the program's choice".into(),
-    }
+    let what = format!(
+        "on {nq} x {nv} cells a part of the density moves against too little friction: deep in contact cells along v are \
+         wider than the spread of v that noise holds there"
+    );
+    let help = "more method.cells along v, or cells of the program's choice";
+    Error::mesh(what, help)
 }
 
 /// Cells of the program's own choice are no mistake of the scene's.
@@ -345,9 +344,7 @@ impl Question for Ladder<'_> {
         let coarse = self.runs.pop()?;
         let errors = self.errors?;
         let reason = self.task.recipe.reason.clone();
-        let it = self
-            .task
-            .report(fine, &coarse, &errors, reason, stop, Vec::new());
-        Some(it)
+        let task = &self.task;
+        Some(task.report(fine, &coarse, &errors, reason, stop, Vec::new()))
     }
 }

@@ -12,6 +12,7 @@ use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::SHARE;
+use crate::matrix::grid;
 use std::sync::Arc;
 
 /// Most vectors of the Krylov space, and the part of the memory that they may take.
@@ -212,11 +213,8 @@ fn periods(
     goal: Goal,
 ) -> Result<Fixed> {
     let weights = propagator.weights().clone();
-    let weights: Vec<f64> = weights
-        .q
-        .iter()
-        .flat_map(|q| weights.v.iter().map(move |v| q * v))
-        .collect();
+    let weights = grid(&weights.q, &weights.v).map(|[q, v]| q * v);
+    let weights: Vec<f64> = weights.collect();
     let mut x = density.cells().to_vec();
     let mut held = density.clone();
     let fixed = fixed_point::solve(&mut x, &weights, goal, &mut |cells| {

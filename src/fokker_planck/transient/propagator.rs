@@ -319,14 +319,8 @@ pub fn time_integration(
     longest: Option<f64>,
     until: f64,
 ) -> TimeIntegration {
-    watched(
-        oscillator,
-        generator,
-        time,
-        tolerance,
-        (longest, until),
-        never(),
-    )
+    let until = (longest, until);
+    watched(oscillator, generator, time, tolerance, until, never())
 }
 
 /// The same, ended by `late`.

@@ -107,11 +107,8 @@ impl Question<'_> {
             let least = 2 * drift.margin() + 4;
             if q.min(v) < least {
                 let accepted = format!("at least {least} each for {}", drift.name());
-                return Err(Error::invalid(
-                    "method.cells",
-                    format!("[{q}, {v}]"),
-                    accepted,
-                ));
+                let cells = format!("[{q}, {v}]");
+                return Err(Error::invalid("method.cells", cells, accepted));
             }
         }
         if let Some(cells) = settings.cells {

@@ -49,7 +49,7 @@ const LENGTHS: usize = 4;
 /// Courses about the crossing, each with finer times or a finer tolerance.
 const PASSES: usize = 5;
 /// Times of a course about the crossing.
-const FINE: usize = 16;
+const FINE: f64 = 16.0;
 /// The part of the tolerance that a finer course aims at: the slope is not known any better.
 const AIM: f64 = 0.4;
 /// The finest tolerance that a course is given.
@@ -59,9 +59,6 @@ const AGAIN: f64 = 1.0;
 
 impl Reach {
     /// The recipe for the time at which `moment` is `fraction` of its stationary value.
-    ///
-    /// # Errors
-    /// Those of [`Recipe::of`].
     pub(crate) fn of(
         (oscillator, initial): (&Oscillator, &Initial),
         moment: Moment,
@@ -95,11 +92,8 @@ impl Reach {
     /// The method, for people.
     pub(crate) fn words(&self) -> String {
         let until = self.times.last().copied().unwrap_or(0.0);
-        format!(
-            "{}, in courses first to t = {until:.0}, then about the crossing; {}",
-            self.first.name(),
-            self.first.reason
-        )
+        let (name, reason) = (self.first.name(), &self.first.reason);
+        format!("{name}, in courses first to t = {until:.0}, then about the crossing; {reason}")
     }
 
     /// Finds the time; what the `stationary` value may be off is in its error.
@@ -192,16 +186,10 @@ impl Reach {
         let ratio = crossing.error() / (tolerance * crossing.t);
         let free = self.settings.cells.is_none() && self.settings.step.is_none();
         let shortfall = Stop::new(reason, free).shortfall("reach.t".into(), ratio, tolerance);
+        let by_value = crossing.by_value > crossing.by_time;
+        let origin = [Origin::Time, Origin::Space][usize::from(by_value)];
         Ok(Reached {
-            t: Some(Estimate::new(
-                crossing.t,
-                crossing.error(),
-                if crossing.by_value > crossing.by_time {
-                    Origin::Space
-                } else {
-                    Origin::Time
-                },
-            )),
+            t: Some(Estimate::new(crossing.t, crossing.error(), origin)),
             method: it.method,
             shortfall,
             // Those of a course that had another tolerance say nothing of this number.
@@ -254,10 +242,13 @@ impl Reach {
 
 /// Equally spaced times from one to another, both among them.
 fn course(from: f64, to: f64) -> Vec<f64> {
-    let count = ((to - from) / SPACING).ceil().clamp(8.0, MOST as f64 - 1.0);
-    (0..=count as u32)
-        .map(|k| from + (to - from) * f64::from(k) / count)
-        .collect()
+    let count = ((to - from) / SPACING).ceil();
+    evenly(from, to, count.clamp(8.0, MOST as f64 - 1.0))
+}
+
+fn evenly(from: f64, to: f64, count: f64) -> Vec<f64> {
+    let at = |k: u32| from + (to - from) * f64::from(k) / count;
+    (0..=count as u32).map(at).collect()
 }
 
 /// What a course shows.
@@ -295,20 +286,15 @@ struct Crossing {
 impl Crossing {
     fn error(&self) -> f64 {
         // Never less than the rounding of the times themselves.
-        (self.t - self.low)
-            .max(self.high - self.t)
-            .max(1e-13 * self.t)
+        let wider = (self.t - self.low).max(self.high - self.t);
+        wider.max(1e-13 * self.t)
     }
 
     /// Times about it, some beyond its error at both ends for the interpolation.
     fn window(&self) -> Vec<f64> {
         let reach = self.error().max(1e-9 * self.t);
         let from = (self.t - 2.0 * reach).max(0.0);
-        let to = self.t + 2.0 * reach;
-        let count = FINE as f64;
-        (0..=FINE)
-            .map(|k| from + (to - from) * k as f64 / count)
-            .collect()
+        evenly(from, self.t + 2.0 * reach, FINE)
     }
 }
 
@@ -324,11 +310,8 @@ impl<'a> Curve<'a> {
         // A level that is not known is as if the values were not.
         let values = it.moments.iter().map(|at| {
             let value = at.get(moment)?;
-            Some(Estimate::new(
-                value.value,
-                value.error + level.error,
-                value.origin,
-            ))
+            let error = value.error + level.error;
+            Some(Estimate::new(value.value, error, value.origin))
         });
         let mut values = values.collect::<Option<Vec<Estimate>>>()?;
         let (level, level_error) = (level.value, level.error);

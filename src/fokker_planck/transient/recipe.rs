@@ -152,9 +152,6 @@ impl Rung {
     }
 
     /// The mesh.
-    ///
-    /// # Errors
-    /// Those of [`Layout::mesh`].
     pub(crate) fn mesh(&self, oscillator: &Oscillator) -> Result<Mesh> {
         self.layout.mesh(oscillator, 1.0)
     }
@@ -172,10 +169,8 @@ impl Rung {
         mean: [f64; 2],
         deviation: [f64; 2],
     ) -> f64 {
-        let law = self
-            .layout
-            .domain
-            .enlarged(oscillator, 1.0 / (FALLING.get().powi(2)));
+        let domain = self.layout.domain;
+        let law = domain.enlarged(oscillator, 1.0 / (FALLING.get().powi(2)));
         law.amplitude(oscillator, mean, deviation)
     }
 
@@ -201,9 +196,6 @@ impl Recipe {
     }
 
     /// The run of rung `r`.
-    ///
-    /// # Errors
-    /// Those of the domain.
     pub(crate) fn rung(
         &self,
         oscillator: &Oscillator,
@@ -216,13 +208,11 @@ impl Recipe {
         let domain = if r == self.expected {
             self.layout.domain
         } else {
-            domain(
+            let (who, grid) = (
                 (oscillator, self.forcing.as_deref()),
-                initial,
-                until,
                 (self.first_grid, self.layout.focused),
-                neglected,
-            )?
+            );
+            domain(who, initial, until, grid, neglected)?
         };
         let cells = match self.layout.cells {
             Cells::Given(cells) => {
@@ -288,9 +278,6 @@ impl Recipe {
 
 /// The truncated domain of a run until `until`: under a forcing that of its strongest noise, and farther by as much as the
 /// drive swings. A flow map needs no more of it than motions come to against friction; finite volumes need streamlines that close.
-///
-/// # Errors
-/// Those of [`Domain::closed`] and [`Domain::swept`].
 pub(crate) fn domain(
     (oscillator, forcing): (&Oscillator, Option<&Forcing>),
     initial: &Initial,

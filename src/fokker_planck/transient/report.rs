@@ -140,11 +140,8 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
     };
     // One that is not known to a tenth, or not from zero, is not known.
     let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
-    fine.multipliers
-        .iter()
-        .map(multiplier)
-        .filter(known)
-        .collect()
+    let all = fine.multipliers.iter().map(multiplier);
+    all.filter(known).collect()
 }
 
 impl Task<'_> {
@@ -203,26 +200,19 @@ impl Task<'_> {
                 "the density is negative somewhere: up to {negative:.1e} in all"
             ));
         }
+        let apart = |a: f64, b: f64| Estimate::new(a, (a - b).abs(), Origin::Space);
+        // All there is has probability 1.
+        let mass = |o: &Output| {
+            let error = outside.max((1.0 - o.mass).abs());
+            Estimate::new(o.mass, error, Origin::Domain)
+        };
         Transient {
             times: fine.outputs.iter().map(|o| o.t).collect(),
             moments,
-            mass: fine
-                .outputs
-                .iter()
-                // All there is has probability 1.
-                .map(|o| {
-                    let error = outside.max((1.0 - o.mass).abs());
-                    Estimate::new(o.mass, error, Origin::Domain)
-                })
-                .collect(),
-            lowest_density: pairs()
-                .map(|(a, b)| Estimate::new(a.lowest, (a.lowest - b.lowest).abs(), Origin::Space))
-                .collect(),
+            mass: fine.outputs.iter().map(mass).collect(),
+            lowest_density: pairs().map(|(a, b)| apart(a.lowest, b.lowest)).collect(),
             negative_mass: pairs()
-                .map(|(a, b)| {
-                    let error = (a.negative - b.negative).abs();
-                    Estimate::new(a.negative, error, Origin::Space)
-                })
+                .map(|(a, b)| apart(a.negative, b.negative))
                 .collect(),
             relative_entropy: of_law(relative_entropy),
             distance: of_law(distance),

@@ -119,13 +119,10 @@ pub(super) fn believable(
     mesh: &Mesh,
 ) -> Result<()> {
     if let Some(o) = outputs.iter().find(|o| !o.mass.is_finite()) {
-        return Err(Error::Mesh {
-            what: format!(
-                "the density grew without bound with steps of {step:.2e} up to t = {}",
-                o.t
-            ),
-            help: "a smaller method.step, or more method.cells".into(),
-        });
+        let t = o.t;
+        let what = format!("the density grew without bound with steps of {step:.2e} up to t = {t}");
+        let help = "a smaller method.step, or more method.cells";
+        return Err(Error::mesh(what, help));
     }
     match outputs.iter().find(|o| o.negative > NO_DENSITY) {
         Some(o) => Err(lost(o, domain, temperature, mesh)),
@@ -144,17 +141,15 @@ impl Run {
 fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
     let [nq, nv] = mesh.cells();
     let levels = 0.5 * domain.v[1].powi(2) / temperature;
-    Error::Mesh {
-        what: format!(
-            "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
-             the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
-             e^{levels:.0}",
-            o.t, o.negative
-        ),
-        help: "an initial condition nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
-               [monte_carlo] alone"
-            .into(),
-    }
+    let what = format!(
+        "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
+         the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
+         e^{levels:.0}",
+        o.t, o.negative
+    );
+    let help = "an initial condition nearer to the stationary law, more method.cells, transient = \"finite_volume\", or \
+                [monte_carlo] alone";
+    Error::mesh(what, help)
 }
 
 impl Task<'_> {
@@ -240,13 +235,8 @@ impl Task<'_> {
             });
         }
         let domain = phase.as_ref().map_or(rung.layout.domain, StartUp::domain);
-        believable(
-            &outputs,
-            propagator.step(),
-            &domain,
-            oscillator.temperature(),
-            &mesh,
-        )?;
+        let (step, temperature) = (propagator.step(), oscillator.temperature());
+        believable(&outputs, step, &domain, temperature, &mesh)?;
         Ok(Run {
             outputs,
             steps: before + propagator.steps(),

@@ -51,12 +51,8 @@ pub fn transient(
 ) -> Result<Transient> {
     let recipe = Recipe::of(oscillator, initial, times, settings)?;
     let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    recipe.solve(
-        (oscillator, initial),
-        (times, density_times),
-        &limits,
-        progress,
-    )
+    let (question, times) = ((oscillator, initial), (times, density_times));
+    recipe.solve(question, times, &limits, progress)
 }
 
 /// The moments of one run with the cells, the step and the domain that `settings` fix or leave to the first guess, without
@@ -136,9 +132,6 @@ impl Recipe {
     }
 
     /// As [`transient`], by a recipe made before for the same question.
-    ///
-    /// # Errors
-    /// Those of [`transient`].
     pub(crate) fn solve(
         &self,
         (oscillator, initial): (&Oscillator, &Initial),
@@ -333,22 +326,17 @@ impl Question for Upwind<'_> {
              numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
             1.0 + excess
         );
-        let (reason, warnings) = (self.task.recipe.reason.clone(), vec![warning]);
-        Some(
-            self.task
-                .report(fine, &coarse, &errors, reason, stop, warnings),
-        )
+        let (task, warnings) = (&self.task, vec![warning]);
+        let reason = task.recipe.reason.clone();
+        Some(task.report(fine, &coarse, &errors, reason, stop, warnings))
     }
 }
 
 /// The longest time without an output, from 0 on.
 fn longest_interval(times: &[f64]) -> f64 {
     let before = std::iter::once(&0.0).chain(times);
-    let longest = times
-        .iter()
-        .zip(before)
-        .map(|(b, a)| b - a)
-        .fold(0.0, f64::max);
+    let intervals = times.iter().zip(before).map(|(b, a)| b - a);
+    let longest = intervals.fold(0.0, f64::max);
     if longest > 0.0 { longest } else { 1.0 }
 }
 

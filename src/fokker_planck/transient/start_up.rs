@@ -18,6 +18,7 @@ use crate::fokker_planck::policy::{
 };
 use crate::fokker_planck::solved::{Column, Law, Settled};
 use crate::initial::Initial;
+use crate::matrix;
 use crate::oscillator::Oscillator;
 use ndarray::{Array1, Array2};
 use std::cell::RefCell;
@@ -274,10 +275,8 @@ impl<'a> StartUp<'a> {
     fn widest(&self, mesh: &Mesh) -> [f64; 2] {
         let frame = self.grid.frame();
         let near = |axis: &Axis, mean: f64, deviation: f64| {
-            [-3.0, 0.0, 3.0]
-                .map(|k| axis.at(axis.locate(mean + k * deviation)).1)
-                .into_iter()
-                .fold(0.0, f64::max)
+            let width = |k: f64| axis.at(axis.locate(mean + k * deviation)).1;
+            [-3.0, 0.0, 3.0].map(width).into_iter().fold(0.0, f64::max)
         };
         let [q, v] = frame.deviation();
         [
@@ -299,16 +298,14 @@ impl<'a> StartUp<'a> {
             let widest = self.widest(mesh);
             for ((deviation, width), name) in narrowest.iter().zip(widest).zip(["q", "v"]) {
                 if *deviation < Density::NARROWEST * width {
-                    return Err(Error::Mesh {
-                        what: format!(
-                            "at t = {:.2} the density is {:.2} cells wide in {name} and no longer \
-                             fits a moving frame; {} cells are needed",
-                            self.grid.time(),
-                            deviation / width,
-                            Density::NARROWEST
-                        ),
-                        help: "more method.cells, none at all, or a wider initial.deviation".into(),
-                    });
+                    let (t, cells) = (self.grid.time(), deviation / width);
+                    let what = format!(
+                        "at t = {t:.2} the density is {cells:.2} cells wide in {name} and no longer \
+                         fits a moving frame; {} cells are needed",
+                        Density::NARROWEST
+                    );
+                    let help = "more method.cells, none at all, or a wider initial.deviation";
+                    return Err(Error::mesh(what, help));
                 }
             }
             return Ok(mesh.clone());
@@ -329,11 +326,8 @@ impl<'a> StartUp<'a> {
         let frame = self.grid.frame();
         let reach = self.grid.reach();
         let axis = |mean: f64, deviation: f64| {
-            Axis::uniform(
-                mean - reach * deviation,
-                mean + reach * deviation,
-                self.grid.cells(),
-            )
+            let [low, high] = [-reach, reach].map(|reach| mean + reach * deviation);
+            Axis::uniform(low, high, self.grid.cells())
         };
         // A point, which has none, lies within any.
         let [q, v] = frame.deviation().map(|it| if it > 0.0 { it } else { 1.0 });
@@ -429,10 +423,7 @@ impl<'a> StartUp<'a> {
         }
         let mesh = self.own_mesh()?;
         let (q, v) = (mesh.q.centres(), mesh.v.centres());
-        let points: Vec<[f64; 2]> = q
-            .iter()
-            .flat_map(|q| v.iter().map(move |v| [*q, *v]))
-            .collect();
+        let points: Vec<[f64; 2]> = matrix::grid(q, v).collect();
         let p = self.grid.density(&points);
         Ok(Snapshot {
             t: self.grid.time(),

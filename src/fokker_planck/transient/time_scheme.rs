@@ -39,10 +39,8 @@ pub fn time_scheme(
         (TimeScheme::Imex, imex),
         (TimeScheme::Implicit, implicit),
     ];
-    let (best, _) = costs.iter().fold(
-        costs[0],
-        |best, other| if other.1 < best.1 { *other } else { best },
-    );
+    let cheaper = |best: (_, f64), other: &(_, f64)| if other.1 < best.1 { *other } else { best };
+    let (best, _) = costs.iter().fold(costs[0], cheaper);
     let reason = format!(
         "{}: transport at a rate of {transport:.0}, friction and diffusion of {diffusion:.0} and steps of \
          {slow:.1e} for accuracy cost about {explicit:.1e} stages explicit, {imex:.1e} imex, \

@@ -82,6 +82,9 @@ pub enum Hang {
 pub type Font = (f64, Hang, Colour);
 
 pub(super) const TITLE: Font = (15.0, Hang::Left, INK);
+/// Of one of several panels.
+pub const SUBTITLE: Font = (13.5, Hang::Left, INK);
+pub(super) const SMALL: Font = (11.5, Hang::Left, INK);
 pub const WORDS: Font = (13.0, Hang::Left, INK);
 pub const CENTRED: Font = (13.0, Hang::Middle, INK);
 /// Of Monte Carlo, or of the Dirac mass.

@@ -5,26 +5,33 @@ use super::canvas::{Area, Colour, Drawn, rectangle};
 use super::canvas::{Points, line};
 use super::panel::Panel;
 
-/// Fills a panel with the colours of levels, light to dark: `values` is asked of the middle of each row of pixels, its
-/// share of the height from the top, for the number at each pixel's edge from the left to the right. What is no number
-/// stays as it is. Each level is laid over the one below and each run reaches into the row beneath it, so that no
-/// seams show at any magnification.
+/// Fills a panel with the colours of levels, light to dark, row of pixels by row: numbers over a grid, bilinear between
+/// its places, `outside` left and right of it. What is no number stays as it is. Each level is laid over the one below
+/// and each run reaches into the row beneath it, so that no seams show at any magnification.
 pub(super) fn fill(
     area: &Area<'_>,
     panel: &Panel,
     levels: &[(f64, Colour)],
-    values: impl Fn(f64, usize) -> Option<Vec<f64>>,
+    (x, y): (&[f64], &[f64]),
+    values: impl Fn(usize, usize) -> f64,
+    outside: f64,
 ) -> Drawn {
     /// Pixels.
     const ROW: f64 = 1.0;
     let rows = (panel.height / ROW).ceil() as usize;
     let columns = panel.width.ceil() as usize;
+    let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
     let mut runs: Vec<Vec<(f64, f64, f64)>> = vec![Vec::new(); levels.len()];
     for row in 0..rows {
         let part = (row as f64 + 0.5) / rows as f64;
-        let Some(values) = values(part, columns) else {
+        let Some(j) = locate(y, place((panel.y.1, panel.y.0), part)) else {
             continue;
         };
+        let at = |k: usize| {
+            let i = locate(x, place(panel.x, k as f64 / columns as f64));
+            i.map_or(outside, |i| between(&values, (i, j)))
+        };
+        let values: Vec<f64> = (0..=columns).map(at).collect();
         for ((level, _), runs) in levels.iter().zip(&mut runs) {
             for (from, to) in above(&values, *level) {
                 runs.push((row as f64 * ROW, from, to));
@@ -70,7 +77,7 @@ fn above(values: &[f64], level: f64) -> Vec<(f64, f64)> {
 }
 
 /// The cell that holds `x` in ascending or descending `at`, and how far along it `x` is.
-pub(super) fn locate(at: &[f64], x: f64) -> Option<(usize, f64)> {
+fn locate(at: &[f64], x: f64) -> Option<(usize, f64)> {
     let rising = at.first() <= at.last();
     let k = at.partition_point(|it| if rising { *it <= x } else { *it >= x });
     let k = if k == at.len() && at.last() == Some(&x) {
@@ -86,7 +93,7 @@ pub(super) fn locate(at: &[f64], x: f64) -> Option<(usize, f64)> {
 }
 
 /// Between the corners of a cell, bilinear: `values` by place along x and y.
-pub(super) fn between(
+fn between(
     values: impl Fn(usize, usize) -> f64,
     ((i, a), (j, b)): ((usize, f64), (usize, f64)),
 ) -> f64 {

@@ -1,10 +1,10 @@
 //! The density p(q, v) with its marginals, snapshots on one sheet, the steady state.
 
 use super::canvas::{
-    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Picture, Points, TITLE, dashed,
-    picture, rectangle, write,
+    Area, BLUE, CENTRED, Drawn, GREY, HALO, Hang, INK, LEVELS, Picture, Points, SMALL, TITLE,
+    dashed, picture, rectangle, write,
 };
-use super::contours::{self, between, locate};
+use super::contours;
 use super::legend::{Mark, legend};
 use super::panel::{Panel, highest, range};
 use crate::error::Result;
@@ -35,18 +35,9 @@ impl<'a> Sheet<'a> {
         let (dq, dv) = (widths(&q), widths(&v));
         let sum =
             |p: ndarray::ArrayView1<'_, f64>, w: &[f64]| p.iter().zip(w).map(|(p, w)| p * w).sum();
-        let p_q = snapshot
-            .p
-            .rows()
-            .into_iter()
-            .map(|row| sum(row, &dv))
-            .collect();
-        let p_v = snapshot
-            .p
-            .columns()
-            .into_iter()
-            .map(|column| sum(column, &dq))
-            .collect();
+        let p = &snapshot.p;
+        let p_q = p.rows().into_iter().map(|row| sum(row, &dv)).collect();
+        let p_v = p.columns().into_iter().map(|it| sum(it, &dq)).collect();
         Some(Self {
             snapshot,
             q,
@@ -61,29 +52,16 @@ impl<'a> Sheet<'a> {
     fn window(&self) -> ((f64, f64), (f64, f64)) {
         let seen = |p: &[f64], x: &[f64]| {
             let most = p.iter().copied().fold(0.0, f64::max);
-            let there = p
-                .iter()
-                .zip(x)
-                .filter(|(p, _)| **p > 1e-3 * most)
-                .map(|(_, x)| *x);
-            range(there, 0.08).unwrap_or((x[0], x[x.len() - 1]))
+            let there = p.iter().zip(x).filter(|(p, _)| **p > 1e-3 * most);
+            range(there.map(|it| *it.1), 0.08).unwrap_or((x[0], x[x.len() - 1]))
         };
         (seen(&self.p_q, &self.q), seen(&self.p_v, &self.v))
     }
 
     /// Filled levels.
     fn fill(&self, area: &Area<'_>, panel: &Panel) -> Drawn {
-        let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
-        contours::fill(area, panel, &LEVELS, |from_top, columns| {
-            let v = locate(&self.v, place((panel.y.1, panel.y.0), from_top))?;
-            // Outside the mesh it is 0.
-            let at = |k: usize| {
-                let q = locate(&self.q, place(panel.x, k as f64 / columns as f64));
-                let p = |i: usize, j: usize| self.snapshot.p[[i, j]] / self.peak;
-                q.map_or(0.0, |q| between(p, (q, v)))
-            };
-            Some((0..=columns).map(at).collect())
-        })
+        let p = |i: usize, j: usize| self.snapshot.p[[i, j]] / self.peak;
+        contours::fill(area, panel, &LEVELS, (&self.q, &self.v), p, 0.0)
     }
 }
 
@@ -94,12 +72,7 @@ fn key(area: &Area<'_>, (x, y): (f64, f64)) -> Drawn {
         let top = y + 10.0 + 11.0 * k as f64;
         let corners = [(x, top), (x + 20.0, top + 11.0)];
         rectangle(area, corners, *colour, Some(GREY))?;
-        write(
-            area,
-            &format!("{level}"),
-            (x + 27.0, top + 5.5),
-            (11.5, Hang::Left, INK),
-        )?;
+        write(area, &level.to_string(), (x + 27.0, top + 5.5), SMALL)?;
     }
     Ok(())
 }
@@ -110,12 +83,8 @@ fn density_picture(name: String, title: &str, snapshot: &Snapshot, results: &Res
     let law = results.law();
     let (x, y) = sheet.window();
     let main = Panel::new([92.0, 156.0, 430.0, 330.0], x, y);
-    let curve = |xs: &[f64], ps: &[f64]| {
-        xs.iter()
-            .copied()
-            .zip(ps.iter().copied())
-            .collect::<Points>()
-    };
+    let curve =
+        |xs: &[f64], ps: &[f64]| -> Points { xs.iter().copied().zip(ps.iter().copied()).collect() };
     let fine =
         |(low, high): (f64, f64)| (0..=300).map(move |k| low + (high - low) * f64::from(k) / 300.0);
     let (by_q, by_v) = (curve(&sheet.q, &sheet.p_q), curve(&sheet.v, &sheet.p_v));
@@ -142,7 +111,7 @@ fn density_picture(name: String, title: &str, snapshot: &Snapshot, results: &Res
         ..main.clone()
     };
     Some(picture(name, (730, 546), |area| {
-        write(area, title, (main.left, 22.0), TITLE)?;
+        above.title(area, title)?;
         above.axes(area, "", "p(q)")?;
         above.curve(area, &exact_q, HALO, 5.0)?;
         above.curve(area, &by_q, BLUE, 1.5)?;
@@ -174,20 +143,12 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
         if !(loss > panel.x.0 && loss < panel.x.1) {
             continue;
         }
-        dashed(
-            area,
-            &[panel.at(loss, panel.y.0), panel.at(loss, panel.y.1)],
-            GREY,
-            1.0,
-        )?;
-        let (x, _) = panel.at(loss, panel.y.0);
+        let ends = [panel.y.0, panel.y.1].map(|y| panel.at(loss, y));
+        dashed(area, &ends, GREY, 1.0)?;
+        let x = ends[0].0;
         if words && k == 0 && x > panel.left + 70.0 {
-            write(
-                area,
-                "contact lost",
-                (x - 5.0, panel.top + 11.0),
-                (11.5, Hang::Right, GREY),
-            )?;
+            let (at, font) = ((x - 5.0, panel.top + 11.0), (11.5, Hang::Right, GREY));
+            write(area, "contact lost", at, font)?;
         }
     }
     Ok(())
@@ -216,17 +177,10 @@ pub(crate) fn stroboscopic(results: &Results) -> Picture {
     let it = results.periodic.as_ref()?;
     let drive = results.scene.excitation.drive?;
     let period = results.scene.clock().time(drive.period());
-    let label = |it: &Snapshot| {
-        format!(
-            "W\u{3c4}/2\u{3c0} = {}",
-            bare((1e4 * it.t / period).round() / 1e4)
-        )
-    };
-    let names = (
-        "stroboscopic.svg",
-        "p(q, q\u{307}) over the phase of the drive",
-    );
-    snapshots(results, names, &it.densities, &label)
+    let turns = |it: &Snapshot| bare((1e4 * it.t / period).round() / 1e4);
+    let label = |it: &Snapshot| format!("W\u{3c4}/2\u{3c0} = {}", turns(it));
+    let title = "p(q, q\u{307}) over the phase of the drive";
+    snapshots(results, ("stroboscopic.svg", title), &it.densities, &label)
 }
 
 /// Several densities on one sheet, on the same axes, each to its own peak.
@@ -237,12 +191,8 @@ fn snapshots(
     label: &dyn Fn(&Snapshot) -> String,
 ) -> Picture {
     let each = all.len().div_ceil(9).max(1);
-    let mut sheets: Vec<Sheet<'_>> = all
-        .iter()
-        .rev()
-        .step_by(each)
-        .filter_map(Sheet::of)
-        .collect();
+    let last_on = all.iter().rev().step_by(each);
+    let mut sheets: Vec<Sheet<'_>> = last_on.filter_map(Sheet::of).collect();
     sheets.reverse();
     if sheets.len() < 2 {
         return None;
@@ -268,21 +218,12 @@ fn snapshots(
         write(area, heading, (86.0, 18.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
             let (row, column) = (k / columns, k % columns);
-            let panel = Panel::new(
-                [
-                    86.0 + column as f64 * (width + 18.0),
-                    52.0 + row as f64 * (height + 26.0),
-                    width,
-                    height,
-                ],
-                x,
-                y,
-            );
+            let left = 86.0 + column as f64 * (width + 18.0);
+            let top = 52.0 + row as f64 * (height + 26.0);
+            let panel = Panel::new([left, top, width, height], x, y);
             let lowest = k + columns >= sheets.len();
-            let (q, v) = (
-                if lowest { "q" } else { "" },
-                if column == 0 { "q\u{307}" } else { "" },
-            );
+            let q = if lowest { "q" } else { "" };
+            let v = if column == 0 { "q\u{307}" } else { "" };
             panel.axes(area, q, v)?;
             sheet.fill(area, &panel)?;
             loss_line(area, &panel, results, false)?;
@@ -298,12 +239,9 @@ fn snapshots(
 /// steady.svg: the steady state on the mesh.
 pub(crate) fn steady(results: &Results) -> Picture {
     let it = results.steady.as_ref()?;
+    let ([nq, nv], law, apart) = (it.method.cells, results.known_law(), it.l1_error.value);
     let title = format!(
-        "Stationary p(q, q\u{307}) on {} \u{d7} {} cells, L\u{b9} distance to the {} {:.0e}",
-        it.method.cells[0],
-        it.method.cells[1],
-        results.known_law(),
-        it.l1_error.value
+        "Stationary p(q, q\u{307}) on {nq} \u{d7} {nv} cells, L\u{b9} distance to the {law} {apart:.0e}"
     );
     density_picture("steady.svg".into(), &title, &it.density, results)
 }

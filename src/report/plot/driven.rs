@@ -25,19 +25,13 @@ pub(crate) fn periodic(results: &Results) -> Picture {
     shown.extend(others.filter(asked));
     let turns: Vec<f64> = it.phase.iter().map(|phase| phase / TAU).collect();
     Some(picture("periodic.svg", (958, 640), |area| {
-        write(
-            area,
-            "The law that lasts, over the phase of the drive",
-            (92.0, 20.0),
-            TITLE,
-        )?;
+        let title = "The law that lasts, over the phase of the drive";
+        write(area, title, (92.0, 20.0), TITLE)?;
         for (k, moment) in shown.iter().take(4).enumerate() {
             let curve = it.moments.iter().filter_map(|at| at.get(*moment));
             let curve: Vec<Estimate> = curve.collect();
-            let ends = curve
-                .iter()
-                .flat_map(|y| [y.value - y.error, y.value + y.error]);
-            let Some(y) = range(ends, 0.08) else {
+            let ends = |y: &Estimate| [y.value - y.error, y.value + y.error];
+            let Some(y) = range(curve.iter().flat_map(ends), 0.08) else {
                 continue;
             };
             let panel = Panel::new(place(k), (0.0, 1.0), y);
@@ -64,18 +58,14 @@ pub(crate) fn response(results: &Results) -> Picture {
     let swept = |of: fn(&Sweep) -> Option<&Vec<Estimate>>| -> Vec<&Vec<Estimate>> {
         it.sweeps.iter().flatten().filter_map(of).collect()
     };
+    let (q, force) = (
+        swept(|it| Some(&it.mean_q_1)),
+        swept(|it| Some(&it.mean_force_1)),
+    );
     let mut curves = vec![
-        (
-            "|E[q]|, first harmonic",
-            &it.mean_q_1,
-            swept(|it| Some(&it.mean_q_1)),
-        ),
+        ("|E[q]|, first harmonic", &it.mean_q_1, q),
         ("|E[q]|, second harmonic", &it.mean_q_2, Vec::new()),
-        (
-            "|E[N]|, first harmonic",
-            &it.mean_force_1,
-            swept(|it| Some(&it.mean_force_1)),
-        ),
+        ("|E[N]|, first harmonic", &it.mean_force_1, force),
     ];
     let lost = it.contact_loss_probability.as_ref();
     let sweeps = swept(|it| it.contact_loss_probability.as_ref());
@@ -108,24 +98,16 @@ pub(crate) fn response(results: &Results) -> Picture {
             panel.curve(area, &line, BLUE, 1.5)?;
             panel.frame(area)?;
         }
-        legend(
-            area,
-            (92.0, 20.0),
-            BLUE,
-            Mark::Line,
-            "with noise, band: its error",
-        )?;
-        legend(area, (330.0, 20.0), INK, Mark::Dot, "without noise")?;
-        legend(
-            area,
-            (500.0, 20.0),
-            GREY,
-            Mark::Dot,
-            "without noise, unstable",
-        )?;
-        match it.sweeps {
-            Some(_) => legend(area, (700.0, 20.0), BLUE, Mark::Dashes, "sweeps up, down"),
-            None => Ok(()),
+        let mut entries = vec![
+            (92.0, BLUE, Mark::Line, "with noise, band: its error"),
+            (330.0, INK, Mark::Dot, "without noise"),
+            (500.0, GREY, Mark::Dot, "without noise, unstable"),
+        ];
+        let swept = it.sweeps.iter();
+        entries.extend(swept.map(|_| (700.0, BLUE, Mark::Dashes, "sweeps up, down")));
+        for (x, colour, mark, words) in entries {
+            legend(area, (x, 20.0), colour, mark, words)?;
         }
+        Ok(())
     }))
 }

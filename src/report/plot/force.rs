@@ -1,7 +1,7 @@
 //! The density of the force, linear and logarithmic, with its Dirac mass.
 
 use super::canvas::{
-    Area, BLUE, Drawn, INK, NOTE, Picture, Points, TITLE, VERMILION, line, picture, write,
+    Area, BLUE, Drawn, INK, NOTE, Picture, Points, VERMILION, line, picture, write,
 };
 use super::density::Sheet;
 use super::legend::{Mark, legends};
@@ -66,12 +66,9 @@ impl ForceCurves {
             .filter(|(q, _)| contact.displacements_at(contact.force(**q)).len() == 1)
             .map(|(q, p)| (contact.force(*q), p / contact.stiffness(*q)))
             .collect();
-        let flight = loss
-            .filter(|loss| *loss >= low)
-            .map(|loss| contact.force(loss));
-        let usual = exact
-            .iter()
-            .filter(|(n, _)| flight.is_none_or(|flight| *n > flight + 0.04));
+        let flight = loss.filter(|it| *it >= low).map(|it| contact.force(it));
+        let usual = |n: f64| flight.is_none_or(|flight| n > flight + 0.04);
+        let usual = exact.iter().filter(|(n, _)| usual(*n));
         let most = usual.map(|(_, p)| *p).fold(0.0, f64::max);
         Some(Self {
             dirac: law.contact_loss_probability().zip(flight),
@@ -128,10 +125,8 @@ impl ForceCurves {
 pub(crate) fn force(results: &Results) -> Picture {
     let curves = ForceCurves::of(results).filter(|it| it.most > 0.0)?;
     let seen = curves.exact.iter().filter(|(_, p)| *p > 1e-5 * curves.most);
-    let ends = seen
-        .map(|(n, _)| *n)
-        .chain(curves.dirac.map(|(_, flight)| flight));
-    let x = range(ends, 0.05)?;
+    let flight = curves.dirac.map(|it| it.1);
+    let x = range(seen.map(|it| it.0).chain(flight), 0.05)?;
     let linear = Panel::new([92.0, 44.0, 390.0, 320.0], x, (0.0, 1.3 * curves.most));
     let top = curves.most.log10();
     let logarithmic = Panel {
@@ -140,13 +135,10 @@ pub(crate) fn force(results: &Results) -> Picture {
         log: true,
         ..linear.clone()
     };
-    let far = results
-        .stationary
-        .as_ref()
-        .and_then(|it| it.get("log10_contact_loss_probability"));
+    let law = results.stationary.as_ref();
+    let far = law.and_then(|it| it.get("log10_contact_loss_probability"));
     Some(picture("force.svg", (990, 420), |area| {
-        let title = "Force: stationary density p(N)";
-        write(area, title, (linear.left, 22.0), TITLE)?;
+        linear.title(area, "Force: stationary density p(N)")?;
         curves.draw(area, &linear)?;
         curves.draw(area, &logarithmic)?;
         if let Some(far) = far.filter(|_| curves.dirac.is_none()) {
@@ -155,8 +147,7 @@ pub(crate) fn force(results: &Results) -> Picture {
                 far.value
             );
             let words = words.replace('-', "\u{2212}");
-            let at = (logarithmic.left, 24.0);
-            write(area, &words, at, NOTE)?;
+            write(area, &words, (logarithmic.left, 24.0), NOTE)?;
         }
         let mut entries = vec![(INK, Mark::Line, curves.origin)];
         if !curves.meshed.is_empty() {

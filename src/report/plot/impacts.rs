@@ -1,12 +1,9 @@
 //! The law of an impact: time of flight and speed at the return together, the speed, the peak force.
 
-use super::canvas::{
-    Area, BLUE, Drawn, INK, LEVELS, Picture, Points, TITLE, VERMILION, picture, write,
-};
-use super::contours::{self, between, locate};
+use super::canvas::{BLUE, INK, LEVELS, Picture, Points, VERMILION, picture};
+use super::contours;
 use super::legend::{Mark, legend};
 use super::panel::{Panel, highest};
-use crate::fokker_planck::ImpactLaw;
 use crate::results::Results;
 
 /// impacts.svg.
@@ -30,26 +27,19 @@ pub(crate) fn impacts(results: &Results) -> Picture {
     let seen = results.sampled_crossings().map(|(seen, _)| seen);
     let seen = seen.filter(|it| it.mean_flight.value.is_finite());
     let joint = Panel::new([70.0, 44.0, 300.0, 320.0], (0.0, end), (0.0, fastest));
-    let speeds = Panel::new(
-        [450.0, 44.0, 240.0, 320.0],
-        (0.0, fastest),
-        (0.0, 1.35 * top),
-    );
+    let beside = |left: f64, x, top: f64| {
+        let place = [left, 44.0, 240.0, 320.0];
+        Panel::new(place, x, (0.0, 1.35 * top))
+    };
+    let speeds = beside(450.0, (0.0, fastest), top);
     let lightest = force.first().map_or(0.0, |it| it.0);
-    let forces = Panel::new(
-        [760.0, 44.0, 240.0, 320.0],
-        (lightest.min(heaviest), heaviest),
-        (0.0, 1.35 * high),
-    );
+    let forces = beside(760.0, (lightest.min(heaviest), heaviest), high);
     Some(picture("impacts.svg", (1030, 420), |area| {
-        write(
-            area,
-            "Impacts: joint density over its peak",
-            (joint.left, 22.0),
-            TITLE,
-        )?;
+        joint.title(area, "Impacts: joint density over its peak")?;
         joint.axes(area, "time of flight, \u{3c4}", "speed at the return")?;
-        fill(area, &joint, law, peak)?;
+        let columns = law.speeds.len();
+        let p = |i: usize, j: usize| law.density[i * columns + j].value / peak;
+        contours::fill(area, &joint, &LEVELS, (&law.times, &law.speeds), p, 0.0)?;
         joint.frame(area)?;
         speeds.axes(area, "speed at the return", "density")?;
         if let Some(seen) = seen {
@@ -66,19 +56,4 @@ pub(crate) fn impacts(results: &Results) -> Picture {
         forces.curve(area, &force, BLUE, 1.5)?;
         forces.frame(area)
     }))
-}
-
-/// Filled levels of the joint density.
-fn fill(area: &Area<'_>, panel: &Panel, law: &ImpactLaw, peak: f64) -> Drawn {
-    let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
-    let columns = law.speeds.len();
-    contours::fill(area, panel, &LEVELS, |from_top, pixels| {
-        let c = locate(&law.speeds, place((panel.y.1, panel.y.0), from_top))?;
-        let at = |k: usize| {
-            let t = locate(&law.times, place(panel.x, k as f64 / pixels as f64));
-            let p = |i: usize, j: usize| law.density[i * columns + j].value / peak;
-            t.map_or(0.0, |t| between(p, (t, c)))
-        };
-        Some((0..=pixels).map(at).collect())
-    })
 }

@@ -1,14 +1,13 @@
 //! Survival until the first loss of contact, and times of flight.
 
-use super::canvas::{BLUE, INK, Picture, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, INK, Picture, Points, VERMILION, picture};
 use super::legend::{Mark, legend, legends};
 use super::panel::{Panel, range};
 use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::bare;
 use crate::monte_carlo::FirstLossResult;
-use crate::results::Results;
-use crate::results::centres;
+use crate::results::{Results, centres};
 
 /// survival.svg: survival until the first loss of contact, and its density on a logarithmic scale, from
 /// the backward equation and from paths.
@@ -56,7 +55,7 @@ fn curves(
         ..left.clone()
     };
     Some(picture(file, (990, 420), |area| {
-        write(area, title, (left.left, 22.0), TITLE)?;
+        left.title(area, title)?;
         left.axes(area, time, "survival")?;
         right.axes(area, time, "density")?;
         left.curve(area, &linear, BLUE, 1.5)?;
@@ -121,7 +120,7 @@ pub(crate) fn flights(results: &Results) -> Picture {
             }
             None => "Time of flight: density".into(),
         };
-        write(area, &title, (panel.left, 22.0), TITLE)?;
+        panel.title(area, &title)?;
         let label = format!("from loss to return: {}", clock.axis());
         panel.axes(area, &label, "density")?;
         if let Some((_, it)) = &seen {

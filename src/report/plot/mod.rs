@@ -23,7 +23,7 @@ mod transient;
 pub(crate) use canvas::Picture;
 pub use canvas::{
     Area, BLUE, CENTRED, Colour, Drawn, FAINT, FINE, Font, GREEN, GREY, HALO, Hang, INK, Points,
-    VERMILION, WORDS, fine, line, picture, write,
+    SUBTITLE, VERMILION, WORDS, fine, line, picture, write,
 };
 pub(crate) use density::{densities, steady, stroboscopic};
 pub(crate) use driven::{periodic, response};

@@ -1,8 +1,8 @@
 //! Panels: axes that know their range, and what is drawn in them.
 
 use super::canvas::{
-    Area, CENTRED, Drawn, FAINT, FINE, Hang, INK, Points, VERMILION, dashed, fine, line, styled,
-    write,
+    Area, CENTRED, Drawn, FAINT, FINE, Hang, INK, Points, TITLE, VERMILION, dashed, fine, line,
+    styled, write,
 };
 use super::ticks::{superscript, ticks};
 use crate::estimate::Estimate;
@@ -93,6 +93,11 @@ impl Panel {
         )
     }
 
+    /// Words above it.
+    pub(super) fn title(&self, area: &Area<'_>, words: &str) -> Drawn {
+        write(area, words, (self.left, self.top - 22.0), TITLE)
+    }
+
     /// Whether a point lies within the axes.
     pub fn shows(&self, x: f64, y: f64) -> bool {
         x >= self.x.0 && x <= self.x.1 && y >= self.y.0 && y <= self.y.1
@@ -138,13 +143,9 @@ impl Panel {
             let (px, _) = self.at(x, self.y.0);
             line(area, &[(px, self.top), (px, self.bottom())], FAINT, 0.75)?;
             if numbers[0] {
-                line(
-                    area,
-                    &[(px, self.bottom()), (px, self.bottom() + 4.0)],
-                    INK,
-                    1.0,
-                )?;
-                write(area, &text, (px, self.bottom() + 13.0), CENTRED)?;
+                let bottom = self.bottom();
+                line(area, &[(px, bottom), (px, bottom + 4.0)], INK, 1.0)?;
+                write(area, &text, (px, bottom + 13.0), CENTRED)?;
             }
         }
         for (y, text) in y {
@@ -161,20 +162,10 @@ impl Panel {
     /// Words below and left of it.
     pub(super) fn labels(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
         let middle = self.left + 0.5 * self.width;
-        write(
-            area,
-            x_label,
-            (middle, self.bottom() + 32.0),
-            (15.5, Hang::Middle, INK),
-        )?;
+        let font = (15.5, Hang::Middle, INK);
+        write(area, x_label, (middle, self.bottom() + 32.0), font)?;
         let at = (self.left - 64.0, self.top + 0.5 * self.height);
-        styled(
-            area,
-            y_label,
-            at,
-            (15.5, Hang::Middle, INK),
-            FontTransform::Rotate270,
-        )
+        styled(area, y_label, at, font, FontTransform::Rotate270)
     }
 
     pub fn frame(&self, area: &Area<'_>) -> Drawn {
@@ -335,12 +326,8 @@ impl Panel {
     /// A dashed line at one height.
     pub fn level(&self, area: &Area<'_>, y: f64, colour: RGBColor) -> Drawn {
         if y > self.y.0 && y < self.y.1 {
-            dashed(
-                area,
-                &[self.at(self.x.0, y), self.at(self.x.1, y)],
-                colour,
-                1.25,
-            )?;
+            let ends = [self.x.0, self.x.1].map(|x| self.at(x, y));
+            dashed(area, &ends, colour, 1.25)?;
         }
         Ok(())
     }

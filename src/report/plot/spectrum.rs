@@ -1,6 +1,6 @@
 //! Spectra.
 
-use super::canvas::{BLUE, GREY, Picture, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, GREY, Picture, Points, VERMILION, picture};
 use super::legend::{Mark, legends};
 use super::panel::{Panel, range};
 use crate::format::brief;
@@ -46,7 +46,7 @@ pub(crate) fn spectrum(results: &Results) -> Picture {
             results.contact().name(),
             brief(results.scene.oscillator.h())
         );
-        write(area, &title, (panel.left, 22.0), TITLE)?;
+        panel.title(area, &title)?;
         panel.axes(area, x_label, y_label)?;
         panel.curve(area, &linear, GREY, 1.0)?;
         if let Some(sampled) = &it.sampled {

@@ -1,6 +1,6 @@
 //! Moments against time, and the approach to the stationary law.
 
-use super::canvas::{BLUE, GREEN, INK, Picture, Points, TITLE, VERMILION, picture, write};
+use super::canvas::{BLUE, GREEN, INK, Picture, Points, VERMILION, picture};
 use super::legend::{Mark, legend};
 use super::panel::{Panel, place, range, with_band};
 use crate::estimate::Estimate;
@@ -38,18 +38,15 @@ pub(crate) fn moments(results: &Results) -> Picture {
         for (k, (moment, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
-                points
-                    .filter_map(|(t, it)| Some((*t, it.get(moment)?)))
-                    .collect()
+                let there = points.filter_map(|(t, it)| Some((*t, it.get(moment)?)));
+                there.collect()
             };
             let mesh = series(&it.times, &it.moments);
             let paths = results.monte_carlo.as_ref();
             let paths = paths.map_or(Vec::new(), |it| series(&it.times, &it.moments));
-            let level = results
-                .stationary
-                .as_ref()
-                .and_then(|it| it.get(moment.name()))
-                .map(|it| it.value);
+            let law = results.stationary.as_ref();
+            let level = law.and_then(|it| it.get(moment.name()));
+            let level = level.map(|it| it.value);
             let Some(y) = heights(&[&mesh, &paths], level) else {
                 continue;
             };
@@ -67,13 +64,8 @@ pub(crate) fn moments(results: &Results) -> Picture {
             }
             panel.frame(area)?;
         }
-        legend(
-            area,
-            (92.0, 20.0),
-            BLUE,
-            Mark::Line,
-            "Fokker-Planck, band: its error",
-        )?;
+        let words = "Fokker-Planck, band: its error";
+        legend(area, (92.0, 20.0), BLUE, Mark::Line, words)?;
         if results.monte_carlo.is_some() {
             let words = "Monte Carlo, bar: one standard error";
             legend(area, (330.0, 20.0), VERMILION, Mark::Dot, words)?;
@@ -130,8 +122,7 @@ pub(crate) fn approach(results: &Results) -> Picture {
     let integrated = results
         .steady
         .as_ref()
-        .map(|it| log(&mut it.approach.iter().copied()));
-    let integrated = integrated.unwrap_or_default();
+        .map_or(Points::new(), |it| log(&mut it.approach.iter().copied()));
     let panel = |left: f64, curves: [&Points; 2]| {
         let all = || curves.into_iter().flatten();
         let x = range(all().map(|(t, _)| *t).chain([0.0]), 0.0)?;
@@ -149,12 +140,7 @@ pub(crate) fn approach(results: &Results) -> Picture {
     let decay = results.decay_rates.as_ref().and_then(Decay::of);
     Some(picture("approach.svg", size, |area| {
         if let Some(panel) = &first {
-            write(
-                area,
-                "Approach to the stationary law",
-                (panel.left, 22.0),
-                TITLE,
-            )?;
+            panel.title(area, "Approach to the stationary law")?;
             panel.axes(area, time, "distance to it")?;
             panel.curve(area, &distance, BLUE, 2.0)?;
             panel.curve(area, &entropy, VERMILION, 2.0)?;
@@ -174,12 +160,7 @@ pub(crate) fn approach(results: &Results) -> Picture {
             }
         }
         if let Some(panel) = &second {
-            write(
-                area,
-                "Time integration to the steady state",
-                (panel.left, 22.0),
-                TITLE,
-            )?;
+            panel.title(area, "Time integration to the steady state")?;
             panel.axes(area, time, "L\u{b9} distance to the closed form")?;
             panel.curve(area, &integrated, BLUE, 2.0)?;
             panel.frame(area)?;

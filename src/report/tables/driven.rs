@@ -19,22 +19,17 @@ pub(super) fn periodic(results: &Results) -> Option<String> {
     ] {
         for (k, harmonic) in (1..).zip(all).take(2) {
             let phase = Some(harmonic.phase).filter(|it| it.value.is_finite());
-            table.put([
-                format!("{symbol}, harmonic {k}"),
-                shown(Some(harmonic.amplitude)),
-                shown(phase),
-            ]);
+            let words = format!("{symbol}, harmonic {k}");
+            table.numbers(words, [Some(harmonic.amplitude), phase]);
         }
     }
     let mut others = Table::of(["", "value"]);
     if let Some(lost) = it.contact_loss_probability {
-        others.put(["P(loss) over a period".into(), shown(Some(lost))]);
+        others.numbers("P(loss) over a period".into(), [Some(lost)]);
     }
     for law in it.metastable.iter().flatten() {
-        others.put([
-            "probability of the motion about one of two orbits".into(),
-            shown(Some(law.probability)),
-        ]);
+        let words = "probability of the motion about one of two orbits";
+        others.numbers(words.into(), [Some(law.probability)]);
     }
     for (k, it) in (1..).zip(&it.multipliers) {
         let part = |value: f64| shown(Some(Estimate::new(value, it.error, Origin::Space)));
@@ -62,15 +57,10 @@ pub(super) fn response(results: &Results) -> Option<String> {
     ]);
     for k in spread(it.frequency.len(), FREQUENCIES) {
         let lost = it.contact_loss_probability.as_ref().map(|it| it[k]);
-        let number = |it: Estimate| shown(Some(it));
-        table.put([
-            brief(it.frequency[k]),
-            number(it.mean_q_1[k]),
-            number(it.mean_q_2[k]),
-            number(it.mean_force_1[k]),
-            shown(lost),
-            number(it.multiplier[k]),
-        ]);
+        let [q, twice, force] =
+            [&it.mean_q_1, &it.mean_q_2, &it.mean_force_1].map(|it| Some(it[k]));
+        let numbers = [q, twice, force, lost, Some(it.multiplier[k])];
+        table.numbers(brief(it.frequency[k]), numbers);
     }
     Some(table.html("Response to the drive"))
 }

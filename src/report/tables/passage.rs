@@ -1,6 +1,6 @@
 //! Tables of first losses of contact and of first passages.
 
-use super::table::{Table, shown};
+use super::table::Table;
 use crate::estimate::Estimate;
 use crate::fokker_planck::FirstLoss;
 use crate::format::brief;
@@ -8,26 +8,20 @@ use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
 
 pub(super) fn first_loss(results: &Results) -> Option<String> {
-    let both = (
-        results.first_loss.as_ref(),
-        results.first_loss_paths.as_ref(),
-    );
-    let table = survival(results, ["a loss", "contact loss"], both)?;
+    let (solved, paths) = (&results.first_loss, &results.first_loss_paths);
+    let words = ["a loss", "contact loss"];
+    let table = survival(results, words, (solved.as_ref(), paths.as_ref()))?;
     Some(table.html("First passage to contact loss"))
 }
 
 pub(super) fn first_passage(results: &Results) -> Option<String> {
     let asked = results.scene.outputs.first_passage?;
     let [quantity, way] = asked.side.words();
-    let both = (
-        results.first_passage.as_ref(),
-        results.first_passage_paths.as_ref(),
-    );
-    let table = survival(results, ["a passage", "the passage"], both)?;
-    Some(table.html(&format!(
-        "First passage of {quantity} {way} {}",
-        brief(asked.level)
-    )))
+    let (solved, paths) = (&results.first_passage, &results.first_passage_paths);
+    let words = ["a passage", "the passage"];
+    let table = survival(results, words, (solved.as_ref(), paths.as_ref()))?;
+    let level = brief(asked.level);
+    Some(table.html(&format!("First passage of {quantity} {way} {level}")))
 }
 
 /// `[event, target]`: what is survived, and what the mean time leads to.
@@ -45,16 +39,11 @@ fn survival(
         let t = format!("{}{unit}", brief(times[k]));
         let survival = paths.and_then(|it| it.survival.get(k).copied());
         let event_free = event.replacen("a ", "no ", 1);
-        table.put([
-            format!("probability of {event_free} until {t}"),
-            shown(solved.map(|it| it.survival[k])),
-            shown(survival),
-        ]);
-        table.put([
-            format!("probability of {event} until {t}"),
-            shown(solved.map(|it| it.lost[k])),
-            shown(survival.map(Estimate::complement)),
-        ]);
+        let words = format!("probability of {event_free} until {t}");
+        table.numbers(words, [solved.map(|it| it.survival[k]), survival]);
+        let words = format!("probability of {event} until {t}");
+        let lost = solved.map(|it| it.lost[k]);
+        table.numbers(words, [lost, survival.map(Estimate::complement)]);
     }
     let lasting = solved.map(|it| {
         [
@@ -65,7 +54,7 @@ fn survival(
     });
     for (words, number) in lasting.into_iter().flatten() {
         if !number.value.is_nan() {
-            table.put([words, shown(Some(number)), String::new()]);
+            table.numbers(words, [Some(number), None]);
         }
     }
     Some(table)

@@ -22,29 +22,28 @@ impl Table {
         self.rows.push(cells.into());
     }
 
+    /// A row of words and numbers.
+    pub(super) fn numbers<const N: usize>(&mut self, words: String, all: [Option<Estimate>; N]) {
+        let numbers = all.into_iter().map(shown);
+        self.rows.push([words].into_iter().chain(numbers).collect());
+    }
+
     /// With its title; nothing without rows. Columns without a single entry are left out.
     pub(super) fn html(&self, title: &str) -> String {
         if self.rows.is_empty() {
             return String::new();
         }
-        let filled = |k: usize| {
-            self.rows
-                .iter()
-                .any(|row| !matches!(row[k].as_str(), "" | "-"))
-        };
-        let kept: Vec<usize> = (0..self.heads.len()).filter(|k| filled(*k)).collect();
+        let entry = |row: &Vec<String>, k: usize| !matches!(row[k].as_str(), "" | "-");
+        let filled = |k: &usize| self.rows.iter().any(|row| entry(row, *k));
+        let kept: Vec<usize> = (0..self.heads.len()).filter(filled).collect();
         let row = |tag: &str, cells: &[String]| {
-            let cells = kept
-                .iter()
-                .map(|k| format!("<{tag}>{}</{tag}>", escaped(&cells[*k])));
-            format!("<tr>{}</tr>\n", cells.collect::<String>())
+            let cell = |k: &usize| format!("<{tag}>{}</{tag}>", escaped(&cells[*k]));
+            format!("<tr>{}</tr>\n", kept.iter().map(cell).collect::<String>())
         };
         let body: String = self.rows.iter().map(|it| row("td", it)).collect();
         let head = row("th", &self.heads);
-        format!(
-            "<h2>{}</h2>\n<table>\n{head}{body}</table>\n",
-            escaped(title)
-        )
+        let title = escaped(title);
+        format!("<h2>{title}</h2>\n<table>\n{head}{body}</table>\n")
     }
 }
 

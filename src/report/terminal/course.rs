@@ -1,7 +1,7 @@
 //! The approach to the stationary law: moments over time, steady state, eigenvalues, spectrum.
 
 use super::layout::{TIMES, Table, cells, row};
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::DecayRate;
 use crate::format::{brief, cell, many, rounded, spread};
 use crate::moments::Moment;
@@ -67,23 +67,17 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
     }
     if let Some(it) = &results.steady {
         let [nq, nv] = it.method.cells;
+        let (name, law) = (&it.method.name, results.known_law());
+        let (apart, residual) = (it.l1_error.value, it.residual);
         let text = format!(
-            "{nq} x {nv} cells, {}: L1 distance to the {} {:.1e}, residual {:.1e}",
-            it.method.name,
-            results.known_law(),
-            it.l1_error.value,
-            it.residual
+            "{nq} x {nv} cells, {name}: L1 distance to the {law} {apart:.1e}, residual {residual:.1e}"
         );
         table.line("");
         table.paragraph("steady state: ", &text);
     }
     if let Some(it) = &results.decay_rates {
         let rate = |rate: &DecayRate| {
-            let re = cell(Some(Estimate {
-                value: rate.re,
-                error: rate.error,
-                ..Estimate::default()
-            }));
+            let re = cell(Some(Estimate::new(rate.re, rate.error, Origin::Space)));
             match rate.im {
                 0.0 => re,
                 im => format!("{re} (a pair, ±{im:.4}i)"),
@@ -91,9 +85,8 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
         };
         let mut words: Vec<String> = it.rates.iter().map(rate).collect();
         if it.continuous_from == Some(0.0) {
-            words.push(
-                "none: without friction in flight the spectrum is continuous from 0 on".into(),
-            );
+            let none = "none: without friction in flight the spectrum is continuous from 0 on";
+            words.push(none.into());
         } else if let Some(edge) = it.continuous_from {
             let edge = if edge.abs() < 100.0 {
                 format!("{edge:.4}")
@@ -128,15 +121,9 @@ pub(super) fn course(table: &mut Table, results: &Results) {
     let Some(it) = results.transient.as_ref().filter(|it| !it.times.is_empty()) else {
         return;
     };
-    let heads = if sampled.is_some() {
-        ["Monte Carlo", "z"]
-    } else {
-        ["", ""]
-    };
-    table.heading(format!(
-        "{:<36}{:>17} {:>17}{:>7}",
-        "ON THE WAY", "Fokker-Planck", heads[0], heads[1]
-    ));
+    let [paths, z] = sampled.map_or([""; 2], |_| ["Monte Carlo", "z"]);
+    let (title, solved) = ("ON THE WAY", "Fokker-Planck");
+    table.heading(format!("{title:<36}{solved:>17} {paths:>17}{z:>7}"));
     for &moment in Moment::course(&it.moments) {
         if it.moments.last().and_then(|it| it.get(moment)).is_none() {
             continue;
@@ -146,11 +133,8 @@ pub(super) fn course(table: &mut Table, results: &Results) {
             let here = it.moments.get(k).and_then(|it| it.get(moment));
             let there = results.paths_at(t).and_then(|it| it.get(moment));
             let entry = moment.entry();
-            let (symbol, words) = if n == 0 {
-                (entry.symbol, entry.words)
-            } else {
-                ("", "")
-            };
+            let first = (n == 0).then_some((entry.symbol, entry.words));
+            let (symbol, words) = first.unwrap_or_default();
             let time = format!("t = {}", brief(t));
             let both = [here, there];
             let numbers = cells(&both[..=usize::from(sampled.is_some())], true);
@@ -158,22 +142,15 @@ pub(super) fn course(table: &mut Table, results: &Results) {
         }
     }
     let [nq, nv] = it.method.cells;
-    let text = format!(
-        "{}, {nq} x {nv} cells, {} of at most {}",
-        it.method.name,
-        many(it.method.steps, "step"),
-        brief(it.method.step)
-    );
+    let (name, steps) = (&it.method.name, many(it.method.steps, "step"));
+    let longest = brief(it.method.step);
+    let text = format!("{name}, {nq} x {nv} cells, {steps} of at most {longest}");
     table.line("");
     table.paragraph("Fokker-Planck: ", &text);
     if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
-        let text = format!(
-            "{}, {} paths, {} of {}; errors are one standard error",
-            it.scheme,
-            scene.paths,
-            many(it.steps, "step"),
-            brief(it.step)
-        );
+        let (scheme, paths) = (it.scheme, scene.paths);
+        let steps = format!("{} of {}", many(it.steps, "step"), brief(it.step));
+        let text = format!("{scheme}, {paths} paths, {steps}; errors are one standard error");
         table.paragraph("Monte Carlo:   ", &text);
     }
 }

@@ -27,15 +27,12 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     }
     for (k, multiplier) in it.multipliers.iter().enumerate() {
         let name = if k == 0 { "Floquet multipliers" } else { "" };
-        let sign = format!("{:.6}", multiplier.re);
+        let (re, error) = (multiplier.re, multiplier.error);
         let imaginary = match multiplier.im {
             0.0 => String::new(),
             im => format!(" \u{b1} {im:.6}i"),
         };
-        table.line(format!(
-            "{name:<26} {sign}{imaginary}, error {:.0e}",
-            multiplier.error
-        ));
+        table.line(format!("{name:<26} {re:.6}{imaginary}, error {error:.0e}"));
     }
     if let Some(laws) = &it.metastable {
         table.columns("METASTABLE LAWS", ["probability", "|E[q]| 1", "P(loss)"]);
@@ -46,14 +43,11 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
         }
     }
     let left = it.multipliers.first().map(Multiplier::modulus);
-    let relaxation = left
-        .filter(|it| *it > 0.0 && *it < 1.0)
-        .map_or(String::new(), |it| {
-            format!(
-                "; a deviation falls to a tenth in {:.3e} of time",
-                drive.period() * 0.1f64.ln() / it.ln()
-            )
-        });
+    let left = left.filter(|it| *it > 0.0 && *it < 1.0);
+    let tenth = left.map(|it| drive.period() * 0.1f64.ln() / it.ln());
+    let relaxation = tenth.map_or(String::new(), |time| {
+        format!("; a deviation falls to a tenth in {time:.3e} of time")
+    });
     let text = format!(
         "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",
         it.phase.len(),
@@ -70,10 +64,8 @@ pub(super) fn response(table: &mut Table, results: &Results) {
     let Some(it) = &results.response else {
         return;
     };
-    table.columns(
-        "RESPONSE, frequency",
-        ["|E[q]| 1", "|E[N]| 1", "P(loss)", "multiplier"],
-    );
+    let heads = ["|E[q]| 1", "|E[N]| 1", "P(loss)", "multiplier"];
+    table.columns("RESPONSE, frequency", heads);
     let count = it.frequency.len();
     let highest = (0..count).max_by(|a, b| {
         let value = |k: usize| it.mean_q_1[k].value;
@@ -86,22 +78,13 @@ pub(super) fn response(table: &mut Table, results: &Results) {
     for k in shown {
         let top = if Some(k) == highest { "  highest" } else { "" };
         let lost = it.contact_loss_probability.as_ref().map(|it| it[k]);
-        let slowest = Some(it.multiplier[k]);
-        let numbers = [
-            Some(it.mean_q_1[k]),
-            Some(it.mean_force_1[k]),
-            lost,
-            slowest,
-        ];
+        let [q, force, slowest] = [&it.mean_q_1, &it.mean_force_1, &it.multiplier].map(|it| it[k]);
+        let numbers = [Some(q), Some(force), lost, Some(slowest)];
         let name = format!("{}{top}", brief(it.frequency[k]));
         table.line(row(&name, &numbers, false));
     }
-    let sweeps = it.sweeps.as_ref().map_or(
-        "",
-        |_| "; two laws are metastable at some: sweeps up and down differ",
-    );
-    table.paragraph(
-        "",
-        &format!("{count} frequencies{sweeps}; the whole curve is in response.csv"),
-    );
+    let differ = "; two laws are metastable at some: sweeps up and down differ";
+    let sweeps = it.sweeps.as_ref().map_or("", |_| differ);
+    let text = format!("{count} frequencies{sweeps}; the whole curve is in response.csv");
+    table.paragraph("", &text);
 }

@@ -29,10 +29,8 @@ pub(crate) fn wrap(text: &str, width: usize) -> Vec<String> {
             lines.push(word.to_owned());
         }
     }
-    lines
-        .into_iter()
-        .map(|line| line.replace(TOGETHER, " "))
-        .collect()
+    let apart = lines.iter().map(|line| line.replace(TOGETHER, " "));
+    apart.collect()
 }
 
 pub(super) struct Table {
@@ -48,7 +46,10 @@ impl Table {
 
     pub(super) fn heading(&mut self, line: impl AsRef<str>) {
         self.line("");
-        let line = line.as_ref();
+        self.bold(line.as_ref());
+    }
+
+    pub(super) fn bold(&mut self, line: &str) {
         if self.colour {
             self.line(format!("\u{1b}[1m{line}\u{1b}[0m"));
         } else {
@@ -65,12 +66,8 @@ impl Table {
     pub(super) fn paragraph(&mut self, first: &str, text: &str) {
         let indent = first.chars().count();
         for (k, line) in wrap(text, WIDTH - indent).into_iter().enumerate() {
-            let lead = if k == 0 {
-                first.to_owned()
-            } else {
-                " ".repeat(indent)
-            };
-            self.line(lead + &line);
+            let lead = if k == 0 { first } else { "" };
+            self.line(format!("{lead:<indent$}{line}"));
         }
     }
 }
@@ -82,11 +79,8 @@ pub(super) fn row(words: &str, numbers: &[Option<Estimate>], compared: bool) -> 
 
 /// Numbers in 17 columns each, and in 7 how far the first two are apart where both are known.
 pub(super) fn cells(numbers: &[Option<Estimate>], compared: bool) -> String {
-    let padded: Vec<String> = numbers
-        .iter()
-        .map(|it| format!("{:>17}", cell(*it)))
-        .collect();
-    let mut line = padded.join(" ");
+    let padded = numbers.iter().map(|it| format!("{:>17}", cell(*it)));
+    let mut line = padded.collect::<Vec<_>>().join(" ");
     if let [Some(a), Some(b)] = numbers
         && let Some(z) = distance(*a, *b).filter(|_| compared)
     {

@@ -20,11 +20,8 @@ pub(super) fn first_passage(table: &mut Table, results: &Results) {
         return;
     };
     let [quantity, way] = asked.side.words();
-    let title = format!(
-        "FIRST {quantity} {} {}",
-        way.to_uppercase(),
-        brief(asked.level)
-    );
+    let (way, level) = (way.to_uppercase(), brief(asked.level));
+    let title = format!("FIRST {quantity} {way} {level}");
     let words = [&title, "time to the passage", "short of the level"];
     let (solved, sampled) = (&results.first_passage, &results.first_passage_paths);
     survival(table, results, words, (solved.as_ref(), sampled.as_ref()));

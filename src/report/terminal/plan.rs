@@ -25,15 +25,11 @@ pub fn plan(plan: &Plan) -> String {
         ),
     );
     table.line("");
-    stages(&mut table, plan);
+    costs(&mut table, plan);
     table.line("");
-    let memory = plan
-        .stages()
-        .iter()
-        .map(Stage::memory_bytes)
-        .max()
-        .unwrap_or(0);
-    let time: f64 = plan.stages().iter().map(Stage::seconds).sum();
+    let stages = || plan.stages().iter();
+    let memory = stages().map(Stage::memory_bytes).max().unwrap_or(0);
+    let time: f64 = stages().map(Stage::seconds).sum();
     let text = format!(
         "in all: about {} and {} on {} threads; allowed: {} and {}",
         seconds(time),
@@ -49,9 +45,8 @@ pub fn plan(plan: &Plan) -> String {
             Part::Transient | Part::FirstLoss | Part::FirstPassage
         )
     };
-    if scene.method.cells.is_none() && plan.stages().iter().any(refines) {
-        let text = "refinement may multiply this time";
-        table.paragraph("", text);
+    if scene.method.cells.is_none() && stages().any(refines) {
+        table.paragraph("", "refinement may multiply this time");
     }
     let mut left_out: Vec<Part> = Part::ALL.into_iter().filter(|it| !plan.has(*it)).collect();
     left_out.sort_unstable();
@@ -67,7 +62,7 @@ pub fn plan(plan: &Plan) -> String {
 }
 
 /// The stages with their costs, and how each will be computed.
-fn stages(table: &mut Table, plan: &Plan) {
+fn costs(table: &mut Table, plan: &Plan) {
     table.line(format!(
         "{:<20}{:>11}{:>8}{:>8}{:>8}  needed by",
         "stage", "cells", "steps", "memory", "time"
@@ -77,17 +72,20 @@ fn stages(table: &mut Table, plan: &Plan) {
         let cells = cost.cells.map(|[q, v]| format!("{q} x {v}"));
         let [cells, steps, memory, time] = match stage.refusal {
             Some(_) => [""; 4].map(|_| "-".into()),
-            None => [
-                cells.unwrap_or("no mesh".into()),
-                cost.steps.to_string(),
-                bytes(cost.memory_bytes),
-                seconds(cost.seconds),
-            ],
+            None => {
+                let (memory, time) = (bytes(cost.memory_bytes), seconds(cost.seconds));
+                [
+                    cells.unwrap_or("no mesh".into()),
+                    cost.steps.to_string(),
+                    memory,
+                    time,
+                ]
+            }
         };
+        let (name, keys) = (stage.part.name(), stage.needed_by.join(", "));
+        let keys = keys.replace("outputs.", "");
         table.line(format!(
-            "{:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {}",
-            stage.part.name(),
-            stage.needed_by.join(", ").replace("outputs.", "")
+            "{name:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {keys}"
         ));
     }
     table.line("");

@@ -19,14 +19,10 @@ fn last<'a>(times: &'a [f64], moments: &'a [Moments]) -> Option<(f64, &'a Moment
 /// Closed form, steady state on the mesh, Fokker-Planck or Monte Carlo at the last time: whatever there
 /// is, up to three columns.
 pub(super) fn stationary(table: &mut Table, results: &Results) {
-    let transient = results
-        .transient
-        .as_ref()
-        .and_then(|it| last(&it.times, &it.moments));
-    let sampled = results
-        .monte_carlo
-        .as_ref()
-        .and_then(|it| last(&it.times, &it.moments));
+    let transient = results.transient.as_ref();
+    let transient = transient.and_then(|it| last(&it.times, &it.moments));
+    let sampled = results.monte_carlo.as_ref();
+    let sampled = sampled.and_then(|it| last(&it.times, &it.moments));
     let steady = results.steady.as_ref().map(|it| it.moments);
     let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
     let closed = results.stationary.as_ref();
@@ -45,11 +41,8 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
         columns.push((format!("mesh, t = {}", brief(t)), "", Some(moments)));
     }
     if let Some((t, moments)) = sampled {
-        columns.push((
-            format!("paths, t = {}", brief(t)),
-            "Monte Carlo",
-            Some(moments),
-        ));
+        let name = format!("paths, t = {}", brief(t));
+        columns.push((name, "Monte Carlo", Some(moments)));
     }
     // Beside long records the closed form has a table of its own.
     let alone = closed.is_some() && columns.len() == 1 && results.records.is_some();
@@ -76,13 +69,11 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     table.line(&heads[1]);
     for (k, entry) in entries().enumerate() {
         let moment = Moment::ALL.get(k);
-        let numbers: Vec<Option<Estimate>> = columns
-            .iter()
-            .map(|(_, _, moments)| match moments {
-                None => closed.and_then(|it| it.get(entry.name)),
-                Some(moments) => moments.get(*moment?),
-            })
-            .collect();
+        let number = |(_, _, moments): &(_, _, Option<&Moments>)| match moments {
+            None => closed.and_then(|it| it.get(entry.name)),
+            Some(moments) => moments.get(*moment?),
+        };
+        let numbers: Vec<Option<Estimate>> = columns.iter().map(number).collect();
         if numbers.iter().any(Option::is_some) {
             table.line(row(&words(entry), &numbers, false));
         }
@@ -165,21 +156,16 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
     let Some(rig) = &results.scene.rig else {
         return;
     };
+    let (load, frequency) = (rig.static_load(), rig.frequency());
+    let micrometres = rig.static_compression() * 1e6;
     table.heading(format!(
-        "ON THE RIG of {} N, {} Hz, {:.3} um",
-        rig.static_load(),
-        rig.frequency(),
-        rig.static_compression() * 1e6
+        "ON THE RIG of {load} N, {frequency} Hz, {micrometres:.3} um"
     ));
     let rows = results.on_the_rig(rig);
     let sampled = rows.iter().any(|(_, [_, seen])| seen.is_some());
     if sampled {
-        table.line(format!(
-            "{:<26}{:>18}{:>18}",
-            "",
-            results.origin(),
-            "long records"
-        ));
+        let origin = results.origin();
+        table.line(format!("{origin:>44}{:>18}", "long records"));
     }
     for (name, [number, seen]) in rows {
         let (name, unit, typed) = physical_words(name);

@@ -7,12 +7,12 @@ use crate::contact::{ContactLaw, LAWS, Parameters};
 use crate::damping::Damping;
 use crate::error::{Error, positive};
 use crate::excitation::{Drive, Envelope, Excitation};
+use crate::fokker_planck::{TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::moments::Moment;
-use crate::monte_carlo::MOST_COSINES;
+use crate::monte_carlo::{MOST_COSINES, Scheme};
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
-use crate::scene::names::{SCHEMES, TIME, TRANSIENT};
 use crate::scene::{
     Accuracy, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, Quantity, ReachRequest,
     ResponseRequest, Scene, Side, SpectrumRequest,
@@ -83,22 +83,11 @@ impl Document {
         if rig.table.is_none() {
             return Ok(None);
         }
+        let need = |key, accepted| rig.required(rig.number(key)?, key, accepted);
         let it = Rig::new(
-            rig.required(
-                rig.number("static_load")?,
-                "static_load",
-                "a load > 0 in newtons, as 110",
-            )?,
-            rig.required(
-                rig.number("frequency")?,
-                "frequency",
-                "a frequency > 0 in hertz, as 232",
-            )?,
-            rig.required(
-                rig.number("static_compression")?,
-                "static_compression",
-                "a compression > 0 in metres, as 7e-6",
-            )?,
+            need("static_load", "a load > 0 in newtons, as 110")?,
+            need("frequency", "a frequency > 0 in hertz, as 232")?,
+            need("static_compression", "a compression > 0 in metres, as 7e-6")?,
         );
         it.map(Some).map_err(|error| self.explain(&error))
     }
@@ -117,11 +106,8 @@ impl Document {
         let (h, psd) = (section.number("h")?, section.number("force_psd")?);
         let h = match (h, psd, rig) {
             (Some(_), Some(_), _) => {
-                return Err(section.refuse(
-                    "force_psd",
-                    "both oscillator.h and oscillator.force_psd are given",
-                    "accepted: one of them",
-                ));
+                let message = "both oscillator.h and oscillator.force_psd are given";
+                return Err(section.refuse("force_psd", message, "accepted: one of them"));
             }
             (Some(h), None, _) => h,
             (None, Some(psd), Some(rig)) => {
@@ -129,12 +115,9 @@ impl Document {
                 rig.level_from_force_psd(psd.map_err(|error| self.explain(&error))?)
             }
             (None, Some(_), None) => {
-                return Err(section.refuse(
-                    "force_psd",
-                    "oscillator.force_psd is in N^2/Hz and needs a [rig]",
-                    "accepted: h, or force_psd with [rig] static_load, frequency and \
-                     static_compression",
-                ));
+                let message = "oscillator.force_psd is in N^2/Hz and needs a [rig]";
+                let help = "accepted: h, or force_psd with [rig] static_load, frequency and static_compression";
+                return Err(section.refuse("force_psd", message, help));
             }
             (None, None, _) => section.required(None, "h", "an input level > 0, as 2e-3")?,
         };
@@ -173,15 +156,9 @@ impl Document {
     /// A word, or a table with the name of a law and its keys.
     fn contact(&self, oscillator: &Section<'_>) -> Read<ContactLaw> {
         let words = ContactLaw::words().map(|word| (word, ContactLaw::named(word)));
-        if !matches!(
-            oscillator.get("contact").map(|it| &it.value),
-            Some(Value::Table(_))
-        ) {
-            let named = oscillator.choice_or(
-                "contact",
-                &words,
-                "a table as { law = \"power\", exponent = 1.2 }",
-            )?;
+        if !matches!(oscillator.value("contact"), Some(Value::Table(_))) {
+            let others = "a table as { law = \"power\", exponent = 1.2 }";
+            let named = oscillator.choice_or("contact", &words, others)?;
             return Ok(named.flatten().unwrap_or(ContactLaw::Hertz));
         }
         let section = oscillator.section("contact")?;
@@ -192,12 +169,8 @@ impl Document {
         section.known(&[&["law"], kind.keys].concat())?;
         let folder = Path::new(&self.sources[0].0).parent();
         let mut given = Parameters::new().from_folder(folder.unwrap_or(Path::new("")));
-        for (key, node) in section
-            .table
-            .into_iter()
-            .flatten()
-            .filter(|(key, _)| *key != "law")
-        {
+        let keys = section.table.into_iter().flatten();
+        for (key, node) in keys.filter(|(key, _)| *key != "law") {
             given = given.with(key, section.parameter(key, node)?);
         }
         ContactLaw::given(kind.name, &given).map_err(|error| match &error {
@@ -218,16 +191,13 @@ impl Document {
         let kinds = &[("gaussian", 0), ("rest", 1), ("stationary", 2)];
         let (mean, deviation) = (section.pair("mean")?, section.pair("deviation")?);
         let kind = section.choice("kind", kinds)?;
+        let deviations = "two standard deviations > 0, of q and of v, as [0.3, 0.3]";
         // A mean or deviation without a kind can only mean a Gaussian.
         let implied = i32::from(mean.is_none() && deviation.is_none());
         match kind.unwrap_or(implied) {
             0 => Ok(Initial::Gaussian {
                 mean: mean.unwrap_or([0.0; 2]),
-                deviation: section.required(
-                    deviation,
-                    "deviation",
-                    "two standard deviations > 0, of q and of v, as [0.3, 0.3]",
-                )?,
+                deviation: section.required(deviation, "deviation", deviations)?,
             }),
             other => {
                 for key in ["mean", "deviation"] {
@@ -236,11 +206,8 @@ impl Document {
                         return Err(section.refuse(key, &message, "accepted: leave it out"));
                     }
                 }
-                Ok(if other == 1 {
-                    Initial::Rest
-                } else {
-                    Initial::Stationary
-                })
+                let kinds = [Initial::Rest, Initial::Stationary];
+                Ok(kinds[usize::from(other == 2)])
             }
         }
     }
@@ -280,11 +247,10 @@ impl Document {
         if let Some(spectrum) = section.optional("spectrum", &["until", "quantity"])? {
             let until = spectrum.number("until")?;
             let quantities = [Quantity::Force, Quantity::Displacement].map(|it| (it.name(), it));
+            let quantity = spectrum.choice("quantity", &quantities)?;
             it.spectrum = Some(SpectrumRequest {
                 until: spectrum.required(until, "until", "a circular frequency > 0")?,
-                quantity: spectrum
-                    .choice("quantity", &quantities)?
-                    .unwrap_or_default(),
+                quantity: quantity.unwrap_or_default(),
             });
         }
         if let Some(passage) = section.optional("first_passage", &["level", "side", "until"])? {
@@ -331,12 +297,9 @@ impl Document {
         let moments = Moment::ALL.map(|it| (it.name(), it));
         let quantity = section.choice("quantity", &moments)?;
         let fraction = section.number("fraction")?;
+        let moment = "the name of a moment, as \"mean_energy\"";
         Ok(Some(ReachRequest {
-            quantity: section.required(
-                quantity,
-                "quantity",
-                "the name of a moment, as \"mean_energy\"",
-            )?,
+            quantity: section.required(quantity, "quantity", moment)?,
             fraction: section.required(fraction, "fraction", "a number > 0, as 0.9")?,
         }))
     }
@@ -349,10 +312,7 @@ impl Document {
         }
         let default = MonteCarlo::default();
         let mut noise = Noise::White;
-        if matches!(
-            section.get("noise").map(|it| &it.value),
-            Some(Value::Table(_))
-        ) {
+        if let Some(Value::Table(_)) = section.value("noise") {
             let cosines = section.section("noise")?;
             cosines.known(&["cosines", "band"])?;
             let count = cosines.whole("cosines", 1..=u64::from(MOST_COSINES))?;
@@ -364,12 +324,12 @@ impl Document {
             let other = "a table as { cosines = 400, band = 6 }";
             section.choice_or("noise", &[("white", ())], other)?;
         }
+        let schemes = Scheme::ALL.map(|it| (it.name(), it));
+        let paths = section.whole("paths", 2..=1_000_000_000_000)?;
         Ok(Some(MonteCarlo {
-            paths: section
-                .whole("paths", 2..=1_000_000_000_000)?
-                .unwrap_or(default.paths),
+            paths: paths.unwrap_or(default.paths),
             seed: section.whole("seed", 0..=u64::MAX)?.unwrap_or(default.seed),
-            scheme: section.choice("scheme", SCHEMES)?.unwrap_or_default(),
+            scheme: section.choice("scheme", &schemes)?.unwrap_or_default(),
             noise,
             step: section.number("step")?,
             duration: section.number("duration")?,
@@ -380,11 +340,10 @@ impl Document {
         let section = root.section("accuracy")?;
         section.known(&["tolerance", "max_seconds", "max_memory"])?;
         let default = Accuracy::default();
+        let seconds = section.number("max_seconds")?;
         Ok(Accuracy {
             tolerance: section.number("tolerance")?.unwrap_or(default.tolerance),
-            max_seconds: section
-                .number("max_seconds")?
-                .unwrap_or(default.max_seconds),
+            max_seconds: seconds.unwrap_or(default.max_seconds),
             max_memory: section.bytes("max_memory")?.unwrap_or(default.max_memory),
         })
     }
@@ -392,7 +351,7 @@ impl Document {
     fn method(root: &Section<'_>) -> Read<MethodChoice> {
         let section = root.section("method")?;
         section.known(&["transient", "drift", "time", "cells", "step"])?;
-        let cells = match section.get("cells").map(|node| &node.value) {
+        let cells = match section.value("cells") {
             None => None,
             Some(Value::List(items)) if items.len() == 2 => {
                 let cells = |k: usize| -> Read<usize> {
@@ -402,15 +361,15 @@ impl Document {
                 Some([cells(0)?, cells(1)?])
             }
             Some(_) => {
-                return Err(
-                    section.type_error("cells", "two whole numbers, in q and in v, as [160, 100]")
-                );
+                let accepted = "two whole numbers, in q and in v, as [160, 100]";
+                return Err(section.type_error("cells", accepted));
             }
         };
+        let times = TimeScheme::ALL.map(|it| (it.name(), it));
         Ok(MethodChoice {
-            transient: section.auto("transient", TRANSIENT)?,
+            transient: section.auto("transient", &TransientMethod::NAMED)?,
             drift: section.drift()?,
-            time: section.auto("time", TIME)?,
+            time: section.auto("time", &times)?,
             cells,
             step: section.number("step")?,
         })

@@ -6,7 +6,6 @@ use crate::contact::Parameter;
 use crate::fokker_planck::Drift;
 use crate::moments::Moment;
 use crate::scene::Times;
-use crate::scene::names::DRIFT;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
@@ -31,12 +30,16 @@ impl<'a> Section<'a> {
         self.table?.get(key)
     }
 
+    pub(super) fn value(&self, key: &str) -> Option<&'a Value> {
+        Some(&self.get(key)?.value)
+    }
+
     pub(super) fn has(&self, key: &str) -> bool {
         self.get(key).is_some()
     }
 
     pub(super) fn section(&self, key: &str) -> Read<Self> {
-        let table = match self.get(key).map(|node| &node.value) {
+        let table = match self.value(key) {
             None => None,
             Some(Value::Table(table)) => Some(table),
             Some(_) => {
@@ -71,8 +74,8 @@ impl<'a> Section<'a> {
             let shown: String = key.chars().take(60).collect();
             let shown = shown.escape_debug();
             let message = format!("{} is not a key of a scene", self.full(&shown.to_string()));
-            let label = nearest(key, keys)
-                .map_or("unknown key".into(), |near| format!("did you mean {near}?"));
+            let near = nearest(key, keys).map(|near| format!("did you mean {near}?"));
+            let label = near.unwrap_or("unknown key".into());
             let place = if self.path.is_empty() {
                 "at the top".into()
             } else {
@@ -89,9 +92,8 @@ impl<'a> Section<'a> {
 
     pub(super) fn refuse(&self, key: &str, message: &str, help: &str) -> SceneError {
         let node = self.get(key);
-        let wrong = self
-            .document
-            .wrong(message, "here", Some(help), node.map(|it| &it.at));
+        let (document, at) = (self.document, node.map(|it| &it.at));
+        let wrong = document.wrong(message, "here", Some(help), at);
         wrong.about(self.full(key), node.map(|it| it.value.shown()))
     }
 
@@ -126,7 +128,7 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn text(&self, key: &str) -> Read<Option<&'a str>> {
-        match self.get(key).map(|node| &node.value) {
+        match self.value(key) {
             None => Ok(None),
             Some(Value::Text(text)) => Ok(Some(text)),
             Some(_) => Err(self.type_error(key, "text in quotes")),
@@ -134,7 +136,7 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn flag(&self, key: &str) -> Read<Option<bool>> {
-        match self.get(key).map(|node| &node.value) {
+        match self.value(key) {
             None => Ok(None),
             Some(Value::Flag(flag)) => Ok(Some(*flag)),
             Some(_) => Err(self.type_error(key, "true or false")),
@@ -150,9 +152,8 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn number(&self, key: &str) -> Read<Option<f64>> {
-        self.get(key)
-            .map(|node| self.number_of(node, key))
-            .transpose()
+        let number = self.get(key).map(|node| self.number_of(node, key));
+        number.transpose()
     }
 
     pub(super) fn whole_of(&self, node: &Node, key: &str, range: RangeInclusive<u64>) -> Read<u64> {
@@ -174,13 +175,12 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn whole(&self, key: &str, range: RangeInclusive<u64>) -> Read<Option<u64>> {
-        self.get(key)
-            .map(|node| self.whole_of(node, key, range))
-            .transpose()
+        let whole = self.get(key).map(|node| self.whole_of(node, key, range));
+        whole.transpose()
     }
 
     pub(super) fn pair(&self, key: &str) -> Read<Option<[f64; 2]>> {
-        match self.get(key).map(|node| &node.value) {
+        match self.value(key) {
             None => Ok(None),
             Some(Value::List(items)) if items.len() == 2 => {
                 let number = |k: usize| self.number_of(&items[k], &format!("{key}[{k}]"));
@@ -196,7 +196,7 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn numbers(&self, key: &str) -> Read<Option<Vec<f64>>> {
-        match self.get(key).map(|node| &node.value) {
+        match self.value(key) {
             None => Ok(None),
             Some(Value::List(items)) => self.list(items, key).map(Some),
             Some(_) => Err(self.type_error(key, "a list of numbers, as [0, 50, 100]")),
@@ -204,7 +204,7 @@ impl<'a> Section<'a> {
     }
 
     pub(super) fn times(&self, key: &str) -> Read<Times> {
-        match self.get(key).map(|node| &node.value) {
+        match self.value(key) {
             None => Ok(Times::none()),
             Some(Value::List(items)) => self.list(items, key).map(Times::List),
             Some(Value::Table(_)) => {
@@ -216,10 +216,10 @@ impl<'a> Section<'a> {
                     until: inner.required(inner.number("until")?, "until", time)?,
                 })
             }
-            Some(_) => Err(self.type_error(
-                key,
-                "a list of times, as [5, 10, 20], or { every = 0.5, until = 50 }",
-            )),
+            Some(_) => {
+                let accepted = "a list of times, as [5, 10, 20], or { every = 0.5, until = 50 }";
+                Err(self.type_error(key, accepted))
+            }
         }
     }
 
@@ -234,9 +234,10 @@ impl<'a> Section<'a> {
             return Err(self.type_error(key, &accepted));
         };
         let moment = |(k, item): (usize, &Node)| {
-            let text = match &item.value {
-                Value::Text(text) => text.as_str(),
-                _ => "",
+            let text = if let Value::Text(text) = &item.value {
+                text
+            } else {
+                ""
             };
             Moment::named(text).ok_or_else(|| {
                 let mut accepted = names.join(", ");
@@ -296,32 +297,28 @@ impl<'a> Section<'a> {
     /// One of `names` or "auto".
     pub(super) fn auto<T: Clone>(&self, key: &str, names: &[(&str, T)]) -> Read<Option<T>> {
         let mut all = vec![("auto", None)];
-        all.extend(
-            names
-                .iter()
-                .map(|(name, value)| (*name, Some(value.clone()))),
-        );
+        let named = names.iter();
+        all.extend(named.map(|(name, value)| (*name, Some(value.clone()))));
         Ok(self.choice(key, &all)?.flatten())
     }
 
     pub(super) fn drift(&self) -> Read<Option<Drift>> {
-        let name = match self.get("drift").map(|node| &node.value) {
+        let central = |n: i128| Drift::ALL[1..].iter().find(|it| it.order() as i128 == n);
+        match self.value("drift") {
             None => return Ok(None),
-            Some(Value::Text(text)) if text.parse::<u64>().is_err() => text.clone(),
-            Some(Value::Whole(n)) => n.to_string(),
-            Some(_) => String::new(),
-        };
-        match DRIFT.iter().find(|(it, _)| *it == name) {
-            Some((_, drift)) => Ok(Some(*drift)),
-            None if name == "auto" => Ok(None),
-            None => Err(self.type_error("drift", "\"auto\", \"upwind\", 2, 4, 6 or 8")),
+            Some(Value::Text(text)) if text == "auto" => return Ok(None),
+            Some(Value::Text(text)) if text == "upwind" => Some(Drift::Upwind),
+            Some(Value::Whole(n)) => central(*n).copied(),
+            Some(_) => None,
         }
+        .map(Some)
+        .ok_or_else(|| self.type_error("drift", "\"auto\", \"upwind\", 2, 4, 6 or 8"))
     }
 
     /// A size: a number of bytes, or text such as "8 GB".
     pub(super) fn bytes(&self, key: &str) -> Read<Option<u64>> {
         let accepted = "a size as \"8 GB\", \"512 MiB\", or a number of bytes";
-        match self.get(key).map(|node| &node.value) {
+        match self.value(key) {
             None => Ok(None),
             Some(Value::Text(text)) => match parse_bytes(text) {
                 Some(bytes) => Ok(Some(bytes)),
@@ -339,9 +336,8 @@ impl<'a> Section<'a> {
 /// "8 GB", "512MiB", "1e9": at least one byte, at most 2^63.
 fn parse_bytes(text: &str) -> Option<u64> {
     let text = text.trim();
-    let digits = text
-        .trim_end_matches(|c: char| c.is_ascii_alphabetic())
-        .trim_end();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let digits = digits.trim_end();
     let unit = match text[digits.len()..].trim().to_ascii_lowercase().as_str() {
         "" | "b" => 1.0,
         "kb" => 1e3,
@@ -361,11 +357,9 @@ fn parse_bytes(text: &str) -> Option<u64> {
 /// The one of `names` that is most likely meant, if any is likely.
 pub(crate) fn nearest<'a>(text: &str, names: &[&'a str]) -> Option<&'a str> {
     let close = |name: &&str| strsim::jaro_winkler(&text.to_lowercase(), name);
-    names
-        .iter()
-        .copied()
-        .max_by(|a, b| close(a).total_cmp(&close(b)))
-        .filter(|name| close(name) > 0.75)
+    let nearest = names.iter().copied();
+    let nearest = nearest.max_by(|a, b| close(a).total_cmp(&close(b)));
+    nearest.filter(|name| close(name) > 0.75)
 }
 
 #[cfg(test)]

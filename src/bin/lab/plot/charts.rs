@@ -5,8 +5,8 @@ use plotters::prelude::{Color, Rectangle};
 use vibroimpact::error::Result;
 use vibroimpact::report::File;
 use vibroimpact::report::plot::{
-    Area, BLUE, Colour, Drawn, GREEN, GREY, Hang, INK, Mark, Panel, VERMILION, WORDS, fine, legend,
-    picture, superscript, write,
+    Area, BLUE, Colour, Drawn, GREEN, GREY, INK, Mark, Panel, SUBTITLE, VERMILION, WORDS, fine,
+    legend, picture, superscript, write,
 };
 
 /// A colour of a curve.
@@ -102,25 +102,13 @@ pub fn charts(name: &str, columns: usize, charts: &[Chart]) -> Result<File> {
     );
     picture(name, size, |area| {
         for (k, chart) in charts.iter().enumerate() {
-            let panel = Panel::new(
-                [
-                    92.0 + across * (k % columns) as f64,
-                    64.0 + down * (k / columns) as f64,
-                    width,
-                    height,
-                ],
-                chart.x,
-                chart.y,
-            )
-            .logarithmic(chart.log);
+            let left = 92.0 + across * (k % columns) as f64;
+            let top = 64.0 + down * (k / columns) as f64;
+            let panel = Panel::new([left, top, width, height], chart.x, chart.y);
+            let panel = panel.logarithmic(chart.log);
             let letter = (b'a' + (k % 26) as u8) as char;
             let title = format!("({letter}) {}", typeset(&chart.title));
-            write(
-                area,
-                &title,
-                (panel.left, panel.top - 13.0),
-                (13.5, Hang::Left, INK),
-            )?;
+            write(area, &title, (left, top - 13.0), SUBTITLE)?;
             panel.axes(area, &chart.x_label, &chart.y_label)?;
             for curve in &chart.curves {
                 let colour = curve.ink.colour();

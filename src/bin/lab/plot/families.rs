@@ -90,12 +90,8 @@ pub fn families(
                 panel.frame(area)?;
             }
             let left = 92.0 + 2.0 * (width + 80.0) - 50.0;
-            write(
-                area,
-                &family.name,
-                (left, top + 10.0),
-                (14.0, Hang::Left, INK),
-            )?;
+            let font = (14.0, Hang::Left, INK);
+            write(area, &family.name, (left, top + 10.0), font)?;
             for (k, (method, (colour, mark))) in family.methods.iter().zip(MARKS).enumerate() {
                 let (x, y) = (left, top + 31.0 + 19.0 * k as f64);
                 line(area, &[(x, y), (x + 22.0, y)], colour, 1.25)?;
@@ -104,13 +100,8 @@ pub fn families(
             }
         }
         let at = (f64::from(size.0) - 330.0, 22.0);
-        legend(
-            area,
-            at,
-            HALO,
-            Mark::Halo,
-            "least error for the cost, all methods",
-        )
+        let words = "least error for the cost, all methods";
+        legend(area, at, HALO, Mark::Halo, words)
     })
 }
 

@@ -24,25 +24,19 @@ pub fn shape(area: &Area<'_>, (x, y): (f64, f64), colour: Colour, it: Shape) -> 
             .collect()
     };
     let (centre, radius) = (fine((x, y)), (R * FINE) as i32);
+    let edge = colour.stroke_width(FINE as u32);
     let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     match it {
         Shape::Disc => area.draw(&Circle::new(centre, radius, colour.filled()))?,
         Shape::Ring => {
             area.draw(&Circle::new(centre, radius, WHITE.filled()))?;
-            area.draw(&Circle::new(
-                centre,
-                radius,
-                colour.stroke_width(FINE as u32),
-            ))?;
+            area.draw(&Circle::new(centre, radius, edge))?;
         }
         Shape::Square => area.draw(&Polygon::new(corners(&square), colour.filled()))?,
         Shape::Frame => {
             area.draw(&Polygon::new(corners(&square), WHITE.filled()))?;
             let around = [&square[..], &square[..1]].concat();
-            area.draw(&PathElement::new(
-                corners(&around),
-                colour.stroke_width(FINE as u32),
-            ))?;
+            area.draw(&PathElement::new(corners(&around), edge))?;
         }
         Shape::Triangle => {
             let points = [(0.0, -1.3), (1.2, 0.9), (-1.2, 0.9)];

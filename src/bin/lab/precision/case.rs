@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
+use vibroimpact::fokker_planck::{Drift, Mesh, Settings, transient};
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 
@@ -37,6 +38,15 @@ impl Case {
         })
     }
 
+    /// The mesh of a transient of the case, `finer` than by itself.
+    ///
+    /// # Errors
+    /// Those of [`transient::mesh`].
+    pub fn mesh(&self, drift: Drift, settings: &Settings, finer: f64) -> Result<Mesh> {
+        let (oscillator, initial) = (&self.oscillator, &self.initial);
+        transient::mesh(oscillator, initial, self.until, drift, settings, finer)
+    }
+
     /// Whether friction is faster than the motion.
     pub fn is_stiff(&self) -> bool {
         self.oscillator.zeta() > 1.0
@@ -44,10 +54,8 @@ impl Case {
 
     /// Whether the density is known in closed form.
     pub fn is_closed_form(&self) -> bool {
-        matches!(
-            self.oscillator.contact(),
-            ContactLaw::Linear | ContactLaw::Free
-        )
+        let contact = self.oscillator.contact();
+        matches!(contact, ContactLaw::Linear | ContactLaw::Free)
     }
 }
 

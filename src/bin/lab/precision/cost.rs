@@ -54,10 +54,8 @@ pub(super) fn exponent(series: &[(f64, f64)]) -> Option<f64> {
     }
     let n = last.len() as f64;
     let logs = || last.iter().map(|(x, y)| (x.ln(), y.ln()));
-    let (mx, my) = (
-        logs().map(|l| l.0).sum::<f64>() / n,
-        logs().map(|l| l.1).sum::<f64>() / n,
-    );
+    let mx = logs().map(|l| l.0).sum::<f64>() / n;
+    let my = logs().map(|l| l.1).sum::<f64>() / n;
     let xy: f64 = logs().map(|(x, y)| (x - mx) * (y - my)).sum();
     let xx: f64 = logs().map(|(x, _)| (x - mx).powi(2)).sum();
     Some(xy / xx)
@@ -173,12 +171,5 @@ fn square(case: &Case, drift: Drift, n: usize) -> Result<Mesh> {
         cells: Some([n, n]),
         ..Settings::default()
     };
-    transient::mesh(
-        &case.oscillator,
-        &case.initial,
-        case.until,
-        drift,
-        &settings,
-        1.0,
-    )
+    case.mesh(drift, &settings, 1.0)
 }

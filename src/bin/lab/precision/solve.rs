@@ -42,14 +42,7 @@ pub(super) fn mesh(case: &Case, drift: Drift, level: &Level) -> Result<Mesh> {
         neglected: Some((DOMAIN_SHARE * level.tolerance).min(5e-4)),
         ..Settings::default()
     };
-    transient::mesh(
-        &case.oscillator,
-        &case.initial,
-        case.until,
-        drift,
-        &settings,
-        level.finer,
-    )
+    case.mesh(drift, &settings, level.finer)
 }
 
 /// Runs a method; paths take the seed.
@@ -124,13 +117,8 @@ fn paths(case: &Case, scheme: Scheme, paths: u64, seed: u64) -> Result<Answer> {
         scheme,
         ..Sampling::default()
     };
-    let it = monte_carlo::run(
-        &case.oscillator,
-        &case.initial,
-        &[case.until],
-        &settings,
-        &|_| (),
-    )?;
+    let (oscillator, times) = (&case.oscillator, [case.until]);
+    let it = monte_carlo::run(oscillator, &case.initial, &times, &settings, &|_| ())?;
     Ok(Answer {
         moments: it.moments[0],
         density: None,

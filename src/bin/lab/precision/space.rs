@@ -4,7 +4,7 @@ use super::case::Case;
 use super::reference::Reference;
 use super::solve::volumes_on;
 use vibroimpact::error::Result;
-use vibroimpact::fokker_planck::{Drift, Settings, transient};
+use vibroimpact::fokker_planck::{Drift, Settings, TimeScheme};
 
 /// Probability outside the domain: at 1e-10 it still leaves 1.5e-7 of L1 error.
 const OUTSIDE: f64 = 1e-11;
@@ -38,22 +38,9 @@ pub fn space_orders(case: &Case, reference: &Reference) -> Result<Vec<SpaceOrder
             tolerance: STEPS,
             ..Settings::default()
         };
-        let mesh = transient::mesh(
-            &case.oscillator,
-            &case.initial,
-            case.until,
-            drift,
-            &settings,
-            1.0,
-        )?;
+        let mesh = case.mesh(drift, &settings, 1.0)?;
         let width = mesh.q.slopes()[mesh.q.len() / 2];
-        let answer = volumes_on(
-            case,
-            drift,
-            vibroimpact::fokker_planck::TimeScheme::Explicit,
-            &mesh,
-            STEPS,
-        )?;
+        let answer = volumes_on(case, drift, TimeScheme::Explicit, &mesh, STEPS)?;
         Ok((cells, width, reference.l1(&answer).unwrap_or(f64::NAN)))
     };
     [

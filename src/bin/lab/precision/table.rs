@@ -82,12 +82,8 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
             };
             let density = fastest(survey, level, &|it| it.errors.l1);
             let energy = fastest(survey, level, &|it| Some(it.errors.energy));
-            let _ = writeln!(
-                all,
-                "| {level:.0e} | {} | {} |",
-                side(density),
-                side(energy)
-            );
+            let (density, energy) = (side(density), side(energy));
+            let _ = writeln!(all, "| {level:.0e} | {density} | {energy} |");
         }
         all += "\n| method | order | error, coarse to fine | time | numerical over physical diffusion |\n\
                 |---|---|---|---|---|\n";
@@ -317,10 +313,6 @@ fn picture(survey: &Survey) -> Result<File> {
     }
     let name = format!("precision_{}.svg", survey.case.name);
     let labels = ["L1 error of the density", "error of E[H], in T"];
-    families(
-        name,
-        survey.case.title,
-        ("seconds, set-up included", labels),
-        &all,
-    )
+    let x = ("seconds, set-up included", labels);
+    families(name, survey.case.title, x, &all)
 }

@@ -52,22 +52,18 @@ impl Verdict {
         let at = format!("at {:.0e}", self.tolerance);
         let mut missed = Vec::new();
         if self.share() > GOALS.too_small {
-            missed.push(format!(
-                "error above its estimate in {:.2} % {at}",
-                100.0 * self.share()
-            ));
+            let share = 100.0 * self.share();
+            missed.push(format!("error above its estimate in {share:.2} % {at}"));
         }
         if self.unsaid > GOALS.unsaid {
+            let unsaid = self.unsaid;
             missed.push(format!(
-                "{} estimates above the tolerance unsaid {at}",
-                self.unsaid
+                "{unsaid} estimates above the tolerance unsaid {at}"
             ));
         }
         if self.median > GOALS.median {
-            missed.push(format!(
-                "median of estimate over error {:.1} {at}",
-                self.median
-            ));
+            let median = self.median;
+            missed.push(format!("median of estimate over error {median:.1} {at}"));
         }
         missed
     }

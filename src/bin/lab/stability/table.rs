@@ -42,11 +42,8 @@ pub fn text(rows: &[Row]) -> String {
             let _ = writeln!(all, "    {}", row.message.replace('\n', " "));
         }
     }
-    let dishonest: Vec<&str> = rows
-        .iter()
-        .filter(|row| !row.verdict.honest())
-        .map(|row| row.name.as_str())
-        .collect();
+    let dishonest = rows.iter().filter(|row| !row.verdict.honest());
+    let dishonest: Vec<&str> = dishonest.map(|row| row.name.as_str()).collect();
     let _ = writeln!(
         all,
         "{} scenes, {} failed (a number outside its error estimate, no answer where one is expected, a crash, a hang){}{}",

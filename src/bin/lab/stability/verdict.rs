@@ -149,12 +149,8 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
         }
     };
     let mut row = lost(extreme, Verdict::Within, String::new(), seconds);
-    let warnings: Vec<String> = results
-        .run
-        .warnings
-        .iter()
-        .map(Warning::to_string)
-        .collect();
+    let warnings = results.run.warnings.iter();
+    let warnings: Vec<String> = warnings.map(Warning::to_string).collect();
     row.message = warnings.join("; ");
     let (unknown, known): (Vec<&Check>, Vec<&Check>) = checks
         .iter()
@@ -197,10 +193,8 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
 /// Whether a warning names this number as one whose error is not known.
 fn declared_unknown(results: &Results, name: &str) -> bool {
     let warned = results.run.warnings.iter().flat_map(|it| &it.unknown);
-    let short = results
-        .shortfalls
-        .iter()
-        .filter(|(_, it)| !it.ratio.is_finite());
+    let short = results.shortfalls.iter();
+    let short = short.filter(|(_, it)| !it.ratio.is_finite());
     warned
         .chain(short.map(|(_, it)| &it.number))
         .any(|it| it == name)
@@ -257,11 +251,8 @@ fn measure(row: &mut Row, results: &Results, checks: &[&Check]) {
     }
     if let Some(it) = &results.transient {
         row.lowest_density = it.lowest_density.iter().map(|p| p.value).reduce(f64::min);
-        row.mass_error = it
-            .mass
-            .iter()
-            .map(|m| (m.value - 1.0).abs())
-            .reduce(f64::max);
+        let off = it.mass.iter().map(|m| (m.value - 1.0).abs());
+        row.mass_error = off.reduce(f64::max);
         row.steps = Some(it.method.steps);
     }
     if let Some(it) = &results.monte_carlo {

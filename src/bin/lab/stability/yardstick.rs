@@ -165,10 +165,8 @@ impl Comparison {
             let turns = t / drive.period();
             let k = n * (turns - turns.floor());
             if (k - k.round()).abs() < 1e-6 {
-                let (moments, reference) = (
-                    law.moments[k.round() as usize % law.phase.len()],
-                    bounded(*sampled),
-                );
+                let moments = law.moments[k.round() as usize % law.phase.len()];
+                let reference = bounded(*sampled);
                 self.moments(&mut all, Some(*t), &moments, &reference, Part::Periodic);
             }
         }
@@ -420,12 +418,8 @@ fn linear_rates(scene: &Scene, results: &Results) -> Vec<Check> {
         let nearest =
             (0..free.len()).min_by(|a, b| away(&free[*a], rate).total_cmp(&away(&free[*b], rate)));
         let error = nearest.map_or(f64::NAN, |k| away(&free.remove(k), rate));
-        all.push(check(
-            format!("decay rate {}", k + 1),
-            error,
-            rate.error,
-            size(rate),
-        ));
+        let name = format!("decay rate {}", k + 1);
+        all.push(check(name, error, rate.error, size(rate)));
     }
     let last = rates.last().map_or(0.0, |it| it.re + it.error);
     let slower = exact.iter().filter(|it| it[0] > last + 1e-12);
@@ -441,12 +435,8 @@ fn linear_rates(scene: &Scene, results: &Results) -> Vec<Check> {
     }
     let said = |it: &Warning| it.text.contains(Part::DecayRates.name());
     if rates.len() < scene.outputs.decay_rates && !results.run.warnings.iter().any(said) {
-        all.push(check(
-            format!("decay rate {}", rates.len() + 1),
-            f64::NAN,
-            f64::NAN,
-            1.0,
-        ));
+        let name = format!("decay rate {}", rates.len() + 1);
+        all.push(check(name, f64::NAN, f64::NAN, 1.0));
     }
     all
 }

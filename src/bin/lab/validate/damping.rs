@@ -130,11 +130,8 @@ fn scatter_of_levels(list: &[Measured], parts: &[f64]) -> f64 {
 /// the lowest is taken.
 pub fn fit(list: &[Measured], rig: &Rig) -> Result<Estimate> {
     if list.len() < 2 {
-        return Err(Error::invalid(
-            "damping",
-            list.len(),
-            "two measurements or more",
-        ));
+        let accepted = "two measurements or more";
+        return Err(Error::invalid("damping", list.len(), accepted));
     }
     let sum = |ln_zeta: f64| sum_of_squares(list, rig, ln_zeta);
     let best = roots::least(&sum, LOWEST, HIGHEST, INTERVALS)?;
@@ -157,11 +154,8 @@ pub fn ratios(it: &Measured, rig: &Rig) -> Result<Vec<Estimate>> {
         let zeta = ln_zeta.exp();
         let error = residual(it, rig, zeta)?.error / slope(it, rig, *ln_zeta)?.abs();
         let rounding = 1e-14 * ln_zeta.abs();
-        Ok(Estimate::new(
-            zeta,
-            zeta * (error + rounding),
-            Origin::Quadrature,
-        ))
+        let error = zeta * (error + rounding);
+        Ok(Estimate::new(zeta, error, Origin::Quadrature))
     };
     found.iter().map(ratio).collect()
 }
@@ -197,10 +191,8 @@ fn most(it: &Measured, rig: &Rig) -> Result<[Estimate; 2]> {
 /// Geometric mean of the ratios that each number alone asks for, with its standard error from the
 /// scatter between the levels. Each counts the same, while in [`fit`] the numbers that change fastest with zeta decide.
 fn mean_of_each(list: &[Measured], rig: &Rig) -> Result<Estimate> {
-    let each: Vec<f64> = list
-        .iter()
-        .map(|it| Ok(only_ratio(it, rig)?.value.ln()))
-        .collect::<Result<_>>()?;
+    let each = list.iter().map(|it| Ok(only_ratio(it, rig)?.value.ln()));
+    let each: Vec<f64> = each.collect::<Result<_>>()?;
     let n = each.len() as f64;
     let mean = each.iter().sum::<f64>() / n;
     let parts: Vec<f64> = each.iter().map(|it| (it - mean) / n).collect();
@@ -261,11 +253,8 @@ pub fn bootstrap(list: &[Measured], rig: &Rig, quantile: f64) -> Result<Estimate
         seen >= quantile * total
     });
     let Some((tabulated, _, times)) = found else {
-        return Err(Error::invalid(
-            "bootstrap",
-            quantile,
-            "a share between 0 and 1",
-        ));
+        let accepted = "a share between 0 and 1";
+        return Err(Error::invalid("bootstrap", quantile, accepted));
     };
     let mut resample = Vec::new();
     for (h, n) in levels.iter().zip(times) {
@@ -368,10 +357,8 @@ pub fn number(folder: &Path, which: &str) -> Result<Estimate> {
         let (k, one) = root.split_once('-').ok_or_else(unknown)?;
         let k: usize = k.parse().map_err(|_| unknown())?;
         let found = ratios(&single(one)?, &rig)?;
-        return k
-            .checked_sub(1)
-            .and_then(|k| found.get(k).copied())
-            .ok_or_else(unknown);
+        let place = k.checked_sub(1).and_then(|k| found.get(k).copied());
+        return place.ok_or_else(unknown);
     }
     if let Some(one) = which.strip_prefix("most-") {
         return Ok(most(&single(one)?, &rig)?[0]);

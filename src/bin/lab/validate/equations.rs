@@ -54,14 +54,8 @@ pub fn table(equations: &[Equation]) -> String {
                 .collect::<Vec<_>>()
                 .join(", "),
         };
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} |",
-            it.number,
-            it.what,
-            code(&it.item),
-            code(&it.test)
-        );
+        let (item, test) = (code(&it.item), code(&it.test));
+        let _ = writeln!(text, "| {} | {} | {item} | {test} |", it.number, it.what);
     }
     text
 }

@@ -327,10 +327,8 @@ impl Keys {
                 keys.law = law.ok_or_else(|| Error::invalid(at, word, accepted))?;
                 continue;
             }
-            let number = value
-                .parse()
-                .ok()
-                .filter(|x: &f64| x.is_finite() && *x > 0.0);
+            let number = value.parse().ok();
+            let number = number.filter(|x: &f64| x.is_finite() && *x > 0.0);
             let accepted = format!("{key}= and a number above 0");
             let number = number.ok_or_else(|| Error::invalid(at, word, accepted))?;
             keys.numbers.insert(key.to_owned(), number);

@@ -153,10 +153,8 @@ impl Item {
             (None, "", "") => None,
             (Some(bound), _, "") => Some(Paper::Below(number(bound)?)),
             (Some(_), ..) => {
-                return Err(wrong(
-                    tolerance,
-                    "no tolerance after a bound such as <0.005",
-                ));
+                let what = "no tolerance after a bound such as <0.005";
+                return Err(wrong(tolerance, what));
             }
             _ => Some(Paper::Number(number(value)?, number(tolerance)?)),
         };

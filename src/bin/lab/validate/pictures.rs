@@ -52,10 +52,8 @@ pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
 
 /// The spectra of a figure: level by frequency, one-sided, their integral over omega the variance of N.
 fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<File> {
-    let levels: Vec<&Oscillator> = runs
-        .iter()
-        .map(|run| &run.results.scene.oscillator)
-        .collect();
+    let levels = runs.iter().map(|run| &run.results.scene.oscillator);
+    let levels: Vec<&Oscillator> = levels.collect();
     let mut axes = vec![("h", levels.iter().map(|it| it.h()).collect())];
     if let Some(first) = levels.first() {
         axes.push(("omega", known.of(first)?.omega.clone()));
@@ -104,12 +102,8 @@ fn density(run: &Run) -> Result<Option<Chart>> {
     let hidden = -1.0..-1.0 + 0.006 * (high - low);
     let abscissae = even.filter(|n| !hidden.contains(n));
     let exact = abscissae.map(|n| (n, law.density_force(n))).collect();
-    let mut curves = vec![Curve::new(
-        "closed form (28)",
-        Ink::Black,
-        Stroke::Line,
-        exact,
-    )];
+    let words = "closed form (28)";
+    let mut curves = vec![Curve::new(words, Ink::Black, Stroke::Line, exact)];
     if let Some(records) = &run.results.records {
         let dots = centres(&records.force).zip(&records.force.density);
         let dots = dots.map(|(n, p)| (n, p.value)).collect();
@@ -145,11 +139,8 @@ fn trace(run: &Run) -> Result<Option<Chart>> {
         steps: 50,
         ..Procedure::default()
     };
-    let points: Vec<(f64, f64)> = procedure
-        .trace(oscillator, 1, PERIODS)
-        .into_iter()
-        .map(|(t, n)| (rig.seconds(t), n))
-        .collect();
+    let points = procedure.trace(oscillator, 1, PERIODS).into_iter();
+    let points: Vec<_> = points.map(|(t, n)| (rig.seconds(t), n)).collect();
     let end = points.last().map_or(1.0, |it| it.0);
     let most = points.iter().map(|it| it.1).fold(1.1f64, f64::max);
     let least = points.iter().map(|it| it.1).fold(0.0f64, f64::min);
@@ -413,10 +404,8 @@ fn approach(run: &Run) -> Option<Chart> {
         .map(|y| y.map(|y| y.value))
         .collect());
     let distance = log(it.distance.iter().map(|y| y.map(|y| y.value)).collect());
-    let lost = it
-        .moments
-        .iter()
-        .map(|m| m.contact_loss_probability.map(|p| p.value));
+    let lost = it.moments.iter();
+    let lost = lost.map(|m| m.contact_loss_probability.map(|p| p.value));
     let lost = log(lost.collect());
     let end = it.times.last().copied().unwrap_or(1.0);
     let mut curves = vec![
@@ -429,12 +418,8 @@ fn approach(run: &Run) -> Option<Chart> {
     if let Some(level) = level.filter(|it| it.value > 0.0) {
         let y = level.value.log10();
         let words = "P, stationary";
-        curves.push(Curve::new(
-            words,
-            Ink::Black,
-            Stroke::Dashes,
-            vec![(0.0, y), (end, y)],
-        ));
+        let line = vec![(0.0, y), (end, y)];
+        curves.push(Curve::new(words, Ink::Black, Stroke::Dashes, line));
     }
     Some(Chart {
         title: run.label.clone(),

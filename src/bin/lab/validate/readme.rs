@@ -62,10 +62,8 @@ pub fn page(
     earlier: &str,
     there: &dyn Fn(&str) -> bool,
 ) -> String {
-    let mut sections: Vec<(String, String)> = sections(earlier)
-        .into_iter()
-        .filter(|(name, _)| there(name))
-        .collect();
+    let sections = sections(earlier).into_iter();
+    let mut sections: Vec<(String, String)> = sections.filter(|(name, _)| there(name)).collect();
     for outcome in outcomes {
         let section = section(outcome);
         match sections.iter_mut().find(|(name, _)| *name == outcome.name) {
@@ -205,12 +203,8 @@ fn line(row: &Row) -> String {
     if (differs || always) && !item.because.is_empty() {
         let _ = write!(verdict, ": {}", item.because);
     }
-    format!(
-        "| `{}` | {} | {} | {paper} | {deviation} | {verdict} |\n",
-        item.name,
-        item.place,
-        named(&item.name, row.ours)
-    )
+    let (name, place, ours) = (&item.name, &item.place, named(&item.name, row.ours));
+    format!("| `{name}` | {place} | {ours} | {paper} | {deviation} | {verdict} |\n")
 }
 
 /// Difference, relative to the paper's number where that makes sense.
@@ -290,9 +284,6 @@ pub fn read(text: &str) -> Option<Estimate> {
         None => (text, Origin::Space),
     };
     let (value, error) = text.split_once(" ± ")?;
-    Some(Estimate::new(
-        value.parse().ok()?,
-        error.parse().ok()?,
-        origin,
-    ))
+    let (value, error) = (value.parse().ok()?, error.parse().ok()?);
+    Some(Estimate::new(value, error, origin))
 }

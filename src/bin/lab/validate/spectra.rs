@@ -41,13 +41,8 @@ fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
         max_seconds: SECONDS,
         ..Settings::default()
     };
-    fokker_planck::spectrum(
-        oscillator,
-        Quantity::Force,
-        &frequencies(oscillator.zeta()),
-        &settings,
-        &|_| (),
-    )
+    let (omegas, quiet) = (frequencies(oscillator.zeta()), |_| ());
+    fokker_planck::spectrum(oscillator, Quantity::Force, &omegas, &settings, &quiet)
 }
 
 /// The highest circular frequency of the pictures: a little more than the paper's 1 kHz over 232 Hz.
@@ -99,13 +94,8 @@ impl Spectra {
             max_seconds: SECONDS,
             ..Sampling::default()
         };
-        let records = monte_carlo::series(
-            oscillator,
-            asked,
-            &settings,
-            &|record| welch.record(record),
-            &|_| (),
-        )?;
+        let visit = |record: &[f64]| welch.record(record);
+        let records = monte_carlo::series(oscillator, asked, &settings, &visit, &|_| ())?;
         let inside = welch.omega().into_iter().zip(welch.average(&records));
         let (omega, density): (Vec<f64>, Vec<Estimate>) =
             inside.take_while(|(w, _)| *w <= HIGHEST).unzip();
@@ -212,9 +202,6 @@ fn half_power(it: &Spectrum, peak: usize) -> Option<Estimate> {
     // Lines between frequencies cut the curve short by a quarter of a spacing at most.
     let spacing = it.omega[above + 1] - it.omega[above];
     let centre = it.omega[peak];
-    Some(Estimate::new(
-        0.5 * width / centre,
-        0.25 * spacing / centre,
-        Origin::Space,
-    ))
+    let (value, error) = (0.5 * width / centre, 0.25 * spacing / centre);
+    Some(Estimate::new(value, error, Origin::Space))
 }

@@ -1,6 +1,7 @@
 //! What a local grid tells: its density, sums over it and moments.
 
 use super::LocalGrid;
+use crate::matrix::grid;
 use crate::moments::{Moments, RawMoments};
 use crate::quadrature::kronrod;
 
@@ -17,15 +18,10 @@ impl LocalGrid {
     pub(crate) fn sum(&self, f: impl Fn([f64; 2], f64) -> f64) -> f64 {
         let centres = self.axis.centres();
         let area = self.frame.area();
-        let nodes = centres
-            .iter()
-            .flat_map(|x| centres.iter().map(move |y| [*x, *y]));
         let cell = self.fineness.cell * self.fineness.cell * area;
-        nodes
-            .zip(&self.values)
-            .map(|(xi, p)| f(self.frame.at(xi), p / area))
-            .sum::<f64>()
-            * cell
+        let nodes = grid(centres, centres).zip(&self.values);
+        let all = nodes.map(|(xi, p)| f(self.frame.at(xi), p / area));
+        all.sum::<f64>() * cell
     }
 
     /// Moments, taken about the mean so that those of a narrow density keep their digits. Functions of q are
@@ -91,11 +87,8 @@ impl LocalGrid {
                     }
                     None => (0.5 * (a + b) + 0.5 * (b - a) * z, w * 0.5 * (b - a)),
                 };
-                f(
-                    self.frame.mean[0] + self.frame.lower[0] * x,
-                    w * density(x),
-                    lost,
-                );
+                let q = self.frame.mean[0] + self.frame.lower[0] * x;
+                f(q, w * density(x), lost);
             }
         };
         for pair in centres.windows(2) {

@@ -16,6 +16,7 @@ use super::LocalGrid;
 use crate::fokker_planck::interpolation::{MARGIN, reflected};
 use crate::fokker_planck::ornstein_uhlenbeck::{Kick, around, average};
 use crate::fokker_planck::trajectory::Motion;
+use crate::matrix::grid;
 
 /// Nodes of the three-point Gauss rule are at c1, 1/2, 1 - c1; c2 = 1/2 - c1.
 const C1: f64 = 0.112_701_665_379_258_3;
@@ -82,10 +83,7 @@ impl LocalGrid {
             images
         });
         let centres = self.axis.centres();
-        let nodes = centres
-            .iter()
-            .flat_map(|x| centres.iter().map(move |y| [*x, *y]));
-        for (point, xi) in self.points.iter_mut().zip(nodes) {
+        for (point, xi) in self.points.iter_mut().zip(grid(centres, centres)) {
             *point = target.at(xi);
         }
         motion.before(&self.points, &[duration], &mut self.origins);
@@ -190,13 +188,9 @@ impl LocalGrid {
         }
         let [m, x, y, xx, xy, yy] = sums;
         let (x, y) = (x / m, y / m);
-        let law = Frame::of(
-            [x, y],
-            [
-                [xx / m - x * x, xy / m - x * y],
-                [xy / m - x * y, yy / m - y * y],
-            ],
-        );
+        let covariance = xy / m - x * y;
+        let spread = [[xx / m - x * x, covariance], [covariance, yy / m - y * y]];
+        let law = Frame::of([x, y], spread);
         // A density that the grid does not resolve has no frame; the mass defect says so.
         if law.lower.iter().all(|l| l.is_finite()) && law.area() > 0.1 {
             law

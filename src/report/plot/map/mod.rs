@@ -8,7 +8,7 @@ mod scale;
 pub(crate) use field::Field;
 pub(crate) use ruler::Ruler;
 
-use crate::report::plot::canvas::{BLUE, Hang, INK, Picture, Points, VERMILION, picture, write};
+use crate::report::plot::canvas::{BLUE, Picture, Points, SUBTITLE, VERMILION, picture, write};
 use crate::report::plot::legend::{Mark, legend};
 use crate::report::plot::panel::{Panel, range};
 use plane::{Sheet, plane};
@@ -58,15 +58,11 @@ fn curves(x: &Ruler, fields: &[Field]) -> Picture {
             let Some(y) = range([scale.range.0, scale.range.1], 0.06) else {
                 continue;
             };
-            let place = [
-                92.0 + 478.0 * (k % columns) as f64,
-                58.0 + 318.0 * (k / columns) as f64,
-                364.0,
-                232.0,
-            ];
-            let panel = Panel::new(place, range_x, y);
+            let left = 92.0 + 478.0 * (k % columns) as f64;
+            let top = 58.0 + 318.0 * (k / columns) as f64;
+            let panel = Panel::new([left, top, 364.0, 232.0], range_x, y);
             let above = (panel.left, panel.top - 14.0);
-            write(area, &scale.title(field), above, (13.5, Hang::Left, INK))?;
+            write(area, &scale.title(field), above, SUBTITLE)?;
             let height = Ruler {
                 label: String::new(),
                 values: Vec::new(),
@@ -104,13 +100,8 @@ fn curves(x: &Ruler, fields: &[Field]) -> Picture {
             }
             panel.frame(area)?;
         }
-        legend(
-            area,
-            (92.0, 18.0),
-            BLUE,
-            Mark::Line,
-            "value, band: its error",
-        )
+        let words = "value, band: its error";
+        legend(area, (92.0, 18.0), BLUE, Mark::Line, words)
     }))
 }
 

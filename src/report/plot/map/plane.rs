@@ -4,10 +4,10 @@ use super::ruler::{Ruler, axes};
 use super::scale::{Scale, colours};
 use crate::format::bare;
 use crate::report::plot::canvas::{
-    Area, Colour, Drawn, FAINT, GREY, Hang, INK, Picture, TITLE, VERMILION, line, picture,
+    Area, Colour, Drawn, FAINT, GREY, Picture, SMALL, SUBTITLE, TITLE, VERMILION, line, picture,
     rectangle, write,
 };
-use crate::report::plot::contours::{self, between, level_line, locate};
+use crate::report::plot::contours::{self, level_line};
 use crate::report::plot::panel::Panel;
 
 /// One panel of contours.
@@ -44,13 +44,9 @@ pub(super) fn plane(
     Some(picture("map.svg", size, |area| {
         write(area, heading, (92.0, 20.0), TITLE)?;
         for (k, sheet) in sheets.iter().enumerate() {
-            let place = [
-                92.0 + across * (k % columns) as f64,
-                top + down * (k / columns) as f64,
-                width,
-                height,
-            ];
-            let panel = Panel::new(place, range_x, range_y);
+            let left = 92.0 + across * (k % columns) as f64;
+            let top = top + down * (k / columns) as f64;
+            let panel = Panel::new([left, top, width, height], range_x, range_y);
             let scale = if shared { &scales[0] } else { &scales[k] };
             let first_of_row = k % columns == 0;
             let lowest = k + columns >= sheets.len();
@@ -64,7 +60,7 @@ pub(super) fn plane(
             sheet.draw(area, &panel, (x, y), scale)?;
             panel.frame(area)?;
             let above = (panel.left, panel.top - 13.0);
-            write(area, &sheet.title, above, (13.5, Hang::Left, INK))?;
+            write(area, &sheet.title, above, SUBTITLE)?;
             if !shared || k == columns - 1 {
                 key(area, (panel.right() + 16.0, panel.top), scale, sheet)?;
             }
@@ -85,23 +81,14 @@ impl Sheet<'_> {
         rectangle(area, corners, FAINT, None)?;
         let (xs, ys) = (x.places(), y.places());
         let number = |i: usize, j: usize| self.values[i * ys.len() + j];
-        let place = |(low, high): (f64, f64), part: f64| low + (high - low) * part;
         let levels = scale.levels();
         let below = [f64::NEG_INFINITY].into_iter();
         let levels: Vec<(f64, Colour)> = below
             .chain(levels.iter().map(|it| it.0))
             .zip(colours(levels.len()))
             .collect();
-        contours::fill(area, panel, &levels, |from_top, columns| {
-            let j = locate(&ys, place((panel.y.1, panel.y.0), from_top))?;
-            let at = |k: usize| {
-                let i = locate(&xs, place(panel.x, k as f64 / columns as f64));
-                i.map_or(f64::NAN, |i| {
-                    between(|i, j| scale.place(number(i, j)), (i, j))
-                })
-            };
-            Some((0..=columns).map(at).collect())
-        })?;
+        let (grid, height) = ((&xs[..], &ys[..]), |i, j| scale.place(number(i, j)));
+        contours::fill(area, panel, &levels, grid, height, f64::NAN)?;
         let Some(level) = self.level else {
             return Ok(());
         };
@@ -112,8 +99,8 @@ impl Sheet<'_> {
         // Where the level may lie: on one line with the level itself unless errors are large.
         for (sign, width) in [(-1.0, 0.75), (1.0, 0.75), (0.0, 2.0)] {
             let moved = |i: usize, j: usize| scale.place(number(i, j) + sign * error(i, j));
-            let (grid, level) = ((&xs[..], &ys[..]), scale.place(level));
-            level_line(area, panel, grid, moved, level, (VERMILION, width))?;
+            let style = (VERMILION, width);
+            level_line(area, panel, grid, moved, scale.place(level), style)?;
         }
         Ok(())
     }
@@ -126,31 +113,23 @@ fn key(area: &Area<'_>, (x, y): (f64, f64), scale: &Scale, sheet: &Sheet<'_>) ->
     let colours = colours(levels.len());
     for (k, colour) in colours.iter().rev().enumerate() {
         let top = y + STEP * k as f64;
-        rectangle(
-            area,
-            [(x, top), (x + 18.0, top + STEP)],
-            *colour,
-            Some(GREY),
-        )?;
+        let corners = [(x, top), (x + 18.0, top + STEP)];
+        rectangle(area, corners, *colour, Some(GREY))?;
     }
     for (k, (_, text)) in levels.iter().rev().enumerate() {
         let at = (x + 24.0, y + STEP * (k + 1) as f64);
-        write(area, text, at, (11.5, Hang::Left, INK))?;
+        write(area, text, at, SMALL)?;
     }
     let mut at = y + STEP * colours.len() as f64 + 16.0;
     if let Some(level) = sheet.level {
         line(area, &[(x, at), (x + 18.0, at)], VERMILION, 2.0)?;
-        write(area, &bare(level), (x + 24.0, at), (11.5, Hang::Left, INK))?;
+        write(area, &bare(level), (x + 24.0, at), SMALL)?;
         at += STEP;
     }
     if sheet.values.iter().any(|it| it.is_nan()) {
-        rectangle(
-            area,
-            [(x, at - 6.0), (x + 18.0, at + 6.0)],
-            FAINT,
-            Some(GREY),
-        )?;
-        write(area, "none", (x + 24.0, at), (11.5, Hang::Left, INK))?;
+        let corners = [(x, at - 6.0), (x + 18.0, at + 6.0)];
+        rectangle(area, corners, FAINT, Some(GREY))?;
+        write(area, "none", (x + 24.0, at), SMALL)?;
     }
     Ok(())
 }
