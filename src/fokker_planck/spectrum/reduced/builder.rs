@@ -161,12 +161,15 @@ impl<'a> Builder<'a> {
     /// Adds what is new of some vectors: Gram and Schmidt, twice, first against all rows that are there.
     fn add(&mut self, vectors: &[Vec<f64>]) {
         let len = self.form.full.len();
-        let sizes: Vec<f64> = vectors.iter().map(|x| norm(x)).collect();
         let mut new = rows(vectors, len);
+        for mut x in new.rows_mut() {
+            let size = x.dot(&x).sqrt();
+            x /= size.max(f64::MIN_POSITIVE);
+        }
         for _ in 0..2 {
             project(&mut new, &self.basis);
         }
-        let kept = orthonormal(&new, &sizes);
+        let kept = self.orthonormal(&new);
         let mut images = self.images(&self.form.full, &kept);
         // What the new rows hold of the old residuals, and all rows of the new images.
         let held = project(&mut self.residuals, &kept);
@@ -183,6 +186,23 @@ impl<'a> Builder<'a> {
             project(&mut shadows, &self.basis);
             append(&mut self.shadows, &shadows);
         }
+    }
+
+    /// Orthonormal rows that span what is `new` of others of length 1, beyond rounding. What is left of a row has lost digits, and is
+    /// made orthogonal to all others once more when it has a length of 1 again.
+    fn orthonormal(&self, new: &Array2<f64>) -> Array2<f64> {
+        let mut all = Array2::zeros((0, new.ncols()));
+        for block in new.axis_chunks_iter(Axis(0), TOGETHER) {
+            let mut block = block.to_owned();
+            for _ in 0..2 {
+                project(&mut block, &all);
+            }
+            let mut kept = independent(block, NEW);
+            project(&mut kept, &self.basis);
+            project(&mut kept, &all);
+            append(&mut all, &independent(kept, 0.5));
+        }
+        all
     }
 
     /// What an operator makes of rows.
@@ -256,33 +276,28 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Rows orthonormal one to the other that span what rows of these sizes, `new` of which is left, are beyond rounding.
-fn orthonormal(new: &Array2<f64>, sizes: &[f64]) -> Array2<f64> {
-    let mut all = Array2::zeros((0, new.ncols()));
-    let blocks = new.axis_chunks_iter(Axis(0), TOGETHER);
-    for (block, sizes) in blocks.zip(sizes.chunks(TOGETHER)) {
-        let mut block = block.to_owned();
-        for _ in 0..2 {
-            project(&mut block, &all);
+/// Orthonormal rows that span rows, what is left of others of length 1, beyond `least`. They are taken in their order, but for one
+/// of which less than half as much is left as of another: it has lost digits, and those after it would lose more to it.
+fn independent(mut rows: Array2<f64>, least: f64) -> Array2<f64> {
+    let mut kept = Array2::zeros((0, rows.ncols()));
+    for _ in 0..rows.nrows() {
+        let sizes = rows.rows().into_iter().map(|x| x.dot(&x).sqrt());
+        let larger = |a: (usize, f64), b: (usize, f64)| if b.1 > 2.0 * a.1 { b } else { a };
+        let (largest, size) = sizes.enumerate().fold((0, 0.0), larger);
+        if size <= least {
+            break;
         }
-        let mut kept: Vec<Vec<f64>> = Vec::new();
-        for (x, size) in block.rows().into_iter().zip(sizes) {
-            let mut x = x.to_owned();
-            for _ in 0..2 {
-                for b in &kept {
-                    let b = ArrayView1::from(b);
-                    let overlap = b.dot(&x);
-                    x.scaled_add(-overlap, &b);
-                }
-            }
-            let left = x.dot(&x).sqrt();
-            if left > NEW * size {
-                kept.push((x / left).to_vec());
-            }
-        }
-        append(&mut all, &rows(&kept, new.ncols()));
+        let mut next = rows.row(largest).to_owned();
+        next /= size;
+        rows.row_mut(largest).fill(0.0);
+        // Once more, of length 1.
+        let mut next = next.insert_axis(Axis(0));
+        project(&mut next, &kept);
+        next /= norm(next.as_slice().unwrap_or_default());
+        project(&mut rows, &next);
+        append(&mut kept, &next);
     }
-    all
+    kept
 }
 
 /// Vectors of a length as rows.
