@@ -69,6 +69,28 @@ pub(super) struct Layout {
     finest: f64,
 }
 
+/// The step that noise which turns motions back at the levels makes of an automatic one, and the longest that sees it: a quarter of
+/// the time 2 pi h/f^2 in which it turns a motion back that the force f takes through the level. Four steps within that time err
+/// as extrapolation has it; steps of about as long err with both signs, and no order shows. Steps that are longer from the first, as
+/// where friction is weak, miss little, and stay.
+fn turning(
+    region: &Region<'_>,
+    oscillator: &Oscillator,
+    barrier: &Barrier,
+    automatic: f64,
+) -> [f64; 2] {
+    let levels = [Some(barrier.low), barrier.high].into_iter().flatten();
+    let turned = levels.map(|x| TAU * oscillator.h() / region.force(x).powi(2));
+    let resolving = turned.map(|it| WITHIN_A_TURN * it);
+    let wanted = resolving
+        .clone()
+        .filter(|it| WITHIN_A_TURN * automatic < *it);
+    [
+        wanted.fold(automatic, f64::min),
+        resolving.fold(f64::INFINITY, f64::min),
+    ]
+}
+
 impl Layout {
     /// The layout of the first run under stationary noise, or under a forcing: that of its strongest noise, farther by as
     /// much as the drive swings, in steps that see it turn.
@@ -132,15 +154,7 @@ impl Layout {
         let damped = (12.0 * tolerance / zeta).sqrt();
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
-        // Within 2 pi h/f^2 noise turns a motion back that the force f takes through the level. Four steps within it err as
-        // extrapolation has it; steps of about as long err with both signs, and no order shows. Steps that are longer from the
-        // first, as where friction is weak, miss little, and stay.
-        let levels = [Some(barrier.low), barrier.high].into_iter().flatten();
-        let turned = levels.map(|x| TAU * oscillator.h() / region.force(x).powi(2));
-        let turned = turned.map(|it| WITHIN_A_TURN * it);
-        let wanted = turned.clone().filter(|it| WITHIN_A_TURN * automatic < *it);
-        let automatic = wanted.fold(automatic, f64::min);
-        let resolving = turned.fold(f64::INFINITY, f64::min);
+        let [automatic, resolving] = turning(&region, oscillator, &barrier, automatic);
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);
