@@ -1,7 +1,7 @@
 //! A run ends within 1.3 times accuracy.max_seconds and a second, whatever it is doing, with numbers or a reason.
 
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use vibroimpact::Error;
 use vibroimpact::plan::{Plan, StopFlag, Watch};
@@ -94,11 +94,14 @@ const SCENES: [(&str, &str, &str); 16] = [
 ];
 
 /// What is timed is alone on the machine, as far as these tests go.
-static ALONE: Mutex<()> = Mutex::new(());
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 #[test]
 fn a_run_of_any_question_ends_within_its_seconds() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = alone();
     let folder = std::env::temp_dir().join(format!("vibroimpact-limits-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let mut late = Vec::new();
@@ -140,7 +143,7 @@ fn a_run_of_any_question_ends_within_its_seconds() {
 
 #[test]
 fn a_start_far_beyond_a_law_of_strong_friction_ends_with_its_numbers() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = alone();
     let folder = std::env::temp_dir().join(format!("vibroimpact-falling-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     for (name, oscillator, asked) in &SCENES[5..7] {
@@ -173,7 +176,7 @@ impl Watch for Stoppable {
 
 #[test]
 fn a_raised_flag_ends_a_run_of_minutes_at_once() {
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let _alone = alone();
     let paths = (
         "paths",
         "zeta = 0.005\nh = 2e-3\n",

@@ -185,15 +185,9 @@ fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<
     let (seconds, left) = (work.seconds * pace.unwrap_or(1.0), limits.left().max(0.0));
     if work.memory > limits.memory {
         let what = format!("{name} would need about {}", bytes(work.memory));
-        let error = Error::Limit {
-            key: "accuracy.max_memory",
-            limit: bytes(limits.memory),
-            what: what.clone(),
-        };
-        Some((
-            format!("{what}, and accuracy.max_memory = {}", bytes(limits.memory)),
-            error,
-        ))
+        let (key, limit) = ("accuracy.max_memory", bytes(limits.memory));
+        let reason = format!("{what}, and {key} = {limit}");
+        Some((reason, Error::limit(key, limit, what)))
     } else if seconds > pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left) {
         let [would, are] = [seconds, left].map(in_words);
         let what = format!("{name} would take about {would}, and {are} are left");

@@ -18,6 +18,11 @@ pub(super) fn left_of([earlier, last]: [f64; 2]) -> f64 {
     at_least(left(fall) * last, LEFT.get() * CARRIED.get() * earlier)
 }
 
+/// The same of a number of a curve, each change the largest near it: that passes through zero no more, but may be small by chance.
+pub(super) fn left_nearby([earlier, last]: [f64; 2]) -> f64 {
+    left((last / earlier).min(1.0)) * at_least(last, CARRIED.get() * earlier)
+}
+
 /// A change, or what it is taken for at least; NaN, which is none, stays.
 pub(super) fn at_least(change: f64, least: f64) -> f64 {
     if change < least { least } else { change }
@@ -25,7 +30,7 @@ pub(super) fn at_least(change: f64, least: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{left, left_of};
+    use super::{left, left_nearby, left_of};
 
     #[test]
     fn the_rest_of_a_geometric_series_is_within_the_estimate() {
@@ -39,6 +44,14 @@ mod tests {
                 "{fall}: {error}"
             );
         }
+    }
+
+    #[test]
+    fn a_small_change_of_a_curve_is_a_quarter_of_the_one_before() {
+        assert!(left_nearby([1.0, 0.0]) >= 0.1);
+        assert!(left_nearby([1.0, 0.1]) >= 0.1 && left_nearby([1.0, 0.1]) < 0.2);
+        assert!(left_nearby([1.0, 0.8]) > 4.0 * 0.8);
+        assert_eq!(left_nearby([0.0, 0.0]), 0.0);
     }
 
     #[test]

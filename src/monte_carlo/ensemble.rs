@@ -13,11 +13,10 @@ use crate::budget::Limits;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::initial::Initial;
-use crate::matrix::vectorised;
+use crate::matrix::vectorise;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
-use std::f64::consts::E;
 
 /// A band that ends below twice the resonance distorts what the contact does.
 const RESONANCE: f64 = 2.0;
@@ -178,9 +177,10 @@ impl Ensemble {
             let names = || unknown("monte_carlo", &moved);
             let warning = self.walk.warning(self.bias, self.paths as f64, names);
             it.warnings.extend(warning);
-            let forgets = 1.0 / (E * question.0.zeta());
+            // They add up over a unit of time at least, and as long as friction leaves a phase.
+            let longest = 1.0 + walk::phase_lasts(question.0);
             for (moments, t) in it.moments.iter_mut().zip(&self.times) {
-                steps_err(moments, self.bias * t.min(forgets + 1.0));
+                steps_err(moments, self.bias * t.min(longest));
             }
             return Ok(it);
         };
@@ -367,10 +367,7 @@ impl WithLaw for Run<'_> {
                         break;
                     }
                     self.block(law, first, |k, q, v| {
-                        let sum = vectorised(
-                            #[inline(always)]
-                            || Sums::of(law, &frames[k], q, v),
-                        );
+                        let sum = vectorise!(Sums::of(law, &frames[k], q, v));
                         sums[k].add(&sum);
                     });
                 }
@@ -406,14 +403,11 @@ impl Run<'_> {
                 watch: &mut Deaf,
                 progress: self.progress,
             };
-            vectorised(
-                #[inline(always)]
-                || {
-                    for group in groups.iter_mut() {
-                        coefficients.advance(law, group, *steps, *start, &mut watch);
-                    }
-                },
-            );
+            vectorise!({
+                for group in groups.iter_mut() {
+                    coefficients.advance(law, group, *steps, *start, &mut watch);
+                }
+            });
             self.progress.late()
         };
         if let Some(run_in) = self.before {

@@ -227,7 +227,7 @@ impl Walk {
             }
             _ => 0.0,
         };
-        let time = until.min(1.0 / (E * oscillator.zeta()));
+        let time = until.min(phase_lasts(oscillator));
         self.bias(oscillator) + swing * self.lead() * time
     }
 
@@ -254,6 +254,11 @@ impl Walk {
             unknown: unknown(),
         })
     }
+}
+
+/// The time over which an error of the phase does most to a motion that friction damps: the largest value of t e^(-zeta t).
+pub(super) fn phase_lasts(oscillator: &Oscillator) -> f64 {
+    1.0 / (E * oscillator.zeta())
 }
 
 /// The standard error of the variance of independent samples, relative to it.

@@ -15,7 +15,7 @@ use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use crate::gaussian::{lower, normal};
-use crate::matrix::{dot, vectorised};
+use crate::matrix::{dot, vectorise};
 use rayon::prelude::*;
 
 /// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
@@ -154,10 +154,7 @@ impl Absorbed {
         scratch.par_chunks_mut(nv).zip(&self.rows).for_each_init(
             Vec::new,
             |moved: &mut Vec<f64>, (out, row)| {
-                vectorised(
-                    #[inline(always)]
-                    || row.carry(before, moved, out),
-                );
+                vectorise!(row.carry(before, moved, out));
             },
         );
         std::mem::swap(field, scratch);

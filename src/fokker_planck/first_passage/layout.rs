@@ -81,14 +81,11 @@ fn turning(
 ) -> [f64; 2] {
     let levels = [Some(barrier.low), barrier.high].into_iter().flatten();
     let turned = levels.map(|x| TAU * oscillator.h() / region.force(x).powi(2));
-    let resolving = turned.map(|it| WITHIN_A_TURN * it);
-    let wanted = resolving
-        .clone()
-        .filter(|it| WITHIN_A_TURN * automatic < *it);
-    [
-        wanted.fold(automatic, f64::min),
-        resolving.fold(f64::INFINITY, f64::min),
-    ]
+    let longer = turned.clone().filter(|it| *it > automatic);
+    let wanted = longer
+        .map(|it| WITHIN_A_TURN * it)
+        .fold(automatic, f64::min);
+    [wanted, WITHIN_A_TURN * turned.fold(f64::INFINITY, f64::min)]
 }
 
 impl Layout {

@@ -49,11 +49,11 @@ pub(super) struct Runs<'a> {
 impl<'a> Runs<'a> {
     pub(super) fn new([fine, coarse, two, four]: [&'a Run; 4], resolved: bool) -> Self {
         Self {
-            resolved,
             fine,
             coarse,
             two,
             four: four.at_times_of(two),
+            resolved,
         }
     }
 

@@ -174,8 +174,7 @@ impl Reduced {
                 .map(|((rate, vector), part)| {
                     let seen: C = vector.iter().zip(&*state).map(|(x, l)| x * l).sum();
                     let mode = [rate, seen * part];
-                    let decays = rate.re < 0.0;
-                    if decays {
+                    if rate.re < 0.0 {
                         mode
                     } else {
                         mode.map(|x| -x.conj())

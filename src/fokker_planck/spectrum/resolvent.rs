@@ -6,11 +6,11 @@ use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
-use crate::fokker_planck::convergence::{UNKNOWN, at_least, left};
+use crate::fokker_planck::convergence::{UNKNOWN, left, left_nearby};
 use crate::fokker_planck::hermite::{
     Adjoint, FAR, Hierarchy, Resolution, lost_digits, work as friction_work,
 };
-use crate::fokker_planck::policy::{CARRIED, SHARE, SPECTRUM_NEARBY};
+use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
 use std::f64::consts::FRAC_2_PI;
@@ -253,7 +253,10 @@ impl Question for Task<'_> {
             let last = nearby(control, &each);
             let errors: Vec<f64> = match &self.changes {
                 None => last.iter().map(|it| left(UNKNOWN) * it).collect(),
-                Some(before) => before.iter().zip(&last).map(left_nearby).collect(),
+                Some(before) => {
+                    let both = before.iter().zip(&last);
+                    both.map(|(a, b)| left_nearby([*a, *b])).collect()
+                }
             };
             self.changes = Some(last);
             let answers = model.all(omegas);
@@ -338,12 +341,6 @@ fn nearby(control: &[f64], changes: &[f64]) -> Vec<f64> {
     control.iter().map(largest).collect()
 }
 
-/// What two changes near a frequency leave there: they fall as fast as they do there, and not elsewhere, and the last of them may
-/// be small by chance.
-fn left_nearby((before, last): (&f64, &f64)) -> f64 {
-    left((last / before).min(1.0)) * at_least(*last, CARRIED.get() * before)
-}
-
 /// The answers, each with the larger relative error of the two frequencies watched beside it.
 fn estimates(omegas: &[f64], answers: &[Answer], control: &[f64], errors: &[f64]) -> Vec<Estimate> {
     let estimate = |(omega, it): (&f64, &Answer)| {
@@ -365,7 +362,8 @@ mod tests {
         // It falls tenfold at the first frequencies, and hardly at the last.
         let control: Vec<f64> = (0..5).map(f64::from).collect();
         let [before, last] = [[1.0; 5], [0.1, 0.1, 0.0, 0.8, 0.8]].map(|it| nearby(&control, &it));
-        let left: Vec<f64> = before.iter().zip(&last).map(left_nearby).collect();
+        let both = before.iter().zip(&last);
+        let left: Vec<f64> = both.map(|(a, b)| left_nearby([*a, *b])).collect();
         assert_eq!(left[0], left[1]);
         assert!(left[0] >= 0.1 && left[0] < 0.2, "{left:?}");
         // A change of none may be one that passes through zero.

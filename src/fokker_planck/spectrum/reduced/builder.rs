@@ -158,18 +158,9 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// Adds what is new of some vectors: Gram and Schmidt, twice, first against all rows that are there.
+    /// Adds what is new of some vectors.
     fn add(&mut self, vectors: &[Vec<f64>]) {
-        let len = self.form.full.len();
-        let mut new = rows(vectors, len);
-        for mut x in new.rows_mut() {
-            let size = x.dot(&x).sqrt();
-            x /= size.max(f64::MIN_POSITIVE);
-        }
-        for _ in 0..2 {
-            project(&mut new, &self.basis);
-        }
-        let kept = self.orthonormal(&new);
+        let kept = self.orthonormal(vectors);
         let mut images = self.images(&self.form.full, &kept);
         // What the new rows hold of the old residuals, and all rows of the new images.
         let held = project(&mut self.residuals, &kept);
@@ -188,9 +179,18 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Orthonormal rows that span what is `new` of others of length 1, beyond rounding. What is left of a row has lost digits, and is
-    /// made orthogonal to all others once more when it has a length of 1 again.
-    fn orthonormal(&self, new: &Array2<f64>) -> Array2<f64> {
+    /// Orthonormal rows that span what is new of some vectors, beyond rounding: Gram and Schmidt, twice, first against all rows that
+    /// are there. What is left of a vector has lost digits, and is made orthogonal to all others once more when it has a length of 1
+    /// again.
+    fn orthonormal(&self, vectors: &[Vec<f64>]) -> Array2<f64> {
+        let mut new = rows(vectors, self.form.full.len());
+        for mut x in new.rows_mut() {
+            let size = x.dot(&x).sqrt();
+            x /= size.max(f64::MIN_POSITIVE);
+        }
+        for _ in 0..2 {
+            project(&mut new, &self.basis);
+        }
         let mut all = Array2::zeros((0, new.ncols()));
         for block in new.axis_chunks_iter(Axis(0), TOGETHER) {
             let mut block = block.to_owned();
