@@ -66,9 +66,13 @@ impl Oscillator {
         };
         if !(t.is_finite() && t >= coldest) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
-            let accepted = format!(
-                "T = pi h/(2 zeta) of at least {coldest:e}, so that a double tells the motion from the static compression"
-            );
+            let accepted = if t > 1.0 {
+                "a finite T = pi h/(2 zeta)".to_owned()
+            } else {
+                format!(
+                    "T = pi h/(2 zeta) of at least {coldest:e}, so that a double tells the motion from the static compression"
+                )
+            };
             return Err(Error::invalid("oscillator.h", value, accepted));
         }
         Ok(it)

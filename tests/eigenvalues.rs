@@ -4,7 +4,7 @@
 use crate::mesh_modes::slowest;
 use num_complex::Complex;
 use std::sync::LazyLock;
-use vibroimpact::contact::ContactLaw;
+use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{
     Axis, DecayRate, DecayRates, Domain, Drift, Generator, Mesh, Settings, decay_rates,
@@ -211,6 +211,22 @@ fn where_hermite_functions_do_not_hold_the_law_the_search_says_so() {
     let it = it.with_damping(Damping::HuntCrossley).unwrap();
     let error = decay_rates(&it, 3, &Settings::default()).unwrap_err();
     assert!(error.to_string().contains("falls too slowly"), "{error}");
+}
+
+#[test]
+fn a_passage_between_wells_that_rounding_hides_is_not_left_out_in_silence() {
+    // exp(-25) of small vibrations: 5e-12, and rounding leaves 1e-10 of an eigenvalue open.
+    let coefficients = Parameter::Numbers(vec![-1.0, 0.0, 1.0]);
+    let given = Parameters::new().with("coefficients", coefficients);
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    let it = solve(&wells, 0.25, level(0.25, 0.01), 1, 1e-2);
+    show("two wells", &it);
+    let shortfall = it.shortfall.unwrap();
+    assert!(
+        shortfall.number.contains("the eigenvalue near -"),
+        "{shortfall}"
+    );
+    assert!(shortfall.number.contains("e-12"), "{shortfall}");
 }
 
 #[test]

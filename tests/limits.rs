@@ -87,6 +87,11 @@ const SCENES: [(&str, &str, &str); 16] = [
         "[outputs]\nfirst_loss = { until = 200 }\n[accuracy]\ntolerance = 1e-9\n",
     ),
     (
+        "long records of ten thousand cosines",
+        "zeta = 0.005\nh = 2e-3\n",
+        "[monte_carlo]\nduration = 1e8\nnoise = { cosines = 10000, band = 8.0 }\n[accuracy]\n",
+    ),
+    (
         "first passage where contact is not lost at all",
         "zeta = 4.16e-4\nh = 7.22e-8\n[initial]\nmean = [0.0427, -0.0494]\ndeviation = [0.0088, 2.8e-4]\n",
         "[outputs]\nfirst_loss = { until = 2.37 }\n[accuracy]\n",
@@ -139,6 +144,41 @@ fn a_run_of_any_question_ends_within_its_seconds() {
     }
     std::fs::remove_dir_all(&folder).unwrap();
     assert!(late.is_empty(), "{late:#?}");
+}
+
+#[test]
+fn a_scene_that_does_not_fit_leaves_marked_results_in_place_of_older_ones() {
+    let folder = std::env::temp_dir().join(format!("vibroimpact-fits-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let run = |name: &str, asked: &str| {
+        let scene = folder.join(name);
+        std::fs::write(&scene, format!("{HERTZ}zeta = 0.005\nh = 2e-3\n{asked}")).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_vibroimpact"));
+        command
+            .arg("run")
+            .arg(&scene)
+            .args(["--quiet", "--force", "--out"]);
+        let it = command.arg(folder.join("out")).output().unwrap();
+        let results = std::fs::read_to_string(folder.join("out/results.json"));
+        (it.status.code(), results.unwrap())
+    };
+    let (status, first) = run("first.toml", "[outputs]\nstationary = true\n");
+    assert!(status == Some(0) && first.contains("\"first\"") && first.contains("kurtosis_force"));
+    let asked = "[outputs]\nspectrum = { until = 8.0 }\n[accuracy]\nmax_memory = \"3 MB\"\n";
+    let (status, second) = run("second.toml", asked);
+    assert_eq!(status, Some(3));
+    assert!(
+        second.contains("\"second\"") && !second.contains("kurtosis_force"),
+        "{second}"
+    );
+    assert!(
+        second.contains("accuracy.max_memory = 3.0 MB was reached"),
+        "{second}"
+    );
+    // A scene that is refused leaves what there is as it is.
+    let (status, third) = run("third.toml", "[outputs]\nspectrum = { until = -8.0 }\n");
+    assert!(status == Some(2) && third == second);
+    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]

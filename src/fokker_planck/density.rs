@@ -212,8 +212,7 @@ impl Density {
             let along_q = at(first - nv).iter().zip(at(first + nv));
             let along_v = at(first - 1).iter().zip(at(first + 1));
             for ((own, (a, b)), (c, d)) in at(first).iter().zip(along_q).zip(along_v) {
-                let bend = a + b + c + d - 4.0 * own;
-                inside += mean_modulus(own + bend / 24.0, [0.5 * (b - a), 0.5 * (d - c)]);
+                inside += modulus_in_cell(*own, [[*a, *b], [*c, *d]]);
                 more += own;
             }
         }
@@ -266,6 +265,14 @@ pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
     }
 }
 
+/// Mean of |f| over a cell from f in the middle of it and of its neighbours along either axis: of order 3 where f changes sign
+/// inside of cells.
+#[inline]
+pub(super) fn modulus_in_cell(own: f64, [[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
+    let bend = a + b + c + d - 4.0 * own;
+    mean_modulus(own + bend / 24.0, [0.5 * (b - a), 0.5 * (d - c)])
+}
+
 /// Mean of |mean + a x + b y| over the cell |x|, |y| < 1/2.
 #[inline]
 fn mean_modulus(mean: f64, slopes: [f64; 2]) -> f64 {
@@ -279,11 +286,13 @@ fn mean_modulus(mean: f64, slopes: [f64; 2]) -> f64 {
 
 /// The same of a plane that passes through zero in the cell; slopes not negative.
 fn mean_across_zero(mean: f64, [a, b]: [f64; 2]) -> f64 {
-    // |s|^3/6 is the modulus integrated twice; a slope of next to nothing would leave rounding alone.
-    let (steep, flat) = (a.max(b), a.min(b).max(1e-3 * a.max(b)));
+    // |s|^3/6 is the modulus integrated twice. Over the steeper slope: cubes of next to nothing would be 0, and a slope of next to
+    // nothing beside the other would leave rounding alone.
+    let steep = a.max(b);
+    let (mean, flat) = (mean / steep, (a.min(b) / steep).max(1e-3));
     let twice = |s: f64| s.abs() * s * s / 6.0;
     let along = |s: f64| twice(s + 0.5 * flat) - twice(s - 0.5 * flat);
-    (along(mean + 0.5 * steep) - along(mean - 0.5 * steep)) / (steep * flat)
+    steep * (along(mean + 0.5) - along(mean - 0.5)) / flat
 }
 
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times
@@ -334,6 +343,12 @@ mod tests {
             at([0.3, -0.2]).distance_to(&at([0.3 + 0.8 * apart, 0.6 * apart - 0.2]), &columns);
         let exact = 2.0 * (2.0 * lower(0.5 * apart) - 1.0);
         (distance - exact).abs()
+    }
+
+    #[test]
+    fn next_to_nothing_on_either_side_of_zero_has_a_modulus() {
+        let tiny = super::modulus_in_cell(1e-200, [[-1e-200, 3e-200], [1e-200, 1e-200]]);
+        assert!((1e-200..2e-200).contains(&tiny), "{tiny}");
     }
 
     #[test]

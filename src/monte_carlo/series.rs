@@ -165,6 +165,9 @@ impl<T: Send> WithLaw for Run<'_, T> {
 
 impl<T> Run<'_, T> {
     fn group<L: Law>(&self, law: L, number: u64) -> Vec<T> {
+        if self.progress.late() {
+            return Vec::new();
+        }
         let mut records = vec![vec![0.0; self.recipe.asked.samples]; LANES];
         let mut group = self.paths.group(FIRST + number * LANES as u64);
         vectorise!(self.sample(law, &mut group, &mut records));

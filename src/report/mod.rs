@@ -23,4 +23,4 @@ pub use file::File;
 pub(crate) use html::{escaped, html};
 #[doc(hidden)]
 pub use manifest::{after, all, at_the_end, fragment};
-pub use run::run_into;
+pub use run::{run_into, unanswered_into};

@@ -5,6 +5,7 @@ use super::manifest;
 use crate::error::{Error, Result};
 use crate::plan::{Part, Plan, StopFlag, Watch};
 use crate::results::Results;
+use crate::scene::Scene;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Run every stage of a plan, each stage's files in `folder` as soon as it has ended: what `vibroimpact run --out` does.
@@ -40,6 +41,22 @@ pub fn run_into(plan: &Plan, folder: Folder, watch: &dyn Watch) -> Result<Result
             Err(error)
         }
     }
+}
+
+/// What is left in `folder` of a scene none of whose stages fits its limits: results without numbers, marked, in place of what a
+/// run before it may have left there. A scene that is refused for another reason leaves nothing.
+///
+/// # Errors
+/// Those of [`Folder::write`].
+pub fn unanswered_into(scene: &Scene, folder: Folder, error: &Error) -> Result<()> {
+    if !error.is_unanswered() {
+        folder.discard();
+        return Ok(());
+    }
+    folder.write(&manifest::at_the_start(scene))?;
+    let mut results = Results::empty(scene);
+    results.run.warnings.push(error.to_string().into());
+    folder.write(&manifest::at_the_end(&results)?)
 }
 
 struct Writer<'a> {

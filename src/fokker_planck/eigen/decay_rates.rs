@@ -25,7 +25,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, Work, timing};
-use crate::fokker_planck::hermite::{FAR, Resolution, work as friction_work};
+use crate::fokker_planck::hermite::{Resolution, Warmth, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -154,7 +154,7 @@ impl Eigenvalues {
         let (contact, reach) = (oscillator.contact(), self.resolution(2).level);
         let rise = contact.loss_point().zip(contact.lowest_potential());
         let rise = rise.map(|(loss, lowest)| contact.potential(loss) - lowest);
-        rise.is_some_and(|rise| rise < reach * oscillator.weighed_by_orbits(FAR).temperature())
+        rise.is_some_and(|rise| rise < reach * Warmth::FIRST.weighed(oscillator).temperature())
     }
 
     /// Method and reason.

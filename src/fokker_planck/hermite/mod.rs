@@ -11,5 +11,5 @@ mod operator;
 
 pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
-pub(super) use friction::{Column, FAR, Kept, heavy, lost_digits, work};
+pub(super) use friction::{Column, Kept, Warmth, heavy, lost_digits, work};
 pub(super) use operator::{Hierarchy, Resolution};

@@ -8,7 +8,7 @@ use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_nearby};
 use crate::fokker_planck::hermite::{
-    Adjoint, FAR, Hierarchy, Resolution, lost_digits, work as friction_work,
+    Adjoint, Hierarchy, Resolution, Warmth, lost_digits, work as friction_work,
 };
 use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
@@ -124,6 +124,7 @@ impl Resolvent {
             omegas,
             control: control(omegas),
             limits: limits.clone(),
+            warmth: Warmth::FIRST,
             next: self.first,
             solved: Vec::new(),
             last: None,
@@ -165,6 +166,7 @@ struct Task<'a> {
     omegas: &'a [f64],
     control: Vec<f64>,
     limits: Limits,
+    warmth: Warmth,
     next: Resolution,
     /// Frequencies that the last resolution was solved for.
     solved: Vec<f64>,
@@ -173,6 +175,41 @@ struct Task<'a> {
     last: Option<Vec<Answer>>,
     changes: Option<Vec<f64>>,
     best: Option<Spectrum>,
+}
+
+impl Task<'_> {
+    /// The model of the next resolution, and the mean where damping leaves no closed form of it.
+    fn model(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<(Reduced, Option<f64>)> {
+        let (recipe, limits, quantity) = (self.recipe, &self.limits, self.quantity);
+        let weighed = self.warmth.weighed(self.oscillator);
+        let full = Hierarchy::new(&weighed, quantity, self.next)?;
+        let late = || limits.in_time(|| "the stationary law of the spectrum was not found".into());
+        let form = Form {
+            adjoint: Adjoint::of(&weighed, &full, quantity, &late)?,
+            full,
+        };
+        let go_on = |solved: usize| {
+            progress((solved as f64 / recipe.solves).min(1.0));
+            limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
+        };
+        // A resolution that is compared with a coarser one need not be known much better than that one was, and the coarsest
+        // had better not be: it has modes that are there for want of functions.
+        let known = match &self.best {
+            _ if recipe.given => 0.0,
+            Some(best) => best.worst().0,
+            None => SHARE.get(),
+        };
+        let model = Reduced::new(
+            &form,
+            &self.control,
+            SHARE.get() * recipe.tolerance.max(known),
+            FLOOR,
+            (&self.solved, SOLVES),
+            &go_on,
+        );
+        let model = model.map_err(|error| lost_digits(self.oscillator, error))?;
+        Ok((model, form.adjoint.map(|it| it.mean)))
+    }
 }
 
 impl Question for Task<'_> {
@@ -204,42 +241,23 @@ impl Question for Task<'_> {
     }
 
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
+        let (model, mean) = match self.model(progress) {
+            Ok(found) => found,
+            Err(error) => {
+                let hotter = self.warmth.after(self.oscillator, &error);
+                self.warmth = hotter.ok_or(error)?;
+                // Of other functions nothing is known yet.
+                (self.last, self.changes) = (None, None);
+                return Ok(());
+            }
+        };
         let Self {
-            recipe,
             omegas,
             control,
-            limits,
             next,
             quantity,
             ..
         } = self;
-        let weighed = self.oscillator.weighed_by_orbits(FAR);
-        let full = Hierarchy::new(&weighed, *quantity, *next)?;
-        let late = || limits.in_time(|| "the stationary law of the spectrum was not found".into());
-        let form = Form {
-            adjoint: Adjoint::of(&weighed, &full, *quantity, &late)?,
-            full,
-        };
-        let go_on = |solved: usize| {
-            progress((solved as f64 / recipe.solves).min(1.0));
-            limits.in_time(|| format!("{solved} frequencies of the spectrum were solved"))
-        };
-        // A resolution that is compared with a coarser one need not be known much better than that one was, and the coarsest
-        // had better not be: it has modes that are there for want of functions.
-        let known = match &self.best {
-            _ if recipe.given => 0.0,
-            Some(best) => best.worst().0,
-            None => SHARE.get(),
-        };
-        let model = Reduced::new(
-            &form,
-            control,
-            SHARE.get() * recipe.tolerance.max(known),
-            FLOOR,
-            (&self.solved, SOLVES),
-            &go_on,
-        )
-        .map_err(|error| lost_digits(self.oscillator, error))?;
         // A finer operator needs fewer: it has no modes that are there for want of functions.
         let mut solved = model.solved.clone();
         solved.sort_by(f64::total_cmp);
@@ -260,18 +278,22 @@ impl Question for Task<'_> {
             };
             self.changes = Some(last);
             let answers = model.all(omegas);
-            self.best = Some(Spectrum {
+            let spectrum = Spectrum {
                 quantity: *quantity,
                 omega: omegas.to_vec(),
                 density: estimates(omegas, &answers, control, &errors),
                 variance: model.variance,
-                mean: form.adjoint.as_ref().map(|it| it.mean),
+                mean,
                 functions: [next.across(), 2 * next.pairs],
                 solves: model.solved.len(),
                 dimension: model.dimension(),
                 shortfall: None,
                 model,
-            });
+            };
+            // One of which no value is known is none.
+            if spectrum.density.iter().any(|it| it.error < it.value.abs()) {
+                self.best = Some(spectrum);
+            }
         }
         self.last = Some(fine);
         self.next = next.refined(1);

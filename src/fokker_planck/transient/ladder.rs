@@ -246,12 +246,12 @@ impl<'a> Ladder<'a> {
         again
     }
 
-    /// Whether the last three error estimates are hardly below those before.
+    /// Whether the last error estimates are hardly below those before: one more of them than a single rung that is off spoils.
     fn stalled(&self) -> bool {
         let least = |ratios: &[f64]| ratios.iter().copied().fold(f64::INFINITY, f64::min);
         let (before, last) = self
             .ratios
-            .split_at(self.ratios.len().saturating_sub(RUNGS));
+            .split_at(self.ratios.len().saturating_sub(RUNGS + 1));
         let falls = least(last) < SLOWEST.get() * least(before);
         !before.is_empty() && !falls
     }

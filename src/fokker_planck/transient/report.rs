@@ -190,6 +190,14 @@ impl Task<'_> {
                 SETTLED.get() * self.recipe.tolerance
             ));
         }
+        let framed = fine.outputs.last().is_some_and(|it| it.framed);
+        if framed && self.recipe.layout.is_given() {
+            let [nq, nv] = fine.mesh.cells();
+            warnings.push(format!(
+                "the cells of the scene are too wide for the density at all these times: {nq} x {nv} cells that move with it \
+                 carried it instead"
+            ));
+        }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);
         let [relative_entropy, distance] =
             self.beside_the_law(&fine, coarse, (&moments, errors.scales()), outside);
@@ -200,7 +208,10 @@ impl Task<'_> {
                 "the density is negative somewhere: up to {negative:.1e} in all"
             ));
         }
-        let apart = |a: f64, b: f64| Estimate::new(a, (a - b).abs(), Origin::Space);
+        // The density is nowhere negative: all that is below zero is error.
+        let below = |a: f64, b: f64, negative: f64| {
+            Estimate::new(a, negative.max((a - b).abs()), Origin::Space)
+        };
         // All there is has probability 1.
         let mass = |o: &Output| {
             let error = outside.max((1.0 - o.mass).abs());
@@ -210,9 +221,11 @@ impl Task<'_> {
             times: fine.outputs.iter().map(|o| o.t).collect(),
             moments,
             mass: fine.outputs.iter().map(mass).collect(),
-            lowest_density: pairs().map(|(a, b)| apart(a.lowest, b.lowest)).collect(),
+            lowest_density: pairs()
+                .map(|(a, b)| below(a.lowest, b.lowest, -a.lowest))
+                .collect(),
             negative_mass: pairs()
-                .map(|(a, b)| apart(a.negative, b.negative))
+                .map(|(a, b)| below(a.negative, b.negative, a.negative))
                 .collect(),
             relative_entropy: of_law(relative_entropy),
             distance: of_law(distance),

@@ -397,8 +397,7 @@ impl<'a> StartUp<'a> {
                     0.0
                 }
             }),
-            // Both integrals are 1: |p - p_s| is twice its positive part, which lies in the local grid.
-            distance: 2.0 * grid.sum(|x, p| (p - stationary(x)).max(0.0)),
+            distance: grid.distance_to(stationary),
             doubt: solved
                 .as_ref()
                 .zip(self.law)
