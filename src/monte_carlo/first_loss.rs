@@ -5,11 +5,11 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
-use super::scheme::{Coefficients, Group};
+use super::scheme::{Coefficients, Group, cubic};
 use super::statistics::proportion;
-use super::walk::{self, Cost, TASKS, Walk};
+use super::walk::{self, TASKS, Walk};
 use super::{Sampling, Scheme};
-use crate::budget::Limits;
+use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::initial::Initial;
@@ -174,6 +174,7 @@ impl FirstLosses {
                 steps,
                 memory: threads * walk.bytes() + TASKS * 8 * OUTPUTS,
                 seconds: walk.seconds(steps as f64 * settings.paths as f64),
+                ..Cost::default()
             },
             walk,
         })
@@ -373,22 +374,19 @@ fn passage([[x0, v0], [x1, v1]]: [[f64; 2]; 2], step: f64) -> Option<f64> {
     if x0 < 0.0 {
         return Some(0.0);
     }
-    let (c, d) = (v0 * step, v1 * step);
-    let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
-    let value = |s: f64| x0 + s * (c + s * (a2 + s * a3));
-    let slope = |s: f64| c + s * (2.0 * a2 + 3.0 * s * a3);
+    let at = |s: f64| cubic([x0, v0, x1, v1], step, s);
     let end = if x1 < 0.0 {
         1.0
-    } else if c < 0.0 && d > 0.0 {
-        let lowest = bisect(0.0, 1.0, |s| slope(s) >= 0.0);
-        if value(lowest) >= 0.0 {
+    } else if v0 < 0.0 && v1 > 0.0 {
+        let lowest = bisect(0.0, 1.0, |s| at(s).1 >= 0.0);
+        if at(lowest).0 >= 0.0 {
             return None;
         }
         lowest
     } else {
         return None;
     };
-    Some(step * bisect(0.0, end, |s| value(s) < 0.0))
+    Some(step * bisect(0.0, end, |s| at(s).0 < 0.0))
 }
 
 impl WithLaw for &Survive<'_> {

@@ -126,7 +126,8 @@ fn levels(
                     let motions = [it.first, it.inner, it.inner];
                     let stages = it.stages;
                     let motions = [&motions[..stages], &[it.first]].concat();
-                    splitting(&motions, &it.friction[..stages])
+                    let friction = it.friction.map(|it| it.viscous);
+                    splitting(&motions, &friction[..stages])
                 }
             };
             [v.map(|v| v * v), q.map(|q| f64::from(u8::from(q < -1.5)))]
@@ -301,7 +302,8 @@ fn weak_error(zeta: f64, step: f64, scheme: Scheme) -> [f64; 2] {
     };
     let mut covariance = [0.25, 0.0, 0.25];
     for _ in 0..steps {
-        for (stage, (decay, spread)) in scheme.friction[..scheme.stages].iter().enumerate() {
+        for (stage, friction) in scheme.friction[..scheme.stages].iter().enumerate() {
+            let (decay, spread) = friction.viscous;
             let flow = if stage == 0 {
                 scheme.first
             } else {
