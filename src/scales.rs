@@ -37,22 +37,18 @@ impl Scales {
 
     /// The scale of each moment.
     pub fn each(&self, moments: &Moments) -> PerMoment<f64> {
-        let mut scales = self.fixed(moments);
+        let mut scales = self.known.unwrap_or_else(|| {
+            Moment::ALL.map(|it| {
+                let number = moments.get(it);
+                let number = number.filter(|_| it != Moment::ContactLossProbability);
+                number.map_or(1.0, |number| number.value.abs())
+            })
+        });
         for it in Moment::ALL.into_iter().filter(|it| it.is_standardised()) {
             let size = moments.get(it).map_or(1.0, |number| number.value.abs());
             scales[it as usize] = size.max(1.0);
         }
         scales
-    }
-
-    fn fixed(&self, moments: &Moments) -> PerMoment<f64> {
-        self.known.unwrap_or_else(|| {
-            Moment::ALL.map(|it| {
-                let relative = it.is_standardised() || it == Moment::ContactLossProbability;
-                let number = moments.get(it).filter(|_| !relative);
-                number.map_or(1.0, |number| number.value.abs())
-            })
-        })
     }
 }
 
