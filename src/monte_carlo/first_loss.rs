@@ -10,7 +10,7 @@ use super::statistics::proportion;
 use super::walk::{self, TASKS, Walk};
 use super::{Sampling, Scheme};
 use crate::budget::{Cost, Limits};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::initial::Initial;
 use crate::matrix::vectorise;
@@ -52,8 +52,8 @@ pub struct FirstLossResult {
 /// short excursions are found, however short.
 ///
 /// # Errors
-/// As [`super::run`]; [`Error::Invalid`] for a law that cannot lose contact and for a scheme that does not
-/// locate crossings; [`Error::Limit`] where `max_seconds` are over.
+/// As [`super::run`]; [`crate::Error::Invalid`] for a law that cannot lose contact and for a scheme that does not
+/// locate crossings; [`crate::Error::Limit`] where `max_seconds` are over.
 pub fn first_loss(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -106,7 +106,7 @@ impl FirstLosses {
     /// The recipe of first losses up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a step that is not positive, noise that is not white, a law that cannot lose contact, or a
+    /// [`crate::Error::Invalid`] for a step that is not positive, noise that is not white, a law that cannot lose contact, or a
     /// scheme that does not locate losses.
     pub(crate) fn of(
         oscillator: &Oscillator,
@@ -114,20 +114,14 @@ impl FirstLosses {
         until: f64,
         settings: &Sampling,
     ) -> Result<Self> {
-        let contact = oscillator.contact();
-        let Some(loss) = contact.loss_point() else {
-            let accepted = "a law that can lose contact, for first_loss";
-            let name = contact.name();
-            return Err(Error::invalid("oscillator.contact", name, accepted));
-        };
-        let range = [loss, f64::INFINITY];
+        let range = [oscillator.contact().loss_for("first_loss")?, f64::INFINITY];
         Self::out_of((range, false), oscillator, initial, until, settings)
     }
 
     /// The recipe of first passages of a level up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not locate
+    /// [`crate::Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not locate
     /// crossings.
     pub(crate) fn of_level(
         oscillator: &Oscillator,
@@ -188,7 +182,7 @@ impl FirstLosses {
     /// The first losses between `times`, up to that of the recipe.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for times that do not ascend, [`Error::NoStationaryLaw`], [`Error::Limit`].
+    /// [`crate::Error::Invalid`] for times that do not ascend, [`crate::Error::NoStationaryLaw`], [`crate::Error::Limit`].
     pub(crate) fn run(
         &self,
         (oscillator, initial): (&Oscillator, &Initial),
