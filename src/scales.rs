@@ -16,11 +16,10 @@ impl Scales {
     pub fn of(oscillator: &Oscillator) -> Self {
         let known = oscillator.displacement_law().ok().map(|law| {
             let t = oscillator.temperature();
-            let mean = law.expect(|q| q).value;
-            let var_q = law.expect(|q| (q - mean).powi(2)).value;
+            let [_, q] = law.spread(|q| q);
             let square = law.expect(|q| oscillator.contact().force(q).powi(2));
             let force = square.value.sqrt();
-            deviations([var_q.sqrt(), t.sqrt(), force])
+            deviations([q, t.sqrt(), force])
         });
         Self { known }
     }
