@@ -65,6 +65,19 @@ pub(crate) mod timing {
     pub(crate) const GAIN: f64 = 0.8;
 }
 
+/// What a computation will take, as far as can be said without doing it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Cost {
+    /// Cells in q and v, of a mesh.
+    pub cells: [usize; 2],
+    /// Steps of the fine run, or of each path or record.
+    pub steps: u64,
+    /// Bytes.
+    pub memory: u64,
+    /// Seconds.
+    pub seconds: f64,
+}
+
 /// A flag that ends a run from any thread: who holds a clone of it raises it, and the run ends where it would look at
 /// the clock next, with [`Error::Stopped`].
 #[derive(Debug, Clone, Default)]

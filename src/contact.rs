@@ -193,6 +193,17 @@ impl ContactLaw {
         }
     }
 
+    /// The loss point, which `what` needs.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a law that cannot lose contact.
+    pub(crate) fn loss_for(&self, what: &str) -> Result<f64> {
+        self.loss_point().ok_or_else(|| {
+            let accepted = format!("a law that can lose contact, for {what}");
+            Error::invalid("oscillator.contact", self.name(), accepted)
+        })
+    }
+
     /// The q at which flight ends on a second wall, below the loss point; None without one.
     pub fn back_wall(&self) -> Option<f64> {
         match self {

@@ -165,20 +165,26 @@ impl Envelope {
     /// The factor on h at time t.
     pub fn factor(&self, t: f64) -> f64 {
         let after = self.times.partition_point(|it| *it <= t);
-        let (Some(k), true) = (after.checked_sub(1), after < self.times.len()) else {
-            return self.factors[after.min(self.times.len() - 1)];
-        };
-        let part = (t - self.times[k]) / (self.times[after] - self.times[k]);
-        self.factors[k] + part * (self.factors[after] - self.factors[k])
+        if after == 0 || after == self.times.len() {
+            return self.factors[after.saturating_sub(1)];
+        }
+        let [(low, from), (high, to)] = self.ends(after);
+        from + (t - low) / (high - low) * (to - from)
+    }
+
+    /// Times and factors where a piece begins and ends, at this place of the times.
+    fn ends(&self, after: usize) -> [(f64, f64); 2] {
+        [after - 1, after].map(|k| (self.times[k], self.factors[k]))
     }
 
     /// The rate at which the factor changes at time t; between its times, since it bends there.
     pub(crate) fn rate(&self, t: f64) -> f64 {
         let after = self.times.partition_point(|it| *it <= t);
-        let (Some(k), true) = (after.checked_sub(1), after < self.times.len()) else {
+        if after == 0 || after == self.times.len() {
             return 0.0;
-        };
-        (self.factors[after] - self.factors[k]) / (self.times[after] - self.times[k])
+        }
+        let [(low, from), (high, to)] = self.ends(after);
+        (to - from) / (high - low)
     }
 }
 

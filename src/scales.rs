@@ -16,11 +16,10 @@ impl Scales {
     pub fn of(oscillator: &Oscillator) -> Self {
         let known = oscillator.displacement_law().ok().map(|law| {
             let t = oscillator.temperature();
-            let mean = law.expect(|q| q).value;
-            let var_q = law.expect(|q| (q - mean).powi(2)).value;
+            let [_, q] = law.spread(|q| q);
             let square = law.expect(|q| oscillator.contact().force(q).powi(2));
             let force = square.value.sqrt();
-            deviations([var_q.sqrt(), t.sqrt(), force])
+            deviations([q, t.sqrt(), force])
         });
         Self { known }
     }
@@ -37,22 +36,18 @@ impl Scales {
 
     /// The scale of each moment.
     pub fn each(&self, moments: &Moments) -> PerMoment<f64> {
-        let mut scales = self.fixed(moments);
+        let mut scales = self.known.unwrap_or_else(|| {
+            Moment::ALL.map(|it| {
+                let number = moments.get(it);
+                let number = number.filter(|_| it != Moment::ContactLossProbability);
+                number.map_or(1.0, |number| number.value.abs())
+            })
+        });
         for it in Moment::ALL.into_iter().filter(|it| it.is_standardised()) {
             let size = moments.get(it).map_or(1.0, |number| number.value.abs());
             scales[it as usize] = size.max(1.0);
         }
         scales
-    }
-
-    fn fixed(&self, moments: &Moments) -> PerMoment<f64> {
-        self.known.unwrap_or_else(|| {
-            Moment::ALL.map(|it| {
-                let relative = it.is_standardised() || it == Moment::ContactLossProbability;
-                let number = moments.get(it).filter(|_| !relative);
-                number.map_or(1.0, |number| number.value.abs())
-            })
-        })
     }
 }
 

@@ -257,8 +257,11 @@ impl DenseLu {
     }
 }
 
-/// Largest column sum of |A|; an error if any entry is not finite.
-fn norm<T: Scalar>(matrix: &CsMat<T>) -> Result<f64> {
+/// Largest column sum of |A|.
+///
+/// # Errors
+/// [`Error::Linear`] if any entry is not finite.
+pub(crate) fn norm<T: Scalar>(matrix: &CsMat<T>) -> Result<f64> {
     let mut largest: f64 = 0.0;
     for (column, entries) in matrix.outer_iterator().enumerate() {
         let sum: f64 = entries.iter().map(|(_, a)| a.size()).sum();
@@ -280,8 +283,22 @@ fn pattern<'a, T>(
     SymbolicSparseColMatRef::new_checked(m, n, columns, None, matrix.indices())
 }
 
+/// A x.
+pub(crate) fn product<T: Copy + Default + AddAssign + Mul<f64, Output = T>>(
+    matrix: &CsMat<f64>,
+    x: &[T],
+) -> Vec<T> {
+    let mut y = vec![T::default(); x.len()];
+    for (column, x) in matrix.outer_iterator().zip(x) {
+        for (row, a) in column.iter() {
+            y[row] += *x * *a;
+        }
+    }
+    y
+}
+
 /// `y -= A x`.
-fn subtract_product<T: Scalar>(matrix: &CsMat<T>, x: &[T], y: &mut [T]) {
+pub(crate) fn subtract_product<T: Scalar>(matrix: &CsMat<T>, x: &[T], y: &mut [T]) {
     for (column, entries) in matrix.outer_iterator().enumerate() {
         for (row, &a) in entries.iter() {
             y[row] -= a * x[column];

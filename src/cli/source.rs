@@ -5,9 +5,13 @@ use crate::scene::text::{BUILT_IN, SceneText, built_in, nearest};
 use std::io::Read;
 use std::path::Path;
 
+fn names() -> Vec<&'static str> {
+    BUILT_IN.iter().map(|(name, _)| *name).collect()
+}
+
 /// There is no built-in scene of this name.
 pub(super) fn no_such_scene(name: &str) -> Stop {
-    let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
+    let names = names();
     let guess = nearest(name, &names).map_or(String::new(), |it| format!("did you mean {it}? "));
     let message = format!("there is no built-in scene {name:?}");
     let help = format!("{guess}accepted: {}", names.join(", "));
@@ -47,8 +51,7 @@ fn read_text(path: &Path) -> std::result::Result<String, Stop> {
     let mut bytes = Vec::new();
     let read = std::fs::File::open(path).and_then(|it| it.take(MOST + 1).read_to_end(&mut bytes));
     if let Err(error) = read {
-        let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
-        let guess = path.to_str().and_then(|it| nearest(it, &names));
+        let guess = path.to_str().and_then(|it| nearest(it, &names()));
         let guess = guess.map_or(String::new(), |it| format!("; did you mean {it}?"));
         let message = format!("{name} cannot be read: {error}");
         return Err(Stop::new(2, message, &format!("{accepted}{guess}")));

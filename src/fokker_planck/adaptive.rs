@@ -45,6 +45,17 @@ pub(super) enum Next {
 }
 
 impl Next {
+    /// A run after which the tolerance may be reached.
+    pub(super) fn run(now: impl Into<Work>) -> Self {
+        let (now, then) = (now.into(), None);
+        Self::Run { now, then }
+    }
+
+    /// Nothing, and why.
+    pub(super) fn stop(reason: impl Into<String>, free: bool) -> Self {
+        Self::Stop(Stop::new(reason, free))
+    }
+
     /// One resolution more, of `most`: three are needed for an answer, and the last may be `given` by the scene.
     pub(super) fn of_three(
         done: usize,
@@ -53,11 +64,10 @@ impl Next {
         work: impl Fn(usize) -> Work,
     ) -> Self {
         if done >= 3 && given {
-            return Self::Stop(Stop::new("its cells are those of the scene", false));
+            return Self::stop("its cells are those of the scene", false);
         }
         if done >= most {
-            let reason = format!("{done} resolutions did not settle it");
-            return Self::Stop(Stop::new(reason, true));
+            return Self::stop(format!("{done} resolutions did not settle it"), true);
         }
         Self::Run {
             now: work(done),

@@ -2,22 +2,10 @@
 
 use super::flux::Drift;
 use super::settings::TimeScheme;
+pub use crate::budget::Cost;
 pub(crate) use crate::budget::{Limits, timing};
 use crate::error::{Error, Result};
 use crate::format::bytes;
-
-/// What a computation will take, as far as can be said without doing it.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Cost {
-    /// Cells in q and v.
-    pub cells: [usize; 2],
-    /// Steps of the fine run.
-    pub steps: u64,
-    /// Bytes.
-    pub memory: u64,
-    /// Seconds on one core.
-    pub seconds: f64,
-}
 
 /// Seconds of one core on all threads.
 pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {

@@ -116,18 +116,18 @@ pub(super) fn solve(
         }
         // What the space before knew of the start was not all.
         fixed.slow = None;
-        let mut arnoldi = Arnoldi::new(&residual, size);
+        let mut space = Krylov::of(residual.iter().map(|r| r / size).collect());
         target = f64::INFINITY;
         // A space that begins near the fixed point shows little of what the one before knew.
         let (mut there, before) = (None, fixed.slowest);
         loop {
-            let last = arnoldi.step((weights, &inverse), map)?;
+            let last = step(&mut space, (weights, &inverse), map)?;
             fixed.maps += 1;
-            let columns = arnoldi.space.size();
+            let columns = space.size();
             let full = last || columns >= goal.vectors;
-            let (_, left) = arnoldi.space.least_squares(size);
+            let (_, left) = space.least_squares(size);
             if left <= FIRST_LOOK * goal.error && columns.is_multiple_of(LOOK) || full {
-                fixed.slowest = arnoldi.slowest()?.max(before);
+                fixed.slowest = slowest(&space)?.max(before);
                 target = (0.5 * goal.error * (1.0 - fixed.slowest)).max(ROUNDING);
             }
             if left <= target && target.is_finite() {
@@ -137,7 +137,7 @@ pub(super) fn solve(
                 }
                 if since.is_multiple_of(2 * LOOK) {
                     let seen = fixed.eigenvalues.first().copied();
-                    (fixed.eigenvalues, fixed.slow) = arnoldi.eigenvalues()?;
+                    (fixed.eigenvalues, fixed.slow) = ritz(&space, size)?;
                     let first = fixed.eigenvalues.first();
                     // Seen twice: one that the start has little of comes up late, above others that are there.
                     let found = |it: &Ritz| {
@@ -156,10 +156,10 @@ pub(super) fn solve(
         }
         // Of a space that begins near the fixed point those before are better.
         if fixed.eigenvalues.is_empty() || restart == 0 {
-            (fixed.eigenvalues, fixed.slow) = arnoldi.eigenvalues()?;
+            (fixed.eigenvalues, fixed.slow) = ritz(&space, size)?;
         }
-        let (solution, left) = arnoldi.space.least_squares(size);
-        for (x, d) in x.iter_mut().zip(arnoldi.space.combined(&solution)) {
+        let (solution, left) = space.least_squares(size);
+        for (x, d) in x.iter_mut().zip(space.combined(&solution)) {
             *x += d;
         }
         fixed.residual = left;
@@ -188,84 +188,69 @@ fn dot(a: &[f64], b: &[f64], inverse: &[f64]) -> f64 {
     all.map(|((a, b), w)| a * b * w).sum()
 }
 
-/// Arnoldi's process for I - P, from a residual of this size.
-struct Arnoldi {
-    space: Krylov<f64>,
-    size: f64,
+/// One vector more of Arnoldi's process for I - P; true where there is none.
+fn step(
+    space: &mut Krylov<f64>,
+    (weights, inverse): (&[f64], &[f64]),
+    map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
+) -> Result<bool> {
+    let Some(last) = space.last() else {
+        return Ok(true);
+    };
+    let mut w = last.to_vec();
+    map(&mut w)?;
+    for (w, v) in w.iter_mut().zip(last) {
+        *w = v - *w;
+    }
+    let clean = |x: &mut [f64]| without_mass(x, weights);
+    space.push(w, 2, |a, b| dot(a, b, inverse), clean);
+    Ok(space.last().is_none())
 }
 
-impl Arnoldi {
-    fn new(residual: &[f64], size: f64) -> Self {
-        Self {
-            space: Krylov::of(residual.iter().map(|r| r / size).collect()),
-            size,
-        }
-    }
+/// The modulus of the largest Ritz value of P, at most 1.
+fn slowest(space: &Krylov<f64>) -> Result<f64> {
+    let values = eigenvalues(&space.hessenberg())?;
+    let apart = values.iter().map(|it| (1.0 - it).norm());
+    Ok(apart.fold(0.0, f64::max).min(1.0))
+}
 
-    /// One vector more; true where there is none.
-    fn step(
-        &mut self,
-        (weights, inverse): (&[f64], &[f64]),
-        map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
-    ) -> Result<bool> {
-        let Some(last) = self.space.last() else {
-            return Ok(true);
+/// Ritz values of P with their errors, the largest first, and what a start, its residual of this `size`, has of the Ritz vector
+/// of that one, where it is real.
+fn ritz(space: &Krylov<f64>, size: f64) -> Result<(Vec<Ritz>, Option<Vec<f64>>)> {
+    let m = space.size();
+    let (values, vectors) = eigen(&space.hessenberg().mapv(Complex::from))?;
+    let left = DenseLu::factor(&vectors.t().to_owned())?;
+    let over = space.rest();
+    let (solution, _) = space.least_squares(size);
+    let mut found = Vec::new();
+    for (k, value) in values.iter().enumerate() {
+        let mut value = 1.0 - value;
+        // What rounding makes of a real one.
+        if value.im.abs() <= ROUNDING {
+            value.im = 0.0;
+        }
+        if value.im < 0.0 {
+            continue;
+        }
+        // A row of the inverse of the eigenvectors: how much a residual may move the eigenvalue.
+        let mut row = vec![Complex::from(0.0); m];
+        row[k] = Complex::from(1.0);
+        let condition = match left.solve(&mut row) {
+            Ok(()) => row.iter().map(Complex::norm_sqr).sum::<f64>().sqrt(),
+            Err(_) => f64::INFINITY,
         };
-        let mut w = last.to_vec();
-        map(&mut w)?;
-        for (w, v) in w.iter_mut().zip(last) {
-            *w = v - *w;
-        }
-        let clean = |x: &mut [f64]| without_mass(x, weights);
-        self.space.push(w, 2, |a, b| dot(a, b, inverse), clean);
-        Ok(self.space.last().is_none())
+        let error = over * vectors[[m - 1, k]].norm() * condition;
+        let part: Complex<f64> = row.iter().zip(&solution).map(|(a, y)| a * y).sum();
+        found.push((Ritz { value, error }, k, part));
     }
-
-    /// The modulus of the largest Ritz value of P, at most 1.
-    fn slowest(&self) -> Result<f64> {
-        let values = eigenvalues(&self.space.hessenberg())?;
-        let apart = values.iter().map(|it| (1.0 - it).norm());
-        Ok(apart.fold(0.0, f64::max).min(1.0))
-    }
-
-    /// Ritz values of P with their errors, the largest first, and what the start has of the Ritz vector of that one, where it is
-    /// real.
-    fn eigenvalues(&self) -> Result<(Vec<Ritz>, Option<Vec<f64>>)> {
-        let m = self.space.size();
-        let (values, vectors) = eigen(&self.space.hessenberg().mapv(Complex::from))?;
-        let left = DenseLu::factor(&vectors.t().to_owned())?;
-        let over = self.space.rest();
-        let (solution, _) = self.space.least_squares(self.size);
-        let mut found = Vec::new();
-        for (k, value) in values.iter().enumerate() {
-            let mut value = 1.0 - value;
-            // What rounding makes of a real one.
-            if value.im.abs() <= ROUNDING {
-                value.im = 0.0;
-            }
-            if value.im < 0.0 {
-                continue;
-            }
-            // A row of the inverse of the eigenvectors: how much a residual may move the eigenvalue.
-            let mut row = vec![Complex::from(0.0); m];
-            row[k] = Complex::from(1.0);
-            let condition = match left.solve(&mut row) {
-                Ok(()) => row.iter().map(Complex::norm_sqr).sum::<f64>().sqrt(),
-                Err(_) => f64::INFINITY,
-            };
-            let error = over * vectors[[m - 1, k]].norm() * condition;
-            let part: Complex<f64> = row.iter().zip(&solution).map(|(a, y)| a * y).sum();
-            found.push((Ritz { value, error }, k, part));
-        }
-        found.sort_by(|(a, ..), (b, ..)| b.value.norm().total_cmp(&a.value.norm()));
-        found.truncate(EIGENVALUES);
-        let real = found.first().filter(|(it, ..)| it.value.im == 0.0);
-        let slow = real.map(|(_, k, part)| {
-            let column: Vec<f64> = vectors.column(*k).iter().map(|z| -(z * part).re).collect();
-            self.space.combined(&column)
-        });
-        Ok((found.into_iter().map(|it| it.0).collect(), slow))
-    }
+    found.sort_by(|(a, ..), (b, ..)| b.value.norm().total_cmp(&a.value.norm()));
+    found.truncate(EIGENVALUES);
+    let real = found.first().filter(|(it, ..)| it.value.im == 0.0);
+    let slow = real.map(|(_, k, part)| {
+        let column: Vec<f64> = vectors.column(*k).iter().map(|z| -(z * part).re).collect();
+        space.combined(&column)
+    });
+    Ok((found.into_iter().map(|it| it.0).collect(), slow))
 }
 
 #[cfg(test)]

@@ -174,13 +174,7 @@ impl FlowMap {
             open,
             maps: Vec::new(),
             matrices: Vec::new(),
-            schedule: Schedule {
-                duration: 0.0,
-                start: 0.0,
-                steps: 0,
-                parts: Vec::new(),
-                last: 0,
-            },
+            schedule: Schedule::default(),
             progress: Progress::default(),
             buffers: Buffers {
                 filter: Filter::new(nq),

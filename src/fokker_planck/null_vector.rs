@@ -3,7 +3,7 @@
 use super::density::Density;
 use super::generator::Generator;
 use crate::error::{Error, Result};
-use crate::sparse::{Lu, shift};
+use crate::sparse::{Lu, norm, product, shift};
 use sprs::CsMat;
 
 /// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1.
@@ -18,10 +18,7 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     let matrix = generator.matrix();
     check_connected(&matrix)?;
     let n = matrix.cols();
-    let norm = matrix
-        .outer_iterator()
-        .map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>())
-        .fold(0.0, f64::max);
+    let norm = norm(&matrix)?;
     let mut shifted = matrix.map(|a| -a);
     shift(&mut shifted, 1e-10 * norm);
     let mut lu = Lu::factor(shifted)?;
@@ -47,13 +44,7 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
         let what = format!("inverse iteration still changes by {change:.1e} after 40 solves");
         return Err(Error::linear("steady state", what));
     }
-    let mut image = vec![0.0; n];
-    for (column, entries) in matrix.outer_iterator().enumerate() {
-        for (row, a) in entries.iter() {
-            image[row] += a * x[column];
-        }
-    }
-    let residual = image.iter().map(|r| r.abs()).sum::<f64>() / norm;
+    let residual = product(&matrix, &x).iter().map(|r| r.abs()).sum::<f64>() / norm;
     let mut density = Density::from_fn(generator, |_, _| 0.0);
     let number = generator.numbering();
     for (p, unknown) in density.cells_mut().iter_mut().zip(&number) {

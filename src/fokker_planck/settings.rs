@@ -1,6 +1,7 @@
 //! What a scene may fix of the Fokker-Planck solver.
 
 use super::flux::Drift;
+use crate::budget::Limits;
 use crate::excitation::Excitation;
 use crate::moments::Moment;
 
@@ -96,6 +97,13 @@ impl Default for Settings {
             max_memory: 8_000_000_000,
             max_seconds: 600.0,
         }
+    }
+}
+
+impl Settings {
+    /// Its seconds, from now on, and bytes.
+    pub(super) fn limits(&self) -> Limits {
+        Limits::from_now(self.max_seconds, self.max_memory)
     }
 }
 

@@ -8,7 +8,7 @@ use serde::de::IgnoredAny;
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 /// What a line says of its point, without its numbers.
 #[derive(Debug, Deserialize)]
@@ -113,11 +113,8 @@ impl Lines {
     /// [`Error::Io`] where the system refuses.
     pub(super) fn write(&self, mut line: String) -> Result<()> {
         line.push('\n');
-        let mut file = match self.file.lock() {
-            Ok(file) => file,
-            // Whoever panicked had not begun to write.
-            Err(poisoned) => poisoned.into_inner(),
-        };
+        // Whoever panicked had not begun to write.
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(line.as_bytes())
             .map_err(Error::io(&self.path))
     }

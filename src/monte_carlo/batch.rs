@@ -33,13 +33,9 @@ pub(super) struct Units {
 
 impl Units {
     pub(super) fn new(contact: &ContactLaw, law: &DisplacementLaw, temperature: f64) -> Self {
-        let unit = |f: &dyn Fn(f64) -> f64| {
-            let mean = law.expect(f).value;
-            [mean, law.expect(|q| (f(q) - mean).powi(2)).value.sqrt()]
-        };
-        let q = unit(&|q| q);
-        let force = unit(&|q| contact.force(q));
-        let [potential, spread] = unit(&|q| contact.potential(q));
+        let q = law.spread(|q| q);
+        let force = law.spread(|q| contact.force(q));
+        let [potential, spread] = law.spread(|q| contact.potential(q));
         Self {
             q,
             v: [0.0, temperature.sqrt()],

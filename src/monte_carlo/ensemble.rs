@@ -7,9 +7,9 @@ use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
 use super::statistics::{FEW, Frames, Sums, unknown};
-use super::walk::{self, BLOCK, Cost, TASKS, Walk};
+use super::walk::{self, BLOCK, TASKS, Walk};
 use super::{Noise, Sampling, Scheme};
-use crate::budget::Limits;
+use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::initial::Initial;
@@ -137,6 +137,7 @@ impl Ensemble {
             steps,
             memory: sums + threads * BLOCK / LANES as u64 * walk.bytes(),
             seconds: walk.seconds(paths * steps as f64) + beside,
+            ..Cost::default()
         };
         Ok(Self {
             walk,

@@ -220,12 +220,7 @@ struct Lane {
     /// Out of contact now, and since when if that was seen.
     out: bool,
     since: Option<f64>,
-    losses: f64,
-    flights: f64,
-    flight_time: f64,
-    speed: f64,
-    /// Time out of contact.
-    lost_time: f64,
+    seen: [f64; SEEN],
 }
 
 /// Watches the records of one group, batch by batch.
@@ -259,26 +254,15 @@ impl Logbook {
         let length = now - self.batch_start;
         for (k, lane) in self.lanes.iter_mut().enumerate() {
             if lane.out {
-                lane.lost_time += now - lane.since.unwrap_or(0.0).max(self.batch_start);
+                lane.seen[LOST_TIME] += now - lane.since.unwrap_or(0.0).max(self.batch_start);
             }
             if keep {
-                let seen = [
-                    lane.losses,
-                    lane.lost_time,
-                    lane.flights,
-                    lane.flight_time,
-                    lane.speed,
-                ];
-                self.sums.push(seen, length);
+                self.sums.push(lane.seen, length);
                 for (counts, hits) in self.sums.counts.iter_mut().zip(&self.hits[k]) {
                     counts.push(hits);
                 }
             }
-            *lane = Lane {
-                out: lane.out,
-                since: lane.since,
-                ..Lane::default()
-            };
+            lane.seen = [0.0; SEEN];
             self.hits[k].iter_mut().for_each(|hits| hits.fill(0));
         }
         self.batch_start = now;
@@ -293,16 +277,16 @@ impl Watch for Logbook {
     fn cross(&mut self, lane: usize, lost: bool, time: f64, speed: f64) {
         let it = &mut self.lanes[lane];
         if lost {
-            it.losses += 1.0;
+            it.seen[LOSSES] += 1.0;
             it.since = Some(time);
         } else {
-            it.lost_time += time - it.since.unwrap_or(0.0).max(self.batch_start);
+            it.seen[LOST_TIME] += time - it.since.unwrap_or(0.0).max(self.batch_start);
             // A record that begins in flight does not know how long that flight was.
             if let Some(since) = it.since.filter(|_| it.out) {
                 let flight = time - since;
-                it.flights += 1.0;
-                it.flight_time += flight;
-                it.speed += speed;
+                it.seen[FLIGHTS] += 1.0;
+                it.seen[FLIGHT_TIME] += flight;
+                it.seen[SPEED] += speed;
                 let slots = self.bins.slots(flight, speed);
                 for (hits, slot) in self.hits[lane].iter_mut().zip(slots) {
                     hits[slot] += 1;
@@ -316,8 +300,12 @@ impl Watch for Logbook {
 /// Per batch: losses, time out of contact, flights ended, their time, their impact speeds.
 const SEEN: usize = 5;
 
-/// The place of the flights ended.
+/// The place of each.
+const LOSSES: usize = 0;
+const LOST_TIME: usize = 1;
 const FLIGHTS: usize = 2;
+const FLIGHT_TIME: usize = 3;
+const SPEED: usize = 4;
 
 /// Sums over batches.
 #[derive(Debug, Clone)]
@@ -387,17 +375,16 @@ impl CrossingSums {
     }
 
     pub(super) fn crossings(&self, bins: ReturnBins, burst: Burst) -> Crossings {
-        let [losses, lost_time, flight_time, speed] = [0, 1, 3, 4];
-        let seen = self.sum(losses);
-        let squares: f64 = self.batches.iter().map(|it| it[losses].powi(2)).sum();
+        let seen = self.sum(LOSSES);
+        let squares: f64 = self.batches.iter().map(|it| it[LOSSES].powi(2)).sum();
         Crossings {
             time: self.time,
             losses: seen as u64,
             bursts: seen * seen / squares.max(1.0),
-            loss_rate: self.rate(losses, burst.losses),
-            lost_share: self.rate(lost_time, burst.time),
-            mean_flight: self.per_flight(flight_time, burst),
-            mean_impact_speed: self.per_flight(speed, burst),
+            loss_rate: self.rate(LOSSES, burst.losses),
+            lost_share: self.rate(LOST_TIME, burst.time),
+            mean_flight: self.per_flight(FLIGHT_TIME, burst),
+            mean_impact_speed: self.per_flight(SPEED, burst),
             flight_time: self.counts[0].histogram(bins.flight, false),
             impact_speed: self.counts[1].histogram(bins.speed, false),
             impacts: self.impacts(bins),

@@ -5,12 +5,12 @@ use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
-use super::scheme::{Coefficients, Group};
+use super::scheme::{Coefficients, Group, cubic};
 use super::statistics::proportion;
-use super::walk::{self, Cost, TASKS, Walk};
+use super::walk::{self, TASKS, Walk};
 use super::{Sampling, Scheme};
-use crate::budget::Limits;
-use crate::error::{Error, Result};
+use crate::budget::{Cost, Limits};
+use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::initial::Initial;
 use crate::matrix::vectorise;
@@ -52,8 +52,8 @@ pub struct FirstLossResult {
 /// short excursions are found, however short.
 ///
 /// # Errors
-/// As [`super::run`]; [`Error::Invalid`] for a law that cannot lose contact and for a scheme that does not
-/// locate crossings; [`Error::Limit`] where `max_seconds` are over.
+/// As [`super::run`]; [`crate::Error::Invalid`] for a law that cannot lose contact and for a scheme that does not
+/// locate crossings; [`crate::Error::Limit`] where `max_seconds` are over.
 pub fn first_loss(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -106,7 +106,7 @@ impl FirstLosses {
     /// The recipe of first losses up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a step that is not positive, noise that is not white, a law that cannot lose contact, or a
+    /// [`crate::Error::Invalid`] for a step that is not positive, noise that is not white, a law that cannot lose contact, or a
     /// scheme that does not locate losses.
     pub(crate) fn of(
         oscillator: &Oscillator,
@@ -114,20 +114,14 @@ impl FirstLosses {
         until: f64,
         settings: &Sampling,
     ) -> Result<Self> {
-        let contact = oscillator.contact();
-        let Some(loss) = contact.loss_point() else {
-            let accepted = "a law that can lose contact, for first_loss";
-            let name = contact.name();
-            return Err(Error::invalid("oscillator.contact", name, accepted));
-        };
-        let range = [loss, f64::INFINITY];
+        let range = [oscillator.contact().loss_for("first_loss")?, f64::INFINITY];
         Self::out_of((range, false), oscillator, initial, until, settings)
     }
 
     /// The recipe of first passages of a level up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not locate
+    /// [`crate::Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not locate
     /// crossings.
     pub(crate) fn of_level(
         oscillator: &Oscillator,
@@ -174,6 +168,7 @@ impl FirstLosses {
                 steps,
                 memory: threads * walk.bytes() + TASKS * 8 * OUTPUTS,
                 seconds: walk.seconds(steps as f64 * settings.paths as f64),
+                ..Cost::default()
             },
             walk,
         })
@@ -187,7 +182,7 @@ impl FirstLosses {
     /// The first losses between `times`, up to that of the recipe.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for times that do not ascend, [`Error::NoStationaryLaw`], [`Error::Limit`].
+    /// [`crate::Error::Invalid`] for times that do not ascend, [`crate::Error::NoStationaryLaw`], [`crate::Error::Limit`].
     pub(crate) fn run(
         &self,
         (oscillator, initial): (&Oscillator, &Initial),
@@ -373,22 +368,19 @@ fn passage([[x0, v0], [x1, v1]]: [[f64; 2]; 2], step: f64) -> Option<f64> {
     if x0 < 0.0 {
         return Some(0.0);
     }
-    let (c, d) = (v0 * step, v1 * step);
-    let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
-    let value = |s: f64| x0 + s * (c + s * (a2 + s * a3));
-    let slope = |s: f64| c + s * (2.0 * a2 + 3.0 * s * a3);
+    let at = |s: f64| cubic([x0, v0, x1, v1], step, s);
     let end = if x1 < 0.0 {
         1.0
-    } else if c < 0.0 && d > 0.0 {
-        let lowest = bisect(0.0, 1.0, |s| slope(s) >= 0.0);
-        if value(lowest) >= 0.0 {
+    } else if v0 < 0.0 && v1 > 0.0 {
+        let lowest = bisect(0.0, 1.0, |s| at(s).1 >= 0.0);
+        if at(lowest).0 >= 0.0 {
             return None;
         }
         lowest
     } else {
         return None;
     };
-    Some(step * bisect(0.0, end, |s| value(s) < 0.0))
+    Some(step * bisect(0.0, end, |s| at(s).0 < 0.0))
 }
 
 impl WithLaw for &Survive<'_> {

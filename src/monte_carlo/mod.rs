@@ -61,4 +61,3 @@ pub(crate) use series::Series;
 pub use series::{Samples, series};
 pub(crate) use settings::MOST_COSINES;
 pub use settings::{Noise, Sampling};
-pub(crate) use walk::Cost;

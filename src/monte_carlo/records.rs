@@ -11,9 +11,9 @@ use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
 use super::statistics::unknown;
-use super::walk::{Cost, Walk, run_in};
+use super::walk::{Walk, run_in};
 use super::{Noise, Sampling, Scheme};
-use crate::budget::Limits;
+use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
@@ -157,10 +157,9 @@ impl Records {
             batch_length: samples * spacing,
             // Sums of each of four histograms of every group, and counts by lane of those that run.
             cost: Cost {
-                steps: 0,
                 memory: (BINS as u64 + 2) * 4 * (groups as u64 * 24 + threads * 4 * LANES as u64)
                     + threads * walk.bytes(),
-                seconds: 0.0,
+                ..Cost::default()
             },
             walk,
         };

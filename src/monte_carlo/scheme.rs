@@ -6,7 +6,7 @@ mod kernel;
 mod splitting;
 mod step;
 
-pub(super) use kernel::Group;
+pub(super) use kernel::{Group, cubic};
 
 use super::events::Watch;
 use super::law::Law;

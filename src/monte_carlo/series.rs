@@ -6,9 +6,9 @@ use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
-use super::walk::{Cost, Walk, run_in};
+use super::walk::{Walk, run_in};
 use super::{Noise, Sampling};
-use crate::budget::Limits;
+use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::initial::Initial;
@@ -99,6 +99,7 @@ impl Series {
                 steps: each as u64,
                 memory: threads * ((LANES * asked.samples * 8) as u64 + walk.bytes()),
                 seconds: walk.seconds(all),
+                ..Cost::default()
             },
             walk,
         })

@@ -66,17 +66,19 @@ impl Frames {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sums {
     count: f64,
-    q: [f64; 4],
-    v: [f64; 4],
-    /// Sums of q v, q^2 v, q v^2, q^2 v^2.
-    qv: [f64; 4],
-    force: [f64; 8],
-    energy: [f64; 2],
-    lost: f64,
+    terms: [f64; TERMS],
 }
 
-/// Doubles in [`Sums`] next to the count.
+/// Terms of a path.
 const TERMS: usize = 23;
+
+/// Where they begin: four powers of q and of v; q v, q^2 v, q v^2, q^2 v^2; eight powers of N, two of H; whether it is lost.
+const Q: usize = 0;
+const V: usize = 4;
+const QV: usize = 8;
+const FORCE: usize = 12;
+const ENERGY: usize = 20;
+const LOST: usize = 22;
 
 /// Sums taken side by side, so that they vectorise.
 const WIDTH: usize = 8;
@@ -95,34 +97,23 @@ impl Sums {
         last_q[..count].copy_from_slice(rest_q);
         last_v[..count].copy_from_slice(rest_v);
         add(&mut sums, &terms(law, frames, &last_q, &last_v), count);
-        let s: [f64; TERMS] = sums.map(|lanes| lanes.iter().sum());
         Self {
             count: q.len() as f64,
-            q: std::array::from_fn(|k| s[k]),
-            v: std::array::from_fn(|k| s[4 + k]),
-            qv: std::array::from_fn(|k| s[8 + k]),
-            force: std::array::from_fn(|k| s[12 + k]),
-            energy: [s[20], s[21]],
-            lost: s[22],
+            terms: sums.map(|lanes| lanes.iter().sum()),
         }
     }
 
     /// Adds the sums of more paths in the same frames.
     pub(super) fn add(&mut self, more: &Self) {
-        let pairs = [
-            (&mut self.q[..], &more.q[..]),
-            (&mut self.v[..], &more.v[..]),
-            (&mut self.qv[..], &more.qv[..]),
-            (&mut self.force[..], &more.force[..]),
-            (&mut self.energy[..], &more.energy[..]),
-        ];
-        for (mine, theirs) in pairs {
-            for (a, b) in mine.iter_mut().zip(theirs) {
-                *a += b;
-            }
-        }
         self.count += more.count;
-        self.lost += more.lost;
+        for (a, b) in self.terms.iter_mut().zip(more.terms) {
+            *a += b;
+        }
+    }
+
+    /// The means of terms from a place on.
+    fn means<const K: usize>(&self, from: usize) -> [f64; K] {
+        std::array::from_fn(|k| self.terms[from + k] / self.count)
     }
 
     /// The moments with one standard error each, by the delta method (influence functions): first
@@ -130,9 +121,9 @@ impl Sums {
     pub(super) fn moments(&self, contact: &ContactLaw, frames: &Frames) -> Moments {
         let n = self.count;
         let [fq, fv, fn_, fh] = frames.0;
-        let (q, v) = (central(&self.q, n), central(&self.v, n));
-        let force = central(&self.force, n);
-        let energy = central(&self.energy, n);
+        let [q, v] = [Q, V].map(|from| central::<4>(self.means(from)));
+        let force = central(self.means(FORCE));
+        let energy = central::<2>(self.means(ENERGY));
         let [std, skewness, kurtosis] = std_skewness_kurtosis(&force, n);
         let mut moments = Moments {
             mean_q: mean(&q, n, fq),
@@ -151,16 +142,17 @@ impl Sums {
         for number in moments.each_mut().into_iter().flatten() {
             number.error *= student(n);
         }
-        moments.contact_loss_probability = contact.loss_point().map(|_| proportion(self.lost, n));
+        moments.contact_loss_probability = contact
+            .loss_point()
+            .map(|_| proportion(self.terms[LOST], n));
         moments
     }
 
     fn covariance(&self, fq: Frame, fv: Frame) -> Estimate {
         let n = self.count;
-        let e = |x: f64| x / n;
-        let [q1, q2, ..] = self.q.map(e);
-        let [v1, v2, ..] = self.v.map(e);
-        let [qv, qqv, qvv, qqvv] = self.qv.map(e);
+        let [q1, q2] = self.means(Q);
+        let [v1, v2] = self.means(V);
+        let [qv, qqv, qvv, qqvv] = self.means(QV);
         let covariance = qv - q1 * v1;
         // E[(q - Eq)^2 (v - Ev)^2].
         let square = qqvv - 2.0 * v1 * qqv + v1 * v1 * q2 - 2.0 * q1 * qvv
@@ -250,10 +242,10 @@ struct Central<const K: usize> {
     order: [f64; K],
 }
 
-/// Central moments from power sums, by the binomial theorem; the frame keeps |mean| below a few
+/// Central moments from means of powers, by the binomial theorem; the frame keeps |mean| below a few
 /// tenths, so nothing cancels.
-fn central<const K: usize>(sums: &[f64; K], n: f64) -> Central<K> {
-    let raw = |k: usize| if k == 0 { 1.0 } else { sums[k - 1] / n };
+fn central<const K: usize>(means: [f64; K]) -> Central<K> {
+    let raw = |k: usize| if k == 0 { 1.0 } else { means[k - 1] };
     let mean = raw(1);
     let order = std::array::from_fn(|index| {
         let k = index + 1;

@@ -35,17 +35,6 @@ pub(crate) struct Walk {
     pace: Pace,
 }
 
-/// What a sample will take, as far as can be said without drawing it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Cost {
-    /// Steps of a path or record.
-    pub(crate) steps: u64,
-    /// Bytes.
-    pub(crate) memory: u64,
-    /// Seconds on all threads.
-    pub(crate) seconds: f64,
-}
-
 impl Walk {
     /// From `initial`, as far as the settings leave it open.
     ///

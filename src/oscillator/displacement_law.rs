@@ -95,6 +95,13 @@ impl DisplacementLaw {
         self.expect_to(Self::RELATIVE, f)
     }
 
+    /// Mean and deviation of f(q).
+    pub(crate) fn spread(&self, f: impl Fn(f64) -> f64) -> [f64; 2] {
+        let mean = self.expect(&f).value;
+        let variance = self.expect(|q| (f(q) - mean).powi(2)).value;
+        [mean, variance.sqrt()]
+    }
+
     /// As [`DisplacementLaw::expect`], to an error `relative` to E\[|f|\]: for an `f` that is not smooth.
     pub(crate) fn expect_to(&self, relative: f64, f: impl Fn(f64) -> f64) -> Estimate {
         let weighted = |q: f64| f(q) * (-self.level(q)).exp();

@@ -1,7 +1,7 @@
 //! One stage of a plan: which question it answers, for which outputs, and what it will cost.
 
+use crate::budget;
 use crate::error::Error;
-use crate::{fokker_planck, monte_carlo};
 
 /// One part of a plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -164,17 +164,14 @@ pub struct Cost {
 }
 
 impl Cost {
-    pub(super) fn on_mesh(it: fokker_planck::Cost, method: String) -> Self {
+    pub(super) fn on_mesh(it: budget::Cost, method: String) -> Self {
         Self {
-            method,
             cells: Some(it.cells),
-            steps: it.steps,
-            memory_bytes: it.memory,
-            seconds: it.seconds,
+            ..Self::of_sample(it, method)
         }
     }
 
-    pub(super) fn of_sample(it: monte_carlo::Cost, method: String) -> Self {
+    pub(super) fn of_sample(it: budget::Cost, method: String) -> Self {
         Self {
             method,
             cells: None,

@@ -17,11 +17,15 @@ pub(super) fn survival(
     name: &str,
     (it, paths): (&FirstLoss, Option<&FirstLossResult>),
 ) -> Result<Vec<File>> {
-    let mut table = Csv::of(results)
-        .plain("t", "1/W", it.times.iter().copied())
-        .curve("survival", "error", "1", &it.survival)
-        .curve("lost", "error", "1", &it.lost)
-        .curve("density", "error", "W", &it.density);
+    let curves: [(&str, &[Estimate]); 3] = [
+        ("survival", &it.survival),
+        ("lost", &it.lost),
+        ("density", &it.density),
+    ];
+    let mut table = Csv::of(results).plain("t", "1/W", it.times.iter().copied());
+    for ((name, curve), unit) in curves.into_iter().zip(["1", "1", "W"]) {
+        table = table.curve(name, "error", unit, curve);
+    }
     if let Some(paths) = paths {
         let mean = "mean density of paths since the time before";
         table = table
@@ -30,11 +34,6 @@ pub(super) fn survival(
     }
     let mut numbers = vec![("mean_time", it.mean_time), ("rate", it.rate)];
     numbers.retain(|it| !it.1.value.is_nan());
-    let curves: [(&str, &[Estimate]); 3] = [
-        ("survival", &it.survival),
-        ("lost", &it.lost),
-        ("density", &it.density),
-    ];
     let npz = format!("{name}.npz");
     let arrays = arrays(&npz, results, &it.times, &curves, &numbers)?;
     Ok(vec![table.file(&format!("{name}.csv")), arrays])

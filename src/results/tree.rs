@@ -111,18 +111,17 @@ impl Results {
         let (paths, seed) = (settings.map(|it| it.paths), settings.map(|it| it.seed));
         let mut all = Map::new();
         if let Some(it) = &self.monte_carlo {
-            let mut transient = over("t", &it.times, &it.moments);
+            let mut transient = Value::from(over("t", &it.times, &it.moments));
             // Names of the density on the mesh that paths have no number for.
-            let names = [
+            for name in [
                 "mass",
                 "lowest_density",
                 "negative_mass",
                 "relative_entropy",
-            ];
-            for name in names {
-                transient.insert(name.into(), curve(it.times.iter().map(|_| None)));
+            ] {
+                transient[name] = curve(it.times.iter().map(|_| None));
             }
-            let method = json!({
+            transient["method"] = json!({
                 "name": it.scheme.name(),
                 "paths": paths,
                 "seed": seed,
@@ -130,13 +129,12 @@ impl Results {
                 "steps": it.steps,
                 "path_steps": it.path_steps,
             });
-            transient.insert("method".into(), method);
-            all.insert("transient".into(), transient.into());
+            all.insert("transient".into(), transient);
         }
         if let (Some(it), Some(law)) = (&self.records, self.sampled_stationary()) {
-            let mut stationary = numbers(&mut law.iter());
+            let mut stationary = Value::from(numbers(&mut law.iter()));
             let [q, force, energy] = it.effective_samples;
-            let method = json!({
+            stationary["method"] = json!({
                 "name": it.scheme.name(),
                 "records": it.records,
                 "seed": seed,
@@ -149,8 +147,7 @@ impl Results {
                 "effective_samples": { "mean_q": q, "mean_force": force, "mean_energy": energy },
                 "control_variates": self.controlled(),
             });
-            stationary.insert("method".into(), method);
-            all.insert("stationary".into(), stationary.into());
+            all.insert("stationary".into(), stationary);
         }
         if let Some(it) = &self.first_loss_paths {
             all.insert("first_loss".into(), sampled_first_loss(it, paths));

@@ -142,8 +142,7 @@ impl Eigenvalues {
             it.edge = f64::NEG_INFINITY;
         }
         let levels = [0, 1, 2].map(|level| it.work(level));
-        let finest = it.resolution(2);
-        it.cost.cells = [finest.across(), 2 * finest.pairs];
+        it.cost.cells = it.resolution(2).functions();
         it.cost.memory = levels[2].memory;
         it.cost.seconds = levels.iter().map(|it| it.seconds).sum();
         Ok(it)

@@ -39,8 +39,7 @@ pub fn decay_rates(
     count: usize,
     settings: &Settings,
 ) -> Result<DecayRates> {
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, &limits, &|_| {})
+    Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, &settings.limits(), &|_| {})
 }
 
 impl Eigenvalues {
@@ -347,7 +346,7 @@ impl Search<'_> {
             unknown: Vec::new(),
             missing: 0,
             real_missing: false,
-            functions: [resolution.across(), 2 * resolution.pairs],
+            functions: resolution.functions(),
         };
         let mut real = false;
         for mode in self.slowest(levels[2], usize::MAX) {

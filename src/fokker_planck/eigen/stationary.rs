@@ -99,8 +99,7 @@ const ROUNDING: f64 = 1e-11;
 /// [`crate::Error::NoStationaryLaw`] for a contact without one; [`crate::Error::Limit`] where `settings.max_seconds` or
 /// `settings.max_memory` do not suffice for a first answer; [`crate::Error::Linear`] if a null vector does not settle.
 pub fn stationary_law(oscillator: &Oscillator, settings: &Settings) -> Result<SolvedLaw> {
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    StationaryState::of(oscillator, settings)?.solve(oscillator, &limits, &|_| {})
+    StationaryState::of(oscillator, settings)?.solve(oscillator, &settings.limits(), &|_| {})
 }
 
 impl StationaryState {
@@ -121,8 +120,7 @@ impl StationaryState {
                 ..Cost::default()
             },
         };
-        let finest = it.resolution(2);
-        it.cost.cells = [finest.across(), 2 * finest.pairs];
+        it.cost.cells = it.resolution(2).functions();
         it.cost.memory = it.work(2).memory;
         it.cost.seconds = (0..3).map(|level| it.work(level).seconds).sum();
         Ok(it)
@@ -271,7 +269,7 @@ impl Question for Task<'_> {
             let settles = last * (last / before).powi(rest) <= 1.0;
             if !given && !settles {
                 let why = format!("finer than {done} resolutions would not settle it");
-                return Ok(Next::Stop(Stop::new(why, true)));
+                return Ok(Next::stop(why, true));
             }
         }
         if !self.on_mesh {
@@ -353,10 +351,7 @@ impl Question for Task<'_> {
                 _ => beside(0),
             };
             let functions = match &law {
-                Law::Functions(_) => {
-                    let it = self.recipe.resolution(level);
-                    [it.across(), 2 * it.pairs]
-                }
+                Law::Functions(_) => self.recipe.resolution(level).functions(),
                 Law::OnMesh(it) => it.cells(),
             };
             let law = SolvedLaw {

@@ -62,8 +62,7 @@ pub(crate) struct SteadyState {
 /// # Errors
 /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; otherwise those of [`null_vector`].
 pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    SteadyState::of(oscillator, settings)?.solve(oscillator, &limits, &|_| {})
+    SteadyState::of(oscillator, settings)?.solve(oscillator, &settings.limits(), &|_| {})
 }
 
 impl SteadyState {
@@ -164,12 +163,9 @@ impl Question for Task<'_> {
         if self.found.is_some() {
             let why = "what the truncated domain leaves out, or the rounding of the null vector, is larger";
             let free = !self.recipe.layout.is_given();
-            return Ok(Next::Stop(Stop::new(why, free)));
+            return Ok(Next::stop(why, free));
         }
-        Ok(Next::Run {
-            now: self.recipe.cost.into(),
-            then: None,
-        })
+        Ok(Next::run(self.recipe.cost))
     }
 
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {

@@ -9,12 +9,12 @@
 //! the loss point. Any other level is absorbed alike, in coordinates of its own (`region`); between two levels there is
 //! a critical velocity upwards too.
 
-use super::cut::{between, critical};
+use super::cut::{between, critical, parts};
 use super::mesh::{Contact, Stencil};
 use super::region::Region;
 use crate::error::Result;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
-use crate::gaussian::{lower, normal};
+use crate::gaussian::normal;
 use crate::matrix::{dot, vectorise};
 use rayon::prelude::*;
 
@@ -78,10 +78,9 @@ impl Absorbed {
                 late()?;
                 let kicks = &noise[i * nv..(i + 1) * nv];
                 let spread = least(kicks);
-                let [low, high] = whole[i];
                 let widest = kicks.iter().map(|it| it[1]).fold(0.0, f64::max);
                 let edge = mesh.speed + REACH * widest;
-                let points = between([low, high], [-edge, edge], spread);
+                let points = between(whole[i], [-edge, edge], spread);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
                 let ends = region.ends(&starts, step);
                 let mut row = Row {
@@ -103,8 +102,8 @@ impl Absorbed {
                     // What is not lost is carried on to rounding: losses may be rarer than 1e-14 a step.
                     let carried: f64 = row.kernel[from..].iter().sum();
                     if carried > 1e-10 {
-                        let above = lower((centre - high) / spread);
-                        let part = (lower((centre - low) / spread) - above) / carried;
+                        let (_, held) = parts([half[i], whole[i]], centre, spread);
+                        let part = held / carried;
                         row.kernel[from..].iter_mut().for_each(|k| *k *= part);
                     }
                 }
@@ -117,22 +116,8 @@ impl Absorbed {
         for i in 0..nq {
             for j in 0..nv {
                 let [rest, spread] = noise[i * nv + j];
-                // A difference of tails, taken on the side where they are small.
-                let gap = |half: f64, whole: f64, v: f64| {
-                    let (a, b) = (half - rest * v, whole - rest * v);
-                    if a + b > 0.0 {
-                        lower(-a / spread) - lower(-b / spread)
-                    } else {
-                        lower(b / spread) - lower(a / spread)
-                    }
-                };
-                let v = mesh.v(j);
-                first[i * nv + j] = lower((half[i][0] - rest * v) / spread);
-                second[i * nv + j] = gap(half[i][0], whole[i][0], v);
-                if half[i][1] < f64::INFINITY || whole[i][1] < f64::INFINITY {
-                    first[i * nv + j] += lower((rest * v - half[i][1]) / spread);
-                    second[i * nv + j] += gap(-half[i][1], -whole[i][1], -v);
-                }
+                let (lost, _) = parts([half[i], whole[i]], rest * mesh.v(j), spread);
+                [first[i * nv + j], second[i * nv + j]] = lost;
             }
         }
         Ok(Self {

@@ -2,6 +2,7 @@
 
 use super::mesh::Contact;
 use super::region::Region;
+use crate::gaussian::lower;
 use crate::quadrature::gauss;
 use std::sync::LazyLock;
 
@@ -73,6 +74,41 @@ pub(super) fn cuts(region: &Region<'_>, time: f64, fastest: f64, q: &[f64]) -> V
         .zip(top)
         .map(|(low, top)| [low, -top])
         .collect()
+}
+
+/// What a kick to velocities about `centre` loses in the first half of the motion after it and in the second, and what it leaves:
+/// by the critical velocities over half the motion and over all of it.
+pub(super) fn parts(
+    [[half, half_top], [whole, whole_top]]: [[f64; 2]; 2],
+    centre: f64,
+    spread: f64,
+) -> ([f64; 2], f64) {
+    // Without noise it is one side or the other.
+    let tail = |x: f64, at: bool| {
+        if spread > 0.0 {
+            lower(x / spread)
+        } else {
+            f64::from(u8::from(x > 0.0 || (at && x == 0.0)))
+        }
+    };
+    let below = |cut: f64| tail(cut - centre, false);
+    let above = |cut: f64| tail(centre - cut, true);
+    // A difference of tails, on the side where they are small.
+    let between = |low: f64, high: f64| {
+        if low == high {
+            0.0
+        } else if low + high > 2.0 * centre {
+            above(low) - above(high)
+        } else {
+            below(high) - below(low)
+        }
+    };
+    let mut lost = [below(half), between(half, whole)];
+    if whole_top < f64::INFINITY {
+        lost[0] += above(half_top);
+        lost[1] += between(whole_top, half_top);
+    }
+    (lost, above(whole) - above(whole_top))
 }
 
 /// What a motion is off where it ends, relative to the larger of 1 and q.

@@ -5,14 +5,14 @@
 //! run of its own; the weights of the initial condition, w <- P_n^T w, pass all times in one run, with the same numbers.
 
 use super::absorbed::REACH;
-use super::cut::{between, critical};
+use super::cut::{between, critical, parts};
 use super::mesh::{Contact, Stencil};
 use super::region::Region;
 use super::start::Start;
 use crate::error::Result;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
-use crate::gaussian::{lower, normal};
+use crate::gaussian::normal;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -208,28 +208,6 @@ impl<'a> Driven<'a> {
         Ok(())
     }
 
-    /// What a kick to velocities about `centre` loses in either half of the motion after it, and what it leaves.
-    fn parts(&self, i: usize, centre: f64, spread: f64) -> ([f64; 2], f64) {
-        // Without noise it is one side or the other.
-        let tail = |x: f64, at: bool| {
-            if spread > 0.0 {
-                lower(x / spread)
-            } else {
-                f64::from(u8::from(x > 0.0 || (at && x == 0.0)))
-            }
-        };
-        let below = |cut: f64| tail(cut - centre, false);
-        let above = |cut: f64| tail(centre - cut, true);
-        let both: [&dyn Fn(f64) -> f64; 2] = [&below, &above];
-        let ([half, half_top], [whole, whole_top]) = (self.half[i], self.whole[i]);
-        let mut lost = [below(half), between_cuts([half, whole], centre, both)];
-        if whole_top < f64::INFINITY {
-            lost[0] += above(half_top);
-            lost[1] += between_cuts([whole_top, half_top], centre, both);
-        }
-        (lost, above(whole) - above(whole_top))
-    }
-
     /// Passes on the mean and deviation of each node's kick, its weight and the share that is not lost; gives what is lost.
     fn each_node(
         &self,
@@ -245,7 +223,7 @@ impl<'a> Driven<'a> {
             }
             let spread = kick.deviation();
             let centre = kick.decay * self.mesh.v(j) + kick.shift;
-            let (gone, held) = self.parts(i, centre, spread);
+            let (gone, held) = parts([self.half[i], self.whole[i]], centre, spread);
             for (sum, part) in lost.iter_mut().zip(gone) {
                 *sum += weight * part;
             }
@@ -318,20 +296,5 @@ impl<'a> Driven<'a> {
             weights: shares,
             lost,
         }
-    }
-}
-
-/// The probability between two cuts, as a difference of tails on the side where they are small.
-fn between_cuts(
-    [low, high]: [f64; 2],
-    centre: f64,
-    [below, above]: [&dyn Fn(f64) -> f64; 2],
-) -> f64 {
-    if low == high {
-        0.0
-    } else if low + high > 2.0 * centre {
-        above(low) - above(high)
-    } else {
-        below(high) - below(low)
     }
 }

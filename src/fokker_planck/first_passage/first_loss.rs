@@ -256,8 +256,7 @@ pub fn first_loss(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
     let recipe = FirstPassage::of(oscillator, initial, until, settings)?;
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    recipe.solve(oscillator, initial, &limits, progress)
+    recipe.solve(oscillator, initial, &settings.limits(), progress)
 }
 
 /// The first passage of `level` from `initial`: below it, above it, or of either of it and its negative. Otherwise as
@@ -275,8 +274,7 @@ pub fn first_passage(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
     let recipe = FirstPassage::of_level(oscillator, initial, passage, settings)?;
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    recipe.solve(oscillator, initial, &limits, progress)
+    recipe.solve(oscillator, initial, &settings.limits(), progress)
 }
 
 impl Question for Task<'_> {
@@ -297,21 +295,18 @@ impl Question for Task<'_> {
             // All but what no mesh tells.
             if worst.ratio.is_nan() && worst.parts.iter().sum::<f64>() <= 1.0 {
                 let text = "what is lost so seldom drowns in rounding";
-                return Ok(Next::Stop(Stop::new(text, free)));
+                return Ok(Next::stop(text, free));
             }
             if !free {
                 let text = "its step or its cells are those of the scene";
-                return Ok(Next::Stop(Stop::new(text, false)));
+                return Ok(Next::stop(text, false));
             }
             if self.stalls == STALLS {
                 let text = "finer meshes and steps bring it no nearer";
-                return Ok(Next::Stop(Stop::new(text, true)));
+                return Ok(Next::stop(text, true));
             }
         }
-        Ok(Next::Run {
-            now: self.layout.cost(self.problem.oscillator).into(),
-            then: None,
-        })
+        Ok(Next::run(self.layout.cost(self.problem.oscillator)))
     }
 
     /// A fine run, and its error from one on a coarser mesh and from two of twice and four times the step. The next is finer in

@@ -46,6 +46,17 @@ impl FlightLaw {
     }
 }
 
+/// The fastest loss that is looked at: 4.7 deviations of the velocity, a share of 2e-5 is faster.
+pub(super) fn fastest(oscillator: &Oscillator) -> f64 {
+    4.7 * oscillator.temperature().sqrt()
+}
+
+/// The middles of so many equal parts of what lies between 0 and `last`.
+pub(super) fn centres(last: f64, count: usize) -> Vec<f64> {
+    let gap = last / count as f64;
+    (0..count).map(|k| (k as f64 + 0.5) * gap).collect()
+}
+
 /// Points of the curve.
 const POINTS: usize = 240;
 
@@ -56,9 +67,7 @@ const POINTS: usize = 240;
 /// [`Error::Invalid`] for a contact law that cannot lose contact, or for damping that is not viscous.
 pub fn flight_law(oscillator: &Oscillator) -> Result<FlightLaw> {
     let flight = Flight::of(oscillator.with_closed_form()?)?;
-    let last = 2.0 * 4.7 * oscillator.temperature().sqrt() / flight.pull;
-    let gap = last / POINTS as f64;
-    let times: Vec<f64> = (0..POINTS).map(|k| (k as f64 + 0.5) * gap).collect();
+    let times = centres(2.0 * fastest(oscillator) / flight.pull, POINTS);
     Ok(FlightLaw {
         density: times.par_iter().map(|t| flight.density(*t)).collect(),
         times,
@@ -81,16 +90,11 @@ impl Flight {
     /// [`Error::Invalid`] for a contact law that cannot lose contact.
     pub fn of(oscillator: &Oscillator) -> Result<Self> {
         let contact = oscillator.contact();
-        let refused =
-            |accepted: &str| Error::invalid("oscillator.contact", contact.name(), accepted);
-        let Some(loss) = contact.loss_point() else {
-            return Err(refused(
-                "a law that can lose contact, for the time of flight",
-            ));
-        };
+        let loss = contact.loss_for("the time of flight")?;
         if contact.back_wall().is_some() {
             let accepted = "a law without a second wall, for a closed form of the time of flight";
-            return Err(refused(accepted));
+            let name = contact.name();
+            return Err(Error::invalid("oscillator.contact", name, accepted));
         }
         Ok(Self {
             temperature: oscillator.temperature(),

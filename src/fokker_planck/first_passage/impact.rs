@@ -4,7 +4,7 @@
 //! The speed has the law of Rayleigh whatever the friction, as returns are losses seen backwards in time. The force is the
 //! G(q) at which U(q) = U(q_loss) + c^2/2, so that p(N) = G/(T G') exp(-(U - U(q_loss))/T).
 
-use super::flight::Flight;
+use super::flight::{Flight, centres, fastest};
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
 use crate::oscillator::Oscillator;
@@ -37,12 +37,7 @@ const POINTS: [usize; 3] = [64, 40, 120];
 /// viscous.
 pub fn impact_law(oscillator: &Oscillator) -> Result<ImpactLaw> {
     let flight = Flight::of(oscillator.with_closed_form()?)?;
-    let deviation = oscillator.temperature().sqrt();
-    let fastest = 4.7 * deviation;
-    let centres = |last: f64, count: usize| -> Vec<f64> {
-        let gap = last / count as f64;
-        (0..count).map(|k| (k as f64 + 0.5) * gap).collect()
-    };
+    let fastest = fastest(oscillator);
     let times = centres(2.0 * fastest / flight.pull(), POINTS[0]);
     let speeds = centres(fastest, POINTS[1]);
     let places: Vec<[f64; 2]> = times

@@ -1,7 +1,7 @@
 //! Steps, meshes and times of the backward equation.
 
 use super::driven::{NEEDLE, PARTS, RULE};
-use super::mesh::{Fineness, POINTS, Stencil, extent};
+use super::mesh::{Fineness, POINTS, Stencil, extent, grade};
 use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
 use super::start::DEVIATIONS;
@@ -197,10 +197,7 @@ impl Layout {
             unseen,
             driven: forcing.is_some(),
             faded: forcing.map_or(1.0, |it| it.excitation().faded(until)),
-            finest: {
-                let grade = grade(rise, t);
-                2.0 * (speed / grade).asinh() * grade
-            },
+            finest: along_v(speed, grade(rise, t)),
         }
     }
 
@@ -353,19 +350,18 @@ fn nodes((region, right): (&Region<'_>, f64), speed: f64, step: f64, part: f64) 
     let (oscillator, rise) = (region.oscillator, region.rise());
     let t = oscillator.temperature();
     let spread = (t * -(-4.0 * oscillator.zeta() * step).exp_m1()).sqrt();
-    let grade = grade(rise, t);
-    let v = 2.0 * (speed / grade).asinh() * grade / (0.5 * part * spread);
+    let length = along_v(speed, grade(rise, t));
+    let v = length / (0.5 * part * spread);
     // More do not fit a run of seconds; the error then says so.
     let v = v.clamp(80.0, 600.0);
     let [bend, reach] = extent(region, right);
-    let apart = 2.0 * (speed / grade).asinh() * grade / v;
-    let q = (bend * reach / (SMOOTHER * apart)).max(0.7 * v);
+    let q = (bend * reach / (SMOOTHER * (length / v))).max(0.7 * v);
     [q as usize, v as usize]
 }
 
-/// The speed beyond which cells along v grow with it.
-fn grade(rise: f64, temperature: f64) -> f64 {
-    (2.0 * rise / 3.0).max(temperature).sqrt()
+/// The finest cell along v, times their number.
+fn along_v(speed: f64, grade: f64) -> f64 {
+    2.0 * (speed / grade).asinh() * grade
 }
 
 /// Time from the loss point back to it at this speed.

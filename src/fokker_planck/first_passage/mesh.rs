@@ -46,6 +46,12 @@ pub(super) fn extent(region: &Region<'_>, right: f64) -> [f64; 2] {
     [bend, (far * far - 1.0).sqrt()]
 }
 
+/// The speed beyond which cells along v grow with it: twice as fine at the turning points as at the speed at which contact is
+/// lost.
+pub(super) fn grade(rise: f64, temperature: f64) -> f64 {
+    (2.0 * rise / 3.0).max(temperature).sqrt()
+}
+
 impl Contact {
     pub(super) fn new(region: &Region<'_>, fineness: &Fineness) -> Result<Self> {
         let (oscillator, loss) = (region.oscillator, region.barrier.low);
@@ -61,8 +67,7 @@ impl Contact {
         let speed = (2.0 * top).sqrt();
         let [bend, reach] = extent(region, right);
         let middle = region.barrier.high.map(|high| 0.5 * (high + loss));
-        // Twice as fine at the turning points as at the speed at which contact is lost.
-        let grade = (2.0 * rise / 3.0).max(oscillator.temperature()).sqrt();
+        let grade = grade(rise, oscillator.temperature());
         let end = (speed / grade).asinh();
         let [nq, nv] = fineness.nodes;
         let mut it = Self {

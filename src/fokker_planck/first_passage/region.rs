@@ -26,14 +26,9 @@ impl Barrier {
     /// # Errors
     /// [`Error::Invalid`] for a law that cannot lose contact.
     pub(super) fn loss(oscillator: &Oscillator) -> Result<Self> {
-        let contact = oscillator.contact();
-        let low = contact.loss_point().ok_or_else(|| {
-            let accepted = "a law that can lose contact, for first_loss";
-            Error::invalid("oscillator.contact", contact.name(), accepted)
-        })?;
         Ok(Self {
             sign: 1.0,
-            low,
+            low: oscillator.contact().loss_for("first_loss")?,
             high: None,
         })
     }

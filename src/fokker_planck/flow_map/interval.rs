@@ -1,7 +1,7 @@
 //! An interval between outputs: flow maps and matrices in turn.
 
 /// An interval: H and O in turn, then a last H. Places in the lists of maps and matrices.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Schedule {
     pub(super) duration: f64,
     /// When it began, where that matters.

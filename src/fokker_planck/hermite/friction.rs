@@ -147,7 +147,7 @@ pub(super) fn null(
         None => full.whole(oscillator).transposed(),
     };
     late()?;
-    let lu = forward.factored(Complex::new(1e-10 * forward.norm(), 0.0))?;
+    let lu = forward.factored(Complex::new(1e-10 * forward.norm()?, 0.0))?;
     late()?;
     let mut x = vec![Complex::<f64>::default(); full.len()];
     let even = x[..full.even()].iter_mut().step_by(full.pairs);

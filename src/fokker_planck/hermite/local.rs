@@ -9,6 +9,7 @@ use super::basis::{Basis, DEGREE, Number};
 use super::nested::{Nested, Shape};
 use crate::error::Result;
 use crate::oscillator::Oscillator;
+use crate::sparse;
 use num_complex::Complex;
 use sprs::{CsMat, TriMat};
 
@@ -56,20 +57,18 @@ impl Local {
     }
 
     /// Largest column sum of the operator.
-    pub(super) fn norm(&self) -> f64 {
-        let columns = self.operator.outer_iterator();
-        let sum = columns.map(|column| column.iter().map(|(_, a)| a.abs()).sum::<f64>());
-        sum.fold(0.0, f64::max)
+    pub(super) fn norm(&self) -> Result<f64> {
+        sparse::norm(&self.operator)
     }
 
     /// What the operator makes of coefficients: products with the functions.
     pub(super) fn image<T: Number>(&self, x: &[T]) -> Vec<T> {
-        product(&self.operator, x)
+        sparse::product(&self.operator, x)
     }
 
     /// Products of the functions with what has so many of each.
     pub(super) fn weighed<T: Number>(&self, x: &[T]) -> Vec<T> {
-        product(&self.mass, x)
+        sparse::product(&self.mass, x)
     }
 
     /// s times the products of the functions, less the operator, factored.
@@ -78,16 +77,6 @@ impl Local {
         let mass = self.mass.map(|x| shift * x);
         Nested::factor(&operator + &mass, self.shape)
     }
-}
-
-fn product<T: Number>(columns: &CsMat<f64>, x: &[T]) -> Vec<T> {
-    let mut out = vec![T::default(); x.len()];
-    for (column, x) in columns.outer_iterator().zip(x) {
-        for (row, value) in column.iter() {
-            out[row] += *x * *value;
-        }
-    }
-    out
 }
 
 /// Products of the functions with a function of q times coefficients.

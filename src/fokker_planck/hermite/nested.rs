@@ -8,7 +8,7 @@
 use super::basis::{DEGREE, INNER};
 use crate::error::{Error, Result};
 use crate::matrix::vectorise;
-use crate::sparse::DenseLu;
+use crate::sparse::{DenseLu, norm, subtract_product};
 use ndarray::Array2;
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -121,6 +121,7 @@ impl Nested {
     /// [`Error::Linear`] for one that is singular.
     pub(super) fn factor(matrix: CsMat<C>, shape: Shape) -> Result<Self> {
         let (k, count) = (shape.pairs, shape.elements);
+        let norm = norm(&matrix)?;
         let places: Vec<Place> = (0..matrix.cols()).map(|n| shape.place(n)).collect();
         let mut elements: Vec<Inside> = (0..count)
             .map(|_| Inside {
@@ -134,11 +135,8 @@ impl Nested {
         let mut after: Vec<[Array2<C>; 2]> = (0..count)
             .map(|e| [zero(e, e + 1), zero(e + 1, e)])
             .collect();
-        let mut norm = 0.0f64;
         for (column, entries) in matrix.outer_iterator().enumerate() {
-            let mut sum = 0.0;
             for (row, value) in entries.iter() {
-                sum += value.l1_norm();
                 match (places[row], places[column]) {
                     (Place::Inside(e, r), Place::Inside(_, c)) => {
                         *elements[e].band.at(r, c) = *value;
@@ -159,7 +157,6 @@ impl Nested {
                     }
                 }
             }
-            norm = norm.max(sum);
         }
         let ends: Result<Vec<Array2<C>>> = elements
             .par_iter_mut()
@@ -215,11 +212,7 @@ impl Nested {
         let mut before = f64::INFINITY;
         loop {
             let mut left = given.clone();
-            for (column, x) in self.matrix.outer_iterator().zip(&*x) {
-                for (row, a) in column.iter() {
-                    left[row] -= a * x;
-                }
-            }
+            subtract_product(&self.matrix, x, &mut left);
             let error = size(&left) / (self.norm * size(x) + size(&given)).max(f64::MIN_POSITIVE);
             if error <= REFINED || error > 0.3 * before {
                 // What refinement no longer mends.

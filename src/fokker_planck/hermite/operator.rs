@@ -76,6 +76,11 @@ impl Resolution {
         self.elements * DEGREE + 1
     }
 
+    /// Functions of q and of v.
+    pub(in crate::fokker_planck) fn functions(self) -> [usize; 2] {
+        [self.across(), 2 * self.pairs]
+    }
+
     /// Bytes that one solve holds.
     pub(in crate::fokker_planck) fn memory(self) -> u64 {
         (16 * self.pairs * (2 * self.pairs + INNER * INNER) * (self.elements + 2)) as u64

@@ -233,6 +233,5 @@ pub fn periodic(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Periodic> {
     let recipe = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), settings)?;
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    recipe.solve(oscillator, &limits, progress)
+    recipe.solve(oscillator, &settings.limits(), progress)
 }

@@ -259,6 +259,5 @@ pub fn response(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Response> {
     let recipe = ResponseCurve::of(oscillator, frequencies, settings)?;
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
-    recipe.solve(oscillator, &limits, progress)
+    recipe.solve(oscillator, &settings.limits(), progress)
 }

@@ -57,8 +57,7 @@ impl Domain {
         if probability < 1e-290 {
             return usual;
         }
-        let centre = law.expect(|q| q).value;
-        let spread = law.expect(|q| (q - centre).powi(2)).value.sqrt();
+        let [centre, spread] = law.spread(|q| q);
         let force = |k: i32| law.expect(|q| contact.force(q).powi(k)).value;
         let deviation = force(2).sqrt();
         let skewness = force(3) / deviation.powi(3);

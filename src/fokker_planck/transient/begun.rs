@@ -20,14 +20,7 @@ pub(super) fn begun(task: &Task) -> Result<Option<Table>> {
     let Some(law) = task.law.filter(|_| begins) else {
         return Ok(None);
     };
-    let Task {
-        oscillator,
-        initial,
-        times,
-        recipe,
-        ..
-    } = *task;
-    let until = times.last().copied().unwrap_or(0.0);
+    let (times, recipe) = (task.times, task.recipe);
     // A coarser one adds errors of its own to what the two laws differ by.
     let first = if recipe.layout.is_given() {
         recipe.expected
@@ -40,7 +33,7 @@ pub(super) fn begun(task: &Task) -> Result<Option<Table>> {
     };
     for k in 0..STEEPER_TRIES {
         let one = |law| {
-            let rung = recipe.rung(oscillator, initial, until, first + k as f64)?;
+            let rung = task.rung(first + k as f64)?;
             let law = Some(law);
             Task { law, ..*task }.run(&rung, times, &|_| ())
         };

@@ -2,7 +2,6 @@
 //! once, until three of them show that every number is within the tolerance or a limit says stop. The rungs are the same
 //! for every tolerance: a looser one ends earlier.
 
-use super::cost;
 use super::error_estimate::Errors;
 use super::recipe::{RUNGS, Recipe, Rung};
 use super::report::Transient;
@@ -129,19 +128,11 @@ impl<'a> Ladder<'a> {
 
     /// Rung `r`, laid out once.
     fn rung(&mut self, (r, halved): (f64, bool)) -> Result<Rung> {
-        let Task {
-            oscillator,
-            initial,
-            times,
-            recipe,
-            ..
-        } = self.task;
         let known = self.laid_out.iter().find(|(known, _)| *known == r);
         let rung = match known {
             Some((_, rung)) => rung.clone(),
             None => {
-                let until = times.last().copied().unwrap_or(0.0);
-                let rung = recipe.rung(oscillator, initial, until, r)?;
+                let rung = self.task.rung(r)?;
                 self.laid_out.push((r, rung.clone()));
                 rung
             }
@@ -152,14 +143,7 @@ impl<'a> Ladder<'a> {
     /// What a rung is foreseen to take.
     fn work(&mut self, which: (f64, bool)) -> Result<Work> {
         let rung = self.rung(which)?;
-        let Task {
-            oscillator,
-            initial,
-            times,
-            limits,
-            ..
-        } = self.task;
-        cost::run(&rung, oscillator, initial, times, limits.memory).map(Work::from)
+        self.task.work(&rung, self.task.times)
     }
 
     /// What the next rung takes with those that are run beside it: at first as many as an answer needs, if they fit.
@@ -270,14 +254,11 @@ impl Question for Ladder<'_> {
 
     fn next(&mut self) -> Result<Next> {
         let recipe = self.task.recipe;
-        let stop = |text: &str, free| Ok(Next::Stop(Stop::new(text, free)));
+        let stop = |text: &str, free| Ok(Next::stop(text, free));
         let Some(ratio) = self.ratio() else {
             return match self.together() {
                 Err(error) if self.skips(&error) => self.next(),
-                now => Ok(Next::Run {
-                    now: now?,
-                    then: None,
-                }),
+                now => Ok(Next::run(now?)),
             };
         };
         if recipe.layout.is_given() {
@@ -321,10 +302,7 @@ impl Question for Ladder<'_> {
                     progress(x);
                 }
             };
-            match task.recipe.period {
-                None => task.run(rung, task.times, &told),
-                Some(period) => task.lasting(rung, period, task.times, &told),
-            }
+            task.once(rung, task.times, &told)
         };
         let all = rungs.par_iter().enumerate().with_max_len(1);
         // It is begun first.

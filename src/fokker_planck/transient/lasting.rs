@@ -20,9 +20,16 @@ const VECTORS: usize = 240;
 const MEMORY: f64 = 0.5;
 
 impl Task<'_> {
-    /// One run of a recipe for a lasting law of this period; `times` are those of its phases, from 0 on. It begins with
-    /// something of every slow mode.
-    pub(super) fn lasting(
+    /// One run of a recipe, of the law that lasts where there is a period; `times` are then those of its phases, from 0 on.
+    pub(super) fn once(&self, rung: &Rung, times: &[f64], progress: &dyn Fn(f64)) -> Result<Run> {
+        match rung.period {
+            None => self.run(rung, times, progress),
+            Some(period) => self.lasting(rung, period, times, progress),
+        }
+    }
+
+    /// One for a lasting law of this period. It begins with something of every slow mode.
+    fn lasting(
         &self,
         rung: &Rung,
         period: f64,

@@ -213,8 +213,7 @@ impl Question<'_> {
         let domain = Domain::closed(oscillator, &Initial::Rest, neglected)?;
         // The law's own amplitude, taken for a Gaussian: far above 1 where flights are long.
         let law = oscillator.displacement_law()?;
-        let centre = law.expect(|q| q).value;
-        let spread = law.expect(|q| (q - centre).powi(2)).value.sqrt();
+        let [centre, spread] = law.spread(|q| q);
         let own = [spread, oscillator.temperature().sqrt()];
         let own = domain.amplitude(oscillator, [centre, 0.0], own).max(1.0);
         let most = FALLING.get() * own;

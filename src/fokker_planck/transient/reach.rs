@@ -146,17 +146,14 @@ impl Reach {
                     continue;
                 }
                 Seen::Blurred(finer, _) if settings.tolerance > FINEST && pass < PASSES => {
-                    settings.tolerance = (settings.tolerance * finer.clamp(0.02, 0.7)).max(FINEST);
+                    settings.tolerance = tightened(settings.tolerance, finer);
                     continue;
                 }
                 Seen::NotYet(words) | Seen::Never(words) => {
                     return Ok(self.answer(None, it, &words));
                 }
                 Seen::Blurred(_, words) => {
-                    let free = self.settings.cells.is_none() && self.settings.step.is_none();
-                    let stop = Stop::new(words.clone(), free);
-                    let tolerance = self.settings.tolerance;
-                    let shortfall = stop.shortfall("reach.t".into(), f64::NAN, tolerance);
+                    let shortfall = self.shortfall(&words, f64::NAN);
                     let it = Transient { shortfall, ..it };
                     return Ok(self.answer(None, it, &words));
                 }
@@ -175,26 +172,30 @@ impl Reach {
             times = crossing.window();
             if crossing.by_value > crossing.by_time {
                 let finer = AIM * tolerance / crossing.by_value;
-                settings.tolerance = (settings.tolerance * finer.clamp(0.02, 0.7)).max(FINEST);
+                settings.tolerance = tightened(settings.tolerance, finer);
             }
         }
         progress(1.0);
         let Some((crossing, it)) = best else {
             return Err(limits.out_of_time("reach: no course had ended".into()));
         };
-        let tolerance = self.settings.tolerance;
-        let ratio = crossing.error() / (tolerance * crossing.t);
-        let free = self.settings.cells.is_none() && self.settings.step.is_none();
-        let shortfall = Stop::new(reason, free).shortfall("reach.t".into(), ratio, tolerance);
+        let ratio = crossing.error() / (self.settings.tolerance * crossing.t);
         let by_value = crossing.by_value > crossing.by_time;
         let origin = [Origin::Time, Origin::Space][usize::from(by_value)];
         Ok(Reached {
             t: Some(Estimate::new(crossing.t, crossing.error(), origin)),
             method: it.method,
-            shortfall,
+            shortfall: self.shortfall(&reason, ratio),
             // Those of a course that had another tolerance say nothing of this number.
             warnings: Vec::new(),
         })
+    }
+
+    /// What is missing of the tolerance, and why.
+    fn shortfall(&self, reason: &str, ratio: f64) -> Option<Shortfall> {
+        let it = &self.settings;
+        let free = it.cells.is_none() && it.step.is_none();
+        Stop::new(reason, free).shortfall("reach.t".into(), ratio, it.tolerance)
     }
 
     fn answer(&self, t: Option<Estimate>, it: Transient, why: &str) -> Reached {
@@ -238,6 +239,11 @@ impl Reach {
             Seen::NotYet(words)
         }
     }
+}
+
+/// The tolerance of a course that is to err so many times as much, none much finer than the one before.
+fn tightened(tolerance: f64, finer: f64) -> f64 {
+    (tolerance * finer.clamp(0.02, 0.7)).max(FINEST)
 }
 
 /// Equally spaced times from one to another, both among them.

@@ -100,12 +100,9 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
         let rows = rows.zip(other.moments.iter().zip(law));
         let moments = rows.map(|((here, before), (other, law))| {
             let mut here = *here;
-            let others = before.named().into_iter().zip(other.named());
-            let others = others.zip(law.named());
-            let numbers = here.each_mut().into_iter().zip(others);
-            for (number, (((_, before), (_, other)), (_, law))) in numbers {
-                if let (Some(number), Some(before), Some(other), Some(law)) =
-                    (number, before, other, law)
+            for (number, it) in here.each_mut().into_iter().zip(Moment::ALL) {
+                if let (Some(number), [Some(before), Some(other), Some(law)]) =
+                    (number, [before, other, law].map(|all| all.get(it)))
                 {
                     let apart = number.value - other.value;
                     *number = error(number.value, before.value, apart, law.error);

@@ -1,11 +1,12 @@
 //! One run of a transient: one recipe on one mesh, through the output times.
 
+use super::cost;
 use super::output::Output;
 use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
 use super::start_up::StartUp;
 use crate::error::{Error, Result};
-use crate::fokker_planck::budget::{self, Limits};
+use crate::fokker_planck::budget::{self, Limits, Work};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::domain::Domain;
@@ -75,6 +76,22 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
+    fn until(&self) -> f64 {
+        self.times.last().copied().unwrap_or(0.0)
+    }
+
+    /// The run of rung `r`.
+    pub(super) fn rung(&self, r: f64) -> Result<Rung> {
+        self.recipe
+            .rung(self.oscillator, self.initial, self.until(), r)
+    }
+
+    /// What a run through `times` is foreseen to take.
+    pub(super) fn work(&self, rung: &Rung, times: &[f64]) -> Result<Work> {
+        let memory = self.limits.memory;
+        cost::run(rung, self.oscillator, self.initial, times, memory).map(Work::from)
+    }
+
     /// Whether there is a stationary law, and it is known.
     pub(super) fn knows_law(&self) -> bool {
         self.oscillator.contact().is_confining()

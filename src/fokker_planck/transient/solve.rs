@@ -1,7 +1,6 @@
 //! A transient from its recipe.
 
 use super::begun::begun;
-use super::cost;
 use super::error_estimate::Errors;
 use super::ladder;
 use super::propagator;
@@ -10,7 +9,7 @@ use super::report::Transient;
 use super::run::{Run, Task};
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
-use crate::fokker_planck::budget::{Cost, Limits, Work};
+use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::Settings;
@@ -50,9 +49,8 @@ pub fn transient(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Transient> {
     let recipe = Recipe::of(oscillator, initial, times, settings)?;
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     let (question, times) = ((oscillator, initial), (times, density_times));
-    recipe.solve(question, times, &limits, progress)
+    recipe.solve(question, times, &settings.limits(), progress)
 }
 
 /// The moments of one run with the cells, the step and the domain that `settings` fix or leave to the first guess, without
@@ -91,23 +89,17 @@ fn single(
     times: &[f64],
     settings: &Settings,
 ) -> Result<Vec<Moments>> {
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     let task = Task {
         oscillator,
         initial,
         times,
         density_times: &[],
         recipe,
-        limits: &limits,
+        limits: &settings.limits(),
         law: None,
         begun: None,
     };
-    let until = times.last().copied().unwrap_or(0.0);
-    let rung = recipe.rung(oscillator, initial, until, recipe.expected)?;
-    let run = match recipe.period {
-        None => task.run(&rung, times, &|_| ())?,
-        Some(period) => task.lasting(&rung, period, times, &|_| ())?,
-    };
+    let run = task.once(&task.rung(recipe.expected)?, times, &|_| ())?;
     Ok(run.outputs.iter().map(|it| it.moments).collect())
 }
 
@@ -207,8 +199,7 @@ struct Upwind<'a> {
 impl<'a> Upwind<'a> {
     fn new(task: Task<'a>) -> Result<Self> {
         let recipe = task.recipe;
-        let until = task.times.last().copied().unwrap_or(0.0);
-        let fine_rung = recipe.rung(task.oscillator, task.initial, until, recipe.expected)?;
+        let fine_rung = task.rung(recipe.expected)?;
         let excess = ahead(&task, &fine_rung.mesh(task.oscillator)?);
         let mut times: Vec<f64> = task.times.to_vec();
         times.extend(task.times.iter().flat_map(|t| {
@@ -280,29 +271,18 @@ impl Question for Upwind<'_> {
     }
 
     fn next(&mut self) -> Result<Next> {
-        let Task {
-            oscillator,
-            initial,
-            recipe,
-            limits,
-            ..
-        } = self.task;
         if self.fine.is_some() {
             let why = "upwind drift is of first order, and no affordable mesh would do";
-            return Ok(Next::Stop(Stop::new(why, !recipe.layout.is_given())));
+            return Ok(Next::stop(why, !self.task.recipe.layout.is_given()));
         }
-        let work =
-            |rung| cost::run(rung, oscillator, initial, &self.times, limits.memory).map(Work::from);
-        let fine = work(&self.fine_rung)?;
-        Ok(match self.coarse {
-            None => Next::Run {
-                now: work(&self.halved)?,
-                then: Some(fine),
-            },
-            Some(_) => Next::Run {
-                now: fine,
-                then: None,
-            },
+        let fine = self.task.work(&self.fine_rung, &self.times)?;
+        if self.coarse.is_some() {
+            return Ok(Next::run(fine));
+        }
+        let now = self.task.work(&self.halved, &self.times)?;
+        Ok(Next::Run {
+            now,
+            then: Some(fine),
         })
     }
 

@@ -142,17 +142,19 @@ fn one<L: Law, K: Kernel, W: Watch>(
     }
 }
 
-/// When the cubic with values and slopes (x0, v0) and (x1, v1) at the ends of a step passes 0, and its
-/// speed there.
-pub(super) fn cubic_crossing([x0, v0, x1, v1]: [f64; 4], step: f64) -> (f64, f64) {
-    let at = |s: f64| {
-        let (c, d) = (v0 * step, v1 * step);
-        let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
-        (
-            x0 + s * (c + s * (a2 + s * a3)),
-            (c + s * (2.0 * a2 + 3.0 * s * a3)) / step,
-        )
-    };
+/// Value and slope in a part s of a step of the cubic with values and slopes (x0, v0) and (x1, v1) at its ends.
+pub(in crate::monte_carlo) fn cubic([x0, v0, x1, v1]: [f64; 4], step: f64, s: f64) -> (f64, f64) {
+    let (c, d) = (v0 * step, v1 * step);
+    let (a2, a3) = (3.0 * (x1 - x0) - 2.0 * c - d, 2.0 * (x0 - x1) + c + d);
+    (
+        x0 + s * (c + s * (a2 + s * a3)),
+        (c + s * (2.0 * a2 + 3.0 * s * a3)) / step,
+    )
+}
+
+/// When that cubic passes 0, and its speed there.
+pub(super) fn cubic_crossing(ends: [f64; 4], step: f64) -> (f64, f64) {
+    let (at, [x0, ..]) = (|s: f64| cubic(ends, step, s), ends);
     let passed = bisect(0.0, 1.0, |s| (at(s).0 < 0.0) != (x0 < 0.0));
     (passed * step, at(passed).1.abs())
 }

@@ -126,7 +126,8 @@ fn levels(
                     let motions = [it.first, it.inner, it.inner];
                     let stages = it.stages;
                     let motions = [&motions[..stages], &[it.first]].concat();
-                    splitting(&motions, &it.friction[..stages])
+                    let friction = it.friction.map(|it| it.viscous);
+                    splitting(&motions, &friction[..stages])
                 }
             };
             [v.map(|v| v * v), q.map(|q| f64::from(u8::from(q < -1.5)))]
@@ -259,6 +260,18 @@ fn the_splittings_do_not_miss_the_loss_of_contact_even_in_steps_of_a_quarter_per
     }
 }
 
+/// Paths that all begin in one state.
+fn begun([q, v]: [f64; 2]) -> Group {
+    Group {
+        q: [q; LANES],
+        v: [v; LANES],
+        excitation: [0.0; LANES],
+        signal: None,
+        push: None,
+        streams: Streams::new(1, 0),
+    }
+}
+
 /// What a splitting makes of the mean (1, 0.5) and of Var v = 0.25 of G = q after t = 12, less the closed
 /// form, over zeta T: its weak error, free of noise. The mean is that of the scheme as it runs, without
 /// noise; the variance is carried through the same motions and Ornstein-Uhlenbeck steps.
@@ -274,14 +287,7 @@ fn weak_error(zeta: f64, step: f64, scheme: Scheme) -> [f64; 2] {
     let quiet = Oscillator::new(ContactLaw::Linear, zeta, 1e-200).unwrap();
     let start = Initial::gaussian([1.0, 0.5], [0.5; 2]).unwrap();
     let after = |it: &Oscillator| Gaussian::of(it, &start).unwrap().after(it, end).unwrap();
-    let mut group = Group {
-        q: [1.0; LANES],
-        v: [0.5; LANES],
-        excitation: [0.0; LANES],
-        signal: None,
-        push: None,
-        streams: Streams::new(1, 0),
-    };
+    let mut group = begun([1.0, 0.5]);
     splitting(&quiet).advance(Linear, &mut group, steps, 0.0, &mut Deaf);
     let exact = after(&quiet).mean;
     let mean = (group.q[3] - exact[0]).hypot(group.v[3] - exact[1]);
@@ -301,7 +307,8 @@ fn weak_error(zeta: f64, step: f64, scheme: Scheme) -> [f64; 2] {
     };
     let mut covariance = [0.25, 0.0, 0.25];
     for _ in 0..steps {
-        for (stage, (decay, spread)) in scheme.friction[..scheme.stages].iter().enumerate() {
+        for (stage, friction) in scheme.friction[..scheme.stages].iter().enumerate() {
+            let (decay, spread) = friction.viscous;
             let flow = if stage == 0 {
                 scheme.first
             } else {
@@ -388,14 +395,7 @@ fn the_exponential_scheme_has_order_two_in_the_motion_under_strong_friction() {
     let errors: Vec<f64> = [16u32, 32, 64]
         .into_iter()
         .map(|steps| {
-            let mut group = Group {
-                q: [1.0; LANES],
-                v: [2.0; LANES],
-                excitation: [0.0; LANES],
-                signal: None,
-                push: None,
-                streams: Streams::new(1, 0),
-            };
+            let mut group = begun([1.0, 2.0]);
             let scheme = ExponentialHeun::new(&it, 4.0 / f64::from(steps));
             scheme.advance(Linear, &mut group, u64::from(steps), &Deaf);
             (group.q[3] - exact.mean[0]).hypot(group.v[3] - exact.mean[1])
@@ -418,14 +418,7 @@ fn the_schemes_of_order_1_and_2_converge_to_the_mean_of_the_linear_oscillator() 
         (Scheme::Baoab, 0.2, 2.0, 6e-3),
     ] {
         let errors = [step, step / 2.0].map(|step: f64| {
-            let mut group = Group {
-                q: [1.0; LANES],
-                v: [0.5; LANES],
-                excitation: [0.0; LANES],
-                signal: None,
-                push: None,
-                streams: Streams::new(1, 0),
-            };
+            let mut group = begun([1.0, 0.5]);
             let steps = (6.0 / step).round() as u64;
             Coefficients::new(scheme, &it, step, 1.0)
                 .advance(Linear, &mut group, steps, 0.0, &mut Deaf);

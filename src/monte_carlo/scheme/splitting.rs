@@ -1,6 +1,6 @@
 //! Splittings of (4,2) and (6,2): the exact motion, and friction with noise between.
 
-use super::friction::{Local, ornstein_uhlenbeck};
+use super::friction::Friction;
 use super::kernel::Group;
 use crate::monte_carlo::events::{PATIENCE, Watch};
 use crate::monte_carlo::hamiltonian::Flow;
@@ -19,10 +19,8 @@ pub(in crate::monte_carlo) struct Splitting {
     pub(super) first: Flow,
     pub(super) inner: Flow,
     pub(super) joint: Flow,
-    /// Decay and spread of each Ornstein-Uhlenbeck step.
-    pub(super) friction: [(f64, f64); MOST],
-    /// The same where the rate depends on the displacement; what a force does.
-    pub(super) local: [Local; MOST],
+    /// The Ornstein-Uhlenbeck steps.
+    pub(super) friction: [Friction; MOST],
 }
 
 impl Splitting {
@@ -40,8 +38,7 @@ impl Splitting {
             first,
             inner,
             joint,
-            friction: weights.map(|w: f64| ornstein_uhlenbeck(oscillator, w * step)),
-            local: weights.map(|w| Local::new(oscillator, w * step)),
+            friction: weights.map(|w: f64| Friction::new(oscillator, w * step)),
         }
     }
 
@@ -72,7 +69,6 @@ impl Splitting {
                 break;
             }
             for stage in 0..self.stages {
-                let (decay, spread) = self.friction[stage];
                 flow.advance(law, (&mut q, &mut v, &mut force), now, watch); // H
                 now += flow.time();
                 if have_spare {
@@ -81,27 +77,19 @@ impl Splitting {
                     streams.normals(&mut normal, &mut spare);
                 }
                 have_spare = !have_spare;
-                let local = self.local[stage];
+                let friction = self.friction[stage];
                 if let Some(push) = &push {
                     // Time stands still within it.
-                    let (drive, factor) = (push.force(now), push.factor(now).sqrt());
-                    let mut step = (decay, spread, local.impulse(1.0));
+                    let (drive, noise) = (push.force(now), push.factor(now).sqrt());
                     for lane in 0..LANES {
-                        if !L::VISCOUS {
-                            let friction = law.friction(q[lane]);
-                            let (decay, spread) = local.at(friction);
-                            step = (decay, spread, local.impulse(friction));
-                        }
-                        let (decay, spread, shift) = (step.0, step.1, drive * step.2);
-                        v[lane] = decay * v[lane] + factor * spread * normal[lane] + shift; // O with the drive
-                    }
-                } else if !L::VISCOUS {
-                    for lane in 0..LANES {
-                        let (decay, spread) = local.at(law.friction(q[lane]));
-                        v[lane] = decay * v[lane] + spread * normal[lane];
+                        let factor = law.friction(q[lane]);
+                        let (decay, spread) = friction.at::<L>(factor);
+                        let shift = drive * friction.impulse::<L>(factor);
+                        v[lane] = decay * v[lane] + noise * spread * normal[lane] + shift; // O with the drive
                     }
                 } else {
                     for lane in 0..LANES {
+                        let (decay, spread) = friction.at::<L>(law.friction(q[lane]));
                         v[lane] = decay * v[lane] + spread * normal[lane]; // O
                     }
                 }

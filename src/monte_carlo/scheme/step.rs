@@ -1,6 +1,6 @@
 //! Schemes of one kernel: central differences, BAOAB, Euler and Maruyama.
 
-use super::friction::{Local, ornstein_uhlenbeck};
+use super::friction::Friction;
 use super::kernel::Kernel;
 use crate::monte_carlo::law::Law;
 use crate::oscillator::Oscillator;
@@ -62,20 +62,15 @@ impl Kernel for CentralDifference {
 pub(in crate::monte_carlo) struct Baoab {
     step: f64,
     half: f64,
-    decay: f64,
-    spread: f64,
-    local: Local,
+    friction: Friction,
 }
 
 impl Baoab {
     pub(super) fn new(oscillator: &Oscillator, step: f64) -> Self {
-        let (decay, spread) = ornstein_uhlenbeck(oscillator, step);
         Self {
             step,
             half: 0.5 * step,
-            decay,
-            spread,
-            local: Local::new(oscillator, step),
+            friction: Friction::new(oscillator, step),
         }
     }
 }
@@ -95,11 +90,7 @@ impl Kernel for Baoab {
     fn step<L: Law>(self, law: L, (q, v, kick): (f64, f64, f64), normal: f64) -> (f64, f64, f64) {
         let v = v + kick; // B
         let q = q + self.half * v; // A
-        let (decay, spread) = if L::VISCOUS {
-            (self.decay, self.spread)
-        } else {
-            self.local.at(law.friction(q))
-        };
+        let (decay, spread) = self.friction.at::<L>(law.friction(q));
         let v = decay * v + spread * normal; // O
         let q = q + self.half * v; // A
         let kick = self.kick(law, q, 0.0);
