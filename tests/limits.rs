@@ -10,7 +10,7 @@ use vibroimpact::scene::text::SceneText;
 const HERTZ: &str = "[oscillator]\ncontact = \"hertz\"\n";
 
 /// Name, oscillator and initial condition, then what is asked: every question, where it takes long.
-const SCENES: [(&str, &str, &str); 16] = [
+const SCENES: [(&str, &str, &str); 17] = [
     (
         "flow map, a tolerance out of reach",
         "zeta = 0.005\nh = 2e-3\n[initial]\nmean = [1.0, 0.0]\ndeviation = [0.4, 0.4]\n",

@@ -329,8 +329,7 @@ impl Question for Task<'_> {
             let mut moments = fine.moments;
             let goal = (&scales[..], self.recipe.tolerance);
             // A stationary mean of q or q^2 does not change: E[v] and E[q v] are 0.
-            let exact = [&mut moments.mean_v, &mut moments.cov_qv];
-            exact.into_iter().for_each(|it| it.value = 0.0);
+            [moments.mean_v.value, moments.cov_qv.value] = [0.0; 2];
             let zero = |k: usize| matches!(Moment::ALL[k], Moment::MeanV | Moment::CovQv);
             let left = |k: usize, _| if zero(k) { 0.0 } else { error(k) };
             let worst = judged(&mut moments, Origin::Space, goal, left);
