@@ -21,7 +21,7 @@ const ASIDE: f64 = 1e-6;
 
 const SKEWED: f64 = 4.0;
 
-/// What is known to be nearer to 0 is a mode, however little else is known of it: small vibrations go at 1.
+/// What is nearer to 0 is a mode, however little else is known of it: small vibrations go at 1.
 const NEAR_ZERO: f64 = 1e-6;
 
 /// An eigenvalue at one resolution, with its algebraic error.
@@ -103,12 +103,26 @@ impl<'a> Arnoldi<'a> {
                 continue;
             }
             let vector = self.space.combined(part);
-            let error = algebraic(self.full, value, &vector);
+            let mut error = algebraic(self.full, value, &vector);
+            let mut value = value;
+            if value.norm() < NEAR_ZERO && !self.full.is_local() {
+                // The shift at 0 knows it best; others would tell it once more.
+                if self.shift != C::default() {
+                    continue;
+                }
+                let Some(slow) = self.slow(error, vector) else {
+                    continue;
+                };
+                if slow.error < error {
+                    Mode { value, error } = slow;
+                }
+            } else if error > value.norm() {
+                continue;
+            }
             let nothing = error.max(1e-9 * value.norm());
             // No mode of the operator grows; of its projection, where friction depends on the displacement, some may.
             let grows = self.full.is_local() && value.re >= 0.0;
-            let lost = error > value.norm() && !self.near_zero(value, error, &vector);
-            if lost || value.im < -nothing || grows {
+            if value.im < -nothing || grows {
                 continue;
             }
             // A real eigenvalue of a real matrix has no imaginary part beyond its error.
@@ -119,13 +133,21 @@ impl<'a> Arnoldi<'a> {
         Ok(modes)
     }
 
-    /// Whether a mode is nearer to 0 than rounding tells, and not the law itself that rounding brought back: between two wells it
-    /// may be the slowest of all.
-    fn near_zero(&self, value: C, error: f64, vector: &[C]) -> bool {
+    /// A real eigenvalue next to 0, as between two wells, from what friction takes of its mode: transport is antisymmetric and
+    /// friction -2 zeta n, so that lambda |x|^2 = -2 zeta sum n |x_n|^2. No term cancels another, while L x is a difference that
+    /// rounding hides. `error`, of an eigenvalue of L, over the distance to other ones, is in x, and counts twice beside what
+    /// moves in x. None for the law itself, if rounding brought it back.
+    fn slow(&self, error: f64, mut x: Vec<C>) -> Option<Mode> {
         let norm = |x: &[C]| x.iter().map(C::norm_sqr).sum::<f64>();
-        let mut rest = vector.to_vec();
-        self.full.drop_constant(&mut rest);
-        value.norm().max(error) < NEAR_ZERO && norm(&rest) > 0.5 * norm(vector)
+        let whole = norm(&x);
+        self.full.drop_constant(&mut x);
+        let left = norm(&x);
+        let [taken, moving] = self.full.taken(&x).map(|it| it / left);
+        let apart = self.full.relaxation() * moving.sqrt();
+        (left > 0.5 * whole).then(|| Mode {
+            value: C::new(-taken, 0.0),
+            error: 2.0 * taken * error / apart.max(f64::MIN_POSITIVE),
+        })
     }
 }
 

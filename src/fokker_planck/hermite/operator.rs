@@ -21,6 +21,7 @@ use super::local::Local;
 use crate::error::Result;
 use crate::fokker_planck::policy::HIGHER;
 use crate::oscillator::{Oscillator, Quantity};
+use num_complex::Complex;
 
 /// How finely the operator is resolved.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -174,6 +175,28 @@ impl Hierarchy {
     /// Length of the part with even n, which v -> -v leaves alone; it turns the sign of the rest.
     pub(in crate::fokker_planck) fn even(&self) -> usize {
         self.pairs * self.basis.one.len()
+    }
+
+    /// What viscous friction takes of a state, 2 zeta sum n |x_n|^2, and how much of it moves, the sum over n above 0.
+    pub(in crate::fokker_planck) fn taken(&self, x: &[Complex<f64>]) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for (k, x) in x.iter().enumerate() {
+            let n = if k < self.even() {
+                2 * (k % self.pairs)
+            } else {
+                2 * ((k - self.even()) % self.pairs) + 1
+            };
+            if n > 0 {
+                sums[0] += 2.0 * self.zeta * n as f64 * x.norm_sqr();
+                sums[1] += x.norm_sqr();
+            }
+        }
+        sums
+    }
+
+    /// The rate at which friction settles a motion within a well.
+    pub(in crate::fokker_planck) fn relaxation(&self) -> f64 {
+        (2.0 * self.zeta).min(0.5 / self.zeta)
     }
 
     /// The deviation of the quantity from its mean, as a state.
