@@ -140,18 +140,16 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
     }
     let text = read(scene, &options.set)?;
     let explain = |error: Error| Stop::explained(&error, text.explain(&error));
-    let plan = Plan::of(text.scene());
-    if let Err(error) = plan.as_ref()
-        && error.is_refusal()
-    {
-        return plan.map(|_| 0).map_err(explain);
-    }
+    let plan = match Plan::of(text.scene()) {
+        Err(error) if error.is_refusal() => return Err(explain(error)),
+        plan => plan,
+    };
     let folder = options.output.folder(&text.scene().folder())?;
     let path = folder.path().to_owned();
     let plan = match plan {
         Ok(plan) => plan,
         Err(error) => {
-            report::unanswered_into(text.scene(), folder, &error)?;
+            report::unanswered_into(text.scene(), &folder, &error)?;
             return Err(explain(error));
         }
     };

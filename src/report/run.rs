@@ -44,15 +44,11 @@ pub fn run_into(plan: &Plan, folder: Folder, watch: &dyn Watch) -> Result<Result
 }
 
 /// What is left in `folder` of a scene none of whose stages fits its limits: results without numbers, marked, in place of what a
-/// run before it may have left there. A scene that is refused for another reason leaves nothing.
+/// run before it may have left there.
 ///
 /// # Errors
 /// Those of [`Folder::write`].
-pub fn unanswered_into(scene: &Scene, folder: Folder, error: &Error) -> Result<()> {
-    if !error.is_unanswered() {
-        folder.discard();
-        return Ok(());
-    }
+pub fn unanswered_into(scene: &Scene, folder: &Folder, error: &Error) -> Result<()> {
     folder.write(&manifest::at_the_start(scene))?;
     let mut results = Results::empty(scene);
     results.run.warnings.push(error.to_string().into());

@@ -190,8 +190,7 @@ impl Question for Search<'_> {
         match modes.map_err(|error| lost_digits(self.oscillator, error)) {
             Ok(modes) => self.levels.push(modes),
             Err(error) => {
-                let hotter = self.warmth.after(self.oscillator, &error);
-                self.warmth = hotter.ok_or(error)?;
+                self.warmth.rise(self.oscillator, error)?;
                 self.levels.clear();
             }
         }

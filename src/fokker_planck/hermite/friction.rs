@@ -77,16 +77,23 @@ impl Warmth {
         oscillator.of_temperature(self.0 * averaged.max(before_flight(oscillator)))
     }
 
-    /// Twice as hot, after a run that failed for want of it; None where no hotter weights would serve.
-    pub(in crate::fokker_planck) fn after(
-        self,
+    /// Twice as hot, after a run that failed for want of it.
+    ///
+    /// # Errors
+    /// That of the run, where no hotter weights would serve.
+    pub(in crate::fokker_planck) fn rise(
+        &mut self,
         oscillator: &Oscillator,
-        error: &Error,
-    ) -> Option<Self> {
+        error: Error,
+    ) -> Result<()> {
         let hotter = Self(2.0 * self.0);
         let most = Self::MOST * oscillator.viscous_temperature();
         let serves = hotter.weighed(oscillator).temperature() <= most;
-        (matches!(error, Error::Unresolved { .. }) && serves).then_some(hotter)
+        if !(serves && matches!(error, Error::Unresolved { .. })) {
+            return Err(error);
+        }
+        *self = hotter;
+        Ok(())
     }
 }
 

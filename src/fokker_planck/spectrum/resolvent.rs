@@ -38,10 +38,9 @@ pub fn spectrum(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Spectrum> {
-    let limits = Limits::from_now(settings.max_seconds, settings.max_memory);
     let until = omegas.last().copied().unwrap_or_default();
     let recipe = Resolvent::of(oscillator, until, settings);
-    recipe.solve(oscillator, quantity, omegas, &limits, progress)
+    recipe.solve(oscillator, quantity, omegas, &settings.limits(), progress)
 }
 
 /// How a spectrum will be computed: the first resolution, and the foreseen cost.
@@ -94,7 +93,7 @@ impl Resolvent {
             solves,
             local,
             cost: Cost {
-                cells: [finest.across(), 2 * finest.pairs],
+                cells: finest.functions(),
                 steps: solves as u64,
                 memory,
                 // The coarser operators take a third as much again.
@@ -225,7 +224,7 @@ impl Question for Task<'_> {
     }
 
     fn next(&mut self) -> Result<Next> {
-        let stop = |text: String, free| Ok(Next::Stop(Stop::new(text, free)));
+        let stop = |text: String, free| Ok(Next::stop(text, free));
         if self.best.is_some() && self.recipe.given {
             return stop("its cells are those of the scene".into(), false);
         }
@@ -244,8 +243,7 @@ impl Question for Task<'_> {
         let (model, mean) = match self.model(progress) {
             Ok(found) => found,
             Err(error) => {
-                let hotter = self.warmth.after(self.oscillator, &error);
-                self.warmth = hotter.ok_or(error)?;
+                self.warmth.rise(self.oscillator, error)?;
                 // Of other functions nothing is known yet.
                 (self.last, self.changes) = (None, None);
                 return Ok(());
@@ -284,7 +282,7 @@ impl Question for Task<'_> {
                 density: estimates(omegas, &answers, control, &errors),
                 variance: model.variance,
                 mean,
-                functions: [next.across(), 2 * next.pairs],
+                functions: next.functions(),
                 solves: model.solved.len(),
                 dimension: model.dimension(),
                 shortfall: None,
