@@ -261,6 +261,34 @@ fn hertz_and_its_other_dampings_pass_levels_as_their_paths_do() {
     }
 }
 
+/// Between two wells, at the top and beyond it, and short of the equilibrium of one well: the force takes the motion through.
+#[test]
+fn levels_that_the_force_pushes_through_are_passed_as_by_paths() {
+    let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.0, 1.0]));
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    let wells = Oscillator::new(wells, 0.1, 0.02).unwrap();
+    let hertz = Oscillator::new(ContactLaw::Hertz, 0.1, 0.02).unwrap();
+    let right = Initial::gaussian([1.0, 0.0], [0.1, 0.1]).unwrap();
+    for (it, initial, passage) in [
+        (&wells, &right, (0.0, Side::Below, 30.0)),
+        (&wells, &right, (-0.5, Side::Below, 30.0)),
+        (&wells, &Initial::Stationary, (0.4, Side::Above, 30.0)),
+        (&wells, &Initial::Rest, (0.5, Side::Either, 5.0)),
+        (&hertz, &right, (0.6, Side::Below, 5.0)),
+    ] {
+        let (level, side, _) = passage;
+        let (solved, z) = beside_paths(it, initial, passage, (1e-2, 20_000));
+        let (mean, rate) = (solved.mean_time, solved.rate);
+        println!("{side:?} {level}: mean time {mean}, rate {rate}, z = {z:.1}");
+        assert!(z < 4.0, "{side:?} {level}: {z}");
+        // Against a tenth of the tolerance.
+        let finer = first_passage(it, initial, passage, &settings(1e-3), &|_| ()).unwrap();
+        for (a, b) in [(mean, finer.mean_time), (rate, finer.rate)] {
+            assert!((a.value - b.value).abs() < a.error + b.error, "{a} for {b}");
+        }
+    }
+}
+
 #[test]
 fn a_first_mesh_on_which_survival_grows_is_left_for_a_finer_one() {
     // Friction of impacts, in short steps: of the first two meshes, 56 x 80 and 41 x 59, the coarser does not hold it.
@@ -288,7 +316,7 @@ fn a_first_mesh_on_which_survival_grows_is_left_for_a_finer_one() {
 }
 
 #[test]
-fn a_level_on_the_wrong_side_is_refused_by_name_and_a_start_beyond_it_is_lost_at_once() {
+fn a_level_that_is_none_is_refused_by_name_and_a_start_beyond_one_is_lost_at_once() {
     let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
     for (level, side) in [
         (-1.0, Side::Above),

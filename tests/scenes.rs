@@ -1497,7 +1497,7 @@ const BAD: &[(&str, &str)] = &[
     ),
     (
         "passage on the wrong side",
-        "@[outputs]\nfirst_passage = { level = -1, side = \"above\", until = 20 }",
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n[initial]\nkind = \"rest\"\n\n[outputs]\nfirst_passage = { level = -1, side = \"above\", until = 20 }",
     ),
     (
         "passage without end",

@@ -98,6 +98,35 @@ fn cells_and_steps_of_the_user_are_not_refined_and_the_error_estimate_says_what_
     assert!(!shortfall.free && shortfall.ratio > 1.0, "{shortfall}");
 }
 
+/// Cells as few as the program's own choice, and fewer: an initial condition about as wide as one of the coarsest is theirs to hold.
+#[test]
+fn cells_of_the_user_hold_what_as_many_of_the_program_s_choice_hold() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.02).unwrap();
+    let displaced = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let solve = |cells, tolerance| {
+        let settings = Settings {
+            cells,
+            tolerance,
+            ..Settings::default()
+        };
+        transient(&it, &displaced, &[5.0, 20.0], &[], &settings, &|_| ()).unwrap()
+    };
+    let fine = solve(None, 1e-6);
+    let own = solve(None, 1e-2).method.cells;
+    for cells in [[40, 30], own, [70, 44], [89, 43], [90, 50]] {
+        let given = solve(Some(cells), 1e-2);
+        assert!(given.shortfall.is_none(), "{:?}", given.shortfall);
+        assert!(given.method.steps < 200, "{}", given.method.steps);
+        for (a, b) in given.moments.iter().zip(&fine.moments) {
+            for ((name, a), (_, b)) in a.named().into_iter().zip(b.named()) {
+                let (a, b) = (a.unwrap(), b.unwrap());
+                let away = (a.value - b.value).abs();
+                assert!(away <= a.error + b.error, "{cells:?}: {name} {a} for {b}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_number_that_the_first_runs_do_not_know_ends_no_ladder() {
     // The density lives in flight at first: the force has no width there, nor a skewness.

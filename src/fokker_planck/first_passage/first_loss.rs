@@ -104,8 +104,8 @@ impl FirstPassage {
     /// The recipe for the first passage of a level of q from `initial`, up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for a level that is not beyond the equilibrium on its side, or a time, tolerance or
-    /// step that is not positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
+    /// [`Error::Invalid`](crate::Error::Invalid) for a level that is not finite, that rest has passed, or of `either` and not
+    /// positive, or for a time, tolerance or step that is not; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
     pub(crate) fn of_level(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -113,7 +113,7 @@ impl FirstPassage {
         settings: &Settings,
     ) -> Result<Self> {
         positive("outputs.first_passage.until", until)?;
-        let barrier = Barrier::of(oscillator, level, side)?;
+        let barrier = Barrier::of(level, side, initial)?;
         let name = "the first passage of the level";
         Self::beyond(oscillator, initial, (name, barrier, until), settings)
     }
@@ -263,8 +263,8 @@ pub fn first_loss(
 /// [`first_loss`].
 ///
 /// # Errors
-/// [`Error::Invalid`](crate::Error::Invalid) for a level that is not beyond the equilibrium on its side, or a time, tolerance or step
-/// that is not positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine;
+/// [`Error::Invalid`](crate::Error::Invalid) for a level that is not finite, that rest has passed, or of `either` and not
+/// positive, or for a time, tolerance or step that is not; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine;
 /// [`Error::Limit`](crate::Error::Limit) when `max_seconds` is reached.
 pub fn first_passage(
     oscillator: &Oscillator,

@@ -36,9 +36,8 @@ impl Barrier {
     /// A level of q.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a level that is not finite, or not beyond the equilibrium on its side, from where motions
-    /// would come back to it at once.
-    pub(super) fn of(oscillator: &Oscillator, level: f64, side: Side) -> Result<Self> {
+    /// [`Error::Invalid`] for a level that is not finite, not above 0 where its negative is one too, or that rest has passed.
+    pub(super) fn of(level: f64, side: Side, initial: &Initial) -> Result<Self> {
         let key = "outputs.first_passage.level";
         if !level.is_finite() {
             return Err(Error::invalid(key, level, "a finite displacement"));
@@ -60,21 +59,23 @@ impl Barrier {
                 high: Some(level),
             },
         };
-        let region = Region::new(oscillator, it);
-        let driven_back = |x: f64| region.force(x);
-        let inwards =
-            driven_back(it.low) < 0.0 && it.high.is_none_or(|high| driven_back(high) > 0.0);
-        if !inwards {
-            let accepted = match side {
-                Side::Below => "a level below the equilibrium, with side = \"below\"",
-                Side::Above => "a level above the equilibrium, with side = \"above\"",
-                Side::Either => {
-                    "a level > 0 with the equilibrium between it and its negative, with side = \"either\""
-                }
-            };
-            return Err(Error::invalid(key, level, accepted));
-        }
-        Ok(it)
+        let accepted = match (side, initial) {
+            (Side::Either, _) if level <= 0.0 => "a level > 0 with side = \"either\"",
+            (Side::Below, Initial::Rest) if !it.holds(0.0) => {
+                "a level below 0, where rest begins, with side = \"below\""
+            }
+            (Side::Above, Initial::Rest) if !it.holds(0.0) => {
+                "a level above 0, where rest begins, with side = \"above\""
+            }
+            _ => return Ok(it),
+        };
+        Err(Error::invalid(key, level, accepted))
+    }
+
+    /// Whether a motion at q has passed none of them.
+    fn holds(&self, q: f64) -> bool {
+        let x = self.sign * q;
+        x > self.low && self.high.is_none_or(|high| x < high)
     }
 
     /// What moves up to these levels: friction in contact alone is viscous where there is no flight.
@@ -117,9 +118,10 @@ impl<'a> Region<'a> {
         Self { barrier, ..self }
     }
 
-    /// Whether what leaves is known by detailed balance: one level, and exp(-H/T)/Z.
+    /// Whether what leaves is known by detailed balance: one level that the force pulls away from, and exp(-H/T)/Z.
     pub(crate) fn balances(&self) -> bool {
-        self.barrier.high.is_none() && self.oscillator.is_viscous()
+        let Barrier { low, high, .. } = self.barrier;
+        high.is_none() && self.force(low) < 0.0 && self.oscillator.is_viscous()
     }
 
     /// Displacement at x.
@@ -204,18 +206,9 @@ impl<'a> Region<'a> {
 
     /// Where the motion that survives may rest, and between: the q of its minima of U and of the maxima among them.
     pub(crate) fn equilibria(&self) -> impl Iterator<Item = f64> {
-        let Barrier {
-            low, high, sign, ..
-        } = self.barrier;
-        let inside = move |q: &f64| {
-            let x = sign * q;
-            x > low && high.is_none_or(|high| x < high)
-        };
-        self.oscillator
-            .contact()
-            .equilibria()
-            .into_iter()
-            .filter(inside)
+        let all = self.oscillator.contact().equilibria().into_iter();
+        let barrier = self.barrier;
+        all.filter(move |q| barrier.holds(*q))
     }
 
     /// A law that is solved for, at one x and many velocities.

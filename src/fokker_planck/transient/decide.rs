@@ -184,33 +184,43 @@ impl Question<'_> {
         Ok(Forcing::hot(self.oscillator, self.initial, highest)?.map(Arc::new))
     }
 
+    /// The probability that the domain of a draft leaves out.
+    fn left_out(&self, draft: &Recipe) -> f64 {
+        let neglected = self.settings.neglected;
+        neglected.unwrap_or_else(|| Rung::neglected(draft.expected))
+    }
+
+    /// What takes over where cells of the scene do not hold its initial condition: the same after a moving local grid.
+    fn after_moving_grid(&self, draft: &Recipe) -> Result<Option<Recipe>> {
+        let gaussian = matches!(self.initial, Initial::Gaussian { .. });
+        let confined = self.oscillator.contact().is_confining();
+        let on_mesh = draft.layout.is_given() && draft.first_grid == FirstGrid::Mesh;
+        if !(on_mesh && gaussian && confined) {
+            return Ok(None);
+        }
+        let first_grid = FirstGrid::Moving;
+        let domain = self.domain((first_grid, draft.layout.focused), self.left_out(draft))?;
+        Ok(Some(Recipe {
+            first_grid,
+            layout: Layout {
+                domain,
+                ..draft.layout
+            },
+            reason: "a small mesh moves with the initial condition at first".into(),
+            ..draft.clone()
+        }))
+    }
+
     /// What takes over from a flow map that does not hold the scene: a moving local grid first, on cells of the scene; finite
     /// volumes where the method is free.
     fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
-        let gaussian = matches!(self.initial, Initial::Gaussian { .. });
-        let neglected = self.settings.neglected;
-        let neglected = neglected.unwrap_or_else(|| Rung::neglected(draft.expected));
-        if draft.layout.is_given() && draft.first_grid == FirstGrid::Mesh && gaussian {
-            let first_grid = FirstGrid::Moving;
-            if !self.oscillator.contact().is_confining() {
-                return Ok(None);
-            }
-            let domain = self.domain((first_grid, true), neglected)?;
-            return Ok(Some(Recipe {
-                first_grid,
-                layout: Layout {
-                    domain,
-                    ..draft.layout
-                },
-                reason: "a small mesh moves with the initial condition at first".into(),
-                ..draft.clone()
-            }));
-        }
+        let moving = self.after_moving_grid(draft)?;
         let free =
             self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
-        if !free {
-            return Ok(None);
+        if moving.is_some() || !free {
+            return Ok(moving);
         }
+        let neglected = self.left_out(draft);
         let domain = match self.oscillator.holds_back(draft.layout.domain.q) {
             [false, false] => draft.layout.domain,
             _ => self.domain((draft.first_grid, false), neglected)?,
@@ -263,7 +273,12 @@ impl Question<'_> {
             scheme: Scheme::Volumes(time),
             ..draft
         };
-        self.costed(recipe, format!("{why_drift}; {why_time}"))
+        let otherwise = self.after_moving_grid(&recipe)?;
+        let recipe = self.costed(recipe, format!("{why_drift}; {why_time}"))?;
+        Ok(Recipe {
+            otherwise: otherwise.map(Box::new),
+            ..recipe
+        })
     }
 
     /// The rung that has as many cells as the scene gives, or the first with two below it, or else the one at which the tolerance is

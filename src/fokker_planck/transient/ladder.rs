@@ -29,7 +29,8 @@ pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
     let first = adaptive::pursue(Ladder::new(*task), task.limits, progress);
     match (first, task.recipe.otherwise.as_deref()) {
         (Err(error), Some(volumes)) if is_unfit(&error) => {
-            let reason = format!("the flow map could not: {error}; {}", volumes.reason);
+            let first = task.recipe.name();
+            let reason = format!("{first}, could not: {error}; {}", volumes.reason);
             let volumes = Recipe {
                 reason,
                 ..volumes.clone()

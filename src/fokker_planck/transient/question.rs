@@ -7,8 +7,8 @@ use crate::fokker_planck::domain::Domain;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{self, Cells, Layout};
-use crate::fokker_planck::mesh::{Axis, Mesh};
-use crate::fokker_planck::policy::{FALLING, INITIAL_CELLS, LADDER_RATIO, REFINED};
+use crate::fokker_planck::mesh::Mesh;
+use crate::fokker_planck::policy::{FALLING, INITIAL_CELLS, REFINED};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -17,10 +17,6 @@ use std::sync::Arc;
 /// Damping ratio up to which the flow map is taken. At zeta = 3 it takes a tenth of what finite volumes take to 1e-2 and as
 /// much to 1e-5, at zeta = 5 a quarter to 1e-2 and 1.3 times as much to 1e-4, at zeta = 30 it has no answer.
 pub(super) const KNOWN: f64 = 5.0;
-
-/// Cells of the scene, on the coarsest of three rungs, that a deviation of the initial condition is to span: on fewer a
-/// moving local grid carries it first.
-const HELD: f64 = 1.0;
 
 /// What is asked of a transient.
 #[derive(Clone, Copy)]
@@ -128,14 +124,8 @@ impl Question<'_> {
             let fits = match *initial {
                 Initial::Stationary => true,
                 Initial::Rest => false,
-                // Exact cell masses hold any initial condition.
-                Initial::Gaussian { .. } if settings.cells.is_some() && drift == Drift::Upwind => {
-                    true
-                }
-                Initial::Gaussian { mean, deviation } if settings.cells.is_some() => {
-                    let domain = self.domain((FirstGrid::Mesh, flow_map), neglected)?;
-                    self.is_held(&laid_out(domain, thermal), mean, deviation)?
-                }
+                // If they do not, a moving local grid comes before them: see `Recipe::otherwise`.
+                Initial::Gaussian { .. } if settings.cells.is_some() => true,
                 Initial::Gaussian { .. } => {
                     // The law that p is taken against is hotter than the stationary one where friction is not constant.
                     let colder = oscillator.viscous_temperature() / oscillator.temperature();
@@ -219,15 +209,6 @@ impl Question<'_> {
         let most = FALLING.get() * own;
         let beyond = domain.amplitude(oscillator, mean, deviation) > most;
         Ok(beyond.then_some(FirstGrid::Falling(most)))
-    }
-
-    /// Whether cells of the scene hold a Gaussian, in the coarse run too.
-    fn is_held(&self, layout: &Layout, mean: [f64; 2], deviation: [f64; 2]) -> Result<bool> {
-        let mesh = layout.mesh(self.oscillator, 1.0 / LADDER_RATIO.get().powi(2))?;
-        let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
-        let widths = [width(&mesh.q, mean[0]), width(&mesh.v, mean[1])];
-        let narrow = |(d, w): (f64, f64)| d < HELD * w;
-        Ok(!deviation.into_iter().zip(widths).any(narrow))
     }
 
     /// Whether a run never leaves its moving local grid, and has no other mesh: a law that leaves every domain keeps
