@@ -190,15 +190,22 @@ impl Question<'_> {
         neglected.unwrap_or_else(|| Rung::neglected(draft.expected))
     }
 
-    /// What takes over where cells of the scene do not hold its initial condition: the same after a moving local grid.
-    fn after_moving_grid(&self, draft: &Recipe) -> Result<Option<Recipe>> {
+    /// What takes over where cells of the scene do not hold its initial condition: the same after a moving local grid, or
+    /// without one.
+    fn other_grid(&self, draft: &Recipe) -> Result<Option<Recipe>> {
         let gaussian = matches!(self.initial, Initial::Gaussian { .. });
+        let (first_grid, reason) = match draft.first_grid {
+            FirstGrid::Mesh => {
+                let reason = "a small mesh moves with the initial condition at first";
+                (FirstGrid::Moving, reason)
+            }
+            FirstGrid::Moving => (FirstGrid::Mesh, "its cells hold the initial condition"),
+            FirstGrid::Falling(_) | FirstGrid::MovingForGood => return Ok(None),
+        };
         let confined = self.oscillator.contact().is_confining();
-        let on_mesh = draft.layout.is_given() && draft.first_grid == FirstGrid::Mesh;
-        if !(on_mesh && gaussian && confined) {
+        if !(draft.layout.is_given() && gaussian && confined) {
             return Ok(None);
         }
-        let first_grid = FirstGrid::Moving;
         let domain = self.domain((first_grid, draft.layout.focused), self.left_out(draft))?;
         Ok(Some(Recipe {
             first_grid,
@@ -206,7 +213,7 @@ impl Question<'_> {
                 domain,
                 ..draft.layout
             },
-            reason: "a small mesh moves with the initial condition at first".into(),
+            reason: reason.into(),
             ..draft.clone()
         }))
     }
@@ -214,11 +221,11 @@ impl Question<'_> {
     /// What takes over from a flow map that does not hold the scene: a moving local grid first, on cells of the scene; finite
     /// volumes where the method is free.
     fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
-        let moving = self.after_moving_grid(draft)?;
+        let other = self.other_grid(draft)?;
         let free =
             self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
-        if moving.is_some() || !free {
-            return Ok(moving);
+        if other.is_some() || !free {
+            return Ok(other);
         }
         let neglected = self.left_out(draft);
         let domain = match self.oscillator.holds_back(draft.layout.domain.q) {
@@ -273,7 +280,7 @@ impl Question<'_> {
             scheme: Scheme::Volumes(time),
             ..draft
         };
-        let otherwise = self.after_moving_grid(&recipe)?;
+        let otherwise = self.other_grid(&recipe)?;
         let recipe = self.costed(recipe, format!("{why_drift}; {why_time}"))?;
         Ok(Recipe {
             otherwise: otherwise.map(Box::new),
