@@ -2,7 +2,7 @@
 
 use super::cost;
 use super::question::{KNOWN, Question};
-use super::recipe::{FirstGrid, RUNGS, Recipe, Rung, Scheme};
+use super::recipe::{FirstGrid, RUNGS, Recipe, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::Cost;
@@ -184,12 +184,6 @@ impl Question<'_> {
         Ok(Forcing::hot(self.oscillator, self.initial, highest)?.map(Arc::new))
     }
 
-    /// The probability that the domain of a draft leaves out.
-    fn left_out(&self, draft: &Recipe) -> f64 {
-        let neglected = self.settings.neglected;
-        neglected.unwrap_or_else(|| Rung::neglected(draft.expected))
-    }
-
     /// What takes over where cells of the scene do not hold its initial condition: the same after a moving local grid, or
     /// without one.
     fn other_grid(&self, draft: &Recipe) -> Result<Option<Recipe>> {
@@ -206,7 +200,10 @@ impl Question<'_> {
         if !(draft.layout.is_given() && gaussian && confined) {
             return Ok(None);
         }
-        let domain = self.domain((first_grid, draft.layout.focused), self.left_out(draft))?;
+        let domain = self.domain(
+            (first_grid, draft.layout.focused),
+            draft.left_out(draft.expected),
+        )?;
         Ok(Some(Recipe {
             first_grid,
             layout: Layout {
@@ -218,8 +215,8 @@ impl Question<'_> {
         }))
     }
 
-    /// What takes over from a flow map that does not hold the scene: a moving local grid first, on cells of the scene; finite
-    /// volumes where the method is free.
+    /// What takes over from a flow map that does not hold the scene: on cells of the scene the other first grid, else finite volumes
+    /// where the method is free.
     fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
         let other = self.other_grid(draft)?;
         let free =
@@ -227,7 +224,7 @@ impl Question<'_> {
         if other.is_some() || !free {
             return Ok(other);
         }
-        let neglected = self.left_out(draft);
+        let neglected = draft.left_out(draft.expected);
         let domain = match self.oscillator.holds_back(draft.layout.domain.q) {
             [false, false] => draft.layout.domain,
             _ => self.domain((draft.first_grid, false), neglected)?,

@@ -19,8 +19,8 @@ const BEST_ORDER: u32 = 8;
 /// How often rungs below the cells of the scene are brought nearer to them, by half.
 const HALVINGS: usize = 2;
 
-/// Solves the task to its tolerance, or as far as its limits allow. Where the method is free, finite volumes take over
-/// from a flow map that does not hold the scene.
+/// Solves the task to its tolerance, or as far as its limits allow. Where its mesh does not hold the
+/// scene, what the recipe has otherwise takes over.
 ///
 /// # Errors
 /// Those of the first runs; later ones end the ladder. Cells that the program chose itself are
@@ -28,19 +28,19 @@ const HALVINGS: usize = 2;
 pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
     let first = adaptive::pursue(Ladder::new(*task), task.limits, progress);
     match (first, task.recipe.otherwise.as_deref()) {
-        (Err(error), Some(volumes)) if is_unfit(&error) => {
+        (Err(error), Some(other)) if is_unfit(&error) => {
             let first = task.recipe.name();
-            let reason = format!("{first}, could not: {error}; {}", volumes.reason);
-            let volumes = Recipe {
+            let reason = format!("{first}, could not: {error}; {}", other.reason);
+            let other = Recipe {
                 reason,
-                ..volumes.clone()
+                ..other.clone()
             };
             let task = Task {
-                recipe: &volumes,
+                recipe: &other,
                 ..*task
             };
             let it = adaptive::pursue(Ladder::new(task), task.limits, progress);
-            it.map_err(|error| unfit(error, &volumes))
+            it.map_err(|error| unfit(error, &other))
         }
         (it, _) => it.map_err(|error| unfit(error, task.recipe)),
     }

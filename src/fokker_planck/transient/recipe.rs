@@ -78,7 +78,8 @@ pub(crate) struct Recipe {
     pub(crate) cost: Cost,
     /// Why so.
     pub(crate) reason: String,
-    /// Finite volumes, for a flow map that does not hold the scene.
+    /// What takes over where the mesh does not hold the scene: on cells of the scene with a moving local grid before it or without
+    /// one, else finite volumes for a flow map.
     pub(crate) otherwise: Option<Box<Recipe>>,
 }
 
@@ -195,6 +196,11 @@ impl Recipe {
         FIRST_CELLS.get() * LADDER_RATIO.get().powf(r)
     }
 
+    /// Probability that the domain of rung `r` leaves out.
+    pub(super) fn left_out(&self, r: f64) -> f64 {
+        self.neglected.unwrap_or_else(|| Rung::neglected(r))
+    }
+
     /// The run of rung `r`.
     pub(crate) fn rung(
         &self,
@@ -204,7 +210,7 @@ impl Recipe {
         r: f64,
     ) -> Result<Rung> {
         let tolerance = Rung::tolerance(r);
-        let neglected = self.neglected.unwrap_or_else(|| Rung::neglected(r));
+        let neglected = self.left_out(r);
         let domain = if r == self.expected {
             self.layout.domain
         } else {
