@@ -1,5 +1,6 @@
 //! A probability density on a mesh, kept as probability per cell.
 
+use super::excess::Pair;
 use super::flux::{Drift, Weights, gaussian_mass};
 use super::generator::Generator;
 use super::mesh::{Axis, Mesh};
@@ -198,25 +199,31 @@ impl Density {
         densities.fold(f64::INFINITY, f64::min)
     }
 
-    /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside. Of order 3 where the
-    /// difference changes sign inside of cells; as accurate as its sum where it does not.
+    /// L1 distance to another density on this mesh: what that holds less inside the domain, it holds outside.
     pub(crate) fn distance_to(&self, law: &Self, columns: &[Range<usize>]) -> f64 {
         let nv = self.mesh.v.len();
-        let outside = || std::iter::repeat_n(0.0, nv);
-        let both = self.cells.iter().zip(&law.cells).map(|(p, law)| p - law);
-        let change: Vec<f64> = outside().chain(both).chain(outside()).collect();
-        let (mut inside, mut more) = (0.0, 0.0);
-        for (i, column) in columns.iter().enumerate() {
-            let first = (i + 1) * nv + column.start;
-            let at = |first: usize| &change[first..first + column.len()];
-            let along_q = at(first - nv).iter().zip(at(first + nv));
-            let along_v = at(first - 1).iter().zip(at(first + 1));
-            for ((own, (a, b)), (c, d)) in at(first).iter().zip(along_q).zip(along_v) {
-                inside += modulus_in_cell(*own, [[*a, *b], [*c, *d]]);
-                more += own;
-            }
+        // Nothing all about the mesh, so that each cell has neighbours.
+        let around = Pair::AROUND * (nv + 1);
+        let [p, reference] = [self, law].map(|it| {
+            let outside = || std::iter::repeat_n(0.0, around);
+            let all = outside().chain(it.cells.iter().copied()).chain(outside());
+            all.collect::<Vec<f64>>()
+        });
+        let pair = Pair {
+            p: &p,
+            law: &reference,
+            stride: nv,
+        };
+        let cells = columns.iter().enumerate().flat_map(|(i, column)| {
+            let first = around + i * nv;
+            first + column.start..first + column.end
+        });
+        let (mut over, mut more) = (0.0, 0.0);
+        for k in cells {
+            over += pair.excess(k);
+            more += p[k] - reference[k];
         }
-        inside + f64::max(more, 0.0)
+        2.0 * over + f64::max(-more, 0.0)
     }
 
     /// Relative entropy to another density on this mesh, over the cells where both are positive: falls to 0 at the stationary
@@ -265,36 +272,6 @@ pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
     }
 }
 
-/// Mean of |f| over a cell from f in the middle of it and of its neighbours along either axis: of order 3 where f changes sign
-/// inside of cells.
-#[inline]
-pub(super) fn modulus_in_cell(own: f64, [[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
-    let bend = a + b + c + d - 4.0 * own;
-    mean_modulus(own + bend / 24.0, [0.5 * (b - a), 0.5 * (d - c)])
-}
-
-/// Mean of |mean + a x + b y| over the cell |x|, |y| < 1/2.
-#[inline]
-fn mean_modulus(mean: f64, slopes: [f64; 2]) -> f64 {
-    let slopes = slopes.map(f64::abs);
-    if mean.abs() >= 0.5 * (slopes[0] + slopes[1]) {
-        mean.abs()
-    } else {
-        mean_across_zero(mean, slopes)
-    }
-}
-
-/// The same of a plane that passes through zero in the cell; slopes not negative.
-fn mean_across_zero(mean: f64, [a, b]: [f64; 2]) -> f64 {
-    // |s|^3/6 is the modulus integrated twice. Over the steeper slope: cubes of next to nothing would be 0, and a slope of next to
-    // nothing beside the other would leave rounding alone.
-    let steep = a.max(b);
-    let (mean, flat) = (mean / steep, (a.min(b) / steep).max(1e-3));
-    let twice = |s: f64| s.abs() * s * s / 6.0;
-    let along = |s: f64| twice(s + 0.5 * flat) - twice(s - 0.5 * flat);
-    steep * (along(mean + 0.5) - along(mean - 0.5)) / flat
-}
-
 /// One factor of a Gaussian start per cell of an axis: exact masses for upwind, point values times
 /// widths for the central schemes.
 fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> Result<Vec<f64>> {
@@ -316,48 +293,4 @@ fn gaussian(axis: &Axis, mean: f64, deviation: f64, exact: bool, name: &str) -> 
     }
     let density = |x: f64| normal((x - mean) / deviation) / deviation;
     Ok(points().map(|(x, slope)| density(*x) * slope).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Density;
-    use crate::fokker_planck::mesh::{Axis, Mesh};
-    use crate::gaussian::{lower, normal};
-
-    /// Two Gaussians of deviation 1 whose means are `apart` in an oblique direction: the L1 distance is 2 erf(apart/sqrt 8).
-    fn error(cells: usize, apart: f64) -> f64 {
-        let axis = || Axis::uniform(-9.0, 9.0, cells).unwrap();
-        let mesh = Mesh {
-            q: axis(),
-            v: axis(),
-        };
-        let columns = vec![0..cells; cells];
-        let h = 18.0 / cells as f64;
-        let at = |shift: [f64; 2]| {
-            let centre = |i: usize, shift: f64| -9.0 + (i as f64 + 0.5) * h - shift;
-            Density::on(&mesh, &columns, |i, j| {
-                h * h * normal(centre(i, shift[0])) * normal(centre(j, shift[1]))
-            })
-        };
-        let distance =
-            at([0.3, -0.2]).distance_to(&at([0.3 + 0.8 * apart, 0.6 * apart - 0.2]), &columns);
-        let exact = 2.0 * (2.0 * lower(0.5 * apart) - 1.0);
-        (distance - exact).abs()
-    }
-
-    #[test]
-    fn next_to_nothing_on_either_side_of_zero_has_a_modulus() {
-        let tiny = super::modulus_in_cell(1e-200, [[-1e-200, 3e-200], [1e-200, 1e-200]]);
-        assert!((1e-200..2e-200).contains(&tiny), "{tiny}");
-    }
-
-    #[test]
-    fn the_l1_distance_is_of_order_3_where_the_difference_changes_sign_inside_of_cells() {
-        let errors = [24, 48, 96, 192].map(|cells| error(cells, 0.7));
-        println!("{errors:?}");
-        assert!(
-            errors[1] < 2e-4 && 512.0 * errors[3] < errors[0],
-            "{errors:?}"
-        );
-    }
 }

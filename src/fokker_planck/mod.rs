@@ -22,6 +22,7 @@ pub mod budget;
 mod convergence;
 mod density;
 mod eigen;
+mod excess;
 mod first_passage;
 mod fixed_point;
 pub mod flow_map;

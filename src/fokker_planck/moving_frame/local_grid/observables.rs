@@ -1,7 +1,7 @@
 //! What a local grid tells: its density, sums over it and moments.
 
 use super::LocalGrid;
-use crate::fokker_planck::density::modulus_in_cell;
+use crate::fokker_planck::excess::Pair;
 use crate::matrix::grid;
 use crate::moments::{Moments, RawMoments};
 use crate::quadrature::kronrod;
@@ -26,20 +26,19 @@ impl LocalGrid {
     }
 
     /// What it is in L1 from a law p_s: both integrals are 1, so it is twice the positive part of p - p_s, which lies in the square.
-    /// Of order 3.
     pub(crate) fn distance_to(&self, law: impl Fn([f64; 2]) -> f64) -> f64 {
         let (n, centres) = (self.axis.len(), self.axis.centres());
         let area = self.frame.area();
-        let nodes = grid(centres, centres).zip(&self.values);
-        let change = nodes.map(|(xi, p)| p - area * law(self.frame.at(xi)));
-        let change: Vec<f64> = change.collect();
-        let cell = |k: usize| {
-            let [own, a, b, c, d] = [k, k - n, k + n, k - 1, k + 1].map(|k| change[k]);
-            own + modulus_in_cell(own, [[a, b], [c, d]])
+        let law = grid(centres, centres).map(|xi| area * law(self.frame.at(xi)));
+        let pair = Pair {
+            p: &self.values,
+            law: &law.collect::<Vec<f64>>(),
+            stride: n,
         };
-        let inside = |i: usize| (1..n - 1).map(move |j| i * n + j);
-        let all: f64 = (1..n - 1).flat_map(inside).map(cell).sum();
-        all * self.fineness.cell * self.fineness.cell
+        let inside = || Pair::AROUND..n - Pair::AROUND;
+        let cells = inside().flat_map(|i| inside().map(move |j| i * n + j));
+        let over: f64 = cells.map(|k| pair.excess(k)).sum();
+        2.0 * over * self.fineness.cell * self.fineness.cell
     }
 
     /// Moments, taken about the mean so that those of a narrow density keep their digits. Functions of q are
