@@ -416,6 +416,25 @@ fn a_law_that_finer_resolutions_spoil_is_as_good_as_the_best_of_them() {
     assert!(distance.error < 0.3);
 }
 
+#[test]
+fn a_tighter_tolerance_leaves_no_larger_errors_of_the_law() {
+    let in_contact = |zeta, h| {
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+        it.with_damping(Damping::Contact).unwrap()
+    };
+    solved(&in_contact(0.05, 2e-2), 1e-4);
+    // A third of the time in flight, which forgets slowly: 1e-4 is just missed.
+    let loud = in_contact(0.01, 0.01);
+    let loose = solved(&loud, 1e-3);
+    let tight = stationary_law(&loud, &settings(1e-4)).unwrap();
+    assert!(tight.shortfall.is_some_and(|it| it.ratio < 3.0));
+    for ((name, a), (_, b)) in loose.moments.named().into_iter().zip(tight.moments.named()) {
+        let Some((a, b)) = a.zip(b) else { continue };
+        assert!(b.error <= a.error, "{name}: {a}, then {b}");
+        assert!((a.value - b.value).abs() <= a.error, "{name}: {a}, {b}");
+    }
+}
+
 /// A damping in the energy with the integral of its factor: the law is exp(-(2 zeta/(pi h)) integral).
 type Caughey = (&'static str, fn(f64) -> f64, fn(f64) -> f64);
 

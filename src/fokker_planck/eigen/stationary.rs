@@ -263,14 +263,13 @@ impl Question for Task<'_> {
     fn next(&mut self) -> Result<Next> {
         let (done, given) = (self.levels.len(), self.recipe.given);
         let most = if self.on_mesh { MESHES } else { RESOLUTIONS };
-        // As the errors have fallen they will not come within the tolerance.
-        if let [.., before, last] = self.ratios[..] {
-            let rest = most.saturating_sub(done) as i32;
-            let settles = last * (last / before).powi(rest) <= 1.0;
-            if !given && !settles {
-                let why = format!("finer than {done} resolutions would not settle it");
-                return Ok(Next::stop(why, true));
-            }
+        // Rounding or a domain that is too small spoils finer ones too.
+        if let [.., before, last] = self.ratios[..]
+            && !given
+            && last >= before
+        {
+            let why = format!("finer than {done} resolutions would not settle it");
+            return Ok(Next::stop(why, true));
         }
         if !self.on_mesh {
             let work = |level: usize| self.recipe.work(level);
