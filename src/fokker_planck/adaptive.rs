@@ -199,8 +199,13 @@ fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<
         let reason = format!("{what}, and {key} = {limit}");
         Some((reason, Error::limit(key, limit, what)))
     } else if seconds > pace.map_or(MAX_FORESEEN_OVERRUN * left, |_| left) {
-        let [would, are] = [seconds, left].map(in_words);
-        let what = format!("{name} would take about {would}, and {are} are left");
+        let would = in_words(seconds);
+        let left = if left > 0.0 {
+            format!("{} are left", in_words(left))
+        } else {
+            "nothing is left".into()
+        };
+        let what = format!("{name} would take about {would}, and {left}");
         let error = limits.out_of_time(what.clone());
         Some((format!("{what} of accuracy.max_seconds"), error))
     } else {

@@ -69,7 +69,7 @@ impl Origin<'_> {
     fn refuse(&self, value: String, accepted: impl Into<String>) -> Error {
         match self.file {
             Some(file) => Error::invalid(full("file"), format!("{file:?} with {value}"), accepted),
-            None => Error::invalid(full("q"), value, accepted),
+            None => Error::invalid(full("q"), format!("a table with {value}"), accepted),
         }
     }
 }
@@ -197,13 +197,13 @@ fn confines(
     // To the left a rising force becomes negative.
     if !(left > 0.0 || (left == 0.0 && g0 < 0.0)) {
         let (g, slope, q) = (num(g0), num(left), num(q0));
-        let value = format!("G = {g} and slope {slope} at its first point, q = {q}");
+        let value = format!("G = {g} and slope {slope} at its first point (q = {q})");
         let accepted = "a force that confines: below the first point it must fall to the left, or be constant and < 0";
         return Err(origin.refuse(value, accepted));
     }
     if far(right, g1) <= 0.0 {
         let (g, slope, q) = (num(g1), num(right), num(q1));
-        let value = format!("G = {g} and slope {slope} at its last point, q = {q}");
+        let value = format!("G = {g} and slope {slope} at its last point (q = {q})");
         let accepted =
             "a force that confines: beyond the last point it must rise, or be constant and > 0";
         return Err(origin.refuse(value, accepted));

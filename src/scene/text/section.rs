@@ -100,7 +100,8 @@ impl<'a> Section<'a> {
     pub(super) fn type_error_at(&self, node: &Node, key: &str, accepted: &str) -> SceneError {
         let key = self.full(key);
         let message = match &node.value {
-            Value::Table(_) | Value::List(_) => format!("{key} is {}", node.value.kind()),
+            Value::List(items) => format!("{key} is a list of {}", items.len()),
+            Value::Table(_) => format!("{key} is {}", node.value.kind()),
             value => format!("{key} = {} is not accepted", value.shown()),
         };
         let help = format!("accepted: {accepted}");
