@@ -30,14 +30,11 @@ impl LocalGrid {
         let (n, centres) = (self.axis.len(), self.axis.centres());
         let area = self.frame.area();
         let law = grid(centres, centres).map(|xi| area * law(self.frame.at(xi)));
-        let pair = Pair {
-            p: &self.values,
-            law: &law.collect::<Vec<f64>>(),
-            stride: n,
-        };
-        let inside = || Pair::AROUND..n - Pair::AROUND;
-        let cells = inside().flat_map(|i| inside().map(move |j| i * n + j));
-        let over: f64 = cells.map(|k| pair.excess(k)).sum();
+        let law: Vec<f64> = law.collect();
+        let pair = Pair::new(&self.values, &law, n);
+        let inside = Pair::AROUND..n - Pair::AROUND;
+        let row = |i: usize| pair.excess(i * n + inside.start..i * n + inside.end);
+        let over: f64 = inside.clone().map(row).sum();
         2.0 * over * self.fineness.cell * self.fineness.cell
     }
 
