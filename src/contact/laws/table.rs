@@ -66,7 +66,7 @@ struct Origin<'a> {
 
 impl Origin<'_> {
     /// An error about the whole.
-    fn refuse(&self, value: String, accepted: impl Into<String>) -> Error {
+    fn refuse(&self, value: &str, accepted: impl Into<String>) -> Error {
         match self.file {
             Some(file) => Error::invalid(full("file"), format!("{file:?} with {value}"), accepted),
             None => Error::invalid(full("q"), format!("a table with {value}"), accepted),
@@ -134,7 +134,7 @@ impl Table {
         let points = origin.points;
         if !(2..=MOST).contains(&points.len()) {
             let value = format!("{} points", points.len());
-            return Err(origin.refuse(value, format!("2 to {MOST} points, ascending in q")));
+            return Err(origin.refuse(&value, format!("2 to {MOST} points, ascending in q")));
         }
         for (k, pair) in points.windows(2).enumerate() {
             if pair[1][0] <= pair[0][0] {
@@ -199,14 +199,14 @@ fn confines(
         let (g, slope, q) = (num(g0), num(left), num(q0));
         let value = format!("G = {g} and slope {slope} at its first point (q = {q})");
         let accepted = "a force that confines: below the first point it must fall to the left, or be constant and < 0";
-        return Err(origin.refuse(value, accepted));
+        return Err(origin.refuse(&value, accepted));
     }
     if far(right, g1) <= 0.0 {
         let (g, slope, q) = (num(g1), num(right), num(q1));
         let value = format!("G = {g} and slope {slope} at its last point (q = {q})");
         let accepted =
             "a force that confines: beyond the last point it must rise, or be constant and > 0";
-        return Err(origin.refuse(value, accepted));
+        return Err(origin.refuse(&value, accepted));
     }
     Ok(())
 }
