@@ -60,7 +60,7 @@ pub enum Error {
         what: String,
     },
     /// A limit of the scene was reached before the answer.
-    #[error("{key} = {limit} was reached: {what}")]
+    #[error("{key} = {limit} does not suffice: {what}")]
     Limit {
         /// The key that holds the limit.
         key: &'static str,

@@ -55,7 +55,7 @@ pub fn bytes(bytes: u64) -> String {
         }
         size /= 1e3;
     }
-    format!("{size:.1e} EB")
+    format!("{size:.0} EB")
 }
 
 /// A time in the unit a person would use.

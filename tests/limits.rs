@@ -172,7 +172,7 @@ fn a_scene_that_does_not_fit_leaves_marked_results_in_place_of_older_ones() {
         "{second}"
     );
     assert!(
-        second.contains("accuracy.max_memory = 3.0 MB was reached"),
+        second.contains("accuracy.max_memory = 3.0 MB does not suffice"),
         "{second}"
     );
     // A scene that is refused leaves what there is as it is.
