@@ -226,13 +226,17 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
             "{lines}table, arrays and picture: vibroimpact collect {out}\n"
         ))?;
     }
-    Ok(if tally.failed + tally.short > 0 { 3 } else { 0 })
+    Ok(if tally.failed + tally.lacking + tally.short > 0 {
+        3
+    } else {
+        0
+    })
 }
 
 fn collect(dir: &Path, draw: &[String], quiet: bool) -> Outcome {
     let draw = draw.iter().map(|it| map::Drawn::parse(it));
     let it = map::collect(dir, &draw.collect::<Result<Vec<_>>>()?)?;
-    let lacks = it.missing() + it.failed + it.short > 0;
+    let lacks = it.missing() + it.failed + it.lacking + it.short > 0;
     if !quiet {
         print(&format!("{it}files: {}\n", dir.display()))?;
     } else if lacks {

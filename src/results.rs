@@ -172,12 +172,13 @@ impl Results {
         self.shortfalls.iter().any(|(_, it)| it.free)
     }
 
-    /// Whether the records obey the exact identities that control variates rest on: white noise, and a
-    /// scheme whose stationary law is exact.
+    /// Whether the records obey the exact identities that control variates rest on, white noise and a
+    /// scheme whose stationary law is exact, and are long enough for them.
     pub(crate) fn controlled(&self) -> bool {
         let white = |it: &crate::scene::MonteCarlo| it.noise == Noise::White;
-        let exact =
-            |it: &RecordResult| matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62);
+        let exact = |it: &RecordResult| {
+            matches!(it.scheme, Scheme::Splitting42 | Scheme::Splitting62) && it.are_long()
+        };
         self.scene.oscillator.is_viscous()
             && self.scene.monte_carlo.as_ref().is_some_and(white)
             && self.records.as_ref().is_some_and(exact)

@@ -331,6 +331,24 @@ fn what_is_missing_is_listed_and_what_differs_is_shown() {
     }
     let said = run(&room, "collect .", 2);
     assert!(said.contains("map.json"), "{said}");
+    // A part of the same points of another scene.
+    let other = "map scene.toml --over oscillator.h=log:1e-4:1e-2:12 --out other";
+    run(
+        &room,
+        &format!("{other} --set oscillator.contact=bilinear --part 2/3"),
+        0,
+    );
+    fs::copy(
+        room.join("other/part-2-of-3.jsonl"),
+        file.with_file_name("part-2-of-3.jsonl"),
+    )
+    .unwrap();
+    fs::remove_file(room.join("out/part-1-of-1.jsonl")).unwrap();
+    let said = run(&room, "collect out", 2);
+    assert!(
+        said.contains("part-2-of-3.jsonl") && said.contains("another scene"),
+        "{said}"
+    );
 }
 
 #[test]

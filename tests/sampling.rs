@@ -6,7 +6,7 @@ use vibroimpact::Error;
 use vibroimpact::contact::{ContactLaw, Restoring};
 use vibroimpact::estimate::Estimate;
 use vibroimpact::initial::Initial;
-use vibroimpact::moments::Moments;
+use vibroimpact::moments::{Moment, Moments};
 use vibroimpact::monte_carlo::{
     EnsembleResult, Noise, RecordResult, Samples, Sampling, Scheme, first_loss, records, run,
     series,
@@ -14,6 +14,7 @@ use vibroimpact::monte_carlo::{
 use vibroimpact::oscillator::{Oscillator, Quantity};
 use vibroimpact::plan::Plan;
 use vibroimpact::scene::text::SceneText;
+use vibroimpact::stationary::Stationary;
 
 fn hertz(zeta: f64, temperature: f64) -> Oscillator {
     Oscillator::new(
@@ -417,8 +418,8 @@ fn every_law_and_any_damping_keeps_its_temperature_and_short_records_say_so() {
             let lossy = it.contact().loss_point().is_some();
             let located = got.scheme.locates_crossings();
             assert_eq!(got.crossings.is_some(), lossy && located);
-            // Friction so weak that the records are no longer than a correlation time, or losses not counted.
-            let rough = zeta < 1e-3 && got.effective_samples[2] < 50.0;
+            // Records not much longer than a correlation time, or losses not counted.
+            let rough = got.effective_samples.iter().any(|it| *it < 100.0);
             assert_eq!(
                 got.warnings.len(),
                 usize::from(rough) + usize::from(lossy && !located)
@@ -654,4 +655,41 @@ fn a_splitting_whose_nodes_no_longer_see_the_motion_turn_is_warned_of_with_few_p
     };
     // Variances are off by 0.17 with the first, by less than 1e-3 with the second.
     assert_eq!([3.0, 1.0].map(said), [1, 0]);
+}
+
+#[test]
+fn standard_errors_of_short_realisations_hold_over_seeds() {
+    for (zeta, h, duration) in [(0.05, 0.02, 3e3), (0.05, 0.02, 1e4), (0.005, 2e-3, 6e4)] {
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+        let exact = Stationary::of(&it).unwrap().moments();
+        let mut squares = [0.0; Moment::ALL.len()];
+        let seeds = 100;
+        for seed in 0..seeds {
+            let text = format!(
+                "[oscillator]\nzeta = {zeta:e}\nh = {h:e}\n[monte_carlo]\nduration = {duration:e}\nseed = {seed}"
+            );
+            let scene = SceneText::parse("a.toml", &text, &[]).unwrap();
+            let tree = Plan::of(scene.scene())
+                .unwrap()
+                .run_quietly()
+                .unwrap()
+                .tree();
+            let found = &tree["monte_carlo"]["stationary"];
+            for (square, (name, exact)) in squares.iter_mut().zip(exact.named()) {
+                // E[v] and Cov(q, v) are not all there.
+                let Some(value) = found[name]["value"].as_f64() else {
+                    continue;
+                };
+                let error = found[name]["error"].as_f64().unwrap();
+                *square += ((value - exact.unwrap().value) / error).powi(2);
+            }
+        }
+        for (name, square) in Moment::ALL.map(Moment::name).into_iter().zip(squares) {
+            let rms = (square / f64::from(seeds)).sqrt();
+            println!("zeta {zeta}, duration {duration:e}: {name} rms {rms:.2} standard errors");
+            // Of a normal law 1.00 with a deviation of 0.07; the kurtosis weighs what few batches have seen.
+            let most = if name == "kurtosis_force" { 1.6 } else { 1.25 };
+            assert!(rms < most, "{name}: {rms}");
+        }
+    }
 }

@@ -157,3 +157,11 @@ def test_a_cluster_that_loses_a_worker_completes_the_map() -> None:
 
         there = vi.map(scene, over, client, progress=told)
     assert killed.is_set() and same(here, there)
+
+
+def test_an_axis_of_lists_of_other_lengths_has_them_as_its_values() -> None:
+    lists = [[0.5], [0.5, 1.0]]
+    m = vi.map({**DENSITY, "outputs": {"moments_at": [1]}}, {"outputs.moments_at": lists})
+    assert list(m.axes["outputs.moments_at"]) == lists and m.shape == (2,)
+    found = m["transient.mean_q"].value
+    assert found.shape == (2, 2) and found[0, 0] == found[1, 0] and np.isnan(found[0, 1])

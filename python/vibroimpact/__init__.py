@@ -3,7 +3,7 @@
 >>> import vibroimpact as vi
 >>> r = vi.run({"oscillator": {"zeta": 0.005, "h": 2e-3}})
 >>> print(r["stationary"]["contact_loss_probability"])
-0.07245565134584 +- 1e-14
+0.0724556459545021 +- 1e-15
 
 ``scene``, ``Scene`` say what is to be computed, ``plan`` how that would be done, ``run`` does it. Everything is
 dimensionless as in scene files: displacement q in 2/3 of the static compression, time in 1/Omega, force in the static

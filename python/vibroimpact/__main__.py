@@ -8,7 +8,7 @@ from . import _native
 
 def main() -> int:
     """Obey the command line; the exit status of the program."""
-    # Ctrl-C ends the program at once, as it ends the one in Rust: files appear whole or not at all.
+    # Ctrl-C is for the program in Rust to see: what had ended is kept, and files appear whole or not at all.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.stdout.flush()
     return _native.main(["vibroimpact", *sys.argv[1:]])

@@ -48,7 +48,7 @@ class Map(Mapping[str, Curve]):
     """Places of the points with a number that did not reach the tolerance though the program was free to refine it."""
 
     def __init__(self, axes: Sequence[tuple[str, list[Any]]], lines: Sequence[dict[str, Any]]) -> None:
-        self.axes = {key: np.array(values) for key, values in axes}
+        self.axes = {key: _axis(values) for key, values in axes}
         self._shape = tuple(len(values) for _, values in axes)
         self.failed, self.missed = {}, []
         found: dict[str, list[tuple[int, Any, Any]]] = {}
@@ -97,6 +97,16 @@ class Map(Mapping[str, Curve]):
     def __repr__(self) -> str:
         axes = " x ".join(f"{key}[{len(values)}]" for key, values in self.axes.items())
         return f"<Map over {axes}: {len(self)} numbers; {len(self.failed)} points failed>"
+
+
+def _axis(values: list[Any]) -> NDArray[Any]:
+    """The values of a key; of lists, which may have different lengths, an array of objects."""
+    if not any(isinstance(it, (list, dict)) for it in values):
+        return np.array(values)
+    axis = np.empty(len(values), dtype=object)
+    for k, it in enumerate(values):
+        axis[k] = it
+    return axis
 
 
 def _numbers(tree: Any, name: str) -> Iterator[tuple[str, Any, Any]]:

@@ -108,7 +108,8 @@ class Scene:
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> Scene:
-        """A scene from TOML: a file by its path, or the text itself (any text with ``=`` or a line break in it).
+        """A scene from TOML: a file by its path, or the text itself: any text with ``=``, ``[`` or a line break in it. A
+        path with one of these is to be a ``pathlib.Path``.
 
         Raises:
             SceneError: the text is no scene; the message shows the line.

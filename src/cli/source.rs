@@ -31,7 +31,8 @@ pub(super) fn named(scene: Option<&Path>) -> std::result::Result<(String, String
         return Ok((name.to_owned(), text.to_owned()));
     };
     let name = path.display().to_string();
-    if !path.exists()
+    // A folder of results may have its name.
+    if !path.is_file()
         && let Some(text) = built_in(&name)
     {
         return Ok((name, text.to_owned()));

@@ -2,8 +2,8 @@
 
 use super::axis::{Axis, Spacing, plain};
 use super::collected::Collected;
-use super::grid::Ending;
-use super::lines::{Head, each};
+use super::grid::{Ending, Map, name};
+use super::lines::{Head, Known, each};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
@@ -86,15 +86,6 @@ const MAIN: [&str; 12] = [
     "transient.mean_q",
 ];
 
-/// Where a line stands.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    file: usize,
-    at: u64,
-    /// A hash of the whole line.
-    hash: u64,
-}
-
 /// Joins the parts found in the folder of a map: map.csv, map.npz, map.svg, report.html, and missing.csv where points
 /// are missing. The same bytes whatever the parts and the order of their lines. A cut-off last line is no line.
 ///
@@ -111,6 +102,7 @@ pub fn collect(dir: &Path, draw: &[Drawn]) -> Result<Collected> {
         it.table.npz(&axes)?,
     ];
     let picture = picture(&it.axes, &it.table, &drawn).transpose()?;
+    it.drawn = picture.is_some();
     files.push(page::page(&it, picture.as_ref()));
     files.extend(picture);
     let missing = dir.join("missing.csv");
@@ -148,36 +140,22 @@ fn read(dir: &Path) -> Result<Collected> {
     let unit = map["scene"]["outputs"]["time_unit"].as_str();
     let unit = unit.and_then(TimeUnit::named).unwrap_or_default();
     let mut table = Table::new(points, unit);
-    let mut found: HashMap<usize, Place> = HashMap::new();
-    let (mut failed, mut short) = (0, 0);
+    let told = Map::told(&map, axes.clone());
+    let known = known(&files, points, &axes, told.as_ref())?;
     for (file, path) in files.iter().enumerate() {
         each(path, |at, line| {
-            // A cut-off line is a point in flight when its run was killed.
-            let whole = line.ends_with(b"\n");
-            let head = serde_json::from_slice::<Head>(line).ok().filter(|_| whole);
-            let Some(head) = head.filter(|it| it.index < points) else {
-                return Ok(());
-            };
-            let here = Place {
-                file,
-                at,
-                hash: hash(line),
-            };
-            if let Some(there) = found.get(&head.index) {
-                if there.hash == here.hash {
-                    return Ok(());
-                }
-                return Err(differ(&axes, &head, &files, (*there, here)));
+            let head = serde_json::from_slice::<Head>(line).ok();
+            let it = head.and_then(|head| Some((head.index, known.get(&head.index)?)));
+            if let Some((index, it)) = it
+                && (it.file, it.at) == (file, at)
+            {
+                let line: Value = serde_json::from_slice(line).unwrap_or_default();
+                table.put(index, &line, it.ending);
             }
-            found.insert(head.index, here);
-            let line: Value = serde_json::from_slice(line).unwrap_or_default();
-            let ending = head.ending();
-            failed += usize::from(ending == Ending::Failed);
-            short += usize::from(ending == Ending::Short);
-            table.put(head.index, &line, ending);
             Ok(())
         })?;
     }
+    let ended = |ending| known.values().filter(|it| it.ending == ending).count();
     // The division into most parts is the one that an engine ran.
     let of = parts.iter().map(|it| it.of()).max().unwrap_or(1);
     let absent = table.endings.iter().filter(|it| it.is_none()).count();
@@ -194,13 +172,15 @@ fn read(dir: &Path) -> Result<Collected> {
     Ok(Collected {
         title: title.unwrap_or_default().to_owned(),
         points,
-        failed,
-        short,
+        failed: ended(Ending::Failed),
+        lacking: ended(Ending::Lacking),
+        short: ended(Ending::Short),
         parts,
         missing,
         axes,
         table,
         scene: map["scene"].clone(),
+        drawn: false,
     })
 }
 
@@ -216,16 +196,48 @@ fn axes(map: &Value) -> Option<Vec<Axis>> {
     all.filter(|it| !it.is_empty())
 }
 
-fn hash(line: &[u8]) -> u64 {
-    use std::hash::{DefaultHasher, Hasher};
-    let mut hasher = DefaultHasher::new();
-    hasher.write(line);
-    hasher.finish()
+/// The line that counts of each point. A cut-off one is a point in flight when its run was killed. The first of each file is to
+/// be of the scene that is `told`.
+fn known(
+    files: &[PathBuf],
+    points: usize,
+    axes: &[Axis],
+    told: Option<&Map>,
+) -> Result<HashMap<usize, Known>> {
+    let mut all: HashMap<usize, Known> = HashMap::new();
+    for (file, path) in files.iter().enumerate() {
+        let mut told = told;
+        each(path, |at, line| {
+            let head = serde_json::from_slice::<Head>(line).ok();
+            let whole = |it: &Head| line.ends_with(b"\n") && it.index < points;
+            let Some(head) = head.filter(whole) else {
+                return Ok(());
+            };
+            let scene = told.take().and_then(|map| map.scene(head.index).ok());
+            if scene.is_some_and(|it| name(&it) != head.name) {
+                let accepted =
+                    format!("parts of the map in {MAP} alone; this one is of another scene");
+                return Err(Error::invalid("DIR", path.display(), accepted));
+            }
+            let here = Known::of(&head, line, file, at);
+            if let Some(there) = all.get(&head.index) {
+                if here.disagrees(there) {
+                    return Err(differ(axes, &head, files, (*there, here)));
+                }
+                if !here.counts(there) {
+                    return Ok(());
+                }
+            }
+            all.insert(head.index, here);
+            Ok(())
+        })?;
+    }
+    Ok(all)
 }
 
 /// Says where two lines of one point differ.
-fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place)) -> Error {
-    let line = |it: Place| -> Option<Value> {
+fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Known, Known)) -> Error {
+    let line = |it: Known| -> Option<Value> {
         let mut file = BufReader::new(File::open(&files[it.file]).ok()?);
         file.seek(SeekFrom::Start(it.at)).ok()?;
         let mut text = String::new();
@@ -247,8 +259,11 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
     });
     let what = match other {
         Some((a, b)) if a.0 == b.0 => {
-            let [a1, a2, b1, b2] = [a.1, a.2, b.1, b.2].map(num);
-            format!("{} is {a1} ± {a2} in one and {b1} ± {b2} in the other", a.0)
+            let [one, other] = [a, b].map(|it| match it.2 {
+                error if error.is_nan() => num(it.1),
+                error => format!("{} ± {}", num(it.1), num(error)),
+            });
+            format!("{} is {one} in one and {other} in the other", a.0)
         }
         _ => ["name", "error", "warnings", "shortfalls"]
             .into_iter()
@@ -263,7 +278,7 @@ fn differ(axes: &[Axis], head: &Head, files: &[PathBuf], (a, b): (Place, Place))
     let values: Vec<String> = values
         .map(|(axis, k)| format!("{} = {}", axis.key(), axis.values()[k]))
         .collect();
-    let name = |it: Place| {
+    let name = |it: Known| {
         let name = files[it.file].file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     };

@@ -17,6 +17,8 @@ pub struct Collected {
     pub points: usize,
     /// Points with a message in place of results.
     pub failed: usize,
+    /// Points with a stage that has no answer.
+    pub lacking: usize,
     /// Points with a number that did not reach the tolerance though the program was free to refine it.
     pub short: usize,
     /// Parts that were found.
@@ -25,6 +27,8 @@ pub struct Collected {
     pub(super) axes: Vec<Axis>,
     pub(super) table: Table,
     pub(super) scene: Value,
+    /// Whether there is a picture.
+    pub(super) drawn: bool,
 }
 
 impl Collected {
@@ -59,9 +63,22 @@ impl fmt::Display for Collected {
         let points = many(self.points as u64, "point");
         let parts = many(self.parts.len() as u64, "part");
         writeln!(f, "{points} ({axes}): {there} there, in {parts}")?;
+        if !self.drawn {
+            writeln!(
+                f,
+                "no map.svg: a picture has one to three axes of several points"
+            )?;
+        }
         if self.short > 0 {
             let short = many(self.short as u64, "point");
             writeln!(f, "{short} missed the tolerance: status in map.csv")?;
+        }
+        if self.lacking > 0 {
+            let lacking = many(self.lacking as u64, "point");
+            writeln!(
+                f,
+                "{lacking} with a stage that has no answer: status in map.csv; `vibroimpact map --retry` tries again"
+            )?;
         }
         if self.failed > 0 {
             let failed = many(self.failed as u64, "point");

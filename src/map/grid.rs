@@ -31,6 +31,8 @@ pub(super) type Result<T> = std::result::Result<T, MapError>;
 #[derive(Debug, Clone)]
 pub struct Map {
     title: String,
+    /// The text of the scene, and what was set on top of it.
+    given: (String, Vec<String>),
     draft: Draft,
     axes: Vec<Axis>,
     keep: Keep,
@@ -39,6 +41,9 @@ pub struct Map {
 
 /// Points above which only the values of each axis are checked at once; the points of a part are when it is run.
 const CHECKED: usize = 100_000;
+
+/// What map.json says of the scene, for people and for `collect`: its hash tells whether it is another one.
+pub(super) const SHOWN: [&str; 3] = ["scene", "toml", "set"];
 
 /// Points of a map at most.
 const MOST: usize = 1_000_000_000_000;
@@ -54,6 +59,25 @@ impl Map {
     /// # Errors
     /// [`MapError`] that names the key, the value and what is accepted.
     pub fn of(
+        name: &str,
+        scene: &str,
+        set: &[String],
+        axes: Vec<Axis>,
+        keep: Vec<String>,
+    ) -> Result<Self> {
+        let it = Self::unchecked(name, scene, set, axes, keep)?;
+        it.check()?;
+        Ok(it)
+    }
+
+    /// The map that map.json tells of; None of one that this version did not write, or whose scene cannot be read here.
+    pub(super) fn told(map: &Value, axes: Vec<Axis>) -> Option<Self> {
+        let set = map["set"].as_array()?.iter();
+        let set: Option<Vec<String>> = set.map(|it| Some(it.as_str()?.to_owned())).collect();
+        Self::unchecked("map.json", map["toml"].as_str()?, &set?, axes, Vec::new()).ok()
+    }
+
+    fn unchecked(
         name: &str,
         scene: &str,
         set: &[String],
@@ -77,23 +101,25 @@ impl Map {
             let accepted = format!("at most {:.0e} points", MOST as f64);
             return Err(Error::invalid("--over", format!("{points:.1e} points"), accepted).into());
         };
-        let draft = Draft::parse(name, scene, set)?;
         let mut it = Self {
             title: String::new(),
-            draft,
+            given: (scene.to_owned(), set.to_vec()),
+            draft: Draft::parse(name, scene, set)?,
             axes,
             keep: Keep::of(keep)?,
             len,
         };
         it.title.clone_from(&it.text(0)?.scene().title);
-        if len <= CHECKED {
-            (0..len)
-                .into_par_iter()
-                .try_for_each(|index| it.text(index).map(drop))?;
-        } else {
-            it.check_axes()?;
-        }
         Ok(it)
+    }
+
+    /// Every point, or every value of every axis.
+    fn check(&self) -> Result<()> {
+        if self.len > CHECKED {
+            return self.check_axes();
+        }
+        let all = (0..self.len).into_par_iter();
+        all.try_for_each(|index| self.text(index).map(drop))
     }
 
     /// Each value of each axis, the other keys at their first value.
@@ -206,7 +232,7 @@ impl Map {
         (Value::Object(line).to_string(), ending)
     }
 
-    /// What the map is, as map.json says it: two parts belong together where all but `scene` is the same.
+    /// What the map is, as map.json says it: two parts belong together where all but [`SHOWN`] is the same.
     pub(super) fn identity(&self) -> Checked<Value> {
         let axis = |it: &Axis| json!({ "key": it.key(), "spacing": it.spacing().name(), "values": it.values() });
         let first = self.text(0).map_err(|error| match error {
@@ -220,6 +246,8 @@ impl Map {
             "keep": self.keep.names(),
             "name": name(first.scene()),
             "scene": first.scene().resolved(),
+            "toml": self.given.0,
+            "set": self.given.1,
         }))
     }
 }
@@ -231,6 +259,8 @@ pub(super) enum Ending {
     Well,
     /// A number that the program was free to refine did not reach the tolerance.
     Short,
+    /// A stage has no answer.
+    Lacking,
     /// No results.
     Failed,
 }
@@ -246,7 +276,13 @@ fn put_notes(line: &mut Object<String, Value>, results: &Results) -> Ending {
         let all = results.run.warnings.iter().map(|it| json!(it.text));
         line.insert("warnings".into(), all.collect());
     }
-    if results.falls_short() {
+    if results
+        .shortfalls
+        .iter()
+        .any(|(_, it)| it.number.is_empty())
+    {
+        Ending::Lacking
+    } else if results.falls_short() {
         Ending::Short
     } else {
         Ending::Well

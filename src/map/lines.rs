@@ -1,11 +1,14 @@
-//! The file of a part: one line a point, each written whole, so that a run that was killed goes on where it ended.
+//! The file of a part: one line a point, each written whole, so that a run that was killed goes on where it ended. A point that
+//! is computed again has two until then: the one that lacks fewer answers counts.
 
 use super::grid::Ending;
 use super::part::Part;
 use crate::error::{Error, Result};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File, OpenOptions};
+use std::hash::{DefaultHasher, Hasher};
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -28,21 +31,86 @@ struct Short {
 }
 
 impl Head {
-    /// Whether the point, or a stage of it, has no answer: another try may find one.
-    pub(super) fn lacks(&self) -> bool {
-        let none = |it: &Short| it.number.as_deref() == Some("");
-        self.error.is_some() || self.shortfalls.iter().any(none)
+    /// Stages without an answer, which another try may find; more than any where the point has none.
+    fn lacking(&self) -> usize {
+        let none = |it: &&Short| it.number.as_deref() == Some("");
+        match self.error {
+            Some(_) => usize::MAX,
+            None => self.shortfalls.iter().filter(none).count(),
+        }
     }
 
     pub(super) fn ending(&self) -> Ending {
         if self.error.is_some() {
             Ending::Failed
+        } else if self.lacking() > 0 {
+            Ending::Lacking
         } else if self.shortfalls.iter().any(|it| it.free) {
             Ending::Short
         } else {
             Ending::Well
         }
     }
+}
+
+/// A line that a point is known by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    /// Of several files the one that it stands in, and where in it.
+    pub(super) file: usize,
+    pub(super) at: u64,
+    pub(super) ending: Ending,
+    lacking: usize,
+    /// Of the whole line.
+    hash: u64,
+}
+
+impl Known {
+    pub(super) fn of(head: &Head, line: &[u8], file: usize, at: u64) -> Self {
+        let mut hasher = DefaultHasher::new();
+        hasher.write(line);
+        Self {
+            file,
+            at,
+            ending: head.ending(),
+            lacking: head.lacking(),
+            hash: hasher.finish(),
+        }
+    }
+
+    /// Whether it counts beside another one of its point: whatever their order, the same of both does.
+    pub(super) fn counts(&self, other: &Self) -> bool {
+        (self.lacking, self.hash) < (other.lacking, other.hash)
+    }
+
+    /// Whether both have all answers, and other ones.
+    pub(super) fn disagrees(&self, other: &Self) -> bool {
+        self.lacking == 0 && other.lacking == 0 && self.hash != other.hash
+    }
+
+    /// Whether another try may find more.
+    pub(super) fn lacks(&self) -> bool {
+        self.lacking > 0
+    }
+}
+
+/// The lines that the points of a file are known by, of those that are `ours`, and how many others it has.
+fn known(path: &Path, ours: impl Fn(&Head) -> bool) -> Result<(HashMap<usize, Known>, usize)> {
+    let (mut all, mut foreign) = (HashMap::<usize, Known>::new(), 0);
+    each(path, |at, line| {
+        let head = serde_json::from_slice::<Head>(line);
+        let head = head.ok().filter(|it| line.ends_with(b"\n") && ours(it));
+        let Some(head) = head else {
+            foreign += 1;
+            return Ok(());
+        };
+        let here = Known::of(&head, line, 0, at);
+        if all.get(&head.index).is_none_or(|there| here.counts(there)) {
+            all.insert(head.index, here);
+        }
+        Ok(())
+    })?;
+    Ok((all, foreign))
 }
 
 /// The lines of one part, held by one run at a time.
@@ -57,16 +125,16 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Opens the file of a part in a folder. `wanted` is asked of every whole line; the others are dropped from the
-    /// file, a cut-off last one among them.
+    /// Opens the file of a part in a folder, and the lines that its points are known by. Those that are not `ours` go, a cut-off last
+    /// one among them.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a part that another run is computing; [`Error::Io`] where the system refuses.
     pub(super) fn open(
         folder: &Path,
         part: Part,
-        mut wanted: impl FnMut(&Head) -> bool,
-    ) -> Result<Self> {
+        ours: impl Fn(&Head) -> bool,
+    ) -> Result<(Self, HashMap<usize, Known>)> {
         let path = folder.join(part.file());
         let lock_path = folder.join(format!(".{}.lock", part.file()));
         let lock = File::create(&lock_path).map_err(Error::io(&lock_path))?;
@@ -74,37 +142,20 @@ impl Lines {
             let accepted = "a part that no other run is computing";
             return Err(Error::invalid("--part", part.file(), accepted));
         }
-        let mut dropped = 0;
+        let (mut there, mut dropped) = (HashMap::new(), 0);
         if path.exists() {
-            let beside = folder.join(format!(".{}.part", part.file()));
-            let mut kept = BufWriter::new(File::create(&beside).map_err(Error::io(&beside))?);
-            each(&path, |_, line| {
-                let head = serde_json::from_slice::<Head>(line);
-                if line.ends_with(b"\n") && head.is_ok_and(|it| wanted(&it)) {
-                    kept.write_all(line).map_err(Error::io(&beside))
-                } else {
-                    dropped += 1;
-                    Ok(())
-                }
-            })?;
-            kept.flush().map_err(Error::io(&beside))?;
-            let kept = kept.into_inner();
-            let kept = kept.map_err(|error| Error::io(&beside)(error.into_error()))?;
-            if dropped > 0 {
-                kept.sync_data().map_err(Error::io(&beside))?;
-                fs::rename(&beside, &path).map_err(Error::io(&path))?;
-            } else {
-                fs::remove_file(&beside).map_err(Error::io(&beside))?;
-            }
+            (there, dropped) = known(&path, ours)?;
+            tidy(&path, &there)?;
         }
         let file = OpenOptions::new().create(true).append(true).open(&path);
-        Ok(Self {
+        let it = Self {
             file: Mutex::new(file.map_err(Error::io(&path))?),
             path,
             lock,
             lock_path,
             dropped,
-        })
+        };
+        Ok((it, there))
     }
 
     /// Appends a line by one write: it is there whole, or cut off as the last one.
@@ -119,16 +170,43 @@ impl Lines {
             .map_err(Error::io(&self.path))
     }
 
-    /// What was written is on the disk.
+    /// What was written is on the disk; of points that were computed again one line stays.
     ///
     /// # Errors
     /// [`Error::Io`] where the system refuses.
-    pub(super) fn sync(&self) -> Result<()> {
-        match self.file.lock() {
-            Ok(file) => file.sync_data().map_err(Error::io(&self.path)),
-            Err(_) => Ok(()),
+    pub(super) fn close(self, again: bool) -> Result<()> {
+        if let Ok(file) = self.file.lock() {
+            file.sync_data().map_err(Error::io(&self.path))?;
         }
+        if again {
+            let (there, _) = known(&self.path, |_| true)?;
+            tidy(&self.path, &there)?;
+        }
+        Ok(())
     }
+}
+
+/// Leaves in a file the lines that its points are known by; all of it or nothing.
+fn tidy(path: &Path, there: &HashMap<usize, Known>) -> Result<()> {
+    let mut beside = path.to_owned();
+    beside.set_extension("tidied");
+    let mut left = 0;
+    let mut kept = BufWriter::new(File::create(&beside).map_err(Error::io(&beside))?);
+    let places: HashSet<u64> = there.values().map(|it| it.at).collect();
+    each(path, |at, line| {
+        if places.contains(&at) {
+            return kept.write_all(line).map_err(Error::io(&beside));
+        }
+        left += 1;
+        Ok(())
+    })?;
+    let kept = kept.into_inner();
+    let kept = kept.map_err(|error| Error::io(&beside)(error.into_error()))?;
+    if left == 0 {
+        return fs::remove_file(&beside).map_err(Error::io(&beside));
+    }
+    kept.sync_data().map_err(Error::io(&beside))?;
+    fs::rename(&beside, path).map_err(Error::io(path))
 }
 
 impl Drop for Lines {
@@ -154,5 +232,63 @@ pub(super) fn each(path: &Path, mut visit: impl FnMut(u64, &[u8]) -> Result<()>)
         }
         visit(at, &line)?;
         at += read as u64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: &str = "{\"index\":3,\"name\":\"a\",\"error\":{\"message\":\"too long\"}}";
+    const SOME: &str =
+        "{\"index\":3,\"name\":\"a\",\"shortfalls\":[{\"number\":\"\",\"free\":true}]}";
+    const ALL: &str = "{\"index\":3,\"name\":\"a\",\"results\":{}}";
+
+    #[test]
+    fn a_point_that_is_computed_again_keeps_its_line_until_it_has_a_better_one() {
+        let folder = std::env::temp_dir().join("vibroimpact-lines");
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).unwrap();
+        let path = folder.join(Part::WHOLE.file());
+        fs::write(
+            &path,
+            format!("{SOME}\n{{\"index\":4,\"name\":\"of another\"}}\n{ALL}"),
+        )
+        .unwrap();
+        let open = || Lines::open(&folder, Part::WHOLE, |head| head.name == "a").unwrap();
+        let text = || fs::read_to_string(&path).unwrap();
+        let (lines, there) = open();
+        // The last one is cut off.
+        assert!(there[&3].lacks() && lines.dropped == 2);
+        assert_eq!(text(), format!("{SOME}\n"));
+        // Killed before another was there, and after a worse one.
+        drop(lines);
+        let (lines, _) = open();
+        lines.write(NONE.into()).unwrap();
+        drop(lines);
+        let (lines, there) = open();
+        assert!(there[&3].ending == Ending::Lacking && lines.dropped == 0);
+        assert_eq!(text(), format!("{SOME}\n"));
+        lines.write(ALL.into()).unwrap();
+        assert_eq!(text(), format!("{SOME}\n{ALL}\n"));
+        lines.close(true).unwrap();
+        assert_eq!(text(), format!("{ALL}\n"));
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn of_two_lines_the_one_with_more_answers_counts_in_any_order_and_none_stands_against_another()
+    {
+        let of =
+            |line: &str| Known::of(&serde_json::from_str(line).unwrap(), line.as_bytes(), 0, 0);
+        let [none, some, all] = [NONE, SOME, ALL].map(of);
+        for (better, worse) in [(all, some), (some, none), (all, none)] {
+            assert!(better.counts(&worse) && !worse.counts(&better));
+            assert!(!better.disagrees(&worse));
+        }
+        let other = of("{\"index\":3,\"name\":\"a\",\"results\":{\"stationary\":1}}");
+        assert!(other.disagrees(&all) && !all.disagrees(&all));
+        let failed = of("{\"index\":3,\"name\":\"a\",\"error\":{\"message\":\"too large\"}}");
+        assert!(failed.counts(&none) != none.counts(&failed) && !failed.disagrees(&none));
     }
 }

@@ -65,7 +65,13 @@ impl Keep {
                 let whole = std::iter::once((*section).to_owned());
                 whole.chain(curves.iter().map(move |it| format!("{section}.{it}")))
             });
-            let accepted = all.collect::<Vec<_>>().join(", ");
+            let mut accepted: Vec<String> = Vec::new();
+            for name in all {
+                if !accepted.contains(&name) {
+                    accepted.push(name);
+                }
+            }
+            let accepted = accepted.join(", ");
             return Err(Error::invalid("--keep", wrong, accepted));
         }
         Ok(Self(names))

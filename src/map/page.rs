@@ -16,6 +16,11 @@ pub(super) fn page(it: &Collected, picture: Option<&File>) -> File {
     let notes = [
         (it.missing(), "missing", None),
         (it.failed, "failed", Some(Ending::Failed)),
+        (
+            it.lacking,
+            "have a stage without an answer",
+            Some(Ending::Lacking),
+        ),
         (it.short, "missed the tolerance", Some(Ending::Short)),
     ];
     for (count, what, ending) in notes.iter().filter(|it| it.0 > 0) {

@@ -1,6 +1,6 @@
 //! A part of a map is run: which of its points are missing, in what order, on how many threads each.
 
-use super::grid::{Ending, Map, MapError, Result, name};
+use super::grid::{Ending, Map, MapError, Result, SHOWN, name};
 use super::lines::{Head, Lines};
 use super::part::Part;
 use crate::error::Error;
@@ -75,8 +75,12 @@ pub struct Tally {
     pub before: usize,
     /// Computed in this run.
     pub computed: usize,
+    /// Of the points without an answer, or with a stage that has none, those that are computed again.
+    pub again: usize,
     /// Lines that hold a message in place of results.
     pub failed: usize,
+    /// Lines of points with a stage that has no answer.
+    pub lacking: usize,
     /// Lines with a number that the program was free to refine and that did not reach the tolerance.
     pub short: usize,
     /// Lines found cut off or of no point of the part, and computed again.
@@ -90,6 +94,7 @@ impl Tally {
         match ending {
             Ending::Well => {}
             Ending::Short => self.short += 1,
+            Ending::Lacking => self.lacking += 1,
             Ending::Failed => self.failed += 1,
         }
     }
@@ -113,8 +118,16 @@ impl fmt::Display for Tally {
         for (count, what) in [
             (self.dropped, "cut-off or foreign lines were dropped"),
             (
+                self.again,
+                "points without an answer were to be computed again",
+            ),
+            (
                 self.short,
                 "points missed the tolerance: their lines say by how much",
+            ),
+            (
+                self.lacking,
+                "points have a stage without an answer: their lines say why; --retry tries them again",
             ),
             (self.failed, "points failed: their lines hold the message"),
             (self.missing(), "points were not begun"),
@@ -142,8 +155,8 @@ struct Job {
 
 impl Map {
     /// Computes the points of a part that have no line yet and appends their lines to the part's file in a folder,
-    /// each as soon as it has ended: killed at any moment, it loses the points in flight. `retry` drops the lines of
-    /// points that failed. Points run in parallel, one on each of `threads` threads, the longest first by their
+    /// each as soon as it has ended: killed at any moment, it loses the points in flight. `retry` computes those again that
+    /// failed or lack an answer. Points run in parallel, one on each of `threads` threads, the longest first by their
     /// plans; a point that is large by its plan gets all threads.
     ///
     /// # Errors
@@ -175,16 +188,17 @@ impl Map {
             ..Tally::default()
         };
         let mut missing = names;
-        let lines = Lines::open(folder, part, |head: &Head| {
-            let ours = missing.get(&head.index) == Some(&head.name);
-            let wanted = ours && !(retry && head.lacks());
-            if wanted {
-                missing.remove(&head.index);
+        let ours = |head: &Head| missing.get(&head.index) == Some(&head.name);
+        let (lines, there) = Lines::open(folder, part, ours)?;
+        for (index, known) in there {
+            if retry && known.lacks() {
+                tally.again += 1;
+            } else {
+                missing.remove(&index);
                 tally.before += 1;
-                tally.count(head.ending());
+                tally.count(known.ending);
             }
-            wanted
-        })?;
+        }
         tally.dropped = lines.dropped;
         let keep = missing.len() <= KEPT;
         let jobs = |index: &usize| self.job(*index, keep);
@@ -216,7 +230,7 @@ impl Map {
         drop(pool);
         run.each_on_one_thread(&small, threads)?;
         let ended = run.ended()?;
-        lines.sync()?;
+        lines.close(ended.again > 0)?;
         Ok(ended)
     }
 
@@ -229,11 +243,11 @@ impl Map {
         if let Ok(text) = fs::read_to_string(&path) {
             let theirs: Value = serde_json::from_str(&text).unwrap_or_default();
             let all = ours.as_object().into_iter().flatten();
+            let all = all.filter(|(key, _)| !SHOWN.contains(&key.as_str()));
             let differ = all.filter(|(key, value)| theirs.get(key) != Some(*value));
-            let mut differ: Vec<&str> = differ.map(|(key, _)| key.as_str()).collect();
-            // Of the scene its name tells whether it is another one.
-            let another = differ.contains(&"name");
-            differ.retain(|it| *it != "name" && (another || *it != "scene"));
+            let differ: Vec<&str> = differ
+                .map(|(key, _)| if key == "name" { "scene" } else { key.as_str() })
+                .collect();
             if differ.is_empty() {
                 return Ok(());
             }

@@ -170,6 +170,7 @@ impl Table {
             let status = match ending {
                 Ending::Well => "done",
                 Ending::Short => "tolerance missed",
+                Ending::Lacking => "a stage has no answer",
                 Ending::Failed => self.messages.get(&index).map_or("failed", String::as_str),
             };
             let _ = writeln!(text, ",{}", quoted(status));
@@ -280,6 +281,8 @@ fn section(it: &Value, path: &mut String, place: Option<usize>, visit: Visit<'_>
                 }
             }
         },
+        // What a place of a list does not have, its neighbours may.
+        Value::Null if place.is_some() => visit(path, place, f64::NAN, f64::NAN),
         _ => {}
     }
 }

@@ -68,6 +68,13 @@ pub struct RecordResult {
     pub warnings: Vec<Warning>,
 }
 
+/// Independent samples below which control variates are not fitted, and below which errors are rough. A batch that no high energy
+/// has visited shows less scatter about the regression than there is: over 300 seeds (Hertz, zeta = 0.05, h = 0.02) the error of
+/// Var q was rms 1.5 standard errors at 160 samples, 1.3 at 520, 1.1 at 1570; without controls 1.0 at 160. That of the
+/// kurtosis of N was 2.2 at 64, 1.2 at 160.
+const FITTED: f64 = 1000.0;
+const ROUGH: f64 = 100.0;
+
 /// Most batches of a record: the mean of each is kept.
 const BATCHES: f64 = 64.0;
 
@@ -241,8 +248,8 @@ impl Records {
             let moments = unknown("records", &[None]).into_iter();
             moments.chain(losses).collect()
         };
-        let worth = effective_samples.into_iter().fold(f64::INFINITY, f64::min);
-        if worth < 50.0 {
+        let worth = worth(effective_samples);
+        if worth < ROUGH {
             let text = format!(
                 "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
                  the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
@@ -284,6 +291,18 @@ impl Records {
             warnings.push(text.into());
         }
         warnings
+    }
+}
+
+/// The fewest of the independent samples of q, of N and of H.
+fn worth(effective_samples: [f64; 3]) -> f64 {
+    effective_samples.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+impl RecordResult {
+    /// Whether they are long enough for control variates.
+    pub(crate) fn are_long(&self) -> bool {
+        worth(self.effective_samples) >= FITTED
     }
 }
 

@@ -292,7 +292,8 @@ impl Plan {
                     Err(Error::limit("accuracy.max_seconds", num(limit), what))
                 }
             };
-            if stop.raised() {
+            // What is known already is an answer, and is kept as one.
+            if stop.raised() && computed.is_err() {
                 let what = format!("the {} stage had not ended", part.name());
                 return Err(Error::Stopped { what });
             }
@@ -338,6 +339,10 @@ impl Plan {
             results.run.warnings.extend(open);
             watch.ends(part, results)?;
             results.run.warnings.truncate(told);
+            if stop.raised() {
+                let what = format!("the {} stage ended early", part.name());
+                return Err(Error::Stopped { what });
+            }
         }
         match unanswered {
             Some(error) if results.run.stages.is_empty() => Err(error),

@@ -76,7 +76,9 @@ impl Folder {
             return Err(Error::invalid("--out", shown, accepted));
         }
         if path.exists() {
-            let empty = || fs::read_dir(path).is_ok_and(|mut it| it.next().is_none());
+            // A run that was stopped leaves its lock.
+            let other = |it: fs::DirEntry| it.file_name() != LOCK;
+            let empty = || fs::read_dir(path).is_ok_and(|it| !it.flatten().any(other));
             let (taken, accepted) = match existing {
                 Existing::Force => (true, ""),
                 Existing::Refuse => (

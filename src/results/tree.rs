@@ -72,7 +72,13 @@ impl Results {
         put("reach", reach);
         put("periodic", self.periodic.as_ref().map(periodic));
         put("response", self.response.as_ref().map(response));
-        let steady = |it: &crate::fokker_planck::Steady| json!({ "l1_error": it.l1_error, "residual": it.residual, "method": it.method });
+        let steady = |it: &crate::fokker_planck::Steady| {
+            let mut tree: Value = numbers(&mut it.moments.named().into_iter()).into();
+            tree["l1_error"] = json!(it.l1_error);
+            tree["residual"] = json!(it.residual);
+            tree["method"] = json!(it.method);
+            tree
+        };
         put("steady", self.steady.as_ref().map(steady));
         let rates = self.decay_rates.as_ref();
         put("decay_rates", rates.map(|it| json!(it.rates)));

@@ -75,8 +75,8 @@ const TABLES: &str = "Folder for the tables and pictures [default: results/<comm
 struct Survey {
     #[command(flatten)]
     output: Output,
-    /// Only what has this text in its name
-    #[arg(long, value_name = "TEXT", hide = true)]
+    /// Only what has one of these texts in its name, commas between them
+    #[arg(long, value_name = "TEXT")]
     only: Option<String>,
 }
 
@@ -86,6 +86,18 @@ impl Survey {
         self.only
             .as_ref()
             .is_none_or(|it| it.split(',').any(|part| name.contains(part)))
+    }
+
+    /// Of those there are, at least one is to be wanted.
+    fn among<'a>(&self, names: impl Iterator<Item = &'a str> + Clone) -> Outcome {
+        if names.clone().any(|it| self.wants(it)) {
+            return Ok(0);
+        }
+        let asked = self.only.as_deref().unwrap_or_default();
+        let names: Vec<&str> = names.collect();
+        let accepted = format!("accepted: a part of {}", names.join(", "));
+        let message = format!("--only = {asked} is not accepted");
+        Err(Stop::new(2, message, &accepted))
     }
 }
 
@@ -108,6 +120,7 @@ fn main() -> ExitCode {
 
 /// Error estimates against stored reference solutions; status 1 where a goal is missed.
 fn calibrate(survey: &Survey) -> Outcome {
+    survey.among(by_hand::names())?;
     let folder = match survey.output.out {
         Some(_) => Some(survey.output.folder("calibration")?),
         None => None,
@@ -145,6 +158,7 @@ fn calibrate(survey: &Survey) -> Outcome {
 
 /// What the numbers that were chosen do, each moved by itself.
 fn policy(survey: &Survey) -> Outcome {
+    survey.among(policy::names())?;
     let cases = references::cases()?;
     let folder = survey.output.folder("policy")?;
     let wants = |name: &str| survey.wants(name);
@@ -163,6 +177,8 @@ fn policy(survey: &Survey) -> Outcome {
 
 fn precision(options: &Survey) -> Outcome {
     let mut cases = case::cases()?;
+    let names = cases.iter().map(|it| it.name);
+    options.among(names.chain(["cost"]))?;
     cases.retain(|it| options.wants(it.name));
     let folder = options.output.folder("precision")?;
     let jobs: usize = cases.iter().map(|case| Method::all(case).len()).sum();
@@ -195,6 +211,7 @@ fn precision(options: &Survey) -> Outcome {
 
 fn stability(survey: &Survey) -> Outcome {
     let mut scenes = extreme::scenes()?;
+    survey.among(scenes.iter().map(|it| it.name.as_str()))?;
     scenes.retain(|it| survey.wants(&it.name));
     let folder = survey.output.folder("stability")?;
     let bar = progress(scenes.len(), false);

@@ -67,6 +67,11 @@ pub fn by_hand(
     ALL.into_iter().filter(|it| wants(it.0)).map(of).collect()
 }
 
+/// The names of what is given by hand.
+pub fn names() -> impl Iterator<Item = &'static str> + Clone {
+    ALL.iter().map(|it| it.0)
+}
+
 /// How many runs [`by_hand`] makes.
 pub fn count(cases: &[Case]) -> usize {
     ALL.len() * cases.len()

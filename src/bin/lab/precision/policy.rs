@@ -118,6 +118,11 @@ pub struct Policy {
     rows: Vec<Row>,
 }
 
+/// The names of the numbers that were chosen.
+pub fn names() -> impl Iterator<Item = &'static str> + Clone {
+    ALL.iter().map(|it| it.name)
+}
+
 /// How many times the survey runs its cases.
 pub fn count(wants: &dyn Fn(&str) -> bool) -> usize {
     1 + FACTORS.len() * ALL.iter().filter(|it| wants(it.name)).count()
