@@ -118,10 +118,12 @@ pub(crate) fn long_run(
     };
     let mut modes: Vec<Mode> = (0..wells as i32).map(begun).collect();
     let mut residuals = [1.0, 1.0];
+    // No further space brings the mode nearer, as where the slowest is a pair that goes round.
+    let mut stuck = false;
     let least = ROUNDING * stride as f64;
     for cycle in 0..CYCLES {
         // The modes first, as far as half the spaces bring them, then the sum.
-        let solving = residuals[1] <= enough || cycle >= CYCLES / 2;
+        let solving = residuals[1] <= enough || stuck || cycle >= CYCLES / 2;
         let from = if solving {
             vec![left.clone()]
         } else {
@@ -137,6 +139,7 @@ pub(crate) fn long_run(
             } = modes.swap_remove(0);
             return Ok(LongRun::of_rare(shape, lost, residual, steps));
         }
+        stuck |= cycle > 0 && !solving && modes[0].error() >= residuals[1];
         residuals[1] = modes[0].error();
         if modes[0].is_rounding(least) {
             // Of several wells the next mode must be told from it.
@@ -162,7 +165,7 @@ pub(crate) fn long_run(
                 residuals[0] = open / whole.abs() + norm(&left) / size;
             }
         }
-        if residuals.iter().all(|it| *it <= enough) {
+        if residuals[0] <= enough && (residuals[1] <= enough || stuck) {
             break;
         }
     }
