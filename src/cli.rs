@@ -19,7 +19,7 @@ use arguments::{Cli, Command, MapOptions, RunOptions};
 use clap::{CommandFactory, Parser};
 use progress::{MapWatch, Observer, bar};
 use signal_hook::consts::SIGINT;
-use source::{named, no_such_scene, read};
+use source::{named, no_such_scene, read, resembles_a_scene};
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -55,7 +55,7 @@ fn names_a_scene(arguments: &[OsString]) -> bool {
                 .any(|it| it.get_name() == name)
     };
     let file = |it: &OsString| {
-        let known = it.to_str().is_some_and(|it| built_in(it).is_some());
+        let known = it.to_str().is_some_and(resembles_a_scene);
         known || Path::new(it).extension().is_some_and(|it| it == "toml")
     };
     // Behind --set or --out such a name may stand too; then another argument is the scene, or none.

@@ -435,6 +435,10 @@ fn the_built_in_scenes_are_listed_and_printed_verbatim() {
     }
     let (_, err) = expect(2, &room, &["scenes", "defalt"]);
     assert!(err.contains("did you mean default?"), "{err}");
+    let (_, err) = expect(2, &room, &["stationnary", "--quiet"]);
+    assert!(err.contains("did you mean stationary?"), "{err}");
+    let (_, err) = expect(2, &room, &["pln"]);
+    assert!(err.contains("similar subcommand"), "{err}");
     // A folder of results does not hide the scene.
     fs::create_dir(room.join("displaced")).unwrap();
     let (plan, _) = expect(0, &room, &["plan", "displaced"]);

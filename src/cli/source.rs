@@ -9,6 +9,11 @@ fn names() -> Vec<&'static str> {
     BUILT_IN.iter().map(|(name, _)| *name).collect()
 }
 
+/// Whether a built-in scene has this name, but for a slip of the pen.
+pub(super) fn resembles_a_scene(name: &str) -> bool {
+    !name.starts_with('-') && nearest(name, &names()).is_some()
+}
+
 /// There is no built-in scene of this name.
 pub(super) fn no_such_scene(name: &str) -> Stop {
     let names = names();
