@@ -687,9 +687,95 @@ fn standard_errors_of_short_realisations_hold_over_seeds() {
         for (name, square) in Moment::ALL.map(Moment::name).into_iter().zip(squares) {
             let rms = (square / f64::from(seeds)).sqrt();
             println!("zeta {zeta}, duration {duration:e}: {name} rms {rms:.2} standard errors");
-            // Of a normal law 1.00 with a deviation of 0.07; the kurtosis weighs what few batches have seen.
-            let most = if name == "kurtosis_force" { 1.6 } else { 1.25 };
-            assert!(rms < most, "{name}: {rms}");
+            // Of a normal law 1.00 with a deviation of 0.07.
+            assert!(rms < 1.25, "{name}: {rms}");
         }
     }
+}
+
+#[test]
+fn standard_errors_of_few_paths_hold_over_seeds() {
+    let it = hertz(0.05, PAPER);
+    let exact = Stationary::of(&it).unwrap().moments();
+    for (paths, most) in [(100, 2.0), (1000, 1.25)] {
+        let mut squares = [0.0; Moment::ALL.len()];
+        let seeds = 100;
+        for seed in 0..seeds {
+            let asked = Sampling {
+                seed,
+                ..settings(paths)
+            };
+            let got = run(&it, &Initial::Stationary, &[0.0], &asked, &quiet).unwrap();
+            for (square, ((_, a), (_, b))) in squares
+                .iter_mut()
+                .zip(got.moments[0].named().into_iter().zip(exact.named()))
+            {
+                let (a, b) = (a.unwrap(), b.unwrap());
+                *square += ((a.value - b.value) / a.error).powi(2);
+            }
+        }
+        for (it, square) in Moment::ALL.into_iter().zip(squares) {
+            let rms = (square / seeds as f64).sqrt();
+            println!("{paths} paths: {} rms {rms:.2} standard errors", it.name());
+            // The kurtosis of so few has skewed errors.
+            let few = it == Moment::KurtosisForce;
+            assert!(rms < if few { most } else { 1.25 }, "{}: {rms}", it.name());
+        }
+    }
+}
+
+#[test]
+fn flights_as_long_as_a_record_are_in_its_mean() {
+    // T = 6.3: one flight in twenty lasts longer than 12, a record 160.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.5, 2.0).unwrap();
+    let exact = Stationary::of(&it).unwrap().mean_flight().unwrap().value;
+    let mut square = 0.0;
+    let seeds = 30;
+    for seed in 0..seeds {
+        let asked = Sampling {
+            seed,
+            duration: 1e4,
+            ..Sampling::default()
+        };
+        let got = records(&it, &asked, &quiet).unwrap().crossings.unwrap();
+        let z = (got.mean_flight.value - exact) / got.mean_flight.error;
+        // What is lost is out of contact as long as the mean of its flights says.
+        let product = got.loss_rate.value * got.mean_flight.value;
+        assert!((product / got.lost_share.value - 1.0).abs() < 1e-12);
+        square += z * z;
+    }
+    let rms = (square / seeds as f64).sqrt();
+    println!("rms {rms:.2} standard errors");
+    assert!(rms < 1.4, "{rms}");
+}
+
+#[test]
+fn records_of_a_sum_of_cosines_are_as_sure_as_their_number() {
+    let it = Oscillator::new(ContactLaw::Linear, 0.2, 0.01).unwrap();
+    let seeds = 20;
+    let found: Vec<Estimate> = (0..seeds)
+        .map(|seed| {
+            let asked = Sampling {
+                seed,
+                duration: 1e5,
+                noise: Noise::Cosines {
+                    count: 200,
+                    band: 8.0,
+                },
+                ..Sampling::default()
+            };
+            records(&it, &asked, &quiet).unwrap().moments.var_q
+        })
+        .collect();
+    let n = f64::from(u32::try_from(seeds).unwrap());
+    let mean = found.iter().map(|it| it.value).sum::<f64>() / n;
+    let scatter = found
+        .iter()
+        .map(|it| (it.value - mean).powi(2))
+        .sum::<f64>()
+        / (n - 1.0);
+    let error = found.iter().map(|it| it.error).sum::<f64>() / n;
+    println!("deviation {:.2e}, error {error:.2e}", scatter.sqrt());
+    // The deviation of 20 is known to a sixth.
+    assert!(error > 0.7 * scatter.sqrt() && error < 1.6 * scatter.sqrt());
 }

@@ -1,9 +1,8 @@
 //! Batch means: moments of long records, with errors that know how slowly the records forget.
 
-use super::events::unseen;
 use super::law::Law;
 use super::noise::{LANES, Lanes};
-use super::statistics::{add, product, skewed_variance};
+use super::statistics::{TAILS, add, product, skewed_variance, tails, unseen};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
 use crate::matrix::dot;
@@ -168,10 +167,19 @@ impl BatchMeans {
         let values = statistics(&about);
         let pseudo = self.pseudo_values(&mean, &about, &values);
         let [q, v, force, energy] = [units.q, units.v, units.force, units.energy];
+        let kurtosis = values[Moment::KurtosisForce as usize];
+        let worth = self.effective_samples().into_iter();
+        let worth = worth.fold(f64::INFINITY, f64::min);
+        // Of the others the skewness of the batches tells.
+        let tails = |moment: Moment| match moment {
+            Moment::SkewnessForce => tails(TAILS[1], kurtosis, worth),
+            Moment::KurtosisForce => tails(TAILS[2], kurtosis, worth),
+            _ => 1.0,
+        };
         let give = |moment: Moment, centre: f64, unit: f64| {
             let m = moment as usize;
             let along: Vec<f64> = pseudo.iter().map(|row| row[m]).collect();
-            let error = regression.error(&along);
+            let error = tails(moment) * regression.error(&along);
             Estimate::new(centre + unit * values[m], unit * error, Origin::Sampling)
         };
         Moments {

@@ -2,7 +2,7 @@
 
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::noise::LANES;
-use super::statistics::skewed_variance;
+use super::statistics::{skewed_variance, unseen};
 use crate::estimate::{Estimate, Origin};
 use crate::oscillator::Oscillator;
 use std::f64::consts::PI;
@@ -22,11 +22,11 @@ pub struct Crossings {
     pub loss_rate: Estimate,
     /// Share of the time out of contact: P(q < q_loss).
     pub lost_share: Estimate,
-    /// Mean time from a loss to the return.
+    /// Mean time from a loss to the return: time out of contact over losses.
     pub mean_flight: Estimate,
     /// Mean speed |v| at the return.
     pub mean_impact_speed: Estimate,
-    /// Density of the time from a loss to the return.
+    /// Density of the time from a loss to the return, of flights seen whole: it lacks those that are not short beside a record.
     pub flight_time: Histogram,
     /// Density of the speed at the return.
     pub impact_speed: Histogram,
@@ -112,16 +112,6 @@ impl Burst {
     pub(super) fn share(self, length: f64) -> f64 {
         self.time / (length * length)
     }
-}
-
-/// What is added to the variance of a sum over independent batches of which `seen` have anything to show,
-/// `square` being their squared deviations from the mean: four bursts more, none smaller than `burst`, a mean
-/// square, where most of the `batches` saw none. A sum over few bursts varies with their number as a Poisson
-/// variable does, and where it is too small its scatter is too.
-pub(super) fn unseen(square: f64, seen: f64, batches: f64, burst: f64) -> f64 {
-    let one = square / seen.max(1.0);
-    let rare = 2.0 * seen < batches;
-    4.0 * if rare { one.max(burst) } else { one }
 }
 
 /// Hears of every crossing of the loss point.
@@ -281,12 +271,13 @@ impl Watch for Logbook {
             it.since = Some(time);
         } else {
             it.seen[LOST_TIME] += time - it.since.unwrap_or(0.0).max(self.batch_start);
+            if it.out {
+                it.seen[RETURNS] += 1.0;
+                it.seen[SPEED] += speed;
+            }
             // A record that begins in flight does not know how long that flight was.
             if let Some(since) = it.since.filter(|_| it.out) {
                 let flight = time - since;
-                it.seen[FLIGHTS] += 1.0;
-                it.seen[FLIGHT_TIME] += flight;
-                it.seen[SPEED] += speed;
                 let slots = self.bins.slots(flight, speed);
                 for (hits, slot) in self.hits[lane].iter_mut().zip(slots) {
                     hits[slot] += 1;
@@ -297,15 +288,14 @@ impl Watch for Logbook {
     }
 }
 
-/// Per batch: losses, time out of contact, flights ended, their time, their impact speeds.
-const SEEN: usize = 5;
+/// Per batch: losses, time out of contact, returns, their speeds.
+const SEEN: usize = 4;
 
 /// The place of each.
 const LOSSES: usize = 0;
 const LOST_TIME: usize = 1;
-const FLIGHTS: usize = 2;
-const FLIGHT_TIME: usize = 3;
-const SPEED: usize = 4;
+const RETURNS: usize = 2;
+const SPEED: usize = 3;
 
 /// Sums over batches.
 #[derive(Debug, Clone)]
@@ -347,19 +337,20 @@ impl CrossingSums {
         self.batches.iter().filter(|seen| seen[j] != 0.0).count() as f64
     }
 
-    /// Sum j over the number of flights, its error by the jackknife over the batches. The flights of a burst that was not
-    /// seen scatter as the speeds of a Rayleigh law, by sqrt(4/pi - 1) of their mean.
-    fn per_flight(&self, j: usize, burst: Burst) -> Estimate {
-        let flights = self.sum(FLIGHTS);
-        let ratio = self.sum(j) / flights;
-        // A batch that holds all flights shows nothing of its own scatter.
-        let rest = |seen: &[f64; SEEN]| (1.0 - seen[FLIGHTS] / flights).max(0.1);
-        let away = |seen: &[f64; SEEN]| (seen[j] - ratio * seen[FLIGHTS]) / rest(seen);
+    /// Sum j over the number of losses or returns, its error by the jackknife over the batches. The flights of a burst that was not
+    /// seen scatter as the speeds of a Rayleigh law, by sqrt(4/pi - 1) of their mean. The mean flight is the time out of contact over
+    /// the losses: a mean over the flights seen whole would lack the long ones, which a record begins or ends in.
+    fn per(&self, events: usize, j: usize, burst: Burst) -> Estimate {
+        let all = self.sum(events);
+        let ratio = self.sum(j) / all;
+        // A batch that holds all of them shows nothing of its own scatter.
+        let rest = |seen: &[f64; SEEN]| (1.0 - seen[events] / all).max(0.1);
+        let away = |seen: &[f64; SEEN]| (seen[j] - ratio * seen[events]) / rest(seen);
         let square: f64 = self.batches.iter().map(|seen| away(seen).powi(2)).sum();
         let burst = ALIKE * burst.losses * ratio * ratio * (4.0 / PI - 1.0);
-        let unseen = unseen(square, self.seen(FLIGHTS), self.batches.len() as f64, burst);
+        let unseen = unseen(square, self.seen(events), self.batches.len() as f64, burst);
         let scatter = skewed_variance(self.batches.iter().map(away));
-        let error = (scatter + unseen).sqrt() / flights;
+        let error = (scatter + unseen).sqrt() / all;
         Estimate::new(ratio, error, Origin::Sampling)
     }
 
@@ -383,8 +374,8 @@ impl CrossingSums {
             bursts: seen * seen / squares.max(1.0),
             loss_rate: self.rate(LOSSES, burst.losses),
             lost_share: self.rate(LOST_TIME, burst.time),
-            mean_flight: self.per_flight(FLIGHT_TIME, burst),
-            mean_impact_speed: self.per_flight(SPEED, burst),
+            mean_flight: self.per(LOSSES, LOST_TIME, burst),
+            mean_impact_speed: self.per(RETURNS, SPEED, burst),
             flight_time: self.counts[0].histogram(bins.flight, false),
             impact_speed: self.counts[1].histogram(bins.speed, false),
             impacts: self.impacts(bins),

@@ -233,6 +233,11 @@ impl FirstLosses {
         }
         let mean = sums.time / n;
         let variance = (sums.time_square / n - mean * mean).max(0.0);
+        let error = match gone {
+            // No scatter is seen, and some may be lost all the same.
+            0.0 => end * proportion(n, n).error,
+            _ => (variance / (n - 1.0)).sqrt(),
+        };
         let names = || {
             let stage = if self.level {
                 "first_passage_paths"
@@ -250,7 +255,7 @@ impl FirstLosses {
             times: times.to_vec(),
             survival,
             density,
-            mean_time: Estimate::new(mean, (variance / (n - 1.0)).sqrt(), Origin::Sampling),
+            mean_time: Estimate::new(mean, error, Origin::Sampling),
             step,
             scheme: self.walk.scheme,
             path_steps: (steps + before).saturating_mul(self.paths),

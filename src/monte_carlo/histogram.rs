@@ -1,5 +1,6 @@
 //! Histograms of long records: equal bins, and the density over them with confidence bands.
 
+use super::statistics::unseen;
 use crate::estimate::{Estimate, Origin};
 
 /// A density averaged over the bins between `edges`, one standard error on every bin.
@@ -62,8 +63,8 @@ pub(super) struct BatchCounts {
     /// Sums over batches of all samples and of their square.
     total: f64,
     total_square: f64,
-    /// Sums over batches of the hits of a slot, of their square, and of their product with all samples.
-    hits: Vec<[f64; 3]>,
+    /// Sums over batches of the hits of a slot, of their square, of their product with all samples, and how many have any.
+    hits: Vec<[f64; 4]>,
 }
 
 impl BatchCounts {
@@ -72,7 +73,7 @@ impl BatchCounts {
             batches: 0.0,
             total: 0.0,
             total_square: 0.0,
-            hits: vec![[0.0; 3]; bins.slots()],
+            hits: vec![[0.0; 4]; bins.slots()],
         }
     }
 
@@ -84,7 +85,8 @@ impl BatchCounts {
         self.total_square += total * total;
         for (sums, hits) in self.hits.iter_mut().zip(hits) {
             let hits = f64::from(*hits);
-            for (sum, more) in sums.iter_mut().zip([hits, hits * hits, hits * total]) {
+            let any = f64::from(hits > 0.0);
+            for (sum, more) in sums.iter_mut().zip([hits, hits * hits, hits * total, any]) {
                 *sum += more;
             }
         }
@@ -100,19 +102,20 @@ impl BatchCounts {
         }
     }
 
-    /// The histogram: hits over samples, the error from the scatter of the batches about that ratio, and
-    /// never below that of a few hits.
+    /// The histogram: hits over samples, the error from the scatter of the batches about that ratio and from the number of those
+    /// that saw a hit: hits come in runs.
     pub(super) fn histogram(&self, bins: Bins, has_dirac: bool) -> Histogram {
         let probability = |slot: usize| {
             if self.total == 0.0 {
                 return Estimate::new(0.0, 0.0, Origin::Sampling);
             }
-            let [hits, square, product] = self.hits[slot];
+            let [hits, square, product, seen] = self.hits[slot];
             let share = hits / self.total;
             let scatter = square - 2.0 * share * product + share * share * self.total_square;
-            let scatter = (scatter.max(0.0) * self.batches / (self.batches - 1.0)).sqrt();
-            let few = (hits + 1.0).min(4.0).sqrt();
-            Estimate::new(share, scatter.max(few) / self.total, Origin::Sampling)
+            let scatter = scatter.max(0.0);
+            let variance = scatter * self.batches / (self.batches - 1.0)
+                + unseen(scatter, seen, self.batches, 1.0);
+            Estimate::new(share, variance.sqrt() / self.total, Origin::Sampling)
         };
         Histogram {
             edges: bins.edges(),

@@ -107,6 +107,8 @@ pub(crate) struct Records {
     steps: u64,
     /// Batches thrown away.
     burn_in: u64,
+    /// Whether the batches of a record make one: those of a sum of cosines have its frequencies and amplitudes in common.
+    joined: bool,
     batch_length: f64,
     /// What they will take.
     pub(crate) cost: Cost,
@@ -154,6 +156,7 @@ impl Records {
         }
         let threads = rayon::current_num_threads() as u64;
         let run_in = run_in(oscillator, &Initial::Stationary) / (samples * spacing);
+        let joined = matches!(walk.noise, Noise::Cosines { .. });
         let burn_in = (run_in.ceil() as u64).max(u64::from(walk.noise != Noise::White));
         let mut it = Self {
             groups: groups as u64,
@@ -161,7 +164,8 @@ impl Records {
             samples: samples as u64,
             steps: steps as u64,
             burn_in,
-            batch_length: samples * spacing,
+            joined,
+            batch_length: samples * spacing * if joined { batches } else { 1.0 },
             // Sums of each of four histograms of every group, and counts by lane of those that run.
             cost: Cost {
                 memory: (BINS as u64 + 2) * 4 * (groups as u64 * 24 + threads * 4 * LANES as u64)
@@ -409,9 +413,10 @@ impl Run<'_> {
         let mut hits = self.bins.map(|bins| vec![vec![0u32; bins.slots()]; LANES]);
         let out = |lane: usize| law.is_lost(group.q[lane]);
         let mut logbook = self.flights.map(|bins| Logbook::new(bins, out));
-        for number in 0..recipe.burn_in + recipe.batches {
+        let mut batch = Batch::new();
+        let count = recipe.burn_in + recipe.batches;
+        for number in 0..count {
             let keep = number >= recipe.burn_in;
-            let mut batch = Batch::new();
             let start = number * recipe.samples;
             let state = (start, &mut group, &mut batch, &mut hits);
             match &mut logbook {
@@ -420,6 +425,10 @@ impl Run<'_> {
             }
             if self.progress.late() {
                 break;
+            }
+            self.progress.add(1);
+            if keep && recipe.joined && number + 1 < count {
+                continue;
             }
             let now = (start + recipe.samples) as f64 * recipe.steps as f64 * recipe.walk.step;
             if let Some(logbook) = &mut logbook {
@@ -436,7 +445,7 @@ impl Run<'_> {
                     hits.fill(0);
                 }
             }
-            self.progress.add(1);
+            batch = Batch::new();
         }
         sums.crossings = logbook.map(Logbook::into_sums);
         sums

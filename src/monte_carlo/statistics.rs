@@ -291,6 +291,17 @@ fn student(n: f64) -> f64 {
     }
 }
 
+/// What the tails that a sample does not show leave out of a standard error, as a factor on it: it grows with the kurtosis as that
+/// of few paths. Seen over 100 to 150 seeds, rms of error over standard error at 100, 1000, 10 000 paths: kurtosis of N 2.2, 1.4,
+/// 1.1 for a Hertzian contact (kurtosis 3.2) and 4.1, 2.0, 1.3 for a law of exponent 10 (11.8); skewness 1.4, 1.1, 1.0 and 2.3, 1.4,
+/// 1.1; Var q 1.3 at 100.
+pub(super) fn tails(part: f64, kurtosis: f64, n: f64) -> f64 {
+    1.0 + part * kurtosis / n.sqrt()
+}
+
+/// Of a variance, of skewness, of kurtosis.
+pub(super) const TAILS: [f64; 3] = [0.4, 1.0, 2.0];
+
 fn sampled(value: f64, error: f64) -> Estimate {
     Estimate::new(value, error, Origin::Sampling)
 }
@@ -306,6 +317,8 @@ fn mean<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
 fn variance<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
     let (m2, m4) = (c.order[1], c.order[3]);
     let error = (at_least(m4 - m2 * m2, 2.0 * m2 * m2, n) / n).sqrt();
+    let kurtosis = m4 / (m2 * m2).max(f64::MIN_POSITIVE);
+    let error = error * tails(TAILS[0], kurtosis, n);
     sampled(m2 * n / (n - 1.0), error).scaled(frame.inverse.powi(-2))
 }
 
@@ -317,9 +330,11 @@ fn std_skewness_kurtosis(c: &Central<8>, n: f64) -> [Estimate; 3] {
     // Moments of x: m(1) = 0, m(2) = 1.
     let m = |k: usize| c.order[k - 1] / std.powi(k as i32);
     let (s, k) = (m(3), m(4));
-    let error = |square: f64, gaussian: f64| (at_least(square, gaussian, n) / n).sqrt();
+    let error = |which: usize, square: f64, gaussian: f64| {
+        tails(TAILS[which], k, n) * (at_least(square, gaussian, n) / n).sqrt()
+    };
     let std_error = if variance > 0.0 {
-        error(0.25 * (k - 1.0), 0.5) * std
+        error(0, 0.25 * (k - 1.0), 0.5) * std
     } else {
         0.0
     };
@@ -333,8 +348,8 @@ fn std_skewness_kurtosis(c: &Central<8>, n: f64) -> [Estimate; 3] {
             + 8.0 * b * s * s;
     [
         sampled((variance * n / (n - 1.0)).sqrt(), std_error),
-        sampled(s, error(skewness, 6.0)),
-        sampled(k, error(kurtosis, 24.0)),
+        sampled(s, error(1, skewness, 6.0)),
+        sampled(k, error(2, kurtosis, 24.0)),
     ]
 }
 
@@ -363,6 +378,16 @@ pub(super) fn skewed_variance(parts: impl Iterator<Item = f64>) -> f64 {
     } else {
         square
     }
+}
+
+/// What is added to the variance of a sum over independent batches of which `seen` have anything to show,
+/// `square` being their squared deviations from the mean: four bursts more, none smaller than `burst`, a mean
+/// square, where most of the `batches` saw none. A sum over few bursts varies with their number as a Poisson
+/// variable does, and where it is too small its scatter is too.
+pub(super) fn unseen(square: f64, seen: f64, batches: f64, burst: f64) -> f64 {
+    let one = square / seen.max(1.0);
+    let rare = 2.0 * seen < batches;
+    4.0 * if rare { one.max(burst) } else { one }
 }
 
 #[cfg(test)]
