@@ -3,7 +3,7 @@
 use super::axis::{Axis, Spacing, plain};
 use super::collected::Collected;
 use super::grid::{Ending, Map, name};
-use super::lines::{Head, Known, each};
+use super::lines::{Head, Known, each, heads, keep};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
@@ -144,12 +144,12 @@ fn read(dir: &Path) -> Result<Collected> {
     let known = known(&files, points, &axes, told.as_ref())?;
     for (file, path) in files.iter().enumerate() {
         each(path, |at, line| {
-            let head = serde_json::from_slice::<Head>(line).ok();
-            let it = head.and_then(|head| Some((head.index, known.get(&head.index)?)));
+            let line: Value = serde_json::from_slice(line).unwrap_or_default();
+            let index = line["index"].as_u64().map(|it| it as usize);
+            let it = index.and_then(|index| Some((index, known.get(&index)?)));
             if let Some((index, it)) = it
                 && (it.file, it.at) == (file, at)
             {
-                let line: Value = serde_json::from_slice(line).unwrap_or_default();
                 table.put(index, &line, it.ending);
             }
             Ok(())
@@ -207,28 +207,20 @@ fn known(
     let mut all: HashMap<usize, Known> = HashMap::new();
     for (file, path) in files.iter().enumerate() {
         let mut told = told;
-        each(path, |at, line| {
-            let head = serde_json::from_slice::<Head>(line).ok();
-            let whole = |it: &Head| line.ends_with(b"\n") && it.index < points;
-            let Some(head) = head.filter(whole) else {
+        heads((file, path), |head, here| {
+            if head.index >= points {
                 return Ok(());
-            };
+            }
             let scene = told.take().and_then(|map| map.scene(head.index).ok());
             if scene.is_some_and(|it| name(&it) != head.name) {
                 let accepted =
                     format!("parts of the map in {MAP} alone; this one is of another scene");
                 return Err(Error::invalid("DIR", path.display(), accepted));
             }
-            let here = Known::of(&head, line, file, at);
-            if let Some(there) = all.get(&head.index) {
-                if here.disagrees(there) {
-                    return Err(differ(axes, &head, files, (*there, here)));
-                }
-                if !here.counts(there) {
-                    return Ok(());
-                }
+            if let Some(there) = all.get(&head.index).filter(|it| here.disagrees(it)) {
+                return Err(differ(axes, &head, files, (*there, here)));
             }
-            all.insert(head.index, here);
+            keep(&mut all, head.index, here);
             Ok(())
         })?;
     }

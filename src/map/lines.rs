@@ -31,6 +31,12 @@ struct Short {
 }
 
 impl Head {
+    /// Of a whole line; None of one that is cut off or none of ours.
+    fn of(line: &[u8]) -> Option<Self> {
+        let whole = Some(line).filter(|it| it.ends_with(b"\n"));
+        whole.and_then(|it| serde_json::from_slice(it).ok())
+    }
+
     /// Stages without an answer, which another try may find; more than any where the point has none.
     fn lacking(&self) -> usize {
         let none = |it: &&Short| it.number.as_deref() == Some("");
@@ -78,11 +84,6 @@ impl Known {
         }
     }
 
-    /// Whether it counts beside another one of its point: whatever their order, the same of both does.
-    pub(super) fn counts(&self, other: &Self) -> bool {
-        (self.lacking, self.hash) < (other.lacking, other.hash)
-    }
-
     /// Whether both have all answers, and other ones.
     pub(super) fn disagrees(&self, other: &Self) -> bool {
         self.lacking == 0 && other.lacking == 0 && self.hash != other.hash
@@ -94,22 +95,51 @@ impl Known {
     }
 }
 
-/// The lines that the points of a file are known by, of those that are `ours`, and how many others it has.
-fn known(path: &Path, ours: impl Fn(&Head) -> bool) -> Result<(HashMap<usize, Known>, usize)> {
-    let (mut all, mut foreign) = (HashMap::<usize, Known>::new(), 0);
+/// Shows every whole line of a file with its head, and tells how many others it has.
+///
+/// # Errors
+/// [`Error::Io`], and whatever `visit` answers.
+pub(super) fn heads(
+    (file, path): (usize, &Path),
+    mut visit: impl FnMut(Head, Known) -> Result<()>,
+) -> Result<usize> {
+    let mut others = 0;
     each(path, |at, line| {
-        let head = serde_json::from_slice::<Head>(line);
-        let head = head.ok().filter(|it| line.ends_with(b"\n") && ours(it));
-        let Some(head) = head else {
-            foreign += 1;
+        let Some(head) = Head::of(line) else {
+            others += 1;
             return Ok(());
         };
-        let here = Known::of(&head, line, 0, at);
-        if all.get(&head.index).is_none_or(|there| here.counts(there)) {
-            all.insert(head.index, here);
+        let known = Known::of(&head, line, file, at);
+        visit(head, known)
+    })?;
+    Ok(others)
+}
+
+/// Keeps of the lines of a point the one that counts.
+pub(super) fn keep(all: &mut HashMap<usize, Known>, index: usize, here: Known) {
+    let counts = |there: &Known| (here.lacking, here.hash) < (there.lacking, there.hash);
+    if all.get(&index).is_none_or(counts) {
+        all.insert(index, here);
+    }
+}
+
+/// The lines that the points of a file are known by, of those that are `ours`; the others go from it. How many of them are none of
+/// ours.
+fn tidied(path: &Path, ours: impl Fn(&Head) -> bool) -> Result<(HashMap<usize, Known>, usize)> {
+    let (mut all, mut lines, mut foreign) = (HashMap::new(), 0, 0);
+    let others = heads((0, path), |head, here| {
+        if ours(&head) {
+            lines += 1;
+            keep(&mut all, head.index, here);
+        } else {
+            foreign += 1;
         }
         Ok(())
     })?;
+    foreign += others;
+    if foreign > 0 || lines > all.len() {
+        leave(path, &all.values().map(|it| it.at).collect())?;
+    }
     Ok((all, foreign))
 }
 
@@ -142,11 +172,11 @@ impl Lines {
             let accepted = "a part that no other run is computing";
             return Err(Error::invalid("--part", part.file(), accepted));
         }
-        let (mut there, mut dropped) = (HashMap::new(), 0);
-        if path.exists() {
-            (there, dropped) = known(&path, ours)?;
-            tidy(&path, &there)?;
-        }
+        let (there, dropped) = if path.exists() {
+            tidied(&path, ours)?
+        } else {
+            Default::default()
+        };
         let file = OpenOptions::new().create(true).append(true).open(&path);
         let it = Self {
             file: Mutex::new(file.map_err(Error::io(&path))?),
@@ -179,32 +209,25 @@ impl Lines {
             file.sync_data().map_err(Error::io(&self.path))?;
         }
         if again {
-            let (there, _) = known(&self.path, |_| true)?;
-            tidy(&self.path, &there)?;
+            tidied(&self.path, |_| true)?;
         }
         Ok(())
     }
 }
 
-/// Leaves in a file the lines that its points are known by; all of it or nothing.
-fn tidy(path: &Path, there: &HashMap<usize, Known>) -> Result<()> {
-    let mut beside = path.to_owned();
-    beside.set_extension("tidied");
-    let mut left = 0;
+/// Leaves in a file the lines that begin at some places; all of it or nothing.
+fn leave(path: &Path, places: &HashSet<u64>) -> Result<()> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!(".{name}.part"));
     let mut kept = BufWriter::new(File::create(&beside).map_err(Error::io(&beside))?);
-    let places: HashSet<u64> = there.values().map(|it| it.at).collect();
     each(path, |at, line| {
         if places.contains(&at) {
-            return kept.write_all(line).map_err(Error::io(&beside));
+            kept.write_all(line).map_err(Error::io(&beside))?;
         }
-        left += 1;
         Ok(())
     })?;
     let kept = kept.into_inner();
     let kept = kept.map_err(|error| Error::io(&beside)(error.into_error()))?;
-    if left == 0 {
-        return fs::remove_file(&beside).map_err(Error::io(&beside));
-    }
     kept.sync_data().map_err(Error::io(&beside))?;
     fs::rename(&beside, path).map_err(Error::io(path))
 }
@@ -282,13 +305,25 @@ mod tests {
         let of =
             |line: &str| Known::of(&serde_json::from_str(line).unwrap(), line.as_bytes(), 0, 0);
         let [none, some, all] = [NONE, SOME, ALL].map(of);
+        // Whether the first stands in the end, whichever comes first.
+        let counts = |one: Known, other: Known| {
+            let stands = |order: [Known; 2]| {
+                let mut all = HashMap::new();
+                for it in order {
+                    keep(&mut all, 3, it);
+                }
+                all[&3].hash == one.hash
+            };
+            assert_eq!(stands([one, other]), stands([other, one]));
+            stands([one, other])
+        };
         for (better, worse) in [(all, some), (some, none), (all, none)] {
-            assert!(better.counts(&worse) && !worse.counts(&better));
+            assert!(counts(better, worse) && !counts(worse, better));
             assert!(!better.disagrees(&worse));
         }
         let other = of("{\"index\":3,\"name\":\"a\",\"results\":{\"stationary\":1}}");
         assert!(other.disagrees(&all) && !all.disagrees(&all));
         let failed = of("{\"index\":3,\"name\":\"a\",\"error\":{\"message\":\"too large\"}}");
-        assert!(failed.counts(&none) != none.counts(&failed) && !failed.disagrees(&none));
+        assert!(counts(failed, none) != counts(none, failed) && !failed.disagrees(&none));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::law::Law;
 use super::noise::{LANES, Lanes};
-use super::statistics::{TAILS, add, product, skewed_variance, tails, unseen};
+use super::statistics::{OF_KURTOSIS, OF_SKEWNESS, add, product, skewed_variance, tails, unseen};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin};
 use crate::matrix::dot;
@@ -17,6 +17,21 @@ const TERMS: usize = 13;
 const LOST: usize = 11;
 
 type Vector = [f64; TERMS];
+
+/// Independent samples below which control variates are not fitted. A batch that no high energy has visited shows less scatter about
+/// the regression than there is: over 300 seeds (Hertz, zeta = 0.05, h = 0.02) the error of Var q was rms 1.5 standard errors at
+/// 160 samples, 1.3 at 520, 1.1 at 1570; without controls 1.0 at 160.
+const FITTED: f64 = 1000.0;
+
+/// The fewest of the independent samples of q, of N and of H.
+pub(super) fn worth(effective_samples: [f64; 3]) -> f64 {
+    effective_samples.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// Whether records are long enough for control variates.
+pub(super) fn are_long(effective_samples: [f64; 3]) -> bool {
+    worth(effective_samples) >= FITTED
+}
 
 /// Exact stationary means and deviations of q, v, N and H: power sums in these units neither cancel
 /// nor overflow.
@@ -138,13 +153,16 @@ impl BatchMeans {
 
     /// The moments with the exact identities E\[N\] = 0, E\[q N\] = T, E\[v^2\] = T, E\[q v\] = 0 as control
     /// variates: what the sample is known to have too much of is regressed out. E\[N\], Var v and
-    /// Cov(q, v), which the identities fix, are left as they are in the `plain` moments.
+    /// Cov(q, v), which the identities fix, are left as they are in the `plain` moments; all are below [`FITTED`].
     pub(super) fn controlled_moments(
         &self,
         units: &Units,
         burst: Option<f64>,
         plain: &Moments,
     ) -> Moments {
+        if !are_long(self.effective_samples()) {
+            return *plain;
+        }
         // q N is about the mean of q, and E[N] = 0, so E[(q - Eq) N] = T.
         let controls = [(5, 0.0), (12, units.virial), (3, 1.0), (4, 0.0)];
         Moments {
@@ -168,12 +186,11 @@ impl BatchMeans {
         let pseudo = self.pseudo_values(&mean, &about, &values);
         let [q, v, force, energy] = [units.q, units.v, units.force, units.energy];
         let kurtosis = values[Moment::KurtosisForce as usize];
-        let worth = self.effective_samples().into_iter();
-        let worth = worth.fold(f64::INFINITY, f64::min);
+        let worth = worth(self.effective_samples());
         // Of the others the skewness of the batches tells.
         let tails = |moment: Moment| match moment {
-            Moment::SkewnessForce => tails(TAILS[1], kurtosis, worth),
-            Moment::KurtosisForce => tails(TAILS[2], kurtosis, worth),
+            Moment::SkewnessForce => tails(OF_SKEWNESS, kurtosis, worth),
+            Moment::KurtosisForce => tails(OF_KURTOSIS, kurtosis, worth),
             _ => 1.0,
         };
         let give = |moment: Moment, centre: f64, unit: f64| {

@@ -233,10 +233,11 @@ impl FirstLosses {
         }
         let mean = sums.time / n;
         let variance = (sums.time_square / n - mean * mean).max(0.0);
-        let error = match gone {
+        let error = if gone == 0.0 {
             // No scatter is seen, and some may be lost all the same.
-            0.0 => end * proportion(n, n).error,
-            _ => (variance / (n - 1.0)).sqrt(),
+            end * proportion(n, n).error
+        } else {
+            (variance / (n - 1.0)).sqrt()
         };
         let names = || {
             let stage = if self.level {

@@ -1,6 +1,6 @@
 //! Long records: stationary statistics by time averages.
 
-use super::batch::{Batch, BatchMeans, Units};
+use super::batch::{Batch, BatchMeans, Units, are_long, worth};
 use super::events::{
     Burst, CrossingSums, Crossings, Deaf, FEW_BURSTS, Logbook, PATIENCE, ReturnBins, Watch,
 };
@@ -37,7 +37,8 @@ pub struct RecordResult {
     /// The moments.
     pub moments: Moments,
     /// The moments with the exact identities E\[N\] = 0, E\[q N\] = T, E\[v^2\] = T and E\[q v\] = 0 as control
-    /// variates: the same sample, smaller errors. What the identities fix is left as in `moments`.
+    /// variates: the same sample, smaller errors. What the identities fix is left as in `moments`, and everything is where the records
+    /// are worth less than a thousand independent samples.
     pub controlled: Moments,
     /// Independent samples that would give the mean of q, of N and of H the same errors.
     pub effective_samples: [f64; 3],
@@ -68,11 +69,7 @@ pub struct RecordResult {
     pub warnings: Vec<Warning>,
 }
 
-/// Independent samples below which control variates are not fitted, and below which errors are rough. A batch that no high energy
-/// has visited shows less scatter about the regression than there is: over 300 seeds (Hertz, zeta = 0.05, h = 0.02) the error of
-/// Var q was rms 1.5 standard errors at 160 samples, 1.3 at 520, 1.1 at 1570; without controls 1.0 at 160. That of the
-/// kurtosis of N was 2.2 at 64, 1.2 at 160.
-const FITTED: f64 = 1000.0;
+/// Independent samples below which errors are rough: that of the kurtosis of N was rms 2.2 standard errors at 64, 1.2 at 160.
 const ROUGH: f64 = 100.0;
 
 /// Most batches of a record: the mean of each is kept.
@@ -298,15 +295,10 @@ impl Records {
     }
 }
 
-/// The fewest of the independent samples of q, of N and of H.
-fn worth(effective_samples: [f64; 3]) -> f64 {
-    effective_samples.into_iter().fold(f64::INFINITY, f64::min)
-}
-
 impl RecordResult {
     /// Whether they are long enough for control variates.
     pub(crate) fn are_long(&self) -> bool {
-        worth(self.effective_samples) >= FITTED
+        are_long(self.effective_samples)
     }
 }
 

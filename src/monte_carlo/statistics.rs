@@ -299,8 +299,10 @@ pub(super) fn tails(part: f64, kurtosis: f64, n: f64) -> f64 {
     1.0 + part * kurtosis / n.sqrt()
 }
 
-/// Of a variance, of skewness, of kurtosis.
-pub(super) const TAILS: [f64; 3] = [0.4, 1.0, 2.0];
+/// The part of [`tails`] in the error of a variance, of skewness, of kurtosis.
+const OF_VARIANCE: f64 = 0.4;
+pub(super) const OF_SKEWNESS: f64 = 1.0;
+pub(super) const OF_KURTOSIS: f64 = 2.0;
 
 fn sampled(value: f64, error: f64) -> Estimate {
     Estimate::new(value, error, Origin::Sampling)
@@ -318,7 +320,7 @@ fn variance<const K: usize>(c: &Central<K>, n: f64, frame: Frame) -> Estimate {
     let (m2, m4) = (c.order[1], c.order[3]);
     let error = (at_least(m4 - m2 * m2, 2.0 * m2 * m2, n) / n).sqrt();
     let kurtosis = m4 / (m2 * m2).max(f64::MIN_POSITIVE);
-    let error = error * tails(TAILS[0], kurtosis, n);
+    let error = error * tails(OF_VARIANCE, kurtosis, n);
     sampled(m2 * n / (n - 1.0), error).scaled(frame.inverse.powi(-2))
 }
 
@@ -330,11 +332,11 @@ fn std_skewness_kurtosis(c: &Central<8>, n: f64) -> [Estimate; 3] {
     // Moments of x: m(1) = 0, m(2) = 1.
     let m = |k: usize| c.order[k - 1] / std.powi(k as i32);
     let (s, k) = (m(3), m(4));
-    let error = |which: usize, square: f64, gaussian: f64| {
-        tails(TAILS[which], k, n) * (at_least(square, gaussian, n) / n).sqrt()
+    let error = |part: f64, square: f64, gaussian: f64| {
+        tails(part, k, n) * (at_least(square, gaussian, n) / n).sqrt()
     };
     let std_error = if variance > 0.0 {
-        error(0, 0.25 * (k - 1.0), 0.5) * std
+        error(OF_VARIANCE, 0.25 * (k - 1.0), 0.5) * std
     } else {
         0.0
     };
@@ -348,8 +350,8 @@ fn std_skewness_kurtosis(c: &Central<8>, n: f64) -> [Estimate; 3] {
             + 8.0 * b * s * s;
     [
         sampled((variance * n / (n - 1.0)).sqrt(), std_error),
-        sampled(s, error(1, skewness, 6.0)),
-        sampled(k, error(2, kurtosis, 24.0)),
+        sampled(s, error(OF_SKEWNESS, skewness, 6.0)),
+        sampled(k, error(OF_KURTOSIS, kurtosis, 24.0)),
     ]
 }
 
