@@ -5,7 +5,7 @@
 //! linear oscillator has [`linear`]. With a rig, see [`per_hertz`].
 
 use crate::error::{Error, Result, positive};
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, skewed_variance};
 use crate::oscillator::Oscillator;
 use crate::rig::Rig;
 use num_complex::Complex;
@@ -168,7 +168,7 @@ impl Welch {
     }
 
     /// The average over independent records of equal length, with its standard error: from the scatter
-    /// of the records, its share of the value pooled over the nearest 17 bins.
+    /// of the records and their skewness; its share of the value is pooled over the nearest 17 bins, unless that of the bin is larger.
     pub fn average(&self, records: &[Periodogram]) -> Vec<Estimate> {
         let n = records.len() as f64;
         let bins = self.window.len() / 2 + 1;
@@ -178,24 +178,20 @@ impl Welch {
                 *mean += g / n;
             }
         }
-        let mut scatter = vec![0.0; bins];
-        for record in records {
-            for ((scatter, mean), g) in scatter.iter_mut().zip(&mean).zip(&record.density) {
-                *scatter += (g / mean - 1.0).powi(2) / (n * (n - 1.0));
-            }
-        }
+        let scatter: Vec<f64> = (0..bins)
+            .map(|k| {
+                let deviations = records
+                    .iter()
+                    .map(|record| (record.density[k] / mean[k] - 1.0) / n);
+                skewed_variance(deviations) * n / (n - 1.0)
+            })
+            .collect();
         let pooled = |k: usize| {
             let near = &scatter[k.saturating_sub(POOLED)..(k + POOLED + 1).min(bins)];
             (near.iter().sum::<f64>() / near.len() as f64).sqrt()
         };
         let estimate = |(k, mean): (usize, &f64)| {
-            // The coefficients at 0 and at the end are real: their squares scatter more by sqrt 2.
-            let ends = k == 0 || k + 1 == bins;
-            let share = if ends {
-                pooled(k).max(scatter[k].sqrt())
-            } else {
-                pooled(k)
-            };
+            let share = pooled(k).max(scatter[k].sqrt());
             Estimate::new(*mean, mean * share, Origin::Sampling)
         };
         mean.iter().enumerate().map(estimate).collect()

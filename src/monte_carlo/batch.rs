@@ -2,9 +2,9 @@
 
 use super::law::Law;
 use super::noise::{LANES, Lanes};
-use super::statistics::{OF_KURTOSIS, OF_SKEWNESS, add, product, skewed_variance, tails, unseen};
+use super::statistics::{OF_KURTOSIS, OF_SKEWNESS, add, product, tails, unseen};
 use crate::contact::ContactLaw;
-use crate::estimate::{Estimate, Origin};
+use crate::estimate::{Estimate, Origin, skewed_variance};
 use crate::matrix::dot;
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::DisplacementLaw;

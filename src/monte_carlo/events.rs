@@ -2,8 +2,8 @@
 
 use super::histogram::{BatchCounts, Bins, Histogram};
 use super::noise::LANES;
-use super::statistics::{skewed_variance, unseen};
-use crate::estimate::{Estimate, Origin};
+use super::statistics::unseen;
+use crate::estimate::{Estimate, Origin, skewed_variance};
 use crate::oscillator::Oscillator;
 use std::f64::consts::PI;
 

@@ -368,20 +368,6 @@ pub(super) fn proportion(hits: f64, n: f64) -> Estimate {
     sampled(hits / n, (farther - rarer / n) / Z)
 }
 
-/// The variance of a sum of independent parts whose means are taken off, with what their skewness hides: the sum over its
-/// estimated deviation has the mean square 1 + 2 g^2, g being the skewness of the sum (Gayen, Biometrika 36, 1949), for
-/// where rare large parts are lacking the scatter is too small as well.
-pub(super) fn skewed_variance(parts: impl Iterator<Item = f64>) -> f64 {
-    let (square, cube) = parts.fold((0.0, 0.0), |(square, cube), x| {
-        (square + x * x, cube + x * x * x)
-    });
-    if square > 0.0 {
-        square + 2.0 * (cube / square).powi(2)
-    } else {
-        square
-    }
-}
-
 /// What is added to the variance of a sum over independent batches of which `seen` have anything to show,
 /// `square` being their squared deviations from the mean: four bursts more, none smaller than `burst`, a mean
 /// square, where most of the `batches` saw none. A sum over few bursts varies with their number as a Poisson
