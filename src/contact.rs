@@ -257,10 +257,16 @@ impl ContactLaw {
         }
     }
 
-    /// The density of N = G(q) without its Dirac mass, (27), (28), from that of q.
+    /// The density of N = G(q) without its Dirac mass, (27), (28), from that of q; at the force of flight its limit from
+    /// contact, infinite where contact begins without stiffness.
     pub(crate) fn density_force(&self, force: f64, density_q: impl Fn(f64) -> f64) -> f64 {
-        let all = self.displacements_at(force).into_iter();
-        all.map(|q| density_q(q) / self.stiffness(q).abs()).sum()
+        let flight = self.loss_point().filter(|loss| self.force(*loss) == force);
+        let places = match flight {
+            Some(loss) => self.back_wall().into_iter().chain([loss]).collect(),
+            None => self.displacements_at(force),
+        };
+        let all = places.into_iter();
+        all.fold(0.0, |sum, q| sum + density_q(q) / self.stiffness(q).abs())
     }
 
     /// P(N <= force), the Dirac mass included, from the probability below a displacement.

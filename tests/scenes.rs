@@ -1680,6 +1680,10 @@ const BAD: &[(&str, &str)] = &[
         "a scheme that knows no drive",
         "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nscheme = \"baoab\"",
     ),
+    (
+        "loss probability alone of a law without losses",
+        "[oscillator]\ncontact = \"linear\"\nzeta = 0.005\nh = 2e-3\n[outputs]\nmoments_at = [1]\nmoments = [\"contact_loss_probability\"]",
+    ),
 ];
 
 /// Put before the scenes above that start with '@'.

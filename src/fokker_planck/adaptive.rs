@@ -14,9 +14,6 @@ pub(super) trait Question: Sized {
     /// Numbers with their error estimates.
     type Answer;
 
-    /// What it is called where time or memory do not suffice for a first answer.
-    fn name(&self) -> String;
-
     /// The largest error estimate over the tolerance; None before there is an answer.
     fn ratio(&self) -> Option<f64>;
 
@@ -40,8 +37,8 @@ pub(super) trait Question: Sized {
 pub(super) enum Next {
     /// A run that takes `now`; the tolerance will not be reached without one that takes `then`.
     Run { now: Work, then: Option<Work> },
-    /// Nothing.
-    Stop(Stop),
+    /// Nothing, and why.
+    Stop(String),
 }
 
 impl Next {
@@ -52,8 +49,8 @@ impl Next {
     }
 
     /// Nothing, and why.
-    pub(super) fn stop(reason: impl Into<String>, free: bool) -> Self {
-        Self::Stop(Stop::new(reason, free))
+    pub(super) fn stop(reason: impl Into<String>) -> Self {
+        Self::Stop(reason.into())
     }
 
     /// One resolution more, of `most`: three are needed for an answer, and the last may be `given` by the scene.
@@ -64,10 +61,10 @@ impl Next {
         work: impl Fn(usize) -> Work,
     ) -> Self {
         if done >= 3 && given {
-            return Self::stop("its cells are those of the scene", false);
+            return Self::stop("its cells are those of the scene");
         }
         if done >= most {
-            return Self::stop(format!("{done} resolutions did not settle it"), true);
+            return Self::stop(format!("{done} resolutions did not settle it"));
         }
         Self::Run {
             now: work(done),
@@ -105,11 +102,6 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    pub(super) fn new(reason: impl Into<String>, free: bool) -> Self {
-        let reason = reason.into();
-        Self { reason, free }
-    }
-
     /// What is missing of a tolerance: the error of `number` is `ratio` times too large.
     pub(super) fn shortfall(self, number: String, ratio: f64, tolerance: f64) -> Option<Shortfall> {
         // NaN is no error estimate.
@@ -134,11 +126,14 @@ const OUT_OF_REACH: f64 = 0.1;
 const LAST: f64 = 0.9;
 
 /// Runs until the tolerance is reached, or says why not. An answer once there is not lost to a later run that fails.
+/// `what` is asked is named where time or memory do not suffice for a first answer; `free` says whether cells and steps are the
+/// program's own, so that a tolerance missed is its fault.
 ///
 /// # Errors
 /// [`Error::Limit`] for limits that do not suffice for a first answer; those of the runs before it.
 pub(super) fn pursue<Q: Question>(
     mut question: Q,
+    (what, free): (&str, bool),
     limits: &Limits,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Q::Answer> {
@@ -150,19 +145,23 @@ pub(super) fn pursue<Q: Question>(
             break Stop::default();
         }
         // An answer is not lost to what comes after it.
-        let kept = |text: String, error| match ratio {
-            Some(_) => Ok(Stop::new(text, true)),
+        let kept = |reason: String, free, error| match ratio {
+            Some(_) => Ok(Stop { reason, free }),
             None => Err(error),
         };
-        let ended = |error: Error| kept(format!("a finer run ended early: {error}"), error);
+        // A limit may be raised.
+        let ended = |error: Error| {
+            let free = free || matches!(error, Error::Limit { .. });
+            kept(format!("a finer run ended early: {error}"), free, error)
+        };
         let (now, then) = match question.next() {
             Ok(Next::Run { now, then }) => (now, then),
-            Ok(Next::Stop(stop)) => break stop,
+            Ok(Next::Stop(reason)) => break Stop { reason, free },
             Err(error) => break ended(error)?,
         };
         let (name, end) = match ratio {
             Some(_) => ("the next refinement".to_owned(), "reaching the tolerance"),
-            None => (question.name(), "a first answer"),
+            None => (what.to_owned(), "a first answer"),
         };
         let ends = limits.left() - now.seconds * pace.unwrap_or(1.0);
         let early = ends > (1.0 - OUT_OF_REACH) * given;
@@ -171,8 +170,8 @@ pub(super) fn pursue<Q: Question>(
             .map(|then| (then, end));
         let mut over = [(now, &name[..])].into_iter().chain(end);
         let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
-        if let Some((what, error)) = over {
-            break kept(what, error)?;
+        if let Some((excess, error)) = over {
+            break kept(excess, true, error)?;
         }
         let part = then.map_or(LAST, |then| now.seconds / (now.seconds + then.seconds));
         let end = done + part * (1.0 - done);
@@ -184,9 +183,8 @@ pub(super) fn pursue<Q: Question>(
         done = end;
     };
     progress(1.0);
-    let name = question.name();
     let answer = question.answer(stop);
-    answer.ok_or_else(|| limits.out_of_time(format!("{name} had not ended")))
+    answer.ok_or_else(|| limits.out_of_time(format!("{what} had not ended")))
 }
 
 /// What the limits do not allow of a run, in words and as an error; `pace` is what the last one took over what was

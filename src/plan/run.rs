@@ -195,6 +195,11 @@ impl Plan {
                 omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
                 let it = recipe.solve(oscillator, asked.quantity, &omegas, &limits, progress)?;
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
+                // Sampling has the frequencies of its segments alone.
+                let it = match self.scene.monte_carlo {
+                    Some(_) => it,
+                    None => it.filled(),
+                };
                 results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
             }
             Recipe::Series(recipe) => {

@@ -101,6 +101,10 @@ impl Scene {
         let some = !outputs.moments.as_ref().is_some_and(Vec::is_empty);
         let accepted = format!("at least one of {}", names(&Moment::ALL).join(", "));
         require(some, "outputs.moments", "[]", accepted)?;
+        let (lost, contact) = ([Moment::ContactLossProbability], self.oscillator.contact());
+        let can = contact.loss_point().is_some() || outputs.moments.as_deref() != Some(&lost);
+        let accepted = format!("another moment: \"{}\" cannot lose contact", contact.name());
+        require(can, "outputs.moments", names(&lost).join(", "), accepted)?;
         outputs.density_at.check("outputs.density_at")?;
         let count = outputs.decay_rates;
         let accepted = "a whole number from 0 to 100";

@@ -68,7 +68,7 @@ impl Eigenvalues {
             best: None,
             stalls: 0,
         };
-        adaptive::pursue(search, limits, progress)
+        adaptive::pursue(search, (NAME, !self.given), limits, progress)
     }
 }
 
@@ -160,10 +160,6 @@ const NAME: &str = "the search for eigenvalues";
 
 impl Question for Search<'_> {
     type Answer = DecayRates;
-
-    fn name(&self) -> String {
-        NAME.into()
-    }
 
     fn ratio(&self) -> Option<f64> {
         let best = self.best.as_ref()?;

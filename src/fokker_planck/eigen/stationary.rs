@@ -158,12 +158,16 @@ impl StationaryState {
             ratios: Vec::new(),
             best: None,
         };
-        let functions = adaptive::pursue(task(false), limits, progress);
+        let asked = (NAME, !self.given);
+        let functions = adaptive::pursue(task(false), asked, limits, progress);
         let over = |law: &SolvedLaw| law.shortfall.as_ref().map_or(0.0, |it| it.ratio);
         if self.given || functions.as_ref().is_ok_and(|law| over(law) == 0.0) {
             return functions;
         }
-        match (functions, adaptive::pursue(task(true), limits, progress)) {
+        match (
+            functions,
+            adaptive::pursue(task(true), asked, limits, progress),
+        ) {
             (Ok(a), Ok(b)) => Ok(if over(&a) < over(&b) { a } else { b }),
             (Ok(law), Err(_)) | (Err(_), Ok(law)) => Ok(law),
             (Err(error), Err(_)) => Err(error),
@@ -252,10 +256,6 @@ const NAME: &str = "the stationary law";
 impl Question for Task<'_> {
     type Answer = SolvedLaw;
 
-    fn name(&self) -> String {
-        NAME.into()
-    }
-
     fn ratio(&self) -> Option<f64> {
         self.best.as_ref().map(|it| it.1)
     }
@@ -269,7 +269,7 @@ impl Question for Task<'_> {
             && last >= before
         {
             let why = format!("finer than {done} resolutions would not settle it");
-            return Ok(Next::stop(why, true));
+            return Ok(Next::stop(why));
         }
         if !self.on_mesh {
             let work = |level: usize| self.recipe.work(level);

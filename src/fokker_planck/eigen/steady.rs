@@ -132,7 +132,8 @@ impl SteadyState {
             limits: limits.clone(),
             found: None,
         };
-        adaptive::pursue(task, limits, progress)
+        let free = !self.layout.is_given();
+        adaptive::pursue(task, (NAME, free), limits, progress)
     }
 }
 
@@ -151,10 +152,6 @@ struct Task<'a> {
 impl Question for Task<'_> {
     type Answer = Steady;
 
-    fn name(&self) -> String {
-        NAME.into()
-    }
-
     fn ratio(&self) -> Option<f64> {
         self.found.as_ref().map(|it| it.1)
     }
@@ -162,8 +159,7 @@ impl Question for Task<'_> {
     fn next(&mut self) -> Result<Next> {
         if self.found.is_some() {
             let why = "what the truncated domain leaves out, or the rounding of the null vector, is larger";
-            let free = !self.recipe.layout.is_given();
-            return Ok(Next::stop(why, free));
+            return Ok(Next::stop(why));
         }
         Ok(Next::run(self.recipe.cost))
     }

@@ -147,7 +147,7 @@ impl FirstPassage {
         let forcing = Forcing::of(&inside, initial, &settings.excitation, until)?;
         let layout = Layout::of(&inside, initial, &asked, forcing.as_ref());
         let mut cost = layout.cost(&inside);
-        if asked.step.is_none() && asked.cells.is_none() {
+        if asked.is_free() {
             cost.seconds *= ROUNDS;
         }
         Ok(Self {
@@ -201,7 +201,8 @@ impl FirstPassage {
             best: None,
             stalls: 0,
         };
-        adaptive::pursue(task, limits, progress)
+        let asked = (self.asked.name, self.asked.is_free());
+        adaptive::pursue(task, asked, limits, progress)
     }
 }
 
@@ -280,30 +281,24 @@ pub fn first_passage(
 impl Question for Task<'_> {
     type Answer = FirstLoss;
 
-    fn name(&self) -> String {
-        self.problem.asked.name.into()
-    }
-
     fn ratio(&self) -> Option<f64> {
         Some(self.best.as_ref()?.1.ratio)
     }
 
     fn next(&mut self) -> Result<Next> {
-        let asked = &self.problem.asked;
-        let free = asked.step.is_none() && asked.cells.is_none();
         if let Some((_, worst)) = &self.best {
             // All but what no mesh tells.
             if worst.ratio.is_nan() && worst.parts.iter().sum::<f64>() <= 1.0 {
                 let text = "what is lost so seldom drowns in rounding";
-                return Ok(Next::stop(text, free));
+                return Ok(Next::stop(text));
             }
-            if !free {
+            if !self.problem.asked.is_free() {
                 let text = "its step or its cells are those of the scene";
-                return Ok(Next::stop(text, false));
+                return Ok(Next::stop(text));
             }
             if self.stalls == STALLS {
                 let text = "finer meshes and steps bring it no nearer";
-                return Ok(Next::stop(text, true));
+                return Ok(Next::stop(text));
             }
         }
         Ok(Next::run(self.layout.cost(self.problem.oscillator)))

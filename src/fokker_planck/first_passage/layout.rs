@@ -39,6 +39,13 @@ pub(super) struct Asked {
     pub(super) cells: Option<[usize; 2]>,
 }
 
+impl Asked {
+    /// Whether mesh and steps are the program's choice.
+    pub(super) fn is_free(&self) -> bool {
+        self.step.is_none() && self.cells.is_none()
+    }
+}
+
 /// Part of the time in which noise turns a motion back that a step takes at most, to see it.
 const WITHIN_A_TURN: f64 = 0.25;
 
@@ -295,7 +302,13 @@ impl Layout {
         let [nq, nv] = self.nodes.map(|n| n as f64);
         let (points, steps) = (self.points(oscillator), self.all_steps());
         let map = match oscillator.contact() {
-            ContactLaw::Custom(_) => timing::ABSORBED_MAP * timing::TRACED_MAP / timing::MAP,
+            ContactLaw::Custom(_) => {
+                // A table has a kink at each of its points.
+                let passed = 0.5 * oscillator.temperature().sqrt() * self.step;
+                let pieces = oscillator.contact().pieces().iter();
+                let kinks = pieces.filter(|it| it.from.abs() < passed).count();
+                (1 + kinks) as f64 * timing::ABSORBED_MAP * timing::TRACED_MAP / timing::MAP
+            }
             _ => timing::ABSORBED_MAP,
         };
         Cost {

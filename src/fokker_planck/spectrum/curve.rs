@@ -8,6 +8,12 @@ use std::f64::consts::FRAC_2_PI;
 /// A spectrum's normalisation is the larger of its value and this part of its peak.
 pub(super) const FLOOR: f64 = 1e-6;
 
+/// The part of the variance that the trapezoid over an interval of a filled spectrum may lack.
+const LACKING: f64 = 1e-5;
+
+/// The narrowest interval of it that is halved, over its frequency: rounding.
+const NARROWEST: f64 = 1e-9;
+
 /// A one-sided spectrum with its errors.
 #[derive(Debug, Clone)]
 pub struct Spectrum {
@@ -42,6 +48,38 @@ impl Spectrum {
     /// The density at any frequency within the range of `omega`, from the model of all of them.
     pub fn at(&self, omega: f64) -> f64 {
         FRAC_2_PI * self.model.at(omega).value
+    }
+
+    /// The same spectrum at more frequencies: intervals are halved until trapezoids over them hold the variance.
+    pub(crate) fn filled(mut self) -> Self {
+        let known: Vec<(f64, Estimate)> =
+            self.omega.drain(..).zip(self.density.drain(..)).collect();
+        // Pairs still to be looked at, the lowest last.
+        let mut ends: Vec<(f64, Estimate)> = known.into_iter().rev().collect();
+        while let Some(low) = ends.pop() {
+            while let Some(high) = ends.last().copied() {
+                let (width, omega) = (high.0 - low.0, 0.5 * (low.0 + high.0));
+                let mean = 0.5 * (low.1.value + high.1.value);
+                let value = self.at(omega);
+                let lacking = 2.0 / 3.0 * width * (value - mean).abs();
+                if !(lacking > LACKING * self.variance && width > NARROWEST * omega) {
+                    break;
+                }
+                let relative = [low, high].map(|(_, it)| it.error / it.value.abs());
+                let error = value.abs() * relative[0].max(relative[1]);
+                ends.push((omega, Estimate::new(value, error, low.1.origin)));
+            }
+            self.omega.push(low.0);
+            self.density.push(low.1);
+        }
+        self
+    }
+
+    /// What trapezoids over the frequencies hold, over the variance.
+    pub(crate) fn held(&self) -> f64 {
+        let both = self.omega.windows(2).zip(self.density.windows(2));
+        let areas = both.map(|(w, g)| 0.5 * (w[1] - w[0]) * (g[0].value + g[1].value));
+        areas.sum::<f64>() / self.variance
     }
 
     /// The largest error over the normalisation, and the frequency where it is.

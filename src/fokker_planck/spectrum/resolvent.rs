@@ -130,7 +130,7 @@ impl Resolvent {
             changes: None,
             best: None,
         };
-        adaptive::pursue(task, limits, progress)
+        adaptive::pursue(task, ("the spectrum", !self.given), limits, progress)
     }
 }
 
@@ -214,23 +214,18 @@ impl Task<'_> {
 impl Question for Task<'_> {
     type Answer = Spectrum;
 
-    fn name(&self) -> String {
-        "the spectrum".into()
-    }
-
     fn ratio(&self) -> Option<f64> {
         let best = self.best.as_ref()?;
         Some(best.worst().0 / self.recipe.tolerance)
     }
 
     fn next(&mut self) -> Result<Next> {
-        let stop = |text: String, free| Ok(Next::stop(text, free));
         if self.best.is_some() && self.recipe.given {
-            return stop("its cells are those of the scene".into(), false);
+            return Ok(Next::stop("its cells are those of the scene"));
         }
         if self.best.is_some() && self.next.across() > WIDEST {
             let text = format!("the next resolution has more than {WIDEST} functions of q");
-            return stop(text, true);
+            return Ok(Next::stop(text));
         }
         let Resolvent { solves, local, .. } = *self.recipe;
         let then = self.last.is_none();

@@ -26,7 +26,11 @@ const HALVINGS: usize = 2;
 /// Those of the first runs; later ones end the ladder. Cells that the program chose itself are
 /// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
 pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
-    let first = adaptive::pursue(Ladder::new(*task), task.limits, progress);
+    let climb = |task: Task| {
+        let (name, free) = (task.recipe.name(), task.recipe.is_free());
+        adaptive::pursue(Ladder::new(task), (&name, free), task.limits, progress)
+    };
+    let first = climb(*task);
     match (first, task.recipe.otherwise.as_deref()) {
         (Err(error), Some(other)) if is_unfit(&error) => {
             let first = task.recipe.name();
@@ -39,8 +43,7 @@ pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
                 recipe: &other,
                 ..*task
             };
-            let it = adaptive::pursue(Ladder::new(task), task.limits, progress);
-            it.map_err(|error| unfit(error, &other))
+            climb(task).map_err(|error| unfit(error, &other))
         }
         (it, _) => it.map_err(|error| unfit(error, task.recipe)),
     }
@@ -97,9 +100,11 @@ struct Ladder<'a> {
     halved: Option<Run>,
     /// The same rung with its whole.
     whole: Option<Run>,
-    /// First rungs whose cells did not hold the scene.
+    /// Rungs whose cells did not hold the scene.
     skipped: usize,
     errors: Option<Errors>,
+    /// The finest run, the one before and their errors, from rungs below one that did not hold the scene.
+    below: Option<(Run, Run, Errors)>,
     /// The largest error estimates so far, over the tolerance.
     ratios: Vec<f64>,
 }
@@ -123,6 +128,7 @@ impl<'a> Ladder<'a> {
             whole: None,
             skipped: 0,
             errors: None,
+            below: None,
             ratios: Vec::new(),
         }
     }
@@ -209,14 +215,22 @@ impl<'a> Ladder<'a> {
         Ok(())
     }
 
-    /// Whether finer cells may hold what those of a first rung do not: begins again with the next, or nearer to the cells
+    /// Whether finer cells may hold what those of a rung do not: begins again with the next, or nearer to the cells
     /// of the scene.
     fn skips(&mut self, error: &Error) -> bool {
         let recipe = self.task.recipe;
         let given = recipe.layout.is_given();
         let most = if given { HALVINGS } else { STEEPER_TRIES };
-        let again = is_unfit(error) && self.ratios.is_empty() && self.skipped < most;
+        let fits = !is_unfit(error) || matches!(error, Error::Limit { .. });
+        let again = !fits && self.skipped < most;
         if again {
+            if let Some(errors) = self.errors.take() {
+                let mut finest = self.runs.drain(..).rev();
+                self.below = finest
+                    .next()
+                    .zip(finest.next())
+                    .map(|(fine, coarse)| (fine, coarse, errors));
+            }
             self.skipped += 1;
             let first = if given {
                 self.stride *= 0.5;
@@ -231,12 +245,14 @@ impl<'a> Ladder<'a> {
         again
     }
 
-    /// Whether the last error estimates are hardly below those before: one more of them than a single rung that is off spoils.
-    fn stalled(&self) -> bool {
+    /// Whether the last error estimates are hardly below those before: one more of them than a single rung that is off spoils,
+    /// and twice as many where not even the size of a number is known.
+    fn stalled(&self, known: bool) -> bool {
+        let looks = if known { RUNGS + 1 } else { 2 * (RUNGS + 1) };
         let least = |ratios: &[f64]| ratios.iter().copied().fold(f64::INFINITY, f64::min);
         let (before, last) = self
             .ratios
-            .split_at(self.ratios.len().saturating_sub(RUNGS + 1));
+            .split_at(self.ratios.len().saturating_sub(looks));
         let falls = least(last) < SLOWEST.get() * least(before);
         !before.is_empty() && !falls
     }
@@ -245,17 +261,12 @@ impl<'a> Ladder<'a> {
 impl Question for Ladder<'_> {
     type Answer = Transient;
 
-    fn name(&self) -> String {
-        self.task.recipe.name()
-    }
-
     fn ratio(&self) -> Option<f64> {
         self.ratios.last().copied()
     }
 
     fn next(&mut self) -> Result<Next> {
         let recipe = self.task.recipe;
-        let stop = |text: &str, free| Ok(Next::stop(text, free));
         let Some(ratio) = self.ratio() else {
             return match self.together() {
                 Err(error) if self.skips(&error) => self.next(),
@@ -263,26 +274,23 @@ impl Question for Ladder<'_> {
             };
         };
         if recipe.layout.is_given() {
-            return stop("cells are those of the scene", false);
+            return Ok(Next::stop("cells are those of the scene"));
         }
         if let Some(errors) = &self.errors
             && errors.steps() > recipe.tolerance
         {
-            return stop("method.step is that of the scene", false);
+            return Ok(Next::stop("method.step is that of the scene"));
         }
         let begun = self.task.begun.iter().copied().flatten().flatten();
         if begun.copied().any(|it| it > recipe.tolerance) {
-            return stop("the law that it begins in is known no better", true);
-        }
-        if self.stalled() {
-            return stop("finer meshes change it no more", recipe.step.is_none());
+            return Ok(Next::stop("the law that it begins in is known no better"));
         }
         // An error beyond the number's own scale, or one that is not known, foresees nothing.
-        let known = if ratio * recipe.tolerance < 1.0 {
-            ratio
-        } else {
-            1.0
-        };
+        let is_known = ratio * recipe.tolerance < 1.0;
+        if self.stalled(is_known) {
+            return Ok(Next::stop("finer meshes change it no more"));
+        }
+        let known = if is_known { ratio } else { 1.0 };
         let fall = f64::from(BEST_ORDER) * LADDER_RATIO.get().ln();
         let more = (known.ln() / fall).max(0.0).floor();
         let now = self.together()?;
@@ -319,9 +327,10 @@ impl Question for Ladder<'_> {
     }
 
     fn answer(mut self, stop: Stop) -> Option<Transient> {
-        let fine = self.runs.pop()?;
-        let coarse = self.runs.pop()?;
-        let errors = self.errors?;
+        let (fine, coarse, errors) = match self.errors {
+            Some(errors) => (self.runs.pop()?, self.runs.pop()?, errors),
+            None => self.below?,
+        };
         let reason = self.task.recipe.reason.clone();
         let task = &self.task;
         Some(task.report(fine, &coarse, &errors, reason, stop, Vec::new()))

@@ -8,6 +8,7 @@ use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::settings::{Method, Settings};
+use crate::format::brief;
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::oscillator::Oscillator;
@@ -111,6 +112,7 @@ impl Reach {
         let mut best: Option<(Crossing, Transient)> = None;
         let mut reason = "its courses bring it no nearer".to_owned();
         let (mut lengths, mut stalls, mut side) = (1, 0, None);
+        let stiff = problem.0.contact().stiffness(0.0) > 0.0;
         for pass in 0..LENGTHS + PASSES {
             let from = pass as f64 / (LENGTHS + PASSES) as f64;
             let part = |x: f64| progress(from + x / (LENGTHS + PASSES) as f64);
@@ -129,7 +131,7 @@ impl Reach {
                 }
                 (Err(error), _) => return Err(error),
             };
-            let crossing = match self.look(&it, stationary, &mut side) {
+            let crossing = match self.look(&it, stationary, (stiff, &mut side)) {
                 Seen::Crossing(crossing) => crossing,
                 Seen::AtOnce => {
                     let words = "the initial condition has that fraction already";
@@ -194,8 +196,11 @@ impl Reach {
     /// What is missing of the tolerance, and why.
     fn shortfall(&self, reason: &str, ratio: f64) -> Option<Shortfall> {
         let it = &self.settings;
-        let free = it.cells.is_none() && it.step.is_none();
-        Stop::new(reason, free).shortfall("reach.t".into(), ratio, it.tolerance)
+        let stop = Stop {
+            reason: reason.into(),
+            free: it.cells.is_none() && it.step.is_none(),
+        };
+        stop.shortfall("reach.t".into(), ratio, it.tolerance)
     }
 
     fn answer(&self, t: Option<Estimate>, it: Transient, why: &str) -> Reached {
@@ -209,7 +214,7 @@ impl Reach {
     }
 
     /// What a course shows.
-    fn look(&self, it: &Transient, stationary: Estimate, side: &mut Option<f64>) -> Seen {
+    fn look(&self, it: &Transient, stationary: Estimate, side: (bool, &mut Option<f64>)) -> Seen {
         let level = stationary.scaled(self.fraction);
         let Some(curve) = Curve::of(self.moment, level, it, side) else {
             return Seen::Never("it does not exist at every time".into());
@@ -222,11 +227,11 @@ impl Reach {
         }
         let value = |it: Option<&Estimate>| it.map_or(f64::NAN, |it| it.value);
         let words = format!(
-            "from {:.4e} at first to {:.4e} at t = {:e} it does not pass {:.4e}",
-            value(curve.values.first()),
-            value(curve.values.last()),
-            it.times.last().copied().unwrap_or(0.0),
-            level.value
+            "from {} at first to {} at t = {} it does not pass {}",
+            brief(value(curve.values.first())),
+            brief(value(curve.values.last())),
+            brief(it.times.last().copied().unwrap_or(0.0)),
+            brief(level.value)
         );
         let apart = (level.value - stationary.value).abs();
         let error = curve.values.last().map_or(0.0, |it| it.error);
@@ -305,13 +310,13 @@ impl Crossing {
 }
 
 impl<'a> Curve<'a> {
-    /// None where the moment does not exist at some time. `side` remembers from which side the first course began: a
+    /// None where the moment does not exist at some time; `stiff` is whether the contact at rest is. `side` remembers from which side the first course began: a
     /// course about the crossing does not see it.
     fn of(
         moment: Moment,
         level: Estimate,
         it: &'a Transient,
-        side: &mut Option<f64>,
+        (stiff, side): (bool, &mut Option<f64>),
     ) -> Option<Self> {
         // A level that is not known is as if the values were not.
         let values = it.moments.iter().map(|at| {
@@ -320,15 +325,19 @@ impl<'a> Curve<'a> {
             Some(Estimate::new(value.value, error, value.origin))
         });
         let mut values = values.collect::<Option<Vec<Estimate>>>()?;
-        let (level, level_error) = (level.value, level.error);
-        // A force without a width has no skewness and no kurtosis; that of a point that begins to spread is a Gaussian's.
-        let first = values.first_mut()?;
-        if first.value.is_nan() && it.times.first() == Some(&0.0) {
-            let gaussian = match moment {
+        let level = level.value;
+        // A force without a width has no skewness and no kurtosis. That of a point that begins to spread is a Gaussian's where
+        // the contact is stiff, else that of one that has hardly begun.
+        if let [first, next, ..] = &mut values[..]
+            && first.value.is_nan()
+            && it.times.first() == Some(&0.0)
+        {
+            let value = match moment {
+                _ if !stiff => next.value,
                 Moment::KurtosisForce => 3.0,
                 _ => 0.0,
             };
-            *first = Estimate::new(gaussian, level_error, first.origin);
+            *first = Estimate { value, ..*next };
         }
         if values.iter().any(|it| !it.value.is_finite()) {
             return None;

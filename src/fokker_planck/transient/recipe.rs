@@ -191,6 +191,11 @@ impl Rung {
 }
 
 impl Recipe {
+    /// Whether cells and steps are the program's choice.
+    pub(super) fn is_free(&self) -> bool {
+        !self.layout.is_given() && self.step.is_none()
+    }
+
     /// Cells per deviation of the stationary law on rung `r`.
     fn per_deviation(r: f64) -> f64 {
         FIRST_CELLS.get() * LADDER_RATIO.get().powf(r)

@@ -164,7 +164,8 @@ impl Recipe {
             ..task
         };
         if self.drift() == Drift::Upwind {
-            return adaptive::pursue(Upwind::new(task)?, limits, progress);
+            let asked = (&self.name()[..], self.is_free());
+            return adaptive::pursue(Upwind::new(task)?, asked, limits, progress);
         }
         ladder::climbed(&task, progress)
     }
@@ -261,10 +262,6 @@ impl<'a> Upwind<'a> {
 impl Question for Upwind<'_> {
     type Answer = Transient;
 
-    fn name(&self) -> String {
-        self.task.recipe.name()
-    }
-
     fn ratio(&self) -> Option<f64> {
         let (run, errors) = self.fine.as_ref()?;
         Some(errors.worst(run).0 / self.task.recipe.tolerance)
@@ -273,7 +270,7 @@ impl Question for Upwind<'_> {
     fn next(&mut self) -> Result<Next> {
         if self.fine.is_some() {
             let why = "upwind drift is of first order, and no affordable mesh would do";
-            return Ok(Next::stop(why, !self.task.recipe.layout.is_given()));
+            return Ok(Next::stop(why));
         }
         let fine = self.task.work(&self.fine_rung, &self.times)?;
         if self.coarse.is_some() {

@@ -9,7 +9,7 @@ use super::legend::{Mark, legend};
 use super::panel::{Panel, highest, range};
 use crate::error::Result;
 use crate::fokker_planck::Snapshot;
-use crate::format::bare;
+use crate::format::{bare, brief};
 use crate::report::File;
 use crate::results::{Law, Results, widths};
 
@@ -163,10 +163,10 @@ pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
     let [symbol, unit] = results.scene.clock().symbol();
     for snapshot in &it.densities {
         let name = format!("density_{}.svg", bare(snapshot.t));
-        let title = format!("p(q, q\u{307}) at {symbol} = {}{unit}", bare(snapshot.t));
+        let title = format!("p(q, q\u{307}) at {symbol} = {}{unit}", brief(snapshot.t));
         files.extend(density_picture(name, &title, snapshot, results).transpose()?);
     }
-    let label = |it: &Snapshot| format!("{symbol} = {}{unit}", bare(it.t));
+    let label = |it: &Snapshot| format!("{symbol} = {}{unit}", brief(it.t));
     let names = ("snapshots.svg", "p(q, q\u{307})");
     files.extend(snapshots(results, names, &it.densities, &label).transpose()?);
     Ok(files)

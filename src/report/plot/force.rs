@@ -7,9 +7,13 @@ use super::density::Sheet;
 use super::legend::{Mark, legends};
 use super::panel::{Panel, range};
 use crate::estimate::Estimate;
-use crate::format::bare;
+use crate::format::brief;
+use crate::moments::Moment;
 use crate::monte_carlo::Histogram;
 use crate::results::Results;
+
+/// The part of the mean stiffness below which p_N = p_q/G' is near a singularity.
+const SOFT: f64 = 0.3;
 
 /// What force.svg shows.
 struct ForceCurves {
@@ -22,9 +26,10 @@ struct ForceCurves {
     origin: &'static str,
     /// Histogram of long records.
     sampled: Option<Histogram>,
-    /// The Dirac mass and the force of flight it stands at, if that is within the picture.
+    /// The Dirac mass and the force of flight it stands at, if that is within the picture; its mass in long records.
     dirac: Option<(Estimate, f64)>,
-    /// Largest density away from the singularity just above the force of flight.
+    sampled_dirac: Option<Estimate>,
+    /// Largest density away from the singularities where the contact has no stiffness.
     most: f64,
 }
 
@@ -51,7 +56,7 @@ impl ForceCurves {
             (Some(it), _) => (Some(&it.density), "steady state on the mesh".to_owned()),
             (None, Some(it)) => {
                 let last = it.densities.last();
-                let t = last.map_or(String::new(), |it| bare(it.t));
+                let t = last.map_or(String::new(), |it| brief(it.t));
                 let [symbol, unit] = results.scene.clock().symbol();
                 (last, format!("on the mesh, {symbol} = {t}{unit}"))
             }
@@ -67,9 +72,15 @@ impl ForceCurves {
             .map(|(q, p)| (contact.force(*q), p / contact.stiffness(*q)))
             .collect();
         let flight = loss.filter(|it| *it >= low).map(|it| contact.force(it));
-        let usual = |n: f64| flight.is_none_or(|flight| n > flight + 0.04);
-        let usual = exact.iter().filter(|(n, _)| usual(*n));
-        let most = usual.map(|(_, p)| *p).fold(0.0, f64::max);
+        let stiff = |n: f64| {
+            let all = contact.displacements_at(n).into_iter();
+            all.map(|q| contact.stiffness(q).abs())
+                .fold(f64::INFINITY, f64::min)
+        };
+        let usual = results.scene.oscillator.displacement_law().ok()?;
+        let usual = usual.expect(|q| contact.stiffness(q).abs()).value;
+        let near = exact.iter().filter(|(n, _)| stiff(*n) > SOFT * usual);
+        let most = near.map(|(_, p)| *p).fold(0.0, f64::max);
         Some(Self {
             dirac: law.contact_loss_probability().zip(flight),
             origin: law.words(),
@@ -77,6 +88,9 @@ impl ForceCurves {
             meshed,
             words,
             sampled: results.records.as_ref().map(|it| it.force.clone()),
+            sampled_dirac: results
+                .sampled_stationary()
+                .and_then(|it| it.get(Moment::ContactLossProbability.name())),
             most,
         })
     }
@@ -109,8 +123,7 @@ impl ForceCurves {
             let words = format!("Dirac mass P(N = {flight}) = {}", probability(mass));
             let words = words.replace('-', "\u{2212}");
             write(area, &words, (x + 11.0, tip + 4.0), NOTE)?;
-            let sampled = self.sampled.as_ref().and_then(|it| it.dirac);
-            if let Some(mass) = sampled.filter(|it| it.value.is_finite()) {
+            if let Some(mass) = self.sampled_dirac.filter(|it| it.value.is_finite()) {
                 let words = format!("records: {} \u{b1} {:.0e}", probability(mass), mass.error);
                 let words = words.replace("e-", "e\u{2212}");
                 let at = (x + 11.0, tip + 22.0);

@@ -33,10 +33,14 @@ pub(crate) fn impacts(results: &Results) -> Picture {
     };
     let speeds = beside(450.0, (0.0, fastest), top);
     let lightest = force.first().map_or(0.0, |it| it.0);
-    let forces = beside(760.0, (lightest.min(heaviest), heaviest), high);
-    Some(picture("impacts.svg", (1030, 420), |area| {
+    let forces = beside(780.0, (lightest.min(heaviest), heaviest), high);
+    Some(picture("impacts.svg", (1050, 420), |area| {
         joint.title(area, "Impacts: joint density over its peak")?;
-        joint.axes(area, "time of flight, \u{3c4}", "speed at the return")?;
+        let flight = match results.scene.clock().symbol() {
+            [symbol, ""] => format!("time of flight, {symbol}"),
+            [_, unit] => format!("time of flight,{unit}"),
+        };
+        joint.axes(area, &flight, "speed at the return")?;
         let columns = law.speeds.len();
         let p = |i: usize, j: usize| law.density[i * columns + j].value / peak;
         contours::fill(area, &joint, &LEVELS, (&law.times, &law.speeds), p, 0.0)?;

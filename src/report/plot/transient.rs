@@ -5,6 +5,7 @@ use super::legend::{Mark, legend};
 use super::panel::{Panel, place, range, with_band};
 use crate::estimate::Estimate;
 use crate::fokker_planck::DecayRates;
+use crate::format::brief;
 use crate::moments::{Moment, Moments};
 use crate::results::Results;
 
@@ -34,7 +35,8 @@ pub(crate) fn moments(results: &Results) -> Picture {
         names.to_vec()
     };
     let x = range(it.times.iter().copied().chain([0.0]), 0.0)?;
-    Some(picture("moments.svg", (972, 640), |area| {
+    let height = if names.len() > 2 { 640 } else { 330 };
+    Some(picture("moments.svg", (972, height), |area| {
         for (k, (moment, label)) in names.into_iter().enumerate() {
             let series = |times: &[f64], moments: &[Moments]| -> Vec<(f64, Estimate)> {
                 let points = times.iter().zip(moments);
@@ -199,9 +201,9 @@ impl Decay {
 
     fn words(self) -> String {
         let words = if self.power == 0.0 {
-            format!("slowest eigenvalue, {:.6}", self.rate)
+            format!("slowest eigenvalue, {}", brief(self.rate))
         } else {
-            format!("t^(-3/2) exp({:.4} t)", self.rate)
+            format!("t^(-3/2) exp({} t)", brief(self.rate))
         };
         words.replace('-', "\u{2212}")
     }

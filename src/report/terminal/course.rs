@@ -30,9 +30,10 @@ pub(super) fn spectrum(table: &mut Table, results: &Results) {
     }
     let (error, omega) = solved.worst();
     let text = format!(
-        "one-sided, integral over omega = variance; {} frequencies, largest error {error:.0e} of the \
-         value at omega = {}",
+        "one-sided, integral over omega = variance: trapezoids over {} frequencies hold {:.4} of it; largest \
+         error {error:.0e} of the value at omega = {}",
         solved.omega.len(),
+        solved.held(),
         brief(omega)
     );
     table.paragraph("", &text);
@@ -112,8 +113,8 @@ pub(super) fn reach(table: &mut Table, results: &Results) {
     table.line("");
     table.line(row(&format!("{:<8} {words}", entry.symbol), &[], false));
     let number =
-        it.t.map_or("never".into(), |t| format!("t = {}", cell(Some(t))));
-    table.line(format!("{:<8} stationary value at {number}", ""));
+        it.t.map_or("at no time".into(), |t| format!("at t = {}", cell(Some(t))));
+    table.line(format!("{:<8} stationary value {number}", ""));
 }
 
 pub(super) fn course(table: &mut Table, results: &Results) {
@@ -135,7 +136,7 @@ pub(super) fn course(table: &mut Table, results: &Results) {
             let entry = moment.entry();
             let first = (n == 0).then_some((entry.symbol, entry.words));
             let (symbol, words) = first.unwrap_or_default();
-            let time = format!("t = {}", brief(t));
+            let time = format!("t = {}", brief(rounded(t, 6)));
             let both = [here, there];
             let numbers = cells(&both[..=usize::from(sampled.is_some())], true);
             table.line(format!("{symbol:<8} {words:<14} {time:>11} {numbers}"));

@@ -24,7 +24,7 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     let sampled = results.monte_carlo.as_ref();
     let sampled = sampled.and_then(|it| last(&it.times, &it.moments));
     let steady = results.steady.as_ref().map(|it| it.moments);
-    let mut columns: Vec<(String, &str, Option<&Moments>)> = Vec::new();
+    let mut columns: Vec<(&str, String, Option<&Moments>)> = Vec::new();
     let closed = results.stationary.as_ref();
     if closed.is_some() {
         let (name, from) = if results.solved.is_some() {
@@ -32,17 +32,16 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
         } else {
             ("closed form", "(21)-(30)")
         };
-        columns.push((name.into(), from, None));
+        columns.push((name, from.into(), None));
     }
     if let Some(moments) = &steady {
-        columns.push(("steady state".into(), "on the mesh", Some(moments)));
+        columns.push(("steady state", "on the mesh".into(), Some(moments)));
     }
     if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
-        columns.push((format!("mesh, t = {}", brief(t)), "", Some(moments)));
+        columns.push(("Fokker-Planck", format!("t = {}", brief(t)), Some(moments)));
     }
     if let Some((t, moments)) = sampled {
-        let name = format!("paths, t = {}", brief(t));
-        columns.push((name, "Monte Carlo", Some(moments)));
+        columns.push(("Monte Carlo", format!("t = {}", brief(t)), Some(moments)));
     }
     // Beside long records the closed form has a table of its own.
     let alone = closed.is_some() && columns.len() == 1 && results.records.is_some();
