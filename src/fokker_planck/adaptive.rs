@@ -160,15 +160,15 @@ pub(super) fn pursue<Q: Question>(
             Err(error) => break ended(error)?,
         };
         let (name, end) = match ratio {
-            Some(_) => ("the next refinement".to_owned(), "reaching the tolerance"),
-            None => (what.to_owned(), "a first answer"),
+            Some(_) => ("the next refinement", "reaching the tolerance"),
+            None => (what, "a first answer"),
         };
         let ends = limits.left() - now.seconds * pace.unwrap_or(1.0);
         let early = ends > (1.0 - OUT_OF_REACH) * given;
         let end = then
             .filter(|_| ratio.is_none() || !early)
             .map(|then| (then, end));
-        let mut over = [(now, &name[..])].into_iter().chain(end);
+        let mut over = [(now, name)].into_iter().chain(end);
         let over = over.find_map(|(work, name)| excess(work, name, pace, limits));
         if let Some((excess, error)) = over {
             break kept(excess, true, error)?;

@@ -195,12 +195,11 @@ impl Reach {
 
     /// What is missing of the tolerance, and why.
     fn shortfall(&self, reason: &str, ratio: f64) -> Option<Shortfall> {
-        let it = &self.settings;
         let stop = Stop {
             reason: reason.into(),
-            free: it.cells.is_none() && it.step.is_none(),
+            free: self.first.is_free(),
         };
-        stop.shortfall("reach.t".into(), ratio, it.tolerance)
+        stop.shortfall("reach.t".into(), ratio, self.settings.tolerance)
     }
 
     fn answer(&self, t: Option<Estimate>, it: Transient, why: &str) -> Reached {
@@ -310,8 +309,8 @@ impl Crossing {
 }
 
 impl<'a> Curve<'a> {
-    /// None where the moment does not exist at some time; `stiff` is whether the contact at rest is. `side` remembers from which side the first course began: a
-    /// course about the crossing does not see it.
+    /// None where the moment does not exist at some time; `stiff` is whether the contact at rest is. `side` remembers from
+    /// which side the first course began: a course about the crossing does not see it.
     fn of(
         moment: Moment,
         level: Estimate,
