@@ -59,6 +59,7 @@ pub mod damping;
 pub mod error;
 pub mod estimate;
 pub mod excitation;
+mod first_step;
 pub mod fokker_planck;
 mod format;
 pub mod gaussian;

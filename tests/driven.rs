@@ -1,7 +1,7 @@
 //! A harmonic drive and an envelope on the noise, held against what is exact.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
-use vibroimpact::contact::ContactLaw;
+use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
 use vibroimpact::excitation::{Drive, Envelope, Excitation};
 use vibroimpact::fokker_planck::{
@@ -428,6 +428,24 @@ fn where_two_orbits_last_without_noise_the_law_holds_both() {
     // Above it there is one orbit.
     let got = periodic(&it, 4, &above, &|_| ()).unwrap();
     assert!(got.warnings.is_empty(), "{:?}", got.warnings);
+}
+
+/// Two wells a quarter deep, and T = 0.63: whatever orbit a motion began near it has forgotten within a period.
+#[test]
+fn noise_far_above_a_barrier_leaves_one_law_without_a_warning() {
+    let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.0, 1.0]));
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    let it = Oscillator::new(wells, 0.05, 0.02).unwrap();
+    let asked = settings(&driven(0.3, 0.9, 0.0), 1e-3);
+    let law = periodic(&it, 8, &asked, &|_| ()).unwrap();
+    assert!(law.warnings.is_empty(), "{:?}", law.warnings);
+    let slowest = law.multipliers[0];
+    assert!(slowest.im != 0.0 && slowest.modulus() < 0.35, "{slowest:?}");
+    let curve = response(&it, &[0.7, 0.9], &asked, &|_| ()).unwrap();
+    assert!(curve.warnings.is_empty(), "{:?}", curve.warnings);
+    let own = curve.multiplier[1];
+    let off = (own.value - slowest.modulus()).abs();
+    assert!(off <= own.error + slowest.error, "{own:?} {slowest:?}");
 }
 
 #[test]

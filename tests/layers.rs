@@ -48,7 +48,7 @@ fn layer(module: &str) -> usize {
         "budget" | "conventions" | "estimate" | "quadrature" | "sparse" | "error" | "format"
         | "matrix" | "roots" => 0,
         "clock" | "contact" | "damping" | "oscillator" | "rig" | "initial" | "moments"
-        | "gaussian" | "scales" | "excitation" | "noise_free" | "inrush" => 1,
+        | "gaussian" | "scales" | "excitation" | "noise_free" | "inrush" | "first_step" => 1,
         "stationary" | "fokker_planck" | "monte_carlo" | "spectrum" => 2,
         "scene" | "plan" | "results" => 3,
         "report" => 4,

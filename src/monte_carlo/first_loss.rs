@@ -12,6 +12,7 @@ use super::{Sampling, Scheme};
 use crate::budget::{Cost, Limits};
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Warning, name_at};
+use crate::first_step;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
 use crate::oscillator::{Oscillator, Side};
@@ -20,6 +21,9 @@ use rayon::prelude::*;
 
 /// Steps between two looks at whether all paths of a group have been lost.
 const PIECE: u64 = 64;
+
+/// Halvings of the step at most for what noise decides on within the first one, beside the standard error.
+const HALVINGS: i32 = 8;
 
 /// More output times than a first passage has.
 const OUTPUTS: u64 = 1000;
@@ -151,6 +155,18 @@ impl FirstLosses {
         };
         walk::check_ensemble(settings.paths, &[until], key)?;
         let mut walk = Walk::locating(oscillator, initial, settings)?;
+        let undecided = |step| first_step::undecided(initial, oscillator, range, step);
+        if settings.step.is_none() {
+            let (first, error) = (walk.step, walk::deviation(settings.paths as f64));
+            for _ in 0..HALVINGS {
+                if undecided(walk.step) > error {
+                    walk.step *= 0.5;
+                }
+            }
+            if walk.step < first {
+                walk.reason += ", shorter where the noise of a step decides on the first passage";
+            }
+        }
         let (steps, step) = walk::equal_steps(until, walk.step)?;
         walk.step = step;
         let run_in = walk::run_in(oscillator, initial);
@@ -163,7 +179,7 @@ impl FirstLosses {
             range,
             level,
             run_in,
-            bias: walk.bias_on_the_way(oscillator, initial, until),
+            bias: (walk.bias_on_the_way(oscillator, initial, until)).max(undecided(step)),
             cost: Cost {
                 steps,
                 memory: threads * walk.bytes() + TASKS * 8 * OUTPUTS,

@@ -13,11 +13,11 @@
 //! coarser mesh; whichever is larger is refined.
 
 use super::layout::{Asked, Layout};
-use super::limit::{Runs, largest_since};
+use super::limit::{Runs, largest_since, never_rises};
 use super::mesh::Fineness;
 use super::region::{Barrier, Region};
 use super::run::{Problem, Run};
-use crate::error::{Error, Result, positive};
+use crate::error::{Result, positive};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
@@ -313,20 +313,10 @@ impl Question for Task<'_> {
             let before = self.runs.iter().find(|it| it.0 == fineness);
             let (from, part) = [(0.0, 0.45), (0.45, 0.25), (0.7, 0.2), (0.9, 0.1)][k];
             let run = match before {
-                Some((_, run)) => Ok(run.clone()),
+                Some((_, run)) => run.clone(),
                 None => self
                     .problem
-                    .once(&layout, &fineness, &|done| progress(from + part * done)),
-            };
-            let run = match run {
-                // Cells that do not hold the motion: finer ones may.
-                Err(Error::Linear { .. }) if self.skips() => {
-                    self.layout = layout.finer([1.0, 0.0]);
-                    // The fine mesh is the coarse one of the next round.
-                    self.runs = runs;
-                    return Ok(());
-                }
-                run => run?,
+                    .once(&layout, &fineness, &|done| progress(from + part * done))?,
             };
             runs.push((fineness, run));
         }
@@ -335,9 +325,6 @@ impl Question for Task<'_> {
         self.layout = layout.finer(found.1.parts);
         // NaN is no error estimate.
         let better = |best: &Worst| best.ratio.is_nan() || found.1.ratio < best.ratio;
-        if self.best.is_none() {
-            self.stalls = 0;
-        }
         if self.best.as_ref().is_none_or(|it| better(&it.1)) {
             self.best = Some(found);
         } else {
@@ -356,12 +343,6 @@ impl Question for Task<'_> {
 }
 
 impl Task<'_> {
-    /// Whether a round before the first answer may be left out.
-    fn skips(&mut self) -> bool {
-        self.stalls += 1;
-        self.best.is_none() && self.problem.asked.cells.is_none() && self.stalls <= STALLS
-    }
-
     /// The numbers of a round with their errors, and the largest of these over the tolerance.
     fn report(&self, layout: &Layout, runs: [&Run; 4]) -> (FirstLoss, Worst) {
         let steps = runs.iter().map(|it| it.steps).sum();
@@ -407,6 +388,7 @@ impl Task<'_> {
         for (t, it) in layout.times.iter().zip(&survival) {
             worst.note(it.error / tolerance, || format!("survival at t = {t}"));
         }
+        worst.add([0.0, self.undecided(layout)], tolerance);
         for k in 0..layout.times.len() {
             worst.add(runs.errors(|run| run.survival[k]), tolerance);
         }
@@ -431,10 +413,18 @@ impl Task<'_> {
         (it, worst)
     }
 
-    /// What of an initial condition is beyond the mesh, or what one that is solved for may be off, given that nothing is lost at 0.
+    /// What of an initial condition is beyond the mesh or undecided within a step, or what one that is solved for may be off, given
+    /// that nothing is lost at 0.
     fn begun(&self, layout: &Layout, fine: &Run) -> f64 {
         let law = self.problem.law.as_ref();
-        law.map_or(layout.unseen, |law| law.error / fine.total)
+        let narrow = layout.unseen + self.undecided(layout);
+        law.map_or(narrow, |law| law.error / fine.total)
+    }
+
+    /// What of it noise decides on within a step.
+    fn undecided(&self, layout: &Layout) -> f64 {
+        let Problem { initial, .. } = self.problem;
+        self.problem.region().undecided(initial, layout.step)
     }
 
     /// Survival, losses and their density.
@@ -478,6 +468,9 @@ impl Task<'_> {
                 curve.push(Estimate::new(value, error, Origin::Space));
             }
         }
+        let [survival, lost, _] = &mut curves;
+        never_rises(survival.iter_mut().collect());
+        never_rises(lost.iter_mut().rev().collect());
         curves
     }
 

@@ -95,6 +95,19 @@ fn turning(
     [wanted, WITHIN_A_TURN * turned.fold(f64::INFINITY, f64::min)]
 }
 
+/// A first step within which noise decides on little, short of four halvings: later rounds halve it further.
+fn deciding(region: &Region<'_>, initial: &Initial, automatic: f64) -> f64 {
+    const LITTLE: f64 = 0.1;
+    let halve = |step, _| {
+        if region.undecided(initial, step) > LITTLE {
+            0.5 * step
+        } else {
+            step
+        }
+    };
+    (0..4).fold(automatic, halve)
+}
+
 impl Layout {
     /// The layout of the first run under stationary noise, or under a forcing: that of its strongest noise, farther by as
     /// much as the drive swings, in steps that see it turn.
@@ -159,6 +172,7 @@ impl Layout {
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         let [automatic, resolving] = turning(&region, oscillator, &barrier, automatic);
+        let automatic = deciding(&region, initial, automatic);
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);

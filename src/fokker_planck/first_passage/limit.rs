@@ -2,6 +2,7 @@
 //! coarser mesh.
 
 use super::run::Run;
+use crate::estimate::Estimate;
 use crate::fokker_planck::policy::{CARRIED, LEFT, SLOWEST};
 
 /// Of the difference from the coarse mesh, of 1.35 times fewer nodes, what the fine run errs: what order 3 would leave. Seen: 5.
@@ -105,9 +106,24 @@ pub(super) fn largest_since(
     each.fold(0.0, |a, b| if a.is_nan() || b < a { a } else { b })
 }
 
+/// Errors of probabilities in the order in which these fall: none is above what any before it may be, or below what one after it
+/// is at least.
+pub(super) fn never_rises(curve: Vec<&mut Estimate>) {
+    let mut least = vec![0.0f64; curve.len() + 1];
+    for (k, it) in curve.iter().enumerate().rev() {
+        least[k] = least[k + 1].max(it.value - it.error);
+    }
+    let mut most = 1.0f64;
+    for (it, least) in curve.into_iter().zip(least) {
+        most = most.min(it.value + it.error);
+        it.error = it.error.min((most - it.value).max(it.value - least));
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::extrapolated;
+    use super::{extrapolated, never_rises};
+    use crate::estimate::{Estimate, Origin};
 
     /// 7 and errors of some orders, with one, two and four steps.
     fn number(terms: &[(f64, f64)]) -> [f64; 3] {
@@ -136,6 +152,24 @@ mod tests {
             let over = (value - 7.0).abs() / error;
             println!("order {order}: {over:.2} of its error");
             assert!(over < 0.7, "order {order}: {over}");
+        }
+    }
+
+    #[test]
+    fn what_falls_is_known_from_both_sides() {
+        let curve = [
+            (1.0, 0.0),
+            (0.5, 0.2),
+            (0.6, 0.01),
+            (2e-7, 1e-9),
+            (1e-7, 1e-3),
+        ];
+        let mut curve = curve.map(|(value, error)| Estimate::new(value, error, Origin::Space));
+        never_rises(curve.iter_mut().collect());
+        let errors = curve.map(|it| it.error);
+        let expected = [0.0, 0.2, 0.01, 1e-9, 1.01e-7];
+        for (got, expected) in errors.into_iter().zip(expected) {
+            assert!((got - expected).abs() < 1e-15, "{errors:?}");
         }
     }
 }

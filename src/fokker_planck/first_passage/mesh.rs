@@ -40,14 +40,10 @@ pub(super) fn extent(region: &Region<'_>, right: f64) -> [f64; 2] {
     if let Some(high) = region.barrier.high {
         return [0.5 * (high - low), std::f64::consts::PI];
     }
-    // A fall from rest covers x = a s^2/2: near the wall b y is the speed at which it is hit. No motion falls slowly that the force
-    // does not hold away: it passes as fast as noise makes it.
-    let pull = -region.force(low);
-    let bend = if pull > 0.0 {
-        pull
-    } else {
-        pull.abs().max(region.oscillator.temperature().sqrt())
-    };
+    // A fall from rest covers x = a s^2/2: near the wall b y is the speed at which it is hit, and as fast as noise makes it where
+    // the force is weak or holds motions away.
+    let pull = region.force(low).abs();
+    let bend = pull.max(region.oscillator.temperature().sqrt());
     let far = (right - low) / bend + 1.0;
     [bend, (far * far - 1.0).sqrt()]
 }

@@ -169,8 +169,8 @@ pub(crate) fn long_run(
             break;
         }
     }
-    let Mode { shape, factor, .. } = modes.swap_remove(0);
-    let mut exponent = -factor.max(0.0).ln() / stride as f64;
+    let mut exponent = modes[0].exponent(least)? / stride as f64;
+    let shape = modes.swap_remove(0).shape;
     // Detailed balance keeps the digits of what is next to nothing, which a mesh of many losses does not have.
     if let Some(lost) = rare(&shape).filter(|lost| *lost > 0.0) {
         let of_mesh = exponent;
@@ -188,6 +188,11 @@ pub(crate) fn long_run(
     })
 }
 
+/// What no survival does, and one on cells much coarser than what noise does in a step may.
+fn grows() -> Error {
+    Error::linear("survival", "it grows on this mesh")
+}
+
 /// What a sum leaves of (I - B) X = `given`, its `image` being B X.
 fn open_of(given: &[f64], sum: &[f64], image: &[f64]) -> Result<Vec<f64>> {
     let parts = given.iter().zip(sum).zip(image);
@@ -195,7 +200,7 @@ fn open_of(given: &[f64], sum: &[f64], image: &[f64]) -> Result<Vec<f64>> {
     if norm(&left).is_finite() {
         Ok(left)
     } else {
-        Err(Error::linear("survival", "it grows on this mesh"))
+        Err(grows())
     }
 }
 
@@ -260,6 +265,17 @@ impl Mode {
     /// What that may be off, relative to it.
     fn error(&self) -> f64 {
         self.residual / self.lost()
+    }
+
+    /// -ln factor.
+    ///
+    /// # Errors
+    /// [`Error::Linear`] for a mode that grows, by more than is `least` told of a factor.
+    fn exponent(&self, least: f64) -> Result<f64> {
+        if self.factor - 1.0 > self.residual.max(least) {
+            return Err(grows());
+        }
+        Ok(-self.factor.max(0.0).ln())
     }
 
     /// Whether it is known to rounding, `least`, and no more than that is lost of it.

@@ -4,6 +4,7 @@
 
 use crate::damping::Damping;
 use crate::error::{Error, Result};
+use crate::first_step;
 use crate::fokker_planck::solved::Law;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
@@ -132,6 +133,13 @@ impl<'a> Region<'a> {
     /// Minus the acceleration at x.
     pub(crate) fn force(&self, x: f64) -> f64 {
         self.barrier.sign * self.oscillator.contact().force(self.q(x))
+    }
+
+    /// What noise decides of within a first step: [`first_step::undecided`].
+    pub(super) fn undecided(&self, initial: &Initial, step: f64) -> f64 {
+        let Barrier { low, high, .. } = self.barrier;
+        let range = self.range(low, high.unwrap_or(f64::INFINITY));
+        first_step::undecided(initial, self.oscillator, range, step)
     }
 
     /// What pushes q by so much pushes x by this.

@@ -119,11 +119,18 @@ impl PeriodicLaw {
         forcing.is_some_and(|it| it.orbits().len() > 1)
     }
 
-    /// The slowest multiplier, if it is known: between two orbits it is real.
+    /// The slowest multiplier, if it is known; between two orbits also that it is less than 1.
     pub(super) fn slowest(&self, law: &Periodic) -> Option<Multiplier> {
         let slowest = law.multipliers.first().copied();
-        let passes = |it: &Multiplier| it.im == 0.0 && it.error < 1.0 - it.re;
-        slowest.filter(|it| !self.has_rivals() || passes(it))
+        slowest.filter(|it| !self.has_rivals() || it.error < 1.0 - it.modulus())
+    }
+
+    /// Between two orbits, the periods in which the slowest mode falls by e: infinitely many if that is not known, and None where a
+    /// motion forgets its orbit within one.
+    pub(super) fn forming(&self, law: &Periodic) -> Option<f64> {
+        let slowest = self.slowest(law);
+        let periods = slowest.map_or(f64::INFINITY, |it| -1.0 / it.modulus().ln());
+        (self.has_rivals() && periods > 1.0).then_some(periods)
     }
 
     pub(crate) fn cost(&self) -> Cost {
@@ -155,12 +162,12 @@ impl PeriodicLaw {
             let none = "no Floquet multipliers: without friction in flight the spectrum is continuous up to 1";
             law.warnings.push(none.into());
         }
-        if self.has_rivals() {
-            let periods = self
-                .slowest(&law)
-                .map_or("more periods to form than a run can tell".into(), |it| {
-                    format!("some {:.0} periods to form", -1.0 / it.modulus().ln())
-                });
+        if let Some(periods) = self.forming(&law) {
+            let periods = if periods.is_finite() {
+                format!("some {periods:.0} periods to form")
+            } else {
+                "more periods to form than a run can tell".into()
+            };
             law.warnings.push(format!(
                 "two orbits last without noise: the law holds both, each with its probability, and takes {periods}; \
                  over shorter times a motion shows the one that it began near"

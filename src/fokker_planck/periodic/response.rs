@@ -173,16 +173,22 @@ impl ResponseCurve {
         format!("{count} frequencies; {}", self.first.words())
     }
 
-    /// What is to be said of frequencies at which two orbits last without noise.
-    fn rivals(&self, recipes: &[PeriodicLaw]) -> Option<String> {
-        let points = self.frequencies.iter().copied().zip(recipes);
-        let both = points.filter(|(_, law)| law.has_rivals());
-        let at: Vec<f64> = both.map(|it| it.0).collect();
-        let (first, last) = at.first().zip(at.last())?;
+    /// What is to be said of frequencies at which two orbits last without noise, and noise does not mix them within a period.
+    fn rivals(&self, recipes: &[PeriodicLaw], laws: &[Periodic]) -> Option<String> {
+        let points = self.frequencies.iter().zip(recipes.iter().zip(laws));
+        let both = points.filter(|(_, (recipe, law))| recipe.forming(law).is_some());
+        let at: Vec<f64> = both.map(|it| *it.0).collect();
+        let at = match at[..] {
+            [] => return None,
+            [one] => format!("at the frequency {one}"),
+            [first, .., last] => {
+                let count = at.len();
+                format!("at {count} of the frequencies, {first} to {last}")
+            }
+        };
         Some(format!(
-            "two orbits last without noise at {} of the frequencies, {first} to {last}: the law holds both; a multiplier, \
-             where there is one, says how long it takes to form",
-            at.len()
+            "two orbits last without noise {at}: the law holds both; a multiplier, where there is one, says how long it takes to \
+             form"
         ))
     }
 
@@ -239,7 +245,7 @@ impl ResponseCurve {
             warnings: shortfall
                 .iter()
                 .map(Shortfall::to_string)
-                .chain(self.rivals(&recipes))
+                .chain(self.rivals(&recipes, &laws))
                 .collect(),
             shortfall,
         })

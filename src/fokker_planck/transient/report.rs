@@ -119,11 +119,12 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
     Some([joined(0), joined(1)])
 }
 
-/// The multipliers of the finer of two runs: their errors are those of the Krylov space and the distance to the nearest one
-/// of the coarser run, twice, which is of order 2 or more.
-fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
+/// The multipliers of the finer of two runs, from the slowest on as far as they are known, and waves of the mesh, which grow.
+/// Their errors are those of the Krylov space and the distance to the nearest one of the coarser run, twice, which is of order
+/// 2 or more.
+fn multipliers(fine: &Run, coarse: &Run) -> [Vec<Multiplier>; 2] {
     let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
-        return Vec::new();
+        return [Vec::new(), Vec::new()];
     };
     let multiplier = |it: &Ritz| {
         let distances = coarse.multipliers.iter();
@@ -138,7 +139,11 @@ fn multipliers(fine: &Run, coarse: &Run) -> Vec<Multiplier> {
     // One that is not known to a tenth, or not from zero, is not known.
     let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
     let all = fine.multipliers.iter().map(multiplier);
-    all.filter(known).collect()
+    let (waves, own): (Vec<Multiplier>, Vec<Multiplier>) = all.partition(Multiplier::is_beyond_one);
+    [
+        own.into_iter().take_while(known).collect(),
+        waves.into_iter().filter(known).collect(),
+    ]
 }
 
 impl Task<'_> {
@@ -167,9 +172,7 @@ impl Task<'_> {
             errors.write(k, moments);
         }
         let metastable = metastable(&fine, coarse, &moments);
-        let (waves, multipliers): (Vec<Multiplier>, _) = multipliers(&fine, coarse)
-            .into_iter()
-            .partition(Multiplier::is_beyond_one);
+        let [multipliers, waves] = multipliers(&fine, coarse);
         if let Some(it) = waves.first().map(Multiplier::modulus) {
             warnings.push(format!(
                 "waves of the mesh grow {it:.2} times in a period: the law is a fixed point all the same, and these multipliers are left out"
