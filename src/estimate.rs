@@ -139,9 +139,14 @@ impl fmt::Display for Shortfall {
         write!(f, "the tolerance {tolerance:e} is not met: ")?;
         if ratio.is_finite() {
             let times = (10.0 * ratio).ceil() / 10.0;
+            let times = if times < 1e6 {
+                format!("{times:.1}")
+            } else {
+                format!("{times:.0e}")
+            };
             write!(
                 f,
-                "the error of {number} is {times:.1} times too large; {reason}"
+                "the error of {number} is {times} times too large; {reason}"
             )
         } else {
             write!(f, "{number} is not known; {reason}")

@@ -12,6 +12,7 @@ use super::{Noise, Sampling, Scheme};
 use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
+use crate::format::brief;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
 use crate::moments::Moments;
@@ -198,10 +199,13 @@ impl Ensemble {
             }
         }
         let warning = format!(
-            "the step {:.3e} is long for the scheme {}: to the standard error of every sampled number is added what \
-             {} with steps of {:.3e} makes different; shorten monte_carlo.step or leave scheme and step out to have \
+            "the step {} is long for the scheme {}: to the standard error of every sampled number is added what \
+             {} with steps of {} makes different; shorten monte_carlo.step or leave scheme and step out to have \
              them chosen",
-            it.step, it.scheme, beside.scheme, beside.step
+            brief(it.step),
+            it.scheme,
+            beside.scheme,
+            brief(beside.step)
         );
         it.warnings.push(warning.into());
         Ok(it)

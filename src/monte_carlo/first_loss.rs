@@ -13,6 +13,7 @@ use crate::budget::{Cost, Limits};
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Warning, name_at};
 use crate::first_step;
+use crate::format::brief;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
 use crate::oscillator::{Oscillator, Side};
@@ -102,6 +103,8 @@ pub(crate) struct FirstLosses {
     run_in: f64,
     /// What the step may cost, relative to a variance.
     bias: f64,
+    /// On how many of the passages noise decides within the first step.
+    undecided: f64,
     /// What they will take.
     pub(crate) cost: Cost,
 }
@@ -179,7 +182,8 @@ impl FirstLosses {
             range,
             level,
             run_in,
-            bias: (walk.bias_on_the_way(oscillator, initial, until)).max(undecided(step)),
+            bias: walk.bias_on_the_way(oscillator, initial, until),
+            undecided: undecided(step),
             cost: Cost {
                 steps,
                 memory: threads * walk.bytes() + TASKS * 8 * OUTPUTS,
@@ -276,7 +280,24 @@ impl FirstLosses {
             step,
             scheme: self.walk.scheme,
             path_steps: (steps + before).saturating_mul(self.paths),
-            warnings: self.walk.warning(self.bias, n, names).into_iter().collect(),
+            warnings: (self.walk.warning(self.bias, n, names).into_iter())
+                .chain(self.blind(n, names))
+                .collect(),
+        })
+    }
+}
+
+impl FirstLosses {
+    /// A warning that the numbers `unknown` of so many paths are not known if the first step sees too little of the noise.
+    fn blind(&self, samples: f64, unknown: impl FnOnce() -> Vec<String>) -> Option<Warning> {
+        (self.undecided > walk::deviation(samples)).then(|| Warning {
+            text: format!(
+                "noise decides on up to {:.0} % of the passages within the first step of {}, which does not see it: shorten \
+                 monte_carlo.step",
+                100.0 * self.undecided,
+                brief(self.walk.step)
+            ),
+            unknown: unknown(),
         })
     }
 }

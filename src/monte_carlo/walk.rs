@@ -8,7 +8,7 @@ use crate::contact::ContactLaw;
 use crate::error::{Error, Result, positive};
 use crate::estimate::Warning;
 use crate::excitation::Excitation;
-use crate::format::{num, rounded};
+use crate::format::{brief, num, rounded};
 use crate::initial::Initial;
 use crate::inrush::Inrush;
 use crate::noise_free;
@@ -235,10 +235,11 @@ impl Walk {
         };
         (bias > error).then(|| Warning {
             text: format!(
-                "with the step {:.3e} the scheme {} is off {share} in a variance, its standard error is {error:.1e}, \
+                "with the step {} the scheme {} is off {share} in a variance, its standard error is {error:.1e}, \
                  and no standard error of a sampled number holds that: shorten monte_carlo.step or leave scheme \
                  and step out to have them chosen",
-                self.step, self.scheme
+                brief(self.step),
+                self.scheme
             ),
             unknown: unknown(),
         })

@@ -372,10 +372,9 @@ impl Task<'_> {
         let mut mean_time = number(&|run| run.mean_time, of_mean, lasts);
         let mut rate = number(&|run| run.rate, fine.residuals[1], !layout.driven);
         let mut rate_over_rice = number(&|run| run.over_rice, fine.residuals[1], false);
-        // The larger of both: the difference of either may pass through zero. Of an initial condition beyond the level the mean
-        // time is 0, and nothing is relative to it.
+        // The larger of both: the difference of either may pass through zero.
         let relative = [&mean_time, &rate].map(|it| it.error / it.value.abs());
-        if relative.iter().all(|it| it.is_finite()) {
+        if lasts && relative.iter().all(|it| it.is_finite()) {
             let larger = relative[0].max(relative[1]);
             for it in [&mut mean_time, &mut rate, &mut rate_over_rice] {
                 it.error = larger * it.value.abs();

@@ -46,7 +46,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     let left = left.filter(|it| *it > 0.0 && *it < 1.0);
     let tenth = left.map(|it| drive.period() * 0.1f64.ln() / it.ln());
     let relaxation = tenth.map_or(String::new(), |time| {
-        format!("; a deviation falls to a tenth in {time:.3e} of time")
+        format!("; a deviation falls to a tenth in {} of time", brief(time))
     });
     let text = format!(
         "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",

@@ -115,11 +115,11 @@ pub(super) fn records(table: &mut Table, results: &Results) {
     sides(table, results, "STATIONARY MOTION", &rows);
     let [q, force, energy] = it.effective_samples.map(|it| format!("{it:.0}"));
     let text = format!(
-        "{}, {} records, {:.3e} of time in all, steps of {}, {} batches of {}; worth {q} independent \
+        "{}, {} records, {} of time in all, steps of {}, {} batches of {}; worth {q} independent \
          samples of q, {force} of N, {energy} of H; errors are one standard error{}",
         it.scheme,
         it.records,
-        it.duration,
+        brief(it.duration),
         brief(it.step),
         it.batches,
         brief(it.batch_length),
