@@ -39,3 +39,39 @@ pub(crate) fn undecided(
     let each = each.map(|(far, noise)| 2.0 * lower(-far.abs().max(out)) * noise * noise);
     each.fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::undecided;
+    use crate::contact::ContactLaw;
+    use crate::initial::Initial;
+    use crate::oscillator::Oscillator;
+
+    #[test]
+    fn only_what_is_narrow_and_near_is_left_to_the_noise_of_a_step() {
+        let it = Oscillator::new(ContactLaw::Linear, 0.05, 0.02).unwrap();
+        let up_to = |level: f64| [f64::NEG_INFINITY, level];
+        let about = |q: f64, v: f64, deviation: f64| Initial::Gaussian {
+            mean: [q, v],
+            deviation: [deviation; 2],
+        };
+        let of =
+            |initial: Initial, level: f64, step: f64| undecided(&initial, &it, up_to(level), step);
+        // At the turning point: all but what the force pulls away before noise is there.
+        assert!(of(about(1.0, 0.0, 1e-3), 1.0, 0.5) > 0.3);
+        // With steps it falls as their sixth power.
+        let [long, short] = [0.01, 0.005].map(|step| of(about(1.0, 0.0, 0.01), 1.0, step));
+        assert!((long / short / 64.0 - 1.0).abs() < 0.05, "{long} {short}");
+        // Far from the level, wide, or on the way through it.
+        for (initial, level) in [
+            (Initial::Rest, 1.0),
+            (about(1.0, 0.0, 0.5), 1.0),
+            (about(0.95, 2.0, 1e-3), 1.0),
+            (about(3.0, 0.0, 1e-3), 1.0),
+            (Initial::Stationary, 0.0),
+        ] {
+            let left = of(initial, level, 0.25);
+            assert!(left < 1e-4, "{initial:?}: {left}");
+        }
+    }
+}

@@ -96,7 +96,7 @@ fn a_warning_excuses_no_number_that_it_does_not_name() {
     wrong.against = Against::Other(overrides.map(str::to_owned).to_vec());
     let row = &run(vec![wrong], &|_| ())[0];
     println!("{row:?}");
-    assert!(row.message.contains("the step 5.000e-1 is long"));
+    assert!(row.message.contains("the step 0.5 is long"));
     assert_eq!(row.verdict, Verdict::Outside);
 }
 
