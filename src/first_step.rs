@@ -40,6 +40,22 @@ pub(crate) fn undecided(
     each.fold(0.0, f64::max)
 }
 
+/// A step, halved up to so many times while more than is `allowed` of it is `undecided`.
+pub(crate) fn halved(
+    step: f64,
+    undecided: impl Fn(f64) -> f64,
+    (allowed, times): (f64, u32),
+) -> f64 {
+    let halve = |step, _| {
+        if undecided(step) > allowed {
+            0.5 * step
+        } else {
+            step
+        }
+    };
+    (0..times).fold(step, halve)
+}
+
 #[cfg(test)]
 mod tests {
     use super::undecided;

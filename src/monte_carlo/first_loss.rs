@@ -24,7 +24,7 @@ use rayon::prelude::*;
 const PIECE: u64 = 64;
 
 /// Halvings of the step at most for what noise decides on within the first one, beside the standard error.
-const HALVINGS: i32 = 8;
+const HALVINGS: u32 = 8;
 
 /// More output times than a first passage has.
 const OUTPUTS: u64 = 1000;
@@ -161,11 +161,7 @@ impl FirstLosses {
         let undecided = |step| first_step::undecided(initial, oscillator, range, step);
         if settings.step.is_none() {
             let (first, error) = (walk.step, walk::deviation(settings.paths as f64));
-            for _ in 0..HALVINGS {
-                if undecided(walk.step) > error {
-                    walk.step *= 0.5;
-                }
-            }
+            walk.step = first_step::halved(first, undecided, (error, HALVINGS));
             if walk.step < first {
                 walk.reason += ", shorter where the noise of a step decides on the first passage";
             }
@@ -285,9 +281,7 @@ impl FirstLosses {
                 .collect(),
         })
     }
-}
 
-impl FirstLosses {
     /// A warning that the numbers `unknown` of so many paths are not known if the first step sees too little of the noise.
     fn blind(&self, samples: f64, unknown: impl FnOnce() -> Vec<String>) -> Option<Warning> {
         (self.undecided > walk::deviation(samples)).then(|| Warning {

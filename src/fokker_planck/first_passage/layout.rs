@@ -6,6 +6,7 @@ use super::pontryagin::FULL;
 use super::region::{Barrier, Region};
 use super::start::DEVIATIONS;
 use crate::contact::ContactLaw;
+use crate::first_step;
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::LADDER_RATIO;
@@ -95,18 +96,8 @@ fn turning(
     [wanted, WITHIN_A_TURN * turned.fold(f64::INFINITY, f64::min)]
 }
 
-/// A first step within which noise decides on little, short of four halvings: later rounds halve it further.
-fn deciding(region: &Region<'_>, initial: &Initial, automatic: f64) -> f64 {
-    const LITTLE: f64 = 0.1;
-    let halve = |step, _| {
-        if region.undecided(initial, step) > LITTLE {
-            0.5 * step
-        } else {
-            step
-        }
-    };
-    (0..4).fold(automatic, halve)
-}
+/// What noise may decide on within the first step of the first run, and halvings of it at most: later rounds halve it further.
+const DECIDED: (f64, u32) = (0.1, 4);
 
 impl Layout {
     /// The layout of the first run under stationary noise, or under a forcing: that of its strongest noise, farther by as
@@ -172,7 +163,8 @@ impl Layout {
         let automatic = 0.5f64.min(noisy).min(damped).min(0.25 * bounce);
         let automatic = automatic.min(drive.map_or(0.5, |it| 0.5 / it.frequency()));
         let [automatic, resolving] = turning(&region, oscillator, &barrier, automatic);
-        let automatic = deciding(&region, initial, automatic);
+        let undecided = |step| region.undecided(initial, step);
+        let automatic = first_step::halved(automatic, undecided, DECIDED);
         let longest = asked.step.unwrap_or(automatic);
         // The coarsest step is four times the fine one and ends on every time, or on every second one.
         let pairs = until / (2.0 * longest);

@@ -116,7 +116,8 @@ pub(super) fn never_rises(curve: Vec<&mut Estimate>) {
     let mut most = 1.0f64;
     for (it, least) in curve.into_iter().zip(least) {
         most = most.min(it.value + it.error);
-        it.error = it.error.min((most - it.value).max(it.value - least));
+        let bounds = (most - it.value).abs().max((it.value - least).abs());
+        it.error = it.error.min(bounds);
     }
 }
 
@@ -171,5 +172,10 @@ mod tests {
         for (got, expected) in errors.into_iter().zip(expected) {
             assert!((got - expected).abs() < 1e-15, "{errors:?}");
         }
+        // One that rises by more than it may err keeps its errors.
+        let curve = [(0.5, 0.0), (0.6, 0.01), (0.7, 0.01)];
+        let mut curve = curve.map(|(value, error)| Estimate::new(value, error, Origin::Space));
+        never_rises(curve.iter_mut().collect());
+        assert_eq!(curve.map(|it| it.error), [0.0, 0.01, 0.01]);
     }
 }
