@@ -1,7 +1,7 @@
 //! What a machine takes for a piece of work, and the limits a scene sets.
 
 use crate::error::{Error, Result};
-use crate::format::{bytes as shown, num};
+use crate::format::{bytes as shown, num, seconds as shown_seconds};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -159,11 +159,16 @@ impl Limits {
 
     /// Refuses a piece of work of so many seconds that nothing can stop half way.
     pub(crate) fn room_for(&self, seconds: f64, what: impl FnOnce() -> String) -> Result<()> {
-        if seconds > self.left() {
-            let what = format!("{} would take {seconds:.1e} s at one go", what());
-            return Err(self.out_of_time(what));
+        let left = self.left();
+        if seconds <= left {
+            return Ok(());
         }
-        Ok(())
+        let (what, time) = (what(), shown_seconds(seconds));
+        Err(self.out_of_time(if left > 0.0 {
+            format!("{what} would take {time} at one go")
+        } else {
+            format!("{what} had not begun")
+        }))
     }
 
     /// Refuses a computation that would need more bytes than allowed.

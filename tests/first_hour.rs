@@ -414,3 +414,35 @@ fn a_level_of_a_law_that_a_drive_takes_away_is_refused() {
     let wrong = SceneText::parse("scene", text, &[]).unwrap_err();
     assert_eq!(wrong.key(), Some("outputs.reach"), "{wrong}");
 }
+
+#[test]
+fn a_level_that_is_not_known_in_time_is_no_answer_and_no_fault_of_the_scene() {
+    let it = run(
+        "[oscillator]\ncontact = \"hertz\"\ndamping = \"hunt_crossley\"\nzeta = 0.9\nh = 0.3\n[outputs]\n\
+         stationary = true\nreach = { quantity = \"var_q\", fraction = 0.5 }\n[accuracy]\ntolerance = 1e-2\n\
+         max_seconds = 1\n",
+    );
+    let (_, reach) = it
+        .shortfalls
+        .iter()
+        .find(|(part, _)| *part == "reach")
+        .unwrap();
+    println!("{reach}");
+    assert!(reach.reason.contains("the stationary level"));
+    assert!(it.stationary.is_some() && it.reach.is_none());
+}
+
+#[test]
+fn a_mesh_of_the_program_s_own_that_cannot_hold_a_scene_is_no_answer_and_the_rest_is_told() {
+    let it = run(
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [-0.268, 0.61, 0.279] }\nzeta = 0.202\n\
+         h = 0.00063\n[outputs]\nstationary = true\ndecay_rates = 8\n[accuracy]\ntolerance = 1e-3\n",
+    );
+    assert!(it.stationary.is_some());
+    if it.decay_rates.is_none() {
+        let (part, why) = &it.shortfalls[0];
+        println!("{why}");
+        assert_eq!(*part, "decay_rates");
+        assert!(!why.reason.contains("method.cells"));
+    }
+}

@@ -504,7 +504,7 @@ fn the_file_of_a_table_stands_beside_its_scene_and_the_resolved_scene_stands_alo
         ("0,0\n1,1\n1,2\n", "line 3: q = 1.0"),
         ("0,0\n1,one\n", "line 2"),
         ("0,0\n1,1,1\n", "line 2"),
-        ("0,0\n", "1 points"),
+        ("0,0\n", "1 point "),
         ("0,0\n1,-1\n", "first point"),
     ] {
         std::fs::create_dir_all(&room).unwrap();

@@ -12,6 +12,7 @@ use vibroimpact::initial::Initial;
 use vibroimpact::monte_carlo::{Samples, Sampling, series};
 use vibroimpact::oscillator::{Oscillator, Quantity};
 use vibroimpact::plan::Plan;
+use vibroimpact::scene::text::SceneText;
 use vibroimpact::scene::{MonteCarlo, Outputs, Scene, SpectrumRequest};
 use vibroimpact::spectrum::{Welch, linear};
 
@@ -468,5 +469,34 @@ fn the_expectation_of_white_samples_is_flat_and_that_of_a_cosine_is_its_own_peri
     for (k, g) in welch.expectation(&correlation).iter().enumerate() {
         let sum = cosine.density[k] + sine.density[k];
         assert!((g - sum).abs() < 1e-13 * 32.0, "{k}: {g} {sum}");
+    }
+}
+
+/// Two wells between which hops are rare: the peak at 0 is 1e-12 wide, and next to all that is asked lies below 1e-6 of it.
+#[test]
+fn the_flank_of_a_peak_far_narrower_than_any_frequency_asked_for_has_the_errors_of_the_peak() {
+    let text = "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [-1.0, 0.0, 0.53] }\nzeta = 0.188\n\
+                h = 0.00219\n[outputs]\nspectrum = { until = 6.0, quantity = \"displacement\" }\ndecay_rates = 1\n\
+                [accuracy]\ntolerance = 1e-2\n";
+    let text = SceneText::parse("wells", text, &[]).unwrap();
+    let results = Plan::of(text.scene()).unwrap().run_quietly().unwrap();
+    assert!(results.shortfalls.is_empty());
+    let it = &results.spectrum.as_ref().unwrap().solved;
+    let peak = it.density[0].value;
+    let width = -results.decay_rates.as_ref().unwrap().rates[0].re;
+    // A Lorentzian, whose half-width is the rate of hops.
+    let flank = it.omega.iter().zip(&it.density);
+    let flank: Vec<_> = flank
+        .filter(|(w, _)| **w > 0.0 && **w < 1e3 * width)
+        .collect();
+    println!(
+        "{} places within a thousand widths of {width:e}",
+        flank.len()
+    );
+    assert!(flank.len() > 50);
+    for (w, g) in flank {
+        let lorentzian = peak / (1.0 + (w / width).powi(2));
+        assert!((g.value / lorentzian - 1.0).abs() < 1e-2, "{w:e}: {g}");
+        assert!(g.error < 1e-2 * g.value.max(1e-6 * peak), "{w:e}: {g}");
     }
 }

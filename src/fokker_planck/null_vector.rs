@@ -6,14 +6,18 @@ use crate::error::{Error, Result};
 use crate::sparse::{Lu, norm, product, shift};
 use sprs::CsMat;
 
-/// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1.
+/// Change of a solve, in L1, that may be rounding.
+const SETTLED: f64 = 1e-9;
+
+/// The null vector of `generator`, positive with mass 1, and its residual |L P|_1/|L|_1; what the last solve changed
+/// where that did not settle to rounding.
 ///
 /// Inverse iteration with the shift 1e-10 |L|_1: one LU, a convergence factor below 1e-3 even for
 /// decay rates of 1e-7 |L|_1, and a backward error of a few roundings.
 ///
 /// # Errors
 /// [`Error::Mesh`] if some cells never exchange probability with the others, so that the null vector
-/// would not be unique; [`Error::Linear`] if the iteration does not settle.
+/// would not be unique; [`Error::Linear`] if the iteration changes all of it.
 pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
     let matrix = generator.matrix();
     check_connected(&matrix)?;
@@ -34,17 +38,18 @@ pub fn null_vector(generator: &Generator) -> Result<(Density, f64)> {
         }
         let now = x.iter().zip(&before).map(|(a, b)| (a - b).abs()).sum();
         // Settled when rounding no longer lets the change fall.
-        if now < 1e-13 || (now < 1e-9 && now > 0.5 * change) {
-            change = now;
+        let settled = now < 1e-13 || (now < SETTLED && now > 0.5 * change);
+        change = now;
+        if settled {
             break;
         }
-        change = now;
     }
-    if change > 1e-9 || change.is_nan() {
+    if change.is_nan() || change >= 1.0 {
         let what = format!("inverse iteration still changes by {change:.1e} after 40 solves");
         return Err(Error::linear("steady state", what));
     }
     let residual = product(&matrix, &x).iter().map(|r| r.abs()).sum::<f64>() / norm;
+    let residual = residual.max(if change > SETTLED { change } else { 0.0 });
     let mut density = Density::from_fn(generator, |_, _| 0.0);
     let number = generator.numbering();
     for (p, unknown) in density.cells_mut().iter_mut().zip(&number) {

@@ -216,7 +216,7 @@ impl Plan {
     }
 }
 
-/// The stationary value that a fraction of is reached.
+/// The stationary value that a fraction of is reached, in a law that is known.
 pub(super) fn reached(quantity: Moment, law: &Moments) -> Result<Estimate> {
     let stationary = law.get(quantity).filter(|it| it.value.abs() > it.error);
     let name = quantity.name();

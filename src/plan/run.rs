@@ -154,11 +154,17 @@ impl Plan {
                 results.transient = Some(it.in_unit(clock));
             }
             Recipe::Reach(recipe, quantity, level) => {
-                let law = match level {
-                    Some(law) => law.solve(oscillator, &limits, &|_| {})?.moments,
-                    None => Stationary::of(oscillator)?.moments(),
+                let stationary = match level {
+                    Some(law) => {
+                        let it = law.solve(oscillator, &limits, &|_| {})?;
+                        // What is not known from 0 is no 0.
+                        reached(*quantity, &it.moments).map_err(|error| match &it.shortfall {
+                            Some(why) => Error::linear("the stationary level", why.to_string()),
+                            None => error,
+                        })?
+                    }
+                    None => reached(*quantity, &Stationary::of(oscillator)?.moments())?,
                 };
-                let stationary = reached(*quantity, &law)?;
                 let it = recipe.solve((oscillator, initial), stationary, &limits, progress)?;
                 results.warn(&it.warnings);
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);

@@ -51,12 +51,12 @@ fn head(table: &mut Table, results: &Results) {
     table.bold(&format!("vibroimpact {version}: {title}"));
     let text = format!(
         "{} contact, {}damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
-         T\u{a0}=\u{a0}{:.6}",
+         T\u{a0}=\u{a0}{}",
         oscillator.contact().name(),
         oscillator.damping().words(),
         brief(oscillator.zeta()),
         brief(oscillator.h()),
-        oscillator.viscous_temperature()
+        brief(oscillator.viscous_temperature())
     );
     table.paragraph("", &text);
     let text = match results.scene.clock().unit() {

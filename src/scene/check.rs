@@ -70,6 +70,9 @@ impl Scene {
 
     fn check_outputs(&self) -> Result<()> {
         let outputs = &self.outputs;
+        let defined = outputs.time_unit != Some(TimeUnit::Second) || self.rig.is_some();
+        let accepted = "\"dimensionless\" or \"period\"; \"s\" needs a [rig]";
+        require(defined, "outputs.time_unit", "\"s\"", accepted)?;
         let asked = Outputs {
             time_unit: None,
             moments: None,
@@ -80,9 +83,6 @@ impl Scene {
                         decay_rates, spectrum, first_loss, first_passage, crossings, reach, \
                         periodic or response";
         require(any, "outputs", "nothing", accepted)?;
-        let defined = outputs.time_unit != Some(TimeUnit::Second) || self.rig.is_some();
-        let accepted = "\"dimensionless\" or \"period\"; \"s\" needs a [rig]";
-        require(defined, "outputs.time_unit", "\"s\"", accepted)?;
         if !self.oscillator.contact().is_confining() {
             for (key, asked) in [
                 ("outputs.stationary", outputs.stationary),

@@ -5,7 +5,7 @@ use crate::contact::parameters::{Parameter, Parameters, full};
 use crate::contact::piece::{self, Piece};
 use crate::contact::restoring::Restoring;
 use crate::error::{Error, Result};
-use crate::format::num;
+use crate::format::{many, num};
 use std::sync::Arc;
 
 pub(super) const KIND: Kind = Kind {
@@ -133,7 +133,7 @@ impl Table {
     fn through(origin: &Origin<'_>) -> Result<Self> {
         let points = origin.points;
         if !(2..=MOST).contains(&points.len()) {
-            let value = format!("{} points", points.len());
+            let value = many(points.len() as u64, "point");
             return Err(origin.refuse(&value, format!("2 to {MOST} points, ascending in q")));
         }
         for (k, pair) in points.windows(2).enumerate() {

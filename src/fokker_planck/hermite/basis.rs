@@ -342,8 +342,8 @@ fn orthonormalise(functions: &mut [[Row; 2]]) -> Result<()> {
             take_off(here, before);
             let left = dot(&here[0], &here[0]).sqrt();
             if !(left.is_finite() && left > 1e-12 * size) {
-                let what = "the stationary law underflows within an element";
-                return Err(Error::mesh(what, "more method.cells in q"));
+                let what = "an element is so wide that the stationary law underflows within it";
+                return Err(Error::linear("functions of q", what));
             }
             for x in here.iter_mut().flatten() {
                 *x /= left;

@@ -51,7 +51,9 @@ impl Spectrum {
     }
 
     /// The same spectrum at more frequencies: intervals are halved until trapezoids over them hold the variance.
+    /// The error of a new one is in proportion to those beside it, each over its own normalisation.
     pub(crate) fn filled(mut self) -> Self {
+        let floor = self.floor();
         let known: Vec<(f64, Estimate)> =
             self.omega.drain(..).zip(self.density.drain(..)).collect();
         // Pairs still to be looked at, the lowest last.
@@ -65,14 +67,19 @@ impl Spectrum {
                 if !(lacking > LACKING * self.variance && width > NARROWEST * omega) {
                     break;
                 }
-                let relative = [low, high].map(|(_, it)| it.error / it.value.abs());
-                let error = value.abs() * relative[0].max(relative[1]);
+                let relative = [low, high].map(|(_, it)| it.error / it.value.abs().max(floor));
+                let error = value.abs().max(floor) * relative[0].max(relative[1]);
                 ends.push((omega, Estimate::new(value, error, low.1.origin)));
             }
             self.omega.push(low.0);
             self.density.push(low.1);
         }
         self
+    }
+
+    /// The least normalisation of a value.
+    fn floor(&self) -> f64 {
+        FLOOR * self.density.iter().map(|it| it.value).fold(0.0, f64::max)
     }
 
     /// What trapezoids over the frequencies hold, over the variance.
@@ -84,8 +91,8 @@ impl Spectrum {
 
     /// The largest error over the normalisation, and the frequency where it is.
     pub(crate) fn worst(&self) -> (f64, f64) {
-        let peak = self.density.iter().map(|it| it.value).fold(0.0, f64::max);
-        let relative = |it: &Estimate| it.error / it.value.abs().max(FLOOR * peak);
+        let floor = self.floor();
+        let relative = |it: &Estimate| it.error / it.value.abs().max(floor);
         let errors = self.omega.iter().zip(&self.density);
         errors
             .map(|(w, it)| (relative(it), *w))

@@ -151,7 +151,9 @@ pub(crate) fn force(results: &Results) -> Picture {
     let law = results.stationary.as_ref();
     let far = law.and_then(|it| it.get("log10_contact_loss_probability"));
     Some(picture("force.svg", (990, 420), |area| {
-        linear.title(area, "Force: stationary density p(N)")?;
+        let plain = results.scene.excitation.is_plain();
+        let noise = if plain { "" } else { ", steady noise alone" };
+        linear.title(area, &format!("Force: stationary density p(N){noise}"))?;
         curves.draw(area, &linear)?;
         curves.draw(area, &logarithmic)?;
         if let Some(far) = far.filter(|_| curves.dirac.is_none()) {

@@ -244,14 +244,13 @@ impl Panel {
         Ok(())
     }
 
-    /// The band between two curves over the same abscissae.
+    /// The band between two curves over the same abscissae; to the frame where one is infinite.
     pub fn band(&self, area: &Area<'_>, points: &[(f64, f64, f64)], colour: RGBColor) -> Drawn {
         let inside = |y: f64| y.clamp(self.y.0, self.y.1);
-        let finite = points
-            .iter()
-            .filter(|(x, low, high)| (x + low + high).is_finite());
+        let known =
+            |(x, low, high): &&(f64, f64, f64)| ![x, low, high].iter().any(|it| it.is_nan());
         let (mut upper, mut lower) = (Vec::new(), Vec::new());
-        for (x, low, high) in finite {
+        for (x, low, high) in points.iter().filter(known) {
             upper.push(self.at(*x, inside(*high)));
             lower.push(self.at(*x, inside(*low)));
         }

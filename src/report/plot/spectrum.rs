@@ -3,6 +3,7 @@
 use super::canvas::{BLUE, GREY, Picture, Points, VERMILION, picture};
 use super::legend::{Mark, legends};
 use super::panel::{Panel, range};
+use crate::estimate::Estimate;
 use crate::format::brief;
 use crate::oscillator::Quantity;
 use crate::results::{Results, SampledSpectrum};
@@ -35,6 +36,13 @@ pub(crate) fn spectrum(results: &Results) -> Picture {
     let curve = |values: &mut dyn Iterator<Item = f64>| -> Points {
         x.iter().copied().zip(values.map(log)).collect()
     };
+    // Where the error is as large as the value: to the lower end of the panel.
+    let band = |times: f64, values: &[Estimate]| -> Vec<(f64, f64, f64)> {
+        let ends = |g: &Estimate| [-times, times].map(|z| log((g.value + z * g.error).max(0.0)));
+        let ends = values.iter().map(ends);
+        x.iter().zip(ends).map(|(x, [a, b])| (*x, a, b)).collect()
+    };
+    let errors = band(1.0, &it.solved.density);
     let solved = curve(&mut it.solved.density.iter().map(|it| it.value));
     let linear = curve(&mut it.linear.iter().copied());
     let heights = solved.iter().chain(&linear).map(|(_, y)| *y);
@@ -50,22 +58,16 @@ pub(crate) fn spectrum(results: &Results) -> Picture {
         panel.axes(area, x_label, y_label)?;
         panel.curve(area, &linear, GREY, 1.0)?;
         if let Some(sampled) = &it.sampled {
-            let bands = x.iter().zip(&sampled.density);
-            let bands: Vec<(f64, f64, f64)> = bands
-                .map(|(x, g)| {
-                    let reach = 1.96 * g.error;
-                    (*x, log(g.value - reach), log(g.value + reach))
-                })
-                .collect();
-            panel.band(area, &bands, VERMILION)?;
+            panel.band(area, &band(1.96, &sampled.density), VERMILION)?;
             let welch = curve(&mut sampled.density.iter().map(|it| it.value));
             panel.curve(area, &welch, VERMILION, 0.75)?;
         }
+        panel.band(area, &errors, BLUE)?;
         panel.curve(area, &solved, BLUE, 1.5)?;
         panel.frame(area)?;
         let words = |it: &SampledSpectrum| format!("Monte Carlo, {} averages, 95 %", it.averages);
         let words = it.sampled.as_ref().map(words);
-        let mut entries = vec![(BLUE, Mark::Line, "Fokker-Planck")];
+        let mut entries = vec![(BLUE, Mark::Line, "Fokker-Planck, band: its error")];
         entries.extend(words.iter().map(|it| (VERMILION, Mark::Line, &it[..])));
         entries.push((GREY, Mark::Line, "linear oscillator"));
         legends(area, (panel.right() - 282.0, 62.0), entries)

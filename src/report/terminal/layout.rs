@@ -60,7 +60,10 @@ impl Table {
     /// A heading with words over columns of numbers.
     pub(super) fn columns<const N: usize>(&mut self, title: &str, heads: [&str; N]) {
         let heads = heads.map(|it| format!("{it:>18}")).concat();
-        self.heading(format!("{title:<26}{heads}"));
+        // A longer title takes the room before the first of them.
+        let room = heads.len() - heads.trim_start().len();
+        let over = title.chars().count().saturating_sub(26).min(room);
+        self.heading(format!("{title:<26}{}", &heads[over..]));
     }
 
     pub(super) fn paragraph(&mut self, first: &str, text: &str) {

@@ -15,13 +15,13 @@ pub fn plan(plan: &Plan) -> String {
     table.paragraph(
         "",
         &format!(
-            "{}: {} contact, {}zeta = {}, h = {}, T = {:.6}",
+            "{}: {} contact, {}zeta = {}, h = {}, T = {}",
             scene.title,
             oscillator.contact().name(),
             oscillator.damping().words(),
             brief(oscillator.zeta()),
             brief(oscillator.h()),
-            oscillator.viscous_temperature()
+            brief(oscillator.viscous_temperature())
         ),
     );
     table.line("");

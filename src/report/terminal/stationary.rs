@@ -48,7 +48,9 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     if columns.is_empty() || alone {
         return;
     }
+    let plain = results.scene.excitation.is_plain();
     let title = match (closed.is_some() || steady.is_some(), columns.len()) {
+        (true, _) if !plain => "STATIONARY MOTION UNDER STEADY NOISE ALONE",
         (true, 1) => "STATIONARY MOTION",
         (true, _) => "STATIONARY MOTION, side by side",
         _ => "AT THE LAST TIME",

@@ -283,16 +283,16 @@ impl<'a> Section<'a> {
         }
         let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
         let mut accepted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
-        if let Value::Text(text) = &node.value
-            && let Some(near) = nearest(text, &names)
-        {
-            let last = accepted.len() - 1;
-            let _ = write!(accepted[last], "; did you mean \"{near}\"?");
-        }
         if !other.is_empty() {
             accepted.push(other.to_owned());
         }
-        Err(self.type_error(key, &accepted.join(", ")))
+        let mut accepted = accepted.join(", ");
+        if let Value::Text(text) = &node.value
+            && let Some(near) = nearest(text, &names)
+        {
+            let _ = write!(accepted, "; did you mean \"{near}\"?");
+        }
+        Err(self.type_error(key, &accepted))
     }
 
     /// One of `names` or "auto".

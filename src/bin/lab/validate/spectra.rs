@@ -33,7 +33,7 @@ pub struct Sampled {
 /// Relative error asked of every value: below the width of a line in the pictures.
 const TOLERANCE: f64 = 1e-2;
 /// Seconds for one spectrum.
-const SECONDS: f64 = 60.0;
+const SECONDS: f64 = 30.0;
 
 fn spectrum(oscillator: &Oscillator) -> Result<Spectrum> {
     let settings = Settings {
