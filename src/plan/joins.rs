@@ -150,6 +150,7 @@ impl Plan {
             let settings = Settings {
                 tolerance: LEVEL * self.settings.tolerance,
                 cells: None,
+                moments: Some(vec![quantity]),
                 ..self.settings.clone()
             };
             let law = StationaryState::of(oscillator, &settings)?;

@@ -81,6 +81,8 @@ pub(crate) struct StationaryState {
     first: Resolution,
     given: bool,
     tolerance: f64,
+    /// The moments that the tolerance asks for; None for all of them.
+    asked: Option<Vec<Moment>>,
     /// What it will take: cells are functions of q and of v, steps the factorisations.
     pub(crate) cost: Cost,
 }
@@ -92,7 +94,7 @@ const MESHES: usize = 5;
 /// Rounding of the null vector, relative to the scale of a number.
 const ROUNDING: f64 = 1e-11;
 
-/// The stationary law of `oscillator`, to `settings.tolerance`; `settings.cells` fixes the finest resolution, as functions
+/// The stationary law of `oscillator`, `settings.moments` of it to `settings.tolerance`; `settings.cells` fixes the finest resolution, as functions
 /// of q and of v. For viscous damping it is exp(-H/T)/Z, found by other means.
 ///
 /// # Errors
@@ -115,6 +117,7 @@ impl StationaryState {
             first: Resolution::first(settings.cells, 2, [4, 10], 18.0),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
+            asked: settings.moments.clone(),
             cost: Cost {
                 steps: 3,
                 ..Cost::default()
@@ -326,7 +329,15 @@ impl Question for Task<'_> {
                 scales[k] * (left + rounding)
             };
             let mut moments = fine.moments;
-            let goal = (&scales[..], self.recipe.tolerance);
+            // The rest has its errors, whatever they are.
+            let mut goals = scales.clone();
+            for (goal, it) in goals.iter_mut().zip(Moment::ALL) {
+                let asked = self.recipe.asked.as_ref();
+                if asked.is_some_and(|asked| !asked.contains(&it)) {
+                    *goal = f64::INFINITY;
+                }
+            }
+            let goal = (&goals[..], self.recipe.tolerance);
             // A stationary mean of q or q^2 does not change: E[v] and E[q v] are 0.
             [moments.mean_v.value, moments.cov_qv.value] = [0.0; 2];
             let zero = |k: usize| matches!(Moment::ALL[k], Moment::MeanV | Moment::CovQv);

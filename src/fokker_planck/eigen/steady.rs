@@ -222,7 +222,6 @@ impl Question for Task<'_> {
         let mut moments = observables
             .raw(&null.ratio(&generator))
             .moments(oscillator.contact());
-        moments.keep(recipe.asked.as_deref());
         // Without a closed form the reference is wider than the law.
         let scales = if oscillator.is_viscous() {
             Scales::of(oscillator)
@@ -230,6 +229,7 @@ impl Question for Task<'_> {
             Scales::of_law(&moments)
         };
         let scales = scales.each(&moments);
+        moments.keep(recipe.asked.as_deref());
         let weights = domain.tail_weights(oscillator);
         // A kurtosis far above 3 weighs the tail by its own size.
         let error = |k: usize, value: f64| {
