@@ -94,8 +94,8 @@ const MESHES: usize = 5;
 /// Rounding of the null vector, relative to the scale of a number.
 const ROUNDING: f64 = 1e-11;
 
-/// The stationary law of `oscillator`, `settings.moments` of it to `settings.tolerance`; `settings.cells` fixes the finest resolution, as functions
-/// of q and of v. For viscous damping it is exp(-H/T)/Z, found by other means.
+/// The stationary law of `oscillator`, `settings.moments` of it to `settings.tolerance`; `settings.cells` fixes the finest
+/// resolution, as functions of q and of v. For viscous damping it is exp(-H/T)/Z, found by other means.
 ///
 /// # Errors
 /// [`crate::Error::NoStationaryLaw`] for a contact without one; [`crate::Error::Limit`] where `settings.max_seconds` or
