@@ -54,9 +54,15 @@ pub(crate) mod timing {
     /// The same: exponential Heun.
     pub(crate) const HEUN: f64 = 20e-9;
     /// The same: splitting (4, 2).
-    pub(crate) const SPLITTING_4_2: f64 = 45e-9;
+    pub(crate) const SPLITTING_4_2: f64 = 25e-9;
     /// The same: splitting (6, 2).
-    pub(crate) const SPLITTING_6_2: f64 = 70e-9;
+    pub(crate) const SPLITTING_6_2: f64 = 40e-9;
+    /// What a law that is not built in adds to a step, in steps.
+    pub(crate) const TRACED_STEP: f64 = 5.0;
+    /// What friction that is not constant adds to it.
+    pub(crate) const LOCAL_STEP: f64 = 1.0;
+    /// A path at an output time.
+    pub(crate) const SAMPLE: f64 = 20e-9;
     /// A cosine of the noise, a step of a path.
     pub(crate) const COSINE: f64 = 1.3e-9;
     /// Cells below which a mesh is not shared among threads.

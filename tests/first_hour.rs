@@ -204,6 +204,26 @@ fn a_level_that_is_passed_only_from_above_is_reached_from_above_or_never() {
     );
 }
 
+/// Flights so high that the continuous spectrum is slower than friction by far: Var q still rises at ten times 2 zeta.
+#[test]
+fn a_level_that_only_long_flights_come_to_is_waited_for() {
+    let head = "[oscillator]\nzeta = 1\nh = 10\n[accuracy]\ntolerance = 1e-2\n[outputs]\n";
+    let it = run(&format!(
+        "{head}stationary = true\nreach = {{ quantity = \"var_q\", fraction = 0.9 }}\n"
+    ));
+    assert!(it.shortfalls.is_empty(), "{:?}", it.run.warnings);
+    let (t, stationary) = (it.reach.unwrap().t.unwrap(), it.stationary.unwrap());
+    let level = 0.9 * stationary.get("var_q").unwrap().value;
+    let times = [t.value - 2.0 * t.error, t.value + 2.0 * t.error];
+    let it = run(&format!("{head}moments_at = {times:?}\n"))
+        .transient
+        .unwrap();
+    let [before, after] = [0, 1].map(|k| it.moments[k].var_q);
+    println!("{t}: {before} and {after} about {level}");
+    assert!(t.value > 20.0);
+    assert!(before.value - before.error < level && level < after.value + after.error);
+}
+
 #[test]
 fn numbers_at_time_zero_alone_and_moments_that_do_not_exist_there_are_no_reason_to_refuse() {
     let head = "[oscillator]\nzeta = 0.05\nh = 0.02\n[outputs]\n";

@@ -9,7 +9,7 @@ use super::scheme::{Coefficients, Group};
 use super::statistics::{FEW, Frames, Sums, unknown};
 use super::walk::{self, BLOCK, TASKS, Walk};
 use super::{Noise, Sampling, Scheme};
-use crate::budget::{Cost, Limits};
+use crate::budget::{Cost, Limits, timing};
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::format::brief;
@@ -129,15 +129,16 @@ impl Ensemble {
         let run_in = walk::run_in(oscillator, initial);
         let (before, _) = walk::equal_steps(run_in, walk.step)?;
         let steps = steps + before;
-        let beside = companion
-            .as_ref()
-            .map_or(0.0, |it| it.seconds(paths * (run_in + until) / it.step));
+        let beside = companion.as_ref().map_or(0.0, |it| {
+            it.seconds(oscillator, paths * (run_in + until) / it.step)
+        });
         let threads = rayon::current_num_threads() as u64;
+        let looks = timing::SAMPLE * paths * stops.len() as f64 / threads as f64;
         let sums = TASKS * (stops.len() * size_of::<Sums>()) as u64;
         let cost = Cost {
             steps,
             memory: sums + threads * BLOCK / LANES as u64 * walk.bytes(),
-            seconds: walk.seconds(paths * steps as f64) + beside,
+            seconds: walk.seconds(oscillator, paths * steps as f64) + looks + beside,
             ..Cost::default()
         };
         Ok(Self {

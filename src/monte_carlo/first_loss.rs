@@ -183,7 +183,7 @@ impl FirstLosses {
             cost: Cost {
                 steps,
                 memory: threads * walk.bytes() + TASKS * 8 * OUTPUTS,
-                seconds: walk.seconds(steps as f64 * settings.paths as f64),
+                seconds: walk.seconds(oscillator, steps as f64 * settings.paths as f64),
                 ..Cost::default()
             },
             walk,

@@ -172,7 +172,7 @@ impl Records {
             walk,
         };
         it.cost.steps = (it.batches + it.burn_in) * it.samples * it.steps;
-        it.cost.seconds = it.walk.seconds(it.path_steps() as f64);
+        it.cost.seconds = it.walk.seconds(oscillator, it.path_steps() as f64);
         Ok(it)
     }
 

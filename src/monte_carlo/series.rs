@@ -98,7 +98,7 @@ impl Series {
             cost: Cost {
                 steps: each as u64,
                 memory: threads * ((LANES * asked.samples * 8) as u64 + walk.bytes()),
-                seconds: walk.seconds(all),
+                seconds: walk.seconds(oscillator, all),
                 ..Cost::default()
             },
             walk,

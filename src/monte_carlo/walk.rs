@@ -141,7 +141,7 @@ impl Walk {
     }
 
     /// Seconds of so many steps of a path, on all threads.
-    pub(super) fn seconds(&self, path_steps: f64) -> f64 {
+    pub(super) fn seconds(&self, oscillator: &Oscillator, path_steps: f64) -> f64 {
         let cosines = match self.noise {
             Noise::Cosines { count, .. } => f64::from(count),
             _ => 0.0,
@@ -152,8 +152,16 @@ impl Walk {
             Scheme::ExponentialHeun => timing::HEUN,
             Scheme::CentralDifference | Scheme::Baoab | Scheme::EulerMaruyama => timing::KICK,
         };
+        // A law that the loop does not know when it is compiled, and friction that depends on the displacement.
+        let mut over = 1.0;
+        if matches!(oscillator.contact(), ContactLaw::Custom(_)) {
+            over += timing::TRACED_STEP;
+        }
+        if !oscillator.is_viscous() {
+            over += timing::LOCAL_STEP;
+        }
         let threads = rayon::current_num_threads() as f64;
-        (plain + timing::COSINE * cosines) * path_steps / threads
+        (over * plain + timing::COSINE * cosines) * path_steps / threads
     }
 
     /// Bytes of the paths that advance together: states and streams, and what a signal keeps.

@@ -66,8 +66,9 @@ impl Reach {
         fraction: f64,
         settings: &Settings,
     ) -> Result<Self> {
-        let zeta = oscillator.zeta();
-        let relaxation = (0.5 / zeta).max(2.0 * zeta).max(TAU);
+        let edge = oscillator.continuous_from().filter(|edge| *edge < 0.0);
+        let slowest = edge.map_or(0.0, |edge| -1.0 / edge);
+        let relaxation = oscillator.correlation_time().max(slowest).max(TAU);
         // A relaxation towards the stationary value has come so far after this many of them, and some more.
         let lengths = (1.0 - fraction).abs().recip().ln().clamp(0.0, 30.0);
         let times = course(0.0, relaxation * (1.3 * lengths + 0.6));
@@ -151,13 +152,15 @@ impl Reach {
                     settings.tolerance = tightened(settings.tolerance, finer);
                     continue;
                 }
-                Seen::NotYet(words) | Seen::Never(words) => {
-                    return Ok(self.answer(None, it, &words));
-                }
-                Seen::Blurred(_, words) => {
-                    let shortfall = self.shortfall(&words, f64::NAN);
-                    let it = Transient { shortfall, ..it };
-                    return Ok(self.answer(None, it, &words));
+                Seen::Never(words) => return Ok(self.answer(None, it, &words)),
+                // It may come yet.
+                Seen::NotYet(words) | Seen::Blurred(_, words) => {
+                    return Ok(Reached {
+                        t: None,
+                        method: it.method,
+                        shortfall: self.shortfall(&words, f64::NAN),
+                        warnings: Vec::new(),
+                    });
                 }
             };
             let tolerance = self.settings.tolerance * crossing.t;

@@ -112,8 +112,11 @@ pub(super) fn reach(table: &mut Table, results: &Results) {
     let words = format!("reaches {} of its", brief(asked.fraction));
     table.line("");
     table.line(row(&format!("{:<8} {words}", entry.symbol), &[], false));
-    let number =
-        it.t.map_or("at no time".into(), |t| format!("at t = {}", cell(Some(t))));
+    let number = match (it.t, &it.shortfall) {
+        (Some(t), _) => format!("at t = {}", cell(Some(t))),
+        (None, Some(_)) => "at a time that is not known".into(),
+        (None, None) => "at no time".into(),
+    };
     table.line(format!("{:<8} stationary value {number}", ""));
 }
 
