@@ -10,7 +10,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     let (Some(it), Some(drive)) = (&results.periodic, results.scene.excitation.drive) else {
         return;
     };
-    table.columns("THE LAW THAT LASTS", ["amplitude", "phase [rad]"]);
+    table.columns("THE LAW THAT LASTS", &["amplitude", "phase [rad]"]);
     for (symbol, all) in [
         ("E[q]", &it.mean_q),
         ("E[v]", &it.mean_v),
@@ -35,7 +35,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
         table.line(format!("{name:<26} {re:.6}{imaginary}, error {error:.0e}"));
     }
     if let Some(laws) = &it.metastable {
-        table.columns("METASTABLE LAWS", ["probability", "|E[q]| 1", "P(loss)"]);
+        table.columns("METASTABLE LAWS", &["probability", "|E[q]| 1", "P(loss)"]);
         for law in laws {
             let first = law.mean_q.first().map(|it| it.amplitude);
             let numbers = [Some(law.probability), first, law.contact_loss_probability];
@@ -65,7 +65,7 @@ pub(super) fn response(table: &mut Table, results: &Results) {
         return;
     };
     let heads = ["|E[q]| 1", "|E[N]| 1", "P(loss)", "multiplier"];
-    table.columns("RESPONSE, frequency", heads);
+    table.columns("RESPONSE, frequency", &heads);
     let count = it.frequency.len();
     let highest = (0..count).max_by(|a, b| {
         let value = |k: usize| it.mean_q_1[k].value;

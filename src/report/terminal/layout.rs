@@ -57,13 +57,17 @@ impl Table {
         }
     }
 
-    /// A heading with words over columns of numbers.
-    pub(super) fn columns<const N: usize>(&mut self, title: &str, heads: [&str; N]) {
-        let heads = heads.map(|it| format!("{it:>18}")).concat();
-        // A longer title takes the room before the first of them.
+    /// A heading with words over columns of numbers; below it where it leaves them no room.
+    pub(super) fn columns(&mut self, title: &str, heads: &[&str]) {
+        let heads = over_numbers(heads.iter().copied());
         let room = heads.len() - heads.trim_start().len();
-        let over = title.chars().count().saturating_sub(26).min(room);
-        self.heading(format!("{title:<26}{}", &heads[over..]));
+        let over = title.chars().count().saturating_sub(26);
+        if over < room {
+            self.heading(format!("{title:<26}{}", &heads[over..]));
+        } else {
+            self.heading(title);
+            self.line(format!("{:<26}{heads}", ""));
+        }
     }
 
     pub(super) fn paragraph(&mut self, first: &str, text: &str) {
@@ -73,6 +77,12 @@ impl Table {
             self.line(format!("{lead:<indent$}{line}"));
         }
     }
+}
+
+/// Words over columns of numbers.
+pub(super) fn over_numbers<'a>(heads: impl Iterator<Item = &'a str>) -> String {
+    let padded: Vec<String> = heads.map(|it| format!("{it:>18}")).collect();
+    padded.concat()
 }
 
 /// A row: 26 columns of words, then its numbers.

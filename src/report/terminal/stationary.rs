@@ -1,6 +1,6 @@
 //! What holds in the stationary law: moments, records, losses of contact, the rig.
 
-use super::layout::{Table, row, words};
+use super::layout::{Table, over_numbers, row, words};
 use crate::clock::TimeUnit;
 use crate::estimate::Estimate;
 use crate::format::{brief, cell, rounded};
@@ -55,19 +55,10 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
         (true, _) => "STATIONARY MOTION, side by side",
         _ => "AT THE LAST TIME",
     };
-    let mut heads = [format!("{title:<26}"), " ".repeat(26)];
-    for (first, second, _) in &columns {
-        let _ = write!(heads[0], "{first:>18}");
-        let _ = write!(heads[1], "{second:>18}");
-    }
-    // A title longer than its column would push the others aside.
-    if title.chars().count() > 25 {
-        table.heading(title);
-        table.line(format!("{:<26}{}", "", &heads[0][title.len()..]));
-    } else {
-        table.heading(&heads[0]);
-    }
-    table.line(&heads[1]);
+    let names: Vec<&str> = columns.iter().map(|(name, ..)| *name).collect();
+    table.columns(title, &names);
+    let from = over_numbers(columns.iter().map(|(_, from, _)| from.as_str()));
+    table.line(format!("{:<26}{from}", ""));
     for (k, entry) in entries().enumerate() {
         let moment = Moment::ALL.get(k);
         let number = |(_, _, moments): &(_, _, Option<&Moments>)| match moments {

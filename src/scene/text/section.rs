@@ -7,7 +7,6 @@ use crate::fokker_planck::Drift;
 use crate::moments::Moment;
 use crate::scene::Times;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::ops::RangeInclusive;
 
 /// One table of the scene, or its absence.
@@ -241,10 +240,7 @@ impl<'a> Section<'a> {
                 ""
             };
             Moment::named(text).ok_or_else(|| {
-                let mut accepted = names.join(", ");
-                if let Some(near) = nearest(text, &names) {
-                    let _ = write!(accepted, "; did you mean \"{near}\"?");
-                }
+                let accepted = names.join(", ") + &guess(&item.value, &names);
                 self.type_error_at(item, &format!("{key}[{k}]"), &accepted)
             })
         };
@@ -286,12 +282,7 @@ impl<'a> Section<'a> {
         if !other.is_empty() {
             accepted.push(other.to_owned());
         }
-        let mut accepted = accepted.join(", ");
-        if let Value::Text(text) = &node.value
-            && let Some(near) = nearest(text, &names)
-        {
-            let _ = write!(accepted, "; did you mean \"{near}\"?");
-        }
+        let accepted = accepted.join(", ") + &guess(&node.value, &names);
         Err(self.type_error(key, &accepted))
     }
 
@@ -332,6 +323,15 @@ impl<'a> Section<'a> {
             Some(_) => Err(self.type_error(key, accepted)),
         }
     }
+}
+
+/// The nearest of `names` to a text that is none of them, as the end of what is accepted.
+fn guess(given: &Value, names: &[&str]) -> String {
+    let near = match given {
+        Value::Text(text) => nearest(text, names),
+        _ => None,
+    };
+    near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"))
 }
 
 /// "8 GB", "512MiB", "1e9": at least one byte, at most 2^63.
