@@ -243,6 +243,12 @@ impl Oscillator {
         (1.0 / self.reference_friction()).max(2.0 * self.zeta)
     }
 
+    /// The time in which the slowest of the continuous spectrum fades; 0 where there is none, or no slowest.
+    pub(crate) fn flight_relaxation(&self) -> f64 {
+        let edge = self.continuous_from().filter(|edge| *edge < 0.0);
+        edge.map_or(0.0, |edge| -1.0 / edge)
+    }
+
     /// pi h: the diffusion coefficient of the velocity in (17).
     pub fn noise(&self) -> f64 {
         std::f64::consts::PI * self.h

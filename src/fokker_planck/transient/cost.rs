@@ -87,10 +87,8 @@ fn settled(oscillator: &Oscillator, initial: &Initial, tolerance: f64) -> f64 {
             deviation: [sq, sv],
         } => (oscillator.energy(*q, *v) + sq * sq + sv * sv) / temperature,
     };
-    let mut slowest = (1.0 / zeta).max(2.0 * zeta);
-    if let Some(edge) = oscillator.continuous_from().filter(|edge| *edge < 0.0) {
-        slowest = slowest.max(-1.0 / edge);
-    }
+    let slowest = (1.0 / zeta).max(2.0 * zeta);
+    let slowest = slowest.max(oscillator.flight_relaxation());
     ((2.0 + away.max(0.0).sqrt()) / (SETTLED.get() * tolerance)).ln() * slowest
 }
 

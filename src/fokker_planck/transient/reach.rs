@@ -66,9 +66,8 @@ impl Reach {
         fraction: f64,
         settings: &Settings,
     ) -> Result<Self> {
-        let edge = oscillator.continuous_from().filter(|edge| *edge < 0.0);
-        let slowest = edge.map_or(0.0, |edge| -1.0 / edge);
-        let relaxation = oscillator.correlation_time().max(slowest).max(TAU);
+        let relaxation = oscillator.correlation_time().max(TAU);
+        let relaxation = relaxation.max(oscillator.flight_relaxation());
         // A relaxation towards the stationary value has come so far after this many of them, and some more.
         let lengths = (1.0 - fraction).abs().recip().ln().clamp(0.0, 30.0);
         let times = course(0.0, relaxation * (1.3 * lengths + 0.6));
