@@ -6,6 +6,7 @@
 //! times as much.
 
 use super::basis::{DEGREE, INNER};
+use crate::budget::timing;
 use crate::error::{Error, Result};
 use crate::matrix::vectorise;
 use crate::sparse::{DenseLu, norm, subtract_product};
@@ -75,17 +76,15 @@ impl Shape {
         }
     }
 
-    /// Operations of a factorisation, in those of a dense product: the band is so many times as slow, measured on rates
-    /// and spectra of three laws.
+    /// Operations of a factorisation, in those of a dense product.
     pub(super) fn operations(self) -> f64 {
-        const SLOWER: f64 = 5.0;
         let (k, e) = (self.pairs as f64, self.elements as f64);
         let band = BAND as f64;
         let rows = OWN as f64 * k;
         // The band, its columns for the nodes, and their blocks.
         let flops =
             16.0 * rows * band * band + 8.0 * rows * 3.0 * band * 3.0 * k + 130.0 * k * k * k;
-        SLOWER * e * flops
+        timing::NESTED * e * flops
     }
 
     /// Bytes of a factorisation.

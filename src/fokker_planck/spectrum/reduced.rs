@@ -42,8 +42,7 @@ pub(super) struct Reduced {
     end: End,
     /// b.b, or l.b: the variance.
     pub(super) variance: f64,
-    /// Slowest rate of decay of the model, or the inverse of the largest resolvent seen.
-    slowest: f64,
+    apart: Apart,
     /// Frequencies solved for.
     pub(super) solved: Vec<f64>,
 }
@@ -57,6 +56,15 @@ struct Side {
     size: f64,
     /// R^T R of the residuals R = L V - V H.
     gram: Array2<f64>,
+}
+
+/// How far i omega is from what L has for eigenvalues: the inverse of the largest that a resolvent makes of a residual.
+#[derive(Debug, Clone, Copy)]
+struct Apart {
+    /// The smallest rate of decay of what does not turn: a hop between two wells is far from the frequencies within them.
+    real: f64,
+    /// That of what turns, taken to turn with any frequency; or the inverse of the largest resolvent seen.
+    turning: f64,
 }
 
 /// What a solution is multiplied with.
@@ -115,7 +123,7 @@ impl Reduced {
                     let correction = re.dot(&dual.row(2 * k)) - im.dot(&dual.row(2 * k + 1));
                     Answer {
                         value: size * c[[2 * k, 0]] + correction,
-                        error: residuals[k].max(0.0) / self.slowest
+                        error: residuals[k].max(0.0) / self.apart.from(omegas[k])
                             + 1e-13 * size * c[[2 * k, 0]].hypot(c[[2 * k + 1, 0]]),
                     }
                 };
@@ -129,7 +137,8 @@ impl Reduced {
                     let size = (re.dot(&re) + im.dot(&im)).sqrt();
                     Answer {
                         value: state.dot(&re),
-                        error: product.sqrt() / self.slowest + 1e-14 * left.size * size,
+                        error: product.sqrt() / self.apart.from(omegas[k])
+                            + 1e-14 * left.size * size,
                     }
                 };
                 (0..omegas.len()).map(answer).collect()
@@ -183,6 +192,24 @@ impl Reduced {
                 .collect();
         }
         Ok(self)
+    }
+}
+
+impl Apart {
+    /// Of the rates of a model.
+    fn of(rates: &[C]) -> Self {
+        let smallest = |turns: bool| {
+            let those = rates.iter().filter(|it| (it.im != 0.0) == turns);
+            those.map(|it| -it.re).fold(f64::INFINITY, f64::min)
+        };
+        Self {
+            real: smallest(false).max(f64::MIN_POSITIVE),
+            turning: smallest(true).max(f64::MIN_POSITIVE),
+        }
+    }
+
+    fn from(self, omega: f64) -> f64 {
+        self.real.hypot(omega).min(self.turning)
     }
 }
 

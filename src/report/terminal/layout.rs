@@ -59,7 +59,19 @@ impl Table {
 
     /// A heading with words over columns of numbers; below it where it leaves them no room.
     pub(super) fn columns(&mut self, title: &str, heads: &[&str]) {
-        let heads = over_numbers(heads.iter().copied());
+        self.headed(title, &over_numbers(heads.iter().copied()));
+    }
+
+    /// The same over numbers that are compared, if there are two of them.
+    pub(super) fn compared_columns(&mut self, title: &str, heads: &[&str]) {
+        let mut over = over_numbers(heads.iter().copied());
+        if heads.len() == 2 {
+            let _ = write!(over, "{:>7}", "z");
+        }
+        self.headed(title, &over);
+    }
+
+    fn headed(&mut self, title: &str, heads: &str) {
         let room = heads.len() - heads.trim_start().len();
         let over = title.chars().count().saturating_sub(26);
         if over < room {

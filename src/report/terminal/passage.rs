@@ -7,7 +7,6 @@ use crate::format::{brief, rounded};
 use crate::initial::Initial;
 use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
-use std::fmt::Write;
 
 pub(super) fn first_loss(table: &mut Table, results: &Results) {
     let words = ["FIRST LOSS OF CONTACT", "time to the loss", "given contact"];
@@ -38,11 +37,8 @@ fn survival(
     let Some(times) = times.or(sampled.map(|it| &it.times)) else {
         return;
     };
-    let mut head = format!("{title:<26}{:>18}", "backward eq.");
-    if sampled.is_some() {
-        let _ = write!(head, "{:>18}{:>7}", "paths", "z");
-    }
-    table.heading(head);
+    let heads = ["backward eq.", "paths"];
+    table.compared_columns(title, &heads[..=usize::from(sampled.is_some())]);
     let mut put = |symbol: &str, words: &str, a: Option<Estimate>, b: Option<Estimate>| {
         let words = format!("{symbol:<8} {words}");
         let both = [a, b];

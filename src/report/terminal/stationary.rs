@@ -76,15 +76,10 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
 fn sides(table: &mut Table, results: &Results, title: &str, rows: &[Sides]) {
     let exact = rows.iter().any(|(_, it, _)| it.is_some());
     let sampled = rows.iter().any(|(.., it)| it.is_some());
-    let mut head = format!("{title:<26}");
-    let heads = [(results.origin(), exact), ("long records", sampled)];
-    for (words, _) in heads.iter().filter(|(_, there)| *there) {
-        let _ = write!(head, "{words:>18}");
-    }
-    if exact && sampled {
-        let _ = write!(head, "{:>7}", "z");
-    }
-    table.heading(head);
+    let there = [(results.origin(), exact), ("long records", sampled)];
+    let there = there.into_iter().filter(|(_, there)| *there);
+    let heads: Vec<&str> = there.map(|(words, _)| words).collect();
+    table.compared_columns(title, &heads);
     for (name, a, b) in rows {
         let entry = entries().find(|it| it.name == *name);
         let known = entry.filter(|_| a.is_some() || b.is_some());

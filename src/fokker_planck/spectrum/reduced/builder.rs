@@ -1,7 +1,7 @@
 //! Builds a model of the resolvent: states at more and more frequencies, where the model errs most.
 
 use super::hessenberg::{hessenberg, reflect};
-use super::{Answer, C, End, Form, POWERS, Reduced, Side};
+use super::{Answer, Apart, C, End, Form, POWERS, Reduced, Side};
 use crate::error::Result;
 use crate::fokker_planck::hermite::{Factored, Hierarchy};
 use crate::matrix::{norm, overlaps, project};
@@ -70,6 +70,7 @@ impl Reduced {
             wanted = (0..first).map(spread).collect();
             wanted.dedup();
         }
+        let mut before = f64::INFINITY;
         loop {
             builder.solve(&wanted, go_on)?;
             let model = builder.model()?;
@@ -80,10 +81,16 @@ impl Reduced {
             if builder.solved.len() >= most {
                 return model.with_modes();
             }
+            let largest = excess.iter().copied().fold(0.0, f64::max);
             wanted = worst(omegas, &excess, tolerance, &builder.solved);
+            // Where a slow rate stretches a state that was solved for, rounding is left, and others hold what it lost.
+            if wanted.is_empty() && largest > tolerance && largest < 0.5 * before {
+                wanted = worst(omegas, &excess, 0.0, &builder.solved);
+            }
             if wanted.is_empty() {
                 return model.with_modes();
             }
+            before = largest;
         }
     }
 }
@@ -225,8 +232,7 @@ impl<'a> Builder<'a> {
             };
             let even = self.form.full.even();
             let mut dual = product(Slice::from(..even)) - product(Slice::from(even..));
-            let values = eigenvalues(&matrix)?;
-            let slowest = values.iter().map(|it| -it.re).fold(f64::INFINITY, f64::min);
+            let apart = Apart::of(&eigenvalues(&matrix)?);
             hessenberg(&mut matrix, &mut [&mut gram, &mut dual], &mut []);
             let variance = ArrayView1::from(&start).dot(&ArrayView1::from(&start));
             return Ok(Reduced {
@@ -237,7 +243,7 @@ impl<'a> Builder<'a> {
                 },
                 end: End::Mirrored { dual },
                 variance,
-                slowest: slowest.max(f64::MIN_POSITIVE),
+                apart,
                 solved: self.solved.clone(),
             });
         };
@@ -270,7 +276,10 @@ impl<'a> Builder<'a> {
                 modes: Vec::new(),
             },
             variance: weighed.dot(&ArrayView1::from(&start)),
-            slowest: 1.0 / (STRETCHED * self.stretched).max(f64::MIN_POSITIVE),
+            apart: Apart {
+                real: f64::INFINITY,
+                turning: 1.0 / (STRETCHED * self.stretched).max(f64::MIN_POSITIVE),
+            },
             solved: self.solved.clone(),
         })
     }
