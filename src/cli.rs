@@ -16,10 +16,11 @@ use crate::plan::Plan;
 use crate::report::{self, terminal};
 use crate::scene::text::{BUILT_IN, built_in};
 use arguments::{Cli, Command, MapOptions, RunOptions};
+use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use progress::{MapWatch, Observer, bar};
 use signal_hook::consts::SIGINT;
-use source::{named, no_such_scene, read, resembles_a_scene};
+use source::{keeps, named, no_such_scene, read, resembles_a_scene};
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -77,6 +78,11 @@ pub fn with<C: Parser>(
         Err(message) => {
             // A reader that has left is no error.
             let _ = message.print();
+            if message.kind() == ErrorKind::InvalidSubcommand {
+                let command = C::command();
+                let names: Vec<&str> = command.get_subcommands().map(|it| it.get_name()).collect();
+                let _ = writeln!(io::stderr(), "accepted: {}, or a scene", names.join(", "));
+            }
             return message.exit_code() as u8;
         }
     };
@@ -119,9 +125,13 @@ fn command(cli: Cli) -> Outcome {
         }
         Some(Command::Manual) => {
             let mut text = Vec::new();
-            let page = clap_mangen::Man::new(Cli::command());
-            let made = page.render(&mut text);
-            made.map_err(|error| Stop::new(1, error.to_string(), ""))?;
+            let mut all = Cli::command();
+            all.build();
+            let commands = all.get_subcommands().filter(|it| it.get_name() != "help");
+            for page in std::iter::once(&all).chain(commands) {
+                let made = clap_mangen::Man::new(page.clone()).render(&mut text);
+                made.map_err(|error| Stop::new(1, error.to_string(), ""))?;
+            }
             print(&String::from_utf8_lossy(&text)).map(|()| 0)
         }
         Some(Command::Scenes { name: Some(name) }) => match built_in(&name) {
@@ -144,7 +154,9 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         Err(error) if error.is_refusal() => return Err(explain(error)),
         plan => plan,
     };
-    let folder = options.output.folder(&text.scene().folder())?;
+    let title = text.scene().folder();
+    keeps(scene, &text.scene().to_toml(), &options.output.path(&title))?;
+    let folder = options.output.folder(&title)?;
     let path = folder.path().to_owned();
     let plan = match plan {
         Ok(plan) => plan,

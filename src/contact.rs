@@ -146,8 +146,8 @@ impl ContactLaw {
     pub fn force(&self, q: f64) -> f64 {
         match self {
             Self::Hertz => {
-                let x = (1.0 + q * (2.0 / 3.0)).max(0.0);
-                x * x.sqrt() - 1.0
+                let [y, e] = hertz(q);
+                e * (1.0 + y + y * y)
             }
             Self::Bilinear => q.max(-1.0),
             Self::Linear => q,
@@ -398,24 +398,19 @@ impl PartialEq for ContactLaw {
     }
 }
 
-/// U(q) = (3/5)[(1+x)^{5/2} - 1] - q with x = 2q/3, without cancellation near q = 0.
+/// y = sqrt(1 + x) and y - 1, x = 2q/3 where there is contact: what cancels neither near q = 0 nor has a branch.
+#[inline(always)]
+pub(crate) fn hertz(q: f64) -> [f64; 2] {
+    let x = (q * (2.0 / 3.0)).max(-1.0);
+    let y = (1.0 + x).sqrt();
+    [y, x / (1.0 + y)]
+}
+
+/// U(q) = (3/5)(y^5 - 1) - (3/2)(y^2 - 1), which has the factor (y - 1)^2; in flight -q - 3/5.
+#[inline(always)]
 fn hertz_potential(q: f64) -> f64 {
-    let x = q * (2.0 / 3.0);
-    if x <= -1.0 {
-        return -q - 0.6;
-    }
-    if x.abs() > 0.1 {
-        let y = 1.0 + x;
-        return 0.6 * (y * y * y.sqrt() - 1.0) - q;
-    }
-    // (3/5) sum_{k>=2} binomial(5/2, k) x^k; the terms fall faster than 0.1^k, 17 reach rounding.
-    let (mut term, mut sum) = (1.875 * x * x, 0.0);
-    for k in 2..19 {
-        sum += term;
-        let k = f64::from(k);
-        term *= x * (2.5 - k) / (k + 1.0);
-    }
-    0.6 * sum
+    let [y, e] = hertz(q);
+    e * e * (0.9 + y * (1.8 + y * (1.2 + y * 0.6))) + (q.max(-1.5) - q)
 }
 
 /// First point q0 + step, q0 + 2 step, q0 + 4 step... where `done` holds.

@@ -78,7 +78,7 @@ impl Oscillator {
         Ok(it)
     }
 
-    /// The same with another damping law.
+    /// The same with another damping law. Damping in contact is viscous damping where contact is never lost.
     ///
     /// # Errors
     /// [`Error::Invalid`] for a damping that acts in contact where there is none, or would be negative;
@@ -89,6 +89,12 @@ impl Oscillator {
             temperature: self.viscous_temperature(),
             law: OnceLock::new(),
             ..self
+        };
+        let damping = match damping {
+            Damping::Contact if it.contact.is_confining() && it.contact.loss_point().is_none() => {
+                Damping::Viscous
+            }
+            other => other,
         };
         if !damping.is_viscous() {
             if !it.contact.is_confining() {

@@ -192,7 +192,8 @@ impl Results {
         } else {
             &it.moments
         };
-        Some(Numbers::recorded(it, moments))
+        let asked = self.scene.outputs.moments.as_deref();
+        Some(Numbers::recorded(it, moments).asked(asked))
     }
 
     /// The moments of the paths at a time of the output.

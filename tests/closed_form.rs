@@ -40,7 +40,7 @@ fn the_force_is_the_slope_of_the_potential() {
 }
 
 #[test]
-fn the_hertz_potential_keeps_its_digits_near_equilibrium() {
+fn the_hertz_force_and_potential_keep_their_digits_near_equilibrium() {
     // U = q^2/2 + q^3/18 - q^4/216 + ..., from the binomial series of (9).
     for q in [1e-12, -1e-9, 1e-6, -1e-4] {
         let series = 0.5 * q * q * (1.0 + q / 9.0 - q * q / 108.0);
@@ -48,6 +48,10 @@ fn the_hertz_potential_keeps_its_digits_near_equilibrium() {
             (ContactLaw::Hertz.potential(q) / series - 1.0).abs() < 1e-12,
             "{q}"
         );
+        // G = q + q^2/6 - q^3/54 + ...
+        let series = q * (1.0 + q / 6.0 - q * q / 54.0);
+        let force = ContactLaw::Hertz.force(q);
+        assert!((force / series - 1.0).abs() < 1e-12, "{q}: {force}");
     }
     let (low, high) = (0.15 - 1e-14, 0.15 + 1e-14);
     let law = ContactLaw::Hertz;

@@ -1,7 +1,8 @@
 //! Concentrated initial conditions, which no mesh resolves: at rest, and dropped from a point. Each test prints what it
 //! measured.
 
-use vibroimpact::contact::ContactLaw;
+use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
+use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{Settings, TimeScheme, Transient, TransientMethod, transient};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
@@ -320,5 +321,39 @@ fn from_energies_far_above_the_stationary_law_a_linear_oscillator_keeps_its_clos
                 assert!(wrong <= x.error, "{number} at t = {t}");
             }
         }
+    }
+}
+
+/// A first output so early that no grid of finite steps leads from it to the others: each spreads from the point itself.
+#[test]
+fn outputs_however_early_leave_the_later_ones_and_know_a_gaussian_force() {
+    let contact = ContactLaw::given(
+        "power",
+        &Parameters::new().with("exponent", Parameter::Number(3.0)),
+    );
+    // With G''(0).
+    for (contact, damping, bend) in [
+        (ContactLaw::Hertz, Damping::Viscous, 1.0 / 3.0),
+        (contact.unwrap(), Damping::HuntCrossley, 2.0 / 3.0),
+    ] {
+        let it = Oscillator::new(contact, 0.05, 2e-2).unwrap();
+        let it = it.with_damping(damping).unwrap();
+        let early = to(&it, &Initial::Rest, &[1e-10, 1e-9, 1e-6, 1e-3, 1.0], 1e-3);
+        let late = to(&it, &Initial::Rest, &[1.0], 1e-3);
+        assert!(early.shortfall.is_none() && early.moments.len() == 5);
+        for (t, moments) in early.times.iter().zip(&early.moments).take(4) {
+            let (third, fourth) = (moments.skewness_force, moments.kurtosis_force);
+            println!("t = {t}: skewness {third}, kurtosis {fourth}");
+            // Of a Gaussian q: 3 G'' sd q, and 3.
+            let skewness = 3.0 * bend * moments.var_q.value.sqrt();
+            assert!((third.value - skewness).abs() < 1e-9 && (fourth.value - 3.0).abs() < 1e-9);
+            assert!((third.value - skewness).abs() <= third.error);
+            // Var q = 2 pi h t^3/3.
+            let spread = 2.0 * std::f64::consts::PI * 2e-2 * t.powi(3) / 3.0;
+            assert!((moments.var_q.value / spread - 1.0).abs() < 1e-3);
+        }
+        let (apart, name) = worst(&early.moments[4], &late.moments[0]);
+        println!("at t = 1 within {apart:.1e} ({name})");
+        assert!(apart < 1e-3);
     }
 }

@@ -65,6 +65,25 @@ fn worst(a: &Moments, b: &Moments) -> (f64, &'static str) {
 }
 
 #[test]
+fn damping_in_contact_is_viscous_where_contact_is_never_lost() {
+    let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.0, 1.0]));
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    for (contact, viscous) in [
+        (wells, true),
+        (ContactLaw::Linear, true),
+        (walled(1.5, 0.0), true),
+        (walled(1.5, 0.1), false),
+        (ContactLaw::Bilinear, false),
+    ] {
+        let it = Oscillator::new(contact, 0.05, 2e-2).unwrap();
+        let it = it.with_damping(Damping::Contact).unwrap();
+        assert_eq!(it.is_viscous(), viscous, "{it:?}");
+    }
+    let free = Oscillator::new(ContactLaw::Free, 0.05, 2e-2).unwrap();
+    assert!(free.with_damping(Damping::Contact).is_err());
+}
+
+#[test]
 fn viscous_damping_given_as_a_function_gives_the_closed_form() {
     for (zeta, h, contact) in [
         (0.05, 2e-2, ContactLaw::Hertz),

@@ -204,6 +204,16 @@ fn a_level_that_is_passed_only_from_above_is_reached_from_above_or_never() {
     );
 }
 
+/// Three times the stationary energy is never reached, which a course shows that has come to rest.
+#[test]
+fn a_level_far_beyond_the_stationary_value_is_reached_at_no_time() {
+    let it = run(
+        "[oscillator]\nzeta = 0.05\nh = 0.02\n[outputs]\nreach = { quantity = \"mean_energy\", fraction = 3 }",
+    );
+    assert!(it.shortfalls.is_empty(), "{:?}", it.shortfalls);
+    assert_eq!(it.reach.unwrap().t, None);
+}
+
 /// Flights so high that the continuous spectrum is slower than friction by far: Var q still rises at ten times 2 zeta.
 #[test]
 fn a_level_that_only_long_flights_come_to_is_waited_for() {

@@ -614,6 +614,54 @@ fn an_output_folder_that_exists_is_refused_unless_forced_and_foreign_files_stay(
 }
 
 #[test]
+fn a_folder_of_others_loses_nothing_and_no_scene_is_replaced_by_its_own_run() {
+    let room = small_room("theirs");
+    let theirs = ["response.csv", "flights.svg", "density_mine.npz"];
+    fs::create_dir(room.join("theirs")).unwrap();
+    for name in theirs {
+        fs::write(room.join("theirs").join(name), "mine").unwrap();
+    }
+    expect(
+        0,
+        &room,
+        &["run", "small.toml", "--out", "theirs", "--force", "-q"],
+    );
+    for name in theirs {
+        let text = fs::read_to_string(room.join("theirs").join(name)).unwrap();
+        assert_eq!(text, "mine", "{name}");
+    }
+    // A scene that a run would replace by another text is refused; as it was written it is run again.
+    let scene = "results/small/scene.toml";
+    expect(0, &room, &["run", "small.toml", "-q"]);
+    expect(0, &room, &["run", scene, "-q"]);
+    let (_, err) = expect(
+        2,
+        &room,
+        &["run", scene, "-q", "--set", "oscillator.h=1e-3"],
+    );
+    assert!(err.contains("another folder"), "{err}");
+    let text = format!("# mine\n{}", fs::read_to_string(room.join(scene)).unwrap());
+    fs::write(room.join(scene), &text).unwrap();
+    expect(2, &room, &["run", scene, "-q"]);
+    assert_eq!(fs::read_to_string(room.join(scene)).unwrap(), text);
+}
+
+#[test]
+fn keys_of_the_method_that_change_nothing_are_said() {
+    let room = small_room("unused");
+    fs::write(
+        room.join("alone.toml"),
+        "[oscillator]\nzeta = 0.05\nh = 0.02\n[method]\ncells = [100, 80]\ndrift = 4\n",
+    )
+    .unwrap();
+    let (out, _) = expect(0, &room, &["run", "alone.toml"]);
+    for key in ["method.cells", "method.drift"] {
+        let said = format!("{key}: nothing that is asked for uses it");
+        assert!(out.contains(&said), "{said}: {out}");
+    }
+}
+
+#[test]
 fn the_default_folder_is_replaced_if_it_is_ours_and_refused_if_it_is_not() {
     let room = small_room("replace");
     for _ in 0..2 {
@@ -1235,6 +1283,10 @@ fn a_run_that_is_refused_takes_nothing_with_it_that_others_made() {
 
 /// Scenes that are wrong, by name. What the program says about each stands in bad_scenes.txt.
 const BAD: &[(&str, &str)] = &[
+    (
+        "density of a point",
+        "[oscillator]\nzeta = 0.005\nh = 2e-3\n[outputs]\ndensity_at = [0, 1]",
+    ),
     ("empty", ""),
     ("not TOML", "[oscillator\nzeta = 0.005"),
     ("value missing", "[oscillator]\nzeta = \nh = 2e-3"),

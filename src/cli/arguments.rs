@@ -87,7 +87,7 @@ pub(super) struct RunOptions {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
     /// Number of threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: Option<u16>,
     /// Print nothing but errors
     #[arg(long, short)]
@@ -114,11 +114,11 @@ pub(super) struct MapOptions {
     /// Keep a curve of results.json in the lines, as spectrum or first_loss.survival
     #[arg(long, value_name = "CURVE")]
     pub(super) keep: Vec<String>,
-    /// Compute points that failed again
+    /// Compute again the points that failed, lack an answer or missed the tolerance
     #[arg(long)]
     pub(super) retry: bool,
     /// Number of threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub(super) threads: Option<u16>,
     /// Print nothing but errors
     #[arg(long, short)]
@@ -151,7 +151,17 @@ impl Output {
             Some(_) => Existing::Refuse,
             None => Existing::ReplaceOurs,
         };
-        let default = || Path::new("results").join(title);
-        Folder::open(&self.out.clone().unwrap_or_else(default), existing)
+        Folder::open(&self.path(title), existing)
     }
+
+    pub(super) fn path(&self, title: &str) -> PathBuf {
+        let default = || Path::new("results").join(title);
+        self.out.clone().unwrap_or_else(default)
+    }
+}
+
+/// The number of threads of a command line.
+fn threads(text: &str) -> std::result::Result<u16, String> {
+    let number = text.parse().ok().filter(|it| (1..=1024).contains(it));
+    number.ok_or_else(|| "accepted: a whole number from 1 to 1024".into())
 }

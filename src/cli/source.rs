@@ -1,6 +1,7 @@
 //! Where the scene of a command line comes from.
 
 use super::stop::Stop;
+use crate::report;
 use crate::scene::text::{BUILT_IN, SceneText, built_in, nearest};
 use std::io::Read;
 use std::path::Path;
@@ -71,4 +72,24 @@ fn read_text(path: &Path) -> std::result::Result<String, Stop> {
         let message = format!("{name} is not UTF-8: byte {at} does not belong");
         Stop::new(2, message, "accepted: TOML, which is UTF-8 text")
     })
+}
+
+/// Refuses results in a folder whose scene is the one that was read, if it would not be written again as it is.
+pub(super) fn keeps(
+    scene: Option<&Path>,
+    written: &str,
+    folder: &Path,
+) -> std::result::Result<(), Stop> {
+    let place = folder.join(report::SCENE).canonicalize();
+    let read =
+        scene.and_then(|it| Some((it.canonicalize().ok()?, std::fs::read_to_string(it).ok()?)));
+    match (read, place) {
+        (Some((path, text)), Ok(place)) if path == place && text != written => {
+            let message = format!("--out = {} is not accepted", folder.display());
+            let help = "accepted: another folder: its scene.toml is the scene that is read, and would be replaced by \
+                        another text";
+            Err(Stop::new(2, message, help))
+        }
+        _ => Ok(()),
+    }
 }

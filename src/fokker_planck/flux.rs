@@ -200,12 +200,8 @@ impl Weights {
         let lowest = smallest(&it.q)
             .min(smallest(&it.v))
             .min(smallest(&it.maxwell));
-        if !(lowest.is_finite() && lowest > 1e-290) {
-            let what =
-                format!("the stationary law falls to {lowest:.0e} inside the truncated domain");
-            let help = "an initial condition nearer to the stationary law, or a higher tolerance"
-                .to_string();
-            return Err(Error::Mesh { what, help });
+        if !(lowest.is_finite() && lowest > LOWEST) {
+            return Err(underflow());
         }
         Ok(it)
     }
@@ -234,6 +230,18 @@ impl Weights {
     pub(crate) fn is_boundary(&self, i: usize, j: usize) -> bool {
         self.q[i] * self.v[j] <= self.cut * self.area[0][i] * self.area[1][j]
     }
+}
+
+/// The smallest stationary density that finite volumes weigh with.
+const LOWEST: f64 = 1e-290;
+
+/// Refuses a domain with less.
+pub(super) fn underflow() -> Error {
+    let what = format!(
+        "finite volumes weigh with the stationary law, and it falls below {LOWEST:e} inside the domain"
+    );
+    let help = "method.transient = \"flow_map\", an initial condition nearer to the stationary law, or [monte_carlo] alone";
+    Error::mesh(what, help)
 }
 
 /// The largest of some values on m x n places, within `margin` of their edge; at least 0.

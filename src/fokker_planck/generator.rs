@@ -22,7 +22,7 @@ mod assembly;
 mod friction;
 
 use super::difference::central;
-use super::flux::{Drift, MassFlux, Measure, Weights, maxwell};
+use super::flux::{Drift, MassFlux, Measure, Weights, maxwell, underflow};
 use super::mesh::Mesh;
 use super::radius::{Kind, largest};
 use crate::error::{Error, Result};
@@ -98,9 +98,7 @@ impl Generator {
             }
         }
         if !inverse.iter().all(|x| x.is_finite()) {
-            let what = "the stationary law underflows inside the truncated domain";
-            let help = "an initial condition nearer to the stationary law, or a higher tolerance";
-            return Err(Error::mesh(what, help));
+            return Err(underflow());
         }
         if drift != Drift::Upwind {
             check_tail(mesh, &weights, &active, drift)?;

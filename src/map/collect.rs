@@ -141,7 +141,7 @@ fn read(dir: &Path) -> Result<Collected> {
     let unit = unit.and_then(TimeUnit::named).unwrap_or_default();
     let mut table = Table::new(points, unit);
     let told = Map::told(&map, axes.clone());
-    let known = known(&files, points, &axes, told.as_ref())?;
+    let (known, dropped) = known(&files, points, &axes, told.as_ref())?;
     for (file, path) in files.iter().enumerate() {
         each(path, |at, line| {
             let line: Value = serde_json::from_slice(line).unwrap_or_default();
@@ -181,6 +181,7 @@ fn read(dir: &Path) -> Result<Collected> {
         table,
         scene: map["scene"].clone(),
         drawn: false,
+        dropped,
     })
 }
 
@@ -196,18 +197,18 @@ fn axes(map: &Value) -> Option<Vec<Axis>> {
     all.filter(|it| !it.is_empty())
 }
 
-/// The line that counts of each point. A cut-off one is a point in flight when its run was killed. The first of each file is to
-/// be of the scene that is `told`.
+/// The line that counts of each point, and how many are none: a cut-off one is a point in flight when its run was killed. The
+/// first of each file is to be of the scene that is `told`.
 fn known(
     files: &[PathBuf],
     points: usize,
     axes: &[Axis],
     told: Option<&Map>,
-) -> Result<HashMap<usize, Known>> {
-    let mut all: HashMap<usize, Known> = HashMap::new();
+) -> Result<(HashMap<usize, Known>, usize)> {
+    let (mut all, mut dropped): (HashMap<usize, Known>, usize) = Default::default();
     for (file, path) in files.iter().enumerate() {
         let mut told = told;
-        heads((file, path), |head, here| {
+        dropped += heads((file, path), |head, here| {
             if head.index >= points {
                 return Ok(());
             }
@@ -224,7 +225,7 @@ fn known(
             Ok(())
         })?;
     }
-    Ok(all)
+    Ok((all, dropped))
 }
 
 /// Says where two lines of one point differ.

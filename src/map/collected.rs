@@ -29,6 +29,8 @@ pub struct Collected {
     pub(super) scene: Value,
     /// Whether there is a picture.
     pub(super) drawn: bool,
+    /// Lines that are cut off or broken.
+    pub(super) dropped: usize,
 }
 
 impl Collected {
@@ -63,11 +65,17 @@ impl fmt::Display for Collected {
         let points = many(self.points as u64, "point");
         let parts = many(self.parts.len() as u64, "part");
         writeln!(f, "{points} ({axes}): {there} there, in {parts}")?;
+        if self.dropped > 0 {
+            let dropped = many(self.dropped as u64, "cut-off or broken line");
+            writeln!(f, "{dropped} passed over")?;
+        }
         if !self.drawn {
-            writeln!(
-                f,
-                "no map.svg: a picture has one to three axes of several points"
-            )?;
+            let axes = self.axes.iter().filter(|it| it.values().len() > 1).count();
+            let why = match axes {
+                1..=3 => "no point has a number to draw yet",
+                _ => "a picture has one to three axes of several points",
+            };
+            writeln!(f, "no map.svg: {why}")?;
         }
         if self.short > 0 {
             let short = many(self.short as u64, "point");

@@ -1,5 +1,5 @@
 //! The file of a part: one line a point, each written whole, so that a run that was killed goes on where it ended. A point that
-//! is computed again has two until then: the one that lacks fewer answers counts.
+//! is computed again has two until then: the one that lacks fewer answers, or misses the tolerance by less, counts.
 
 use super::grid::Ending;
 use super::part::Part;
@@ -27,6 +27,8 @@ pub(super) struct Head {
 struct Short {
     #[serde(default)]
     number: Option<String>,
+    #[serde(default)]
+    ratio: Option<f64>,
     free: bool,
 }
 
@@ -37,24 +39,30 @@ impl Head {
         whole.and_then(|it| serde_json::from_slice(it).ok())
     }
 
-    /// Stages without an answer, which another try may find; more than any where the point has none.
-    fn lacking(&self) -> usize {
-        let none = |it: &&Short| it.number.as_deref() == Some("");
-        match self.error {
-            Some(_) => usize::MAX,
-            None => self.shortfalls.iter().filter(none).count(),
+    /// What another try may find: the stages without an answer, more than any where the point has none, and how many times too
+    /// large an error is that was free to be smaller.
+    fn lacking(&self) -> [f64; 2] {
+        if self.error.is_some() {
+            return [f64::INFINITY; 2];
         }
+        let (none, short): (Vec<&Short>, Vec<&Short>) = self
+            .shortfalls
+            .iter()
+            .partition(|it| it.number.as_deref() == Some(""));
+        let free = short.into_iter().filter(|it| it.free);
+        let ratios = free.map(|it| it.ratio.unwrap_or(f64::INFINITY));
+        [none.len() as f64, ratios.fold(0.0, f64::max)]
     }
 
     pub(super) fn ending(&self) -> Ending {
         if self.error.is_some() {
             Ending::Failed
-        } else if self.lacking() > 0 {
-            Ending::Lacking
-        } else if self.shortfalls.iter().any(|it| it.free) {
-            Ending::Short
         } else {
-            Ending::Well
+            match self.lacking() {
+                [0.0, 0.0] => Ending::Well,
+                [0.0, _] => Ending::Short,
+                _ => Ending::Lacking,
+            }
         }
     }
 }
@@ -66,7 +74,7 @@ pub(super) struct Known {
     pub(super) file: usize,
     pub(super) at: u64,
     pub(super) ending: Ending,
-    lacking: usize,
+    lacking: [f64; 2],
     /// Of the whole line.
     hash: u64,
 }
@@ -84,14 +92,14 @@ impl Known {
         }
     }
 
-    /// Whether both have all answers, and other ones.
+    /// Whether both have all answers within the tolerance, and other ones.
     pub(super) fn disagrees(&self, other: &Self) -> bool {
-        self.lacking == 0 && other.lacking == 0 && self.hash != other.hash
+        !self.lacks() && !other.lacks() && self.hash != other.hash
     }
 
     /// Whether another try may find more.
     pub(super) fn lacks(&self) -> bool {
-        self.lacking > 0
+        self.lacking != [0.0; 2]
     }
 }
 
@@ -265,7 +273,29 @@ mod tests {
     const NONE: &str = "{\"index\":3,\"name\":\"a\",\"error\":{\"message\":\"too long\"}}";
     const SOME: &str =
         "{\"index\":3,\"name\":\"a\",\"shortfalls\":[{\"number\":\"\",\"free\":true}]}";
+    const SHORT: &str = "{\"index\":3,\"name\":\"a\",\"shortfalls\":[{\"number\":\"var_q\",\"ratio\":460.1,\"free\":true}]}";
+    const NEARER: &str = "{\"index\":3,\"name\":\"a\",\"shortfalls\":[{\"number\":\"var_q\",\"ratio\":2.0,\"free\":true}]}";
     const ALL: &str = "{\"index\":3,\"name\":\"a\",\"results\":{}}";
+
+    #[test]
+    fn a_line_counts_by_how_much_it_lacks() {
+        let known = |line: &str| {
+            let line = format!("{line}\n");
+            Known::of(&Head::of(line.as_bytes()).unwrap(), line.as_bytes(), 0, 0)
+        };
+        let all = [NONE, SOME, SHORT, NEARER, ALL].map(known);
+        let endings = all.map(|it| it.ending);
+        use Ending::{Failed, Lacking, Short, Well};
+        assert_eq!(endings, [Failed, Lacking, Short, Short, Well]);
+        assert_eq!(all.map(|it| it.lacks()), [true, true, true, true, false]);
+        for pair in all.windows(2) {
+            let mut kept = HashMap::from([(3, pair[0])]);
+            keep(&mut kept, 3, pair[1]);
+            assert_eq!(kept[&3].hash, pair[1].hash);
+            keep(&mut kept, 3, pair[0]);
+            assert_eq!(kept[&3].hash, pair[1].hash);
+        }
+    }
 
     #[test]
     fn a_point_that_is_computed_again_keeps_its_line_until_it_has_a_better_one() {

@@ -75,7 +75,7 @@ pub struct Tally {
     pub before: usize,
     /// Computed in this run.
     pub computed: usize,
-    /// Of the points without an answer, or with a stage that has none, those that are computed again.
+    /// Of the points without an answer, with a stage that has none, or short of the tolerance, those that are computed again.
     pub again: usize,
     /// Lines that hold a message in place of results.
     pub failed: usize,
@@ -119,11 +119,11 @@ impl fmt::Display for Tally {
             (self.dropped, "cut-off or foreign lines were dropped"),
             (
                 self.again,
-                "points without an answer were to be computed again",
+                "points without an answer or short of the tolerance were to be computed again",
             ),
             (
                 self.short,
-                "points missed the tolerance: their lines say by how much",
+                "points missed the tolerance: their lines say by how much; --retry tries them again",
             ),
             (
                 self.lacking,
@@ -156,7 +156,7 @@ struct Job {
 impl Map {
     /// Computes the points of a part that have no line yet and appends their lines to the part's file in a folder,
     /// each as soon as it has ended: killed at any moment, it loses the points in flight. `retry` computes those again that
-    /// failed or lack an answer. Points run in parallel, one on each of `threads` threads, the longest first by their
+    /// failed, lack an answer or missed the tolerance. Points run in parallel, one on each of `threads` threads, the longest first by their
     /// plans; a point that is large by its plan gets all threads.
     ///
     /// # Errors

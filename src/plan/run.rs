@@ -90,7 +90,10 @@ impl Plan {
                             results.crossings = Some(Numbers::flux(law, time).in_unit(clock));
                         }
                         (Part::Crossings, None) => {}
-                        _ => results.stationary = Some(Numbers::solved(law).in_unit(clock)),
+                        _ => {
+                            let numbers = Numbers::solved(law).asked(outputs.moments.as_deref());
+                            results.stationary = Some(numbers.in_unit(clock));
+                        }
                     }
                 }
             }
@@ -110,7 +113,10 @@ impl Plan {
                         }
                     }
                     (Part::Crossings, None) => {}
-                    _ => results.stationary = Some(Numbers::stationary(&law).in_unit(clock)),
+                    _ => {
+                        let numbers = Numbers::stationary(&law).asked(outputs.moments.as_deref());
+                        results.stationary = Some(numbers.in_unit(clock));
+                    }
                 }
             }
             Recipe::FirstPassage(recipe) => {

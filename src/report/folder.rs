@@ -25,7 +25,8 @@ pub enum Existing {
     Refuse,
     /// Take it if its results.json is one of ours, or if it is empty.
     ReplaceOurs,
-    /// Take it whatever it holds; only files named as ours are replaced.
+    /// Take it whatever it holds: where that is no earlier run of ours, nothing is removed, and only a file of the name of a
+    /// new one is replaced.
     Force,
 }
 
@@ -96,6 +97,7 @@ impl Folder {
             }
         }
         let io = Error::io(path);
+        let ours = holds_our_results(path);
         let missing = path
             .ancestors()
             .take_while(|it| !it.as_os_str().is_empty() && !it.exists());
@@ -107,7 +109,8 @@ impl Folder {
             return Err(Error::invalid("--out", shown, accepted));
         }
         for entry in fs::read_dir(path).map_err(&io)?.flatten() {
-            if is_ours(&entry.file_name()) && entry.file_type().is_ok_and(|it| it.is_file()) {
+            if ours && is_ours(&entry.file_name()) && entry.file_type().is_ok_and(|it| it.is_file())
+            {
                 fs::remove_file(entry.path()).map_err(&io)?;
             }
         }
@@ -121,10 +124,8 @@ impl Folder {
     /// Take back everything: for a run that was refused before its first result. What others have put beside
     /// it stays.
     pub fn discard(self) {
-        for entry in fs::read_dir(&self.path).into_iter().flatten().flatten() {
-            if is_ours(&entry.file_name()) {
-                let _ = fs::remove_file(entry.path());
-            }
+        for name in manifest::AT_THE_START {
+            let _ = fs::remove_file(self.path.join(name));
         }
         let (path, made) = (self.path.clone(), self.made.clone());
         // The lock goes with it.

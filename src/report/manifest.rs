@@ -13,7 +13,11 @@ use crate::scene::Scene;
 /// The page that holds it all.
 const PAGE: &str = "report.html";
 
-const SCENE: &str = "scene.toml";
+/// The scene with every default filled in.
+pub(crate) const SCENE: &str = "scene.toml";
+
+/// The files of [`at_the_start`].
+pub(super) const AT_THE_START: [&str; 2] = [RESULTS, SCENE];
 
 /// The sheet that shows several densities; without it the last density stands for all.
 const SHEET: &str = "snapshots.svg";

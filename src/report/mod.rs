@@ -21,6 +21,8 @@ pub(crate) use csv::{field, spelled};
 pub use file::File;
 #[cfg(feature = "cli")]
 pub(crate) use html::{escaped, html};
+#[cfg(feature = "cli")]
+pub(crate) use manifest::SCENE;
 #[doc(hidden)]
 pub use manifest::{after, all, at_the_end, fragment};
 pub use run::{run_into, unanswered_into};

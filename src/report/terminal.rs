@@ -46,7 +46,10 @@ pub fn table(results: &Results, colour: bool) -> String {
 
 fn head(table: &mut Table, results: &Results) {
     let oscillator = &results.scene.oscillator;
-    let title: String = results.scene.title.chars().take(50).collect();
+    let mut title: String = results.scene.title.chars().take(50).collect();
+    if title.len() < results.scene.title.len() {
+        title.push('\u{2026}');
+    }
     let version = env!("CARGO_PKG_VERSION");
     table.bold(&format!("vibroimpact {version}: {title}"));
     let text = format!(

@@ -81,6 +81,15 @@ impl Numbers {
         }
     }
 
+    /// The same without moments that nobody asked for, where only some were.
+    pub(crate) fn asked(mut self, moments: Option<&[Moment]>) -> Self {
+        if let Some(asked) = moments {
+            let left = |name: &str| Moment::named(name).is_some_and(|it| !asked.contains(&it));
+            self.named.retain(|(name, _)| !left(name));
+        }
+        self
+    }
+
     /// Losses of contact by Rice's formula from the closed form, in a window of this dimensionless time.
     pub(crate) fn crossings(law: &Stationary, time: f64) -> Self {
         let window = law.losses_in(time);

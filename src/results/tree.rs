@@ -73,7 +73,11 @@ impl Results {
         put("periodic", self.periodic.as_ref().map(periodic));
         put("response", self.response.as_ref().map(response));
         let steady = |it: &crate::fokker_planck::Steady| {
-            let mut tree: Value = numbers(&mut it.moments.named().into_iter()).into();
+            let asked = Moment::ALL
+                .into_iter()
+                .filter(|moment| !it.moments.leaves_out(*moment));
+            let named = asked.map(|moment| (moment.name(), it.moments.get(moment)));
+            let mut tree: Value = numbers(&mut { named }).into();
             tree["l1_error"] = json!(it.l1_error);
             tree["residual"] = json!(it.residual);
             tree["method"] = json!(it.method);

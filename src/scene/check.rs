@@ -4,6 +4,7 @@ use super::outputs::{Outputs, PassageRequest, ReachRequest, ResponseRequest, nam
 use super::times::Times;
 use super::{Accuracy, Noise, Scene};
 use crate::clock::TimeUnit;
+use crate::damping::Damping;
 use crate::error::{Error, Result, finite, positive};
 use crate::excitation::Drive;
 use crate::format::{brief, num, rounded};
@@ -106,6 +107,10 @@ impl Scene {
         let accepted = format!("another moment: \"{}\" cannot lose contact", contact.name());
         require(can, "outputs.moments", names(&lost).join(", "), accepted)?;
         outputs.density_at.check("outputs.density_at")?;
+        let point =
+            self.initial == Initial::Rest && outputs.density_at.list().first() == Some(&0.0);
+        let accepted = "times after 0: at rest all probability is in one point";
+        require(!point, "outputs.density_at[0]", 0, accepted)?;
         let count = outputs.decay_rates;
         let accepted = "a whole number from 0 to 100";
         require(count <= 100, "outputs.decay_rates", count, accepted)?;
@@ -388,6 +393,39 @@ impl Scene {
             let doubt = "initial: nothing that is asked for depends on the initial condition";
             doubts.push(doubt.to_owned());
         }
+        if self.excitation.drive.is_some() && matches!(self.oscillator.damping(), Damping::Contact)
+        {
+            doubts.push(
+                "excitation.drive with damping in contact alone: rare motions that it throws high may lie beyond the \
+                 truncated domain, and errors may be several times too small; a tighter accuracy.tolerance shows it"
+                    .to_owned(),
+            );
+        }
+        let unused = self.unused_method().into_iter();
+        doubts.extend(unused.map(|key| format!("method.{key}: nothing that is asked for uses it")));
         doubts
+    }
+
+    /// Keys of [method] that are given and change nothing.
+    fn unused_method(&self) -> Vec<&'static str> {
+        let (it, method) = (&self.outputs, &self.method);
+        let course = !it.moments_at.is_empty() || !it.density_at.is_empty() || it.reach.is_some();
+        let driven = it.periodic.is_some() || it.response.is_some();
+        let passage = it.first_loss.is_some() || it.first_passage.is_some();
+        let law = it.steady || it.decay_rates > 0 || it.spectrum.is_some();
+        let solved = it.stationary && !self.oscillator.damping().has_closed_form();
+        let keys = [
+            ("transient", method.transient.is_some(), course),
+            ("drift", method.drift.is_some(), course || it.steady),
+            ("time", method.time.is_some(), course),
+            (
+                "cells",
+                method.cells.is_some(),
+                course || driven || passage || law || solved,
+            ),
+            ("step", method.step.is_some(), course || driven || passage),
+        ];
+        let unused = keys.into_iter().filter(|(_, given, used)| *given && !used);
+        unused.map(|(key, ..)| key).collect()
     }
 }

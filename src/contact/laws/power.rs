@@ -68,6 +68,22 @@ fn raised(x: f64, n: f64) -> f64 {
     }
 }
 
+/// (1 + x)_+^n - 1, without cancellation near x = 0.
+#[inline(always)]
+fn raised_less_one(x: f64, n: f64) -> f64 {
+    let x = x.max(-1.0);
+    if n == 1.5 {
+        let y = (1.0 + x).sqrt();
+        x / (1.0 + y) * (1.0 + y + y * y)
+    } else if n == 1.0 {
+        x
+    } else if n == 2.0 {
+        x * (2.0 + x)
+    } else {
+        (n * x.ln_1p()).exp_m1()
+    }
+}
+
 impl Power {
     /// Depth in the second wall over n, and its stiffness.
     #[inline(always)]
@@ -85,7 +101,7 @@ impl Restoring for Power {
 
     fn force(&self, q: f64) -> f64 {
         let n = self.exponent;
-        let front = raised(1.0 + q / n, n) - 1.0;
+        let front = raised_less_one(q / n, n);
         match self.behind(q) {
             Some((depth, back)) => front - back * raised(depth, n),
             None => front,

@@ -118,7 +118,12 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
                 }
                 named = true;
             }
-            _ => return Err(wrong(line, "two numbers, q and G, separated by a comma")),
+            _ => {
+                return Err(wrong(
+                    line,
+                    "two numbers, q and G, separated by a comma, a semicolon or a tab",
+                ));
+            }
         }
     }
     Ok(points)
@@ -165,7 +170,7 @@ impl Table {
             pieces.push(hermite([pair[0], pair[1]], [slope[0], slope[1]]));
         }
         pieces.push(line(last[0], last, ends[1]));
-        confines(origin, (first, ends[0]), (last, ends[1]))?;
+        confines(origin, (points[0], ends[0]), (last, ends[1]))?;
         // From the first point on, and then counted from q = 0.
         let mut potentials = vec![0.0];
         let mut sum = 0.0;

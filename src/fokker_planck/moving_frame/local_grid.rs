@@ -56,8 +56,10 @@ pub(crate) struct LocalGrid {
     frame: Frame,
     /// P at the centres, xi_1 by xi_2, n x n.
     values: Vec<f64>,
-    /// For how long a point spreads as the linear oscillator about it does; for the first step.
-    early: Option<f64>,
+    /// The point that it was at most `early` ago, mean and time, if it was one.
+    point: Option<([f64; 2], f64)>,
+    /// For how long a point spreads as the linear oscillator about it does.
+    early: f64,
     time: f64,
     steps: u64,
     defect: f64,
@@ -109,7 +111,8 @@ impl LocalGrid {
             },
             other: values.clone(),
             values,
-            early: (*initial == Initial::Rest).then_some(early),
+            point: (*initial == Initial::Rest).then_some((mean, 0.0)),
+            early,
             time: 0.0,
             steps: 0,
             defect: 0.0,
@@ -165,30 +168,34 @@ impl LocalGrid {
         (beside * coarser).ceil() as u64 + more
     }
 
-    /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most.
+    /// The first moments of a point's time: it becomes a Gaussian, `left` from now at most. One that is looked at so early spreads
+    /// from the point once more afterwards: steps of a grid from 1e-9 to 1 would not resolve it.
     pub(crate) fn leave_point(&mut self, left: f64) {
-        let Some(early) = self.early else {
+        let Some((mut mean, mut begin)) = self.point.take() else {
             return;
         };
         let (oscillator, end) = (&self.oscillator, self.time + left);
         let excitation = self.forcing.as_ref().map(|it| it.excitation());
         if let Some(it) = excitation {
-            let begin = it.noise_from().clamp(self.time, end);
-            let times = [self.time, begin];
-            self.frame.mean = noise_free::motion(oscillator, it, self.frame.mean, times);
-            self.time = begin;
+            let noise = it.noise_from().clamp(begin, end);
+            mean = noise_free::motion(oscillator, it, mean, [begin, noise]);
+            begin = noise;
             if begin >= end {
+                (self.frame.mean, self.time) = (mean, begin);
+                self.point = Some((mean, begin));
                 return;
             }
         }
-        let (begin, first) = (self.time, early.min(end - self.time));
+        let first = self.early.min(end - begin);
         // No noise before, and all of it linear in time up to its next bend.
         let bend = excitation.and_then(|it| it.bends(begin, begin + first).next());
-        let first = bend.map_or(first, |t| t - begin);
-        self.frame = spread(oscillator, excitation, self.frame.mean, [begin, first]);
-        self.time = begin + first;
-        self.early = None;
+        let until = bend.unwrap_or(begin + first);
+        self.frame = spread(oscillator, excitation, mean, [begin, until - begin]);
+        self.time = until;
         self.steps += 1;
+        if bend.is_none() && first < self.early {
+            self.point = Some((mean, begin));
+        }
     }
 
     /// Sets the time to `t`, where the steps led but for rounding.

@@ -93,18 +93,22 @@ impl Recipe {
 
 impl Question<'_> {
     fn recipe(&self) -> Result<Recipe> {
-        let fits_undriven = || {
-            let undriven = Self {
+        let fits_at_rest = || {
+            let at_rest = Self {
                 forcing: None,
                 ..*self
             };
-            undriven.decided().is_ok()
+            at_rest.decided().is_ok()
         };
+        let excitation = &self.settings.excitation;
         self.decided().map_err(|error| match error {
-            Error::Mesh { what, .. }
-                if self.settings.excitation.drive.is_some() && fits_undriven() =>
-            {
-                let help = "a smaller amplitude in excitation.drive".into();
+            Error::Mesh { what, .. } if !excitation.is_plain() && fits_at_rest() => {
+                let less = "an excitation.envelope that leaves more noise";
+                let help = match (excitation.drive, &excitation.envelope) {
+                    (None, _) => less.to_owned(),
+                    (_, None) => "a smaller amplitude in excitation.drive".to_owned(),
+                    _ => format!("{less}, or a smaller amplitude in excitation.drive"),
+                };
                 Error::Mesh { what, help }
             }
             other => other,

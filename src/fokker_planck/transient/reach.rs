@@ -36,6 +36,8 @@ pub(crate) struct Reach {
     fraction: f64,
     settings: Settings,
     times: Vec<f64>,
+    /// Courses of twice the length each, before the level is given up.
+    lengths: usize,
     first: Recipe,
     /// What it will take.
     pub(crate) cost: Cost,
@@ -45,8 +47,6 @@ pub(crate) struct Reach {
 const SPACING: f64 = 0.4;
 /// Times of a course; with more, those of a very weakly damped oscillator lie farther apart.
 const MOST: usize = 20_000;
-/// Courses of twice the length each, before the level is given up.
-const LENGTHS: usize = 4;
 /// Courses about the crossing, each with finer times or a finer tolerance.
 const PASSES: usize = 5;
 /// Times of a course about the crossing.
@@ -69,8 +69,12 @@ impl Reach {
         let relaxation = oscillator.correlation_time().max(TAU);
         let relaxation = relaxation.max(oscillator.flight_relaxation());
         // A relaxation towards the stationary value has come so far after this many of them, and some more.
-        let lengths = (1.0 - fraction).abs().recip().ln().clamp(0.0, 30.0);
-        let times = course(0.0, relaxation * (1.3 * lengths + 0.6));
+        let length = |to: f64| relaxation * (1.3 * to.recip().ln().clamp(0.0, 30.0) + 0.6);
+        let left = (1.0 - fraction).abs();
+        let times = course(0.0, length(left));
+        // And what is left then is within the tolerance.
+        let longest = length(left.min(1.0) * settings.tolerance);
+        let lengths = 1 + (longest / length(left)).log2().ceil() as usize;
         let settings = Settings {
             moments: Some(vec![moment]),
             ..settings.clone()
@@ -85,6 +89,7 @@ impl Reach {
             fraction,
             settings,
             times,
+            lengths,
             first,
             cost,
         })
@@ -113,9 +118,10 @@ impl Reach {
         let mut reason = "its courses bring it no nearer".to_owned();
         let (mut lengths, mut stalls, mut side) = (1, 0, None);
         let stiff = problem.0.contact().stiffness(0.0) > 0.0;
-        for pass in 0..LENGTHS + PASSES {
-            let from = pass as f64 / (LENGTHS + PASSES) as f64;
-            let part = |x: f64| progress(from + x / (LENGTHS + PASSES) as f64);
+        let courses = self.lengths + PASSES;
+        for pass in 0..courses {
+            let from = pass as f64 / courses as f64;
+            let part = |x: f64| progress(from + x / courses as f64);
             let it = if pass == 0 {
                 self.first.solve(problem, (&times, &[]), limits, &part)
             } else {
@@ -142,7 +148,7 @@ impl Reach {
                     reason = "a finer course did not find it again".into();
                     break;
                 }
-                Seen::NotYet(_) if lengths < LENGTHS => {
+                Seen::NotYet(_) if lengths < self.lengths => {
                     lengths += 1;
                     times = course(0.0, 2.0 * times.last().copied().unwrap_or(SPACING));
                     continue;
@@ -170,7 +176,7 @@ impl Reach {
             if error < before {
                 best = Some((crossing, it));
             }
-            if error <= tolerance || stalls == 2 || pass + 1 == LENGTHS + PASSES {
+            if error <= tolerance || stalls == 2 || pass + 1 == courses {
                 break;
             }
             times = crossing.window();

@@ -26,7 +26,7 @@ pub(crate) fn impacts(results: &Results) -> Picture {
     }
     let seen = results.sampled_crossings().map(|(seen, _)| seen);
     let seen = seen.filter(|it| it.mean_flight.value.is_finite());
-    let joint = Panel::new([70.0, 44.0, 300.0, 320.0], (0.0, end), (0.0, fastest));
+    let joint = Panel::new([92.0, 44.0, 280.0, 320.0], (0.0, end), (0.0, fastest));
     let beside = |left: f64, x, top: f64| {
         let place = [left, 44.0, 240.0, 320.0];
         Panel::new(place, x, (0.0, 1.35 * top))

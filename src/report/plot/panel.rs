@@ -21,10 +21,10 @@ pub fn range(numbers: impl IntoIterator<Item = f64>, share: f64) -> Option<(f64,
     if low > high {
         return None;
     }
-    // Numbers that differ by rounding alone make a flat curve, not a noisy one.
-    let size = low.abs().max(high.abs());
-    let least = if size > 0.0 { 1e-9 * size } else { 0.5 };
-    let margin = (share * (high - low)).max(least);
+    // Numbers that hardly differ make a flat curve: beside an axis there is room for some four digits.
+    let (size, width) = (low.abs().max(high.abs()), high - low);
+    let least = if size > 0.0 { 1e-3 * size } else { 1.0 };
+    let margin = (share * width).max(0.5 * (least - width)).max(1e-9 * size);
     let out = (low - margin, high + margin);
     (out.0.is_finite() && out.1.is_finite()).then_some(out)
 }

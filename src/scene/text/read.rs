@@ -119,7 +119,11 @@ impl Document {
                 let help = "accepted: h, or force_psd with [rig] static_load, frequency and static_compression";
                 return Err(section.refuse("force_psd", message, help));
             }
-            (None, None, _) => section.required(None, "h", "an input level > 0, as 2e-3")?,
+            (None, None, _) => section.required(
+                None,
+                "h",
+                "an input level > 0, as 2e-3; or force_psd in N^2/Hz, with [rig]",
+            )?,
         };
         let dampings = [Damping::Viscous, Damping::Contact, Damping::HuntCrossley];
         let dampings = dampings.map(|it| (it.name(), it));
