@@ -80,7 +80,8 @@ pub fn with<C: Parser>(
             let _ = message.print();
             if message.kind() == ErrorKind::InvalidSubcommand {
                 let command = C::command();
-                let names: Vec<&str> = command.get_subcommands().map(|it| it.get_name()).collect();
+                let names = command.get_subcommands().map(clap::Command::get_name);
+                let names = names.collect::<Vec<_>>();
                 let _ = writeln!(io::stderr(), "accepted: {}, or a scene", names.join(", "));
             }
             return message.exit_code() as u8;
