@@ -20,6 +20,7 @@ pub enum TimeScheme {
 
 impl TimeScheme {
     /// Every one.
+    #[cfg(feature = "toml")]
     pub(crate) const ALL: [Self; 4] = [
         Self::BackwardEuler,
         Self::Implicit,

@@ -66,6 +66,7 @@ pub enum Scheme {
 
 impl Scheme {
     /// Every one.
+    #[cfg(feature = "toml")]
     pub(crate) const ALL: [Self; 7] = [
         Self::Auto,
         Self::CentralDifference,

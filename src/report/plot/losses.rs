@@ -49,7 +49,8 @@ fn curves(
     let y = range(linear.iter().map(|(_, s)| *s), 0.08).filter(|_| top > -299.0)?;
     let left = Panel::new([92.0, 44.0, 390.0, 320.0], (0.0, until), y);
     let right = Panel {
-        left: 578.0,
+        left: 592.0,
+        width: 376.0,
         y: (bottom.max(top - 6.0) - 0.4, top + 0.4),
         log: true,
         ..left.clone()

@@ -4,7 +4,7 @@ use super::canvas::{
     Area, CENTRED, Drawn, FAINT, FINE, Hang, INK, Points, TITLE, VERMILION, dashed, fine, line,
     styled, write,
 };
-use super::ticks::{superscript, ticks};
+use super::ticks::{marks, ticks};
 use crate::estimate::Estimate;
 use crate::monte_carlo::Histogram;
 use crate::results::centres;
@@ -112,16 +112,12 @@ impl Panel {
     }
 
     pub(super) fn y_ticks(&self) -> Vec<(f64, String)> {
-        if !self.log {
-            return ticks(self.y, (self.height / 42.0).clamp(2.0, 6.0) as usize);
-        }
-        let (low, high) = (self.y.0.ceil() as i64, self.y.1.floor() as i64);
-        let most = (self.height / 26.0).max(2.0) as i64;
-        let each = (high - low).div_euclid(most) + 1;
-        (low..=high)
-            .filter(|k| k.rem_euclid(each) == 0)
-            .map(|k| (k as f64, format!("10{}", superscript(k))))
-            .collect()
+        let count = if self.log {
+            (self.height / 26.0).max(2.0)
+        } else {
+            (self.height / 42.0).clamp(2.0, 6.0)
+        };
+        marks(self.y, self.log, count as usize)
     }
 
     /// Grid, frame, numbers and labels. An empty label leaves that axis without numbers.

@@ -1,5 +1,7 @@
 //! Round numbers on an axis, and numbers as they are printed.
 
+use crate::format::{bare, rounded};
+
 /// About `count` round numbers within a range, as they are written.
 pub(super) fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {
     let raw = (high - low) / count.max(1) as f64;
@@ -40,6 +42,50 @@ pub(super) fn ticks((low, high): (f64, f64), count: usize) -> Vec<(f64, String)>
             };
             (x, text.replace('-', "\u{2212}"))
         })
+        .collect()
+}
+
+/// About `count` round numbers of a scale as they are written; of a logarithmic one its powers of ten, or 1, 2 and 5 of
+/// each where these are few.
+pub(super) fn marks((low, high): (f64, f64), log: bool, count: usize) -> Vec<(f64, String)> {
+    if !log {
+        return ticks((low, high), count);
+    }
+    let margin = 1e-9 * (high - low);
+    let within = |x: f64| x >= low - margin && x <= high + margin;
+    let powers = low.floor() as i64..=high.ceil() as i64;
+    let decades: Vec<i64> = powers.filter(|k| within(*k as f64)).collect();
+    if decades.len() > 2 {
+        let each = decades.len().div_ceil(count.max(2)) as i64;
+        let shown = decades.into_iter().filter(|k| k.rem_euclid(each) == 0);
+        return shown
+            .map(|k| (k as f64, format!("10{}", superscript(k))))
+            .collect();
+    }
+    let some = digits((low, high), &[1.0, 2.0, 5.0]);
+    if some.len() > 2 {
+        return some;
+    }
+    digits((low, high), &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+}
+
+/// The numbers of a logarithmic scale that begin with one of some digits.
+pub(super) fn digits((low, high): (f64, f64), first: &[f64]) -> Vec<(f64, String)> {
+    let margin = 1e-9 * (high - low);
+    let powers = low.floor() as i64..=high.ceil() as i64;
+    let parts = powers.flat_map(|k| first.iter().map(move |m| (k, *m)));
+    let all = parts.map(|(k, m)| {
+        let x = rounded(m * 10f64.powi(k as i32), 3);
+        let text = if (-3..4).contains(&k) {
+            bare(x)
+        } else if m == 1.0 {
+            format!("10{}", superscript(k))
+        } else {
+            format!("{m}\u{b7}10{}", superscript(k))
+        };
+        (x.log10(), text)
+    });
+    all.filter(|(x, _)| *x >= low - margin && *x <= high + margin)
         .collect()
 }
 

@@ -1,9 +1,9 @@
 //! The scale on which a number over the axes is drawn, and its colours.
 
 use super::field::Field;
-use super::ruler::{digits, marks};
 use crate::report::plot::canvas::{Colour, LEVELS};
 use crate::report::plot::panel::range;
+use crate::report::plot::ticks::{digits, marks};
 
 /// A scale that spans this factor is logarithmic.
 const DECADES: f64 = 100.0;
