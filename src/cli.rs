@@ -156,7 +156,7 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
         plan => plan,
     };
     let title = text.scene().folder();
-    keeps(scene, &text.scene().to_toml(), &options.output.path(&title))?;
+    keeps(scene, &text, &options.output.path(&title))?;
     let folder = options.output.folder(&title)?;
     let path = folder.path().to_owned();
     let plan = match plan {

@@ -77,19 +77,17 @@ fn read_text(path: &Path) -> std::result::Result<String, Stop> {
 /// Refuses results in a folder whose scene is the one that was read, if it would not be written again as it is.
 pub(super) fn keeps(
     scene: Option<&Path>,
-    written: &str,
+    text: &SceneText,
     folder: &Path,
 ) -> std::result::Result<(), Stop> {
-    let place = folder.join(report::SCENE).canonicalize();
-    let read =
-        scene.and_then(|it| Some((it.canonicalize().ok()?, std::fs::read_to_string(it).ok()?)));
-    match (read, place) {
-        (Some((path, text)), Ok(place)) if path == place && text != written => {
-            let message = format!("--out = {} is not accepted", folder.display());
-            let help = "accepted: another folder: its scene.toml is the scene that is read, and would be replaced by \
-                        another text";
-            Err(Stop::new(2, message, help))
-        }
-        _ => Ok(()),
+    let place = folder.join(report::SCENE).canonicalize().ok();
+    let read = scene.filter(|it| place.is_some() && it.canonicalize().ok() == place);
+    let read = read.and_then(|it| std::fs::read_to_string(it).ok());
+    if read.is_none_or(|it| it == text.scene().to_toml()) {
+        return Ok(());
     }
+    let message = format!("--out = {} is not accepted", folder.display());
+    let help = "accepted: another folder: its scene.toml is the scene that is read, and would be replaced by \
+                another text";
+    Err(Stop::new(2, message, help))
 }

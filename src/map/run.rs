@@ -156,8 +156,8 @@ struct Job {
 impl Map {
     /// Computes the points of a part that have no line yet and appends their lines to the part's file in a folder,
     /// each as soon as it has ended: killed at any moment, it loses the points in flight. `retry` computes those again that
-    /// failed, lack an answer or missed the tolerance. Points run in parallel, one on each of `threads` threads, the longest first by their
-    /// plans; a point that is large by its plan gets all threads.
+    /// failed, lack an answer or missed the tolerance. Points run in parallel, one on each of `threads` threads, the
+    /// longest first by their plans; a point that is large by its plan gets all threads.
     ///
     /// # Errors
     /// Before anything runs: [`MapError`] for a point of the part that is out of range, a folder of something else,

@@ -73,10 +73,8 @@ impl Results {
         put("periodic", self.periodic.as_ref().map(periodic));
         put("response", self.response.as_ref().map(response));
         let steady = |it: &crate::fokker_planck::Steady| {
-            let asked = Moment::ALL
-                .into_iter()
-                .filter(|moment| !it.moments.leaves_out(*moment));
-            let named = asked.map(|moment| (moment.name(), it.moments.get(moment)));
+            let named = kept(std::slice::from_ref(&it.moments));
+            let named = named.map(|moment| (moment.name(), it.moments.get(moment)));
             let mut tree: Value = numbers(&mut { named }).into();
             tree["l1_error"] = json!(it.l1_error);
             tree["residual"] = json!(it.residual);
@@ -219,12 +217,17 @@ impl Results {
     }
 }
 
+/// The moments that somebody asked for.
+fn kept(all: &[Moments]) -> impl Iterator<Item = Moment> {
+    let left_out = |it: &Moment| all.iter().any(|at| at.leaves_out(*it));
+    Moment::ALL.into_iter().filter(move |it| !left_out(it))
+}
+
 /// Moments as curves over an axis.
 fn over(name: &str, axis: &[f64], all: &[Moments]) -> Map<String, Value> {
     let mut tree = Map::new();
     tree.insert(name.into(), json!(axis));
-    let asked = |it: &Moment| !all.iter().any(|at| at.leaves_out(*it));
-    for it in Moment::ALL.into_iter().filter(asked) {
+    for it in kept(all) {
         tree.insert(it.name().into(), curve(all.iter().map(|at| at.get(it))));
     }
     tree
