@@ -107,14 +107,23 @@ pub(crate) fn swing(oscillator: &Oscillator, excitation: &Excitation, until: f64
     beyond.fold(0.0, f64::max)
 }
 
+/// A motion without noise that has forgotten where it began.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lasting {
+    /// The largest amplitude sqrt(2 (H - lowest U)).
+    pub(crate) amplitude: f64,
+    /// (q, v) at phase 0.
+    pub(crate) state: [f64; 2],
+}
+
 /// What lasts without noise between two times, the earlier so late that motions have forgotten where they began and a
-/// multiple of the period: the largest amplitude, and the states there on the orbits that motions from near rest and from
-/// far outside come to, two if these are different. A law that softens may have one that no motion from near rest comes to.
+/// multiple of the period: the orbit that motions from near rest come to, and that to which motions from far outside do if it is
+/// another one. A law that softens may have one that no motion from near rest comes to.
 pub(crate) fn lasting(
     oscillator: &Oscillator,
     excitation: &Excitation,
     times: [f64; 2],
-) -> (f64, Vec<[f64; 2]>) {
+) -> (Lasting, Option<Lasting>) {
     let settle = |start| {
         let (_, state) = highest(oscillator, excitation, start, [0.0, times[0]]);
         (highest(oscillator, excitation, state, times).0, state)
@@ -133,30 +142,35 @@ pub(crate) fn lasting(
             let apart = f64::hypot(a.start[0] - b.start[0], a.start[1] - b.start[1]);
             let stable = a.multiplier < 1.0 && b.multiplier < 1.0;
             if stable && apart > 1e-3 * b.start[0].hypot(b.start[1]) {
-                return (large.0, vec![a.start, b.start]);
+                let lasting = |amplitude, state| Lasting { amplitude, state };
+                return (lasting(small.0, a.start), Some(lasting(large.0, b.start)));
             }
         }
     }
     let amplitude = near.iter().map(|it| it.0).fold(0.0, f64::max);
-    let rest = near.first().map_or([0.0; 2], |it| it.1);
-    (amplitude, vec![rest])
+    let state = near.first().map_or([0.0; 2], |it| it.1);
+    (Lasting { amplitude, state }, None)
 }
 
 /// Where motions begin from outside: what the drive brings in a period is at most what friction takes at an rms velocity of
-/// a/(2^(3/2) zeta), the amplitude a/(2 zeta) of a sine.
+/// a/(2^(3/2) zeta), the amplitude a/(2 zeta) of a sine. Where flights have no friction a flight takes up 2 a/W and more, of which an
+/// impact takes some 5 zeta/2 of the speed: 2/W times as much.
 fn outside(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Item = [f64; 2]> {
     let drive = excitation.drive.filter(|it| it.amplitude() > 0.0);
     let drive = drive.zip(oscillator.contact().equilibrium());
     drive.into_iter().flat_map(move |(drive, rest)| {
         let fastest = drive.amplitude() / oscillator.reference_friction();
-        [1.25, 1.0, 0.75, 0.5]
-            .into_iter()
-            .flat_map(move |part: f64| {
-                let v = part * fastest;
-                let turning = oscillator.contact().turning_points(0.5 * v * v);
-                let (left, right) = turning.unwrap_or((rest, rest));
-                [[rest, v], [rest, -v], [left, 0.0], [right, 0.0]]
-            })
+        let flying = (!oscillator.is_viscous()).then_some(2.0 / drive.frequency());
+        let flying = flying.filter(|times| *times > 1.0);
+        let parts = [1.25, 1.0, 0.75, 0.5].into_iter();
+        let speeds = [Some(1.0), flying].into_iter().flatten();
+        let speeds = speeds.flat_map(move |times| parts.clone().map(move |part| times * part));
+        speeds.flat_map(move |times: f64| {
+            let v = times * fastest;
+            let turning = oscillator.contact().turning_points(0.5 * v * v);
+            let (left, right) = turning.unwrap_or((rest, rest));
+            [[rest, v], [rest, -v], [left, 0.0], [right, 0.0]]
+        })
     })
 }
 

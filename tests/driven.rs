@@ -398,6 +398,39 @@ fn over_a_period_the_drive_and_the_noise_bring_what_friction_takes() {
     assert!(got.shortfall.is_none());
 }
 
+/// Flights without friction take up a drive at any phase: what they hold is far beyond what noise throws up.
+#[test]
+fn a_drive_throws_motions_as_far_without_friction_in_flight_as_a_coarse_run_tells() {
+    let it = hertz(0.1, 0.01269);
+    let it = it.with_damping(Damping::Contact).unwrap();
+    let excitation = driven(0.538, 0.4, 0.0);
+    let law = |tolerance| periodic(&it, 8, &settings(&excitation, tolerance), &|_| ()).unwrap();
+    let (loose, tight) = (law(0.1), law(1e-2));
+    let period = excitation.drive.unwrap().period();
+    let settings = Sampling {
+        paths: 20_000,
+        excitation: excitation.clone(),
+        ..Sampling::default()
+    };
+    let times = [10.0 * period, 10.75 * period];
+    let paths = monte_carlo::run(&it, &Initial::Rest, &times, &settings, &|_| ()).unwrap();
+    for (k, sampled) in [0, 6].into_iter().zip(&paths.moments) {
+        let (z, name) = farthest(&loose.moments[k], &tight.moments[k]);
+        let (sampled, of) = farthest(&tight.moments[k], sampled);
+        println!("phase {k}: {z:.2} in {name}, by paths {sampled:.1} in {of}");
+        assert!(z < 1.0, "{name}");
+        assert!(sampled < 4.0, "{of}");
+    }
+    // An orbit of 1:1 bounces at H = 15 lasts without noise; p beyond H = 9 is 3e-5. By a tolerance of 1e-2: 0.27088(29).
+    let it = hertz(0.1373, 0.01269);
+    let it = it.with_damping(Damping::Contact).unwrap();
+    let excitation = driven(0.538, 0.531, 0.0);
+    let got = periodic(&it, 4, &self::settings(&excitation, 0.1), &|_| ()).unwrap();
+    let variance = got.moments[3].var_q;
+    println!("{variance} {:?}", got.warnings);
+    assert!((variance.value - 0.27088).abs() < variance.error && variance.error < 4e-3);
+}
+
 #[test]
 fn where_two_orbits_last_without_noise_the_law_holds_both() {
     // Below the resonance of a softening law the motion from rest stays small, and one from outside large.

@@ -151,7 +151,9 @@ impl FlowMap {
             0.0
         };
         let noise = forcing.as_ref().map_or(oscillator, |it| it.noise());
-        let excess = if stationary {
+        // Where p falls more slowly than under noise alone g stays.
+        let follows = forcing.as_ref().is_some_and(|it| it.tail().is_some());
+        let excess = if stationary && !follows {
             (1.0 / noise.temperature() - beta).max(0.0)
         } else {
             0.0

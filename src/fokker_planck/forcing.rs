@@ -26,10 +26,11 @@
 
 use super::ornstein_uhlenbeck::Kick;
 use super::policy::SPANNED;
+use super::tail::Tail;
 use crate::error::Result;
 use crate::excitation::Excitation;
 use crate::initial::Initial;
-use crate::noise_free;
+use crate::noise_free::{self, Lasting};
 use crate::oscillator::Oscillator;
 use std::f64::consts::PI;
 
@@ -46,9 +47,17 @@ pub(crate) struct Forcing {
     swing: f64,
     narrowing: f64,
     orbits: Vec<[f64; 2]>,
+    /// An orbit far out that no motion from near rest comes to, where flights are without friction: whether noise ever throws a
+    /// motion there is not known beforehand.
+    far: Option<Lasting>,
     /// By how much more than under stationary noise a splitting errs under the envelope.
     uneven: f64,
+    /// How far out the law under it holds probability, where that was measured.
+    tail: Option<Tail>,
 }
+
+/// Probability beyond an orbit, in a law without it, with which no motion ever comes to it.
+const NEVER: f64 = 1e-12;
 
 /// Correlation times after which a motion without noise has found its orbit.
 const LATE: f64 = 8.0;
@@ -90,9 +99,17 @@ impl Forcing {
         let period = excitation.drive.map_or(0.0, |it| it.period());
         let end = (late(oscillator) / period).ceil() * period;
         let times = [end, end + BEATS * period];
-        let (swing, orbits) = noise_free::lasting(oscillator, excitation, times);
+        let (near, far) = noise_free::lasting(oscillator, excitation, times);
+        // A law that friction holds everywhere may begin anywhere, and is believed to have both.
+        let known = far.filter(|_| oscillator.is_viscous());
+        let swing = known.map_or(near.amplitude, |it| it.amplitude);
         let it = Self::by(oscillator, &Initial::Stationary, excitation, (0.0, swing))?;
-        Ok(Some(Self { orbits, ..it }))
+        let orbits = [Some(near), known].into_iter().flatten();
+        Ok(Some(Self {
+            orbits: orbits.map(|it| it.state).collect(),
+            far: far.filter(|_| known.is_none()),
+            ..it
+        }))
     }
 
     /// No excitation, but energies up to `highest` above the lowest potential: a hotter law that p is taken against. None where
@@ -147,16 +164,24 @@ impl Forcing {
             swing,
             narrowing: (coldest / factor).sqrt(),
             orbits: Vec::new(),
+            far: None,
             uneven: match excitation.envelope {
                 None => 0.0,
                 Some(_) => factor * (1 + excitation.bends(0.0, until).count()) as f64,
             },
+            tail: None,
         })
     }
 
     /// Whether anything acts beside stationary noise.
     pub(crate) fn acts(&self) -> bool {
         !self.excitation.is_plain()
+    }
+
+    /// Whether a drive may throw motions higher than noise and the motion without noise tell: flights without friction take it up
+    /// at any phase, and the law falls far more slowly with the energy.
+    pub(crate) fn throws(&self, oscillator: &Oscillator) -> bool {
+        self.swing > 0.0 && !oscillator.is_viscous() && oscillator.contact().is_confining()
     }
 
     /// Drive and envelope.
@@ -177,6 +202,34 @@ impl Forcing {
     /// The amplitude sqrt(2 (H - lowest U)) that the drive adds.
     pub(crate) fn swing(&self) -> f64 {
         self.swing
+    }
+
+    /// The same taken against a law as hot as energies up to `highest` above the lowest potential ask for, and no hotter: flights
+    /// that are as rare as they are high make no law wider where probability is.
+    pub(crate) fn spanning(&self, highest: f64) -> Result<Self> {
+        let temperature = (highest / SPANNED.get()).max(self.noise.temperature());
+        let contact = self.noise.contact().clone();
+        let reference = Oscillator::new(contact, self.zeta, 2.0 * self.zeta * temperature / PI)?;
+        Ok(Self {
+            reference,
+            ..self.clone()
+        })
+    }
+
+    /// The same where the law falls like this far out. An orbit there is one of the law unless it is beyond all reach.
+    pub(crate) fn falling(&self, tail: Tail) -> Self {
+        let mut it = self.clone();
+        if let Some(far) = it.far.take_if(|far| far.amplitude < tail.reach(NEVER)) {
+            it.swing = far.amplitude;
+            it.orbits.push(far.state);
+        }
+        it.tail = Some(tail);
+        it
+    }
+
+    /// How far out the law under it holds probability, where that was measured.
+    pub(crate) fn tail(&self) -> Option<&Tail> {
+        self.tail.as_ref()
     }
 
     /// The states at phase 0 of the orbits that last without noise, one or two; of [`Forcing::lasting`].

@@ -45,6 +45,7 @@ mod radius;
 mod settings;
 mod solved;
 mod spectrum;
+mod tail;
 mod trajectory;
 pub mod transient;
 

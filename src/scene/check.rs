@@ -4,7 +4,6 @@ use super::outputs::{Outputs, PassageRequest, ReachRequest, ResponseRequest, nam
 use super::times::Times;
 use super::{Accuracy, Noise, Scene};
 use crate::clock::TimeUnit;
-use crate::damping::Damping;
 use crate::error::{Error, Result, finite, positive};
 use crate::excitation::Drive;
 use crate::format::{brief, num, rounded};
@@ -392,14 +391,6 @@ impl Scene {
         if self.initial != Initial::Rest && !self.begins_somewhere() {
             let doubt = "initial: nothing that is asked for depends on the initial condition";
             doubts.push(doubt.to_owned());
-        }
-        if self.excitation.drive.is_some() && matches!(self.oscillator.damping(), Damping::Contact)
-        {
-            doubts.push(
-                "excitation.drive with damping in contact alone: rare motions that it throws high may lie beyond the \
-                 truncated domain, and errors may be several times too small; a tighter accuracy.tolerance shows it"
-                    .to_owned(),
-            );
         }
         let unused = self.unused_method().into_iter();
         doubts.extend(unused.map(|key| format!("method.{key}: nothing that is asked for uses it")));

@@ -150,6 +150,7 @@ impl Question<'_> {
         if !self.takes_flow_map() {
             return self.by_volumes(draft);
         }
+        let draft = self.followed(draft)?;
         if self.names_volumes() {
             let accepted =
                 "\"finite_volume\" with method.drift or method.time: the flow map has neither";
@@ -174,6 +175,10 @@ impl Question<'_> {
     /// A hotter law to take p against, for a flow map of an initial condition of which the domain holds energies that p over
     /// the stationary law does not span. The tails of that law itself ask for no other.
     fn hot(&self, layout: &Layout, first_grid: FirstGrid) -> Result<Option<Arc<Forcing>>> {
+        let highest = 0.5 * layout.domain.v[1].powi(2);
+        if let Some(forcing) = self.forcing.filter(|it| it.throws(self.oscillator)) {
+            return Ok(Some(Arc::new(forcing.spanning(highest)?)));
+        }
         let free = self.forcing.is_none() && self.period.is_none();
         let far = || {
             let spanned = SPANNED.get() * self.oscillator.temperature();
@@ -184,7 +189,6 @@ impl Question<'_> {
         if !(free && meshed && far()) {
             return Ok(None);
         }
-        let highest = 0.5 * layout.domain.v[1].powi(2);
         Ok(Forcing::hot(self.oscillator, self.initial, highest)?.map(Arc::new))
     }
 

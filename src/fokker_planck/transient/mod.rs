@@ -5,6 +5,7 @@ mod begun;
 mod cost;
 mod decide;
 mod error_estimate;
+mod followed;
 mod ladder;
 mod lasting;
 mod output;

@@ -302,9 +302,13 @@ pub(crate) fn domain(
         return Ok(domain);
     }
     let drive = forcing.map_or([0.0; 2], |it| [it.excitation().push(), it.swing()]);
-    let domain = match drive[1] {
-        0.0 => domain,
-        swing => domain.enlarged(noise, 1.0 + swing / domain.v[1]),
+    let measured = forcing.and_then(Forcing::tail);
+    let measured = measured.map_or(0.0, |it| it.reach(neglected));
+    let reach = measured.max(domain.v[1] + drive[1]);
+    let domain = if reach > domain.v[1] {
+        domain.enlarged(noise, reach / domain.v[1])
+    } else {
+        domain
     };
     if flow_map {
         domain.held_back(noise, initial, neglected, drive)

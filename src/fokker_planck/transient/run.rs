@@ -76,7 +76,7 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
-    fn until(&self) -> f64 {
+    pub(super) fn until(&self) -> f64 {
         self.times.last().copied().unwrap_or(0.0)
     }
 

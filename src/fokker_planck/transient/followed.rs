@@ -1,0 +1,92 @@
+//! The domain of a drive that throws motions far, where no formula says how far: a coarse run tells.
+
+use super::ladder::is_unfit;
+use super::question::Question;
+use super::recipe::{RUNGS, Recipe, domain};
+use super::run::{Run, Task};
+use crate::error::Result;
+use crate::fokker_planck::layout::{Layout, STEEPER_TRIES};
+use crate::fokker_planck::tail::Tail;
+use std::sync::Arc;
+
+/// Runs whose tails are followed, and what a domain must gain for another of them.
+const LOOKS: usize = 4;
+const FARTHER: f64 = 1.05;
+
+/// Outputs that are looked at, the last first.
+const OUTPUTS: usize = 16;
+
+impl Question<'_> {
+    /// A recipe on domains that reach as far as the law does under a drive that throws motions ([`Forcing::throws`]); the same where
+    /// noise and the motion without noise tell how far.
+    ///
+    /// [`Forcing::throws`]: crate::fokker_planck::forcing::Forcing::throws
+    pub(super) fn followed(&self, mut recipe: Recipe) -> Result<Recipe> {
+        let throws = |recipe: &Recipe| {
+            let forcing = recipe.forcing.as_ref();
+            forcing.is_some_and(|it| it.throws(self.oscillator))
+        };
+        for _ in 0..LOOKS {
+            let before = recipe.layout.domain.v[1];
+            let Some(tail) = throws(&recipe).then(|| self.tail(&recipe)).flatten() else {
+                break;
+            };
+            recipe = self.reaching(recipe, tail)?;
+            if recipe.layout.domain.v[1] < FARTHER * before {
+                break;
+            }
+        }
+        Ok(recipe)
+    }
+
+    /// How far out probability lies at any of the times, by the coarsest mesh of a domain that carries it; None where none does.
+    fn tail(&self, recipe: &Recipe) -> Option<Tail> {
+        let each = self.times.len().div_ceil(OUTPUTS).max(1);
+        let kept: Vec<f64> = self.times.iter().rev().step_by(each).copied().collect();
+        let task = Task {
+            oscillator: self.oscillator,
+            initial: self.initial,
+            times: self.times,
+            density_times: &kept,
+            recipe,
+            limits: &self.settings.limits(),
+            law: None,
+            begun: None,
+        };
+        let first = if recipe.layout.is_given() {
+            recipe.expected - (RUNGS - 1) as f64
+        } else {
+            0.0
+        };
+        let run = |k: usize| -> Result<Run> {
+            let mut rung = task.rung(first + k as f64)?;
+            rung.layout.domain = recipe.layout.domain;
+            task.once(&rung, self.times, &|_| ())
+        };
+        let unfit = |run: &Result<Run>| run.as_ref().is_err_and(is_unfit);
+        let run = (0..STEEPER_TRIES).map(run).find(|it| !unfit(it))?.ok()?;
+        let snapshots = run.outputs.iter().filter_map(|it| it.snapshot.as_ref());
+        let own = snapshots.filter(|it| it.v.len() == run.mesh.v.len());
+        let tails = own.filter_map(|it| Tail::of(it, self.oscillator, run.domain.v[1]));
+        let reach = |it: &Tail| it.reach(recipe.left_out(recipe.expected));
+        tails.max_by(|a, b| reach(a).total_cmp(&reach(b)))
+    }
+
+    /// A recipe for a law that falls like this far out.
+    fn reaching(&self, recipe: Recipe, tail: Tail) -> Result<Recipe> {
+        let falling = recipe.forcing.as_ref().map(|it| it.falling(tail));
+        let grid = (recipe.first_grid, recipe.layout.focused);
+        let who = (self.oscillator, falling.as_ref());
+        let neglected = recipe.left_out(recipe.expected);
+        let domain = domain(who, self.initial, self.until(), grid, neglected)?;
+        let spanning = falling.map(|it| it.spanning(0.5 * domain.v[1].powi(2)));
+        Ok(Recipe {
+            forcing: spanning.transpose()?.map(Arc::new),
+            layout: Layout {
+                domain,
+                ..recipe.layout
+            },
+            ..recipe
+        })
+    }
+}
