@@ -5,6 +5,7 @@ mod laws;
 mod parameters;
 mod piece;
 mod restoring;
+mod three_halves;
 
 pub use kind::Kind;
 pub use laws::LAWS;
@@ -145,10 +146,7 @@ impl ContactLaw {
     #[inline(always)]
     pub fn force(&self, q: f64) -> f64 {
         match self {
-            Self::Hertz => {
-                let [y, e] = hertz(q);
-                e * (1.0 + y + y * y)
-            }
+            Self::Hertz => three_halves::less_one(compression(q)),
             Self::Bilinear => q.max(-1.0),
             Self::Linear => q,
             Self::Free => -1.0,
@@ -398,18 +396,16 @@ impl PartialEq for ContactLaw {
     }
 }
 
-/// y = sqrt(1 + x) and y - 1, x = 2q/3 where there is contact: what cancels neither near q = 0 nor has a branch.
+/// That of a Hertzian contact beyond the static one, over it; -1 in flight.
 #[inline(always)]
-pub(crate) fn hertz(q: f64) -> [f64; 2] {
-    let x = (q * (2.0 / 3.0)).max(-1.0);
-    let y = (1.0 + x).sqrt();
-    [y, x / (1.0 + y)]
+fn compression(q: f64) -> f64 {
+    (q * (2.0 / 3.0)).max(-1.0)
 }
 
 /// U(q) = (3/5)(y^5 - 1) - (3/2)(y^2 - 1), which has the factor (y - 1)^2; in flight -q - 3/5.
 #[inline(always)]
 fn hertz_potential(q: f64) -> f64 {
-    let [y, e] = hertz(q);
+    let [y, e] = three_halves::root(compression(q));
     e * e * (0.9 + y * (1.8 + y * (1.2 + y * 0.6))) + (q.max(-1.5) - q)
 }
 

@@ -222,6 +222,10 @@ fn a_point_out_of_range_is_refused_before_anything_runs() {
             "--keep = spectre spectrum.fokker_planck",
         ),
         (
+            "--over oscillator.h=[1e-3] --keep spectrum",
+            "--keep = spectrum is not accepted asks for under [outputs]",
+        ),
+        (
             "--over oscillator.h=lin:1:2:100000 --over oscillator.zeta=lin:1:2:100000 --over a.b=lin:1:2:1000",
             "at most 1e12 points",
         ),

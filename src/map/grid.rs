@@ -109,7 +109,9 @@ impl Map {
             keep: Keep::of(keep)?,
             len,
         };
-        it.title.clone_from(&it.text(0)?.scene().title);
+        let first = it.scene(0)?;
+        it.title = first.title;
+        it.keep = it.keep.of_these(&first.outputs)?;
         Ok(it)
     }
 

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::moments::Moment;
+use crate::scene::Outputs;
 use serde_json::{Map as Object, Value};
 
 /// Curves that lines hold too.
@@ -75,6 +76,31 @@ impl Keep {
             return Err(Error::invalid("--keep", wrong, accepted));
         }
         Ok(Self(names))
+    }
+
+    /// The same, if a scene with these outputs has them all.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for curves that are not asked for.
+    pub(super) fn of_these(self, outputs: &Outputs) -> Result<Self> {
+        let has = |name: &str| {
+            let section = name.strip_prefix("monte_carlo.").unwrap_or(name);
+            match section.split('.').next() {
+                Some("spectrum") => outputs.spectrum.is_some(),
+                Some("periodic") => outputs.periodic.is_some(),
+                Some("response") => outputs.response.is_some(),
+                Some("first_loss") => outputs.first_loss.is_some(),
+                Some("first_passage") => outputs.first_passage.is_some(),
+                _ => outputs.crossings.is_some(),
+            }
+        };
+        match self.0.iter().find(|it| !has(it)) {
+            Some(name) => {
+                let accepted = "curves of what the scene asks for under [outputs]";
+                Err(Error::invalid("--keep", name, accepted))
+            }
+            None => Ok(self),
+        }
     }
 
     pub(super) fn names(&self) -> &[String] {

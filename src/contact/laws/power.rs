@@ -3,6 +3,7 @@
 use crate::contact::kind::Kind;
 use crate::contact::parameters::{Parameter, Parameters};
 use crate::contact::restoring::Restoring;
+use crate::contact::three_halves::less_one;
 use crate::error::Result;
 use std::sync::Arc;
 
@@ -73,8 +74,7 @@ fn raised(x: f64, n: f64) -> f64 {
 fn raised_less_one(x: f64, n: f64) -> f64 {
     let x = x.max(-1.0);
     if n == 1.5 {
-        let y = (1.0 + x).sqrt();
-        x / (1.0 + y) * (1.0 + y + y * y)
+        less_one(x)
     } else if n == 1.0 {
         x
     } else if n == 2.0 {

@@ -30,7 +30,8 @@ fn check_friction(oscillator: &Oscillator) -> Result<()> {
 }
 
 impl Recipe {
-    /// The recipe for a transient through `times`, ascending. Lays out the mesh and takes no step on it.
+    /// The recipe for a transient through `times`, ascending. Lays out the mesh and takes no step on it; under a drive that throws
+    /// motions coarse runs tell how far the mesh reaches.
     ///
     /// # Errors
     /// [`Error::Invalid`] for settings that exclude each other or cells that do not fit the memory; those of the

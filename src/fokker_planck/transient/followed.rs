@@ -5,12 +5,15 @@ use super::question::Question;
 use super::recipe::{RUNGS, Recipe, domain};
 use super::run::{Run, Task};
 use crate::error::Result;
+use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::layout::{Layout, STEEPER_TRIES};
 use crate::fokker_planck::tail::Tail;
 use std::sync::Arc;
 
-/// Runs whose tails are followed, and what a domain must gain for another of them.
+/// Runs whose tails are followed, the part of the time that each may take, and what a domain must gain for another of them. Where a
+/// run takes longer there is no time for the three finer ones of an answer.
 const LOOKS: usize = 4;
+const PART: f64 = 0.1;
 const FARTHER: f64 = 1.05;
 
 /// Outputs that are looked at, the last first.
@@ -43,13 +46,15 @@ impl Question<'_> {
     fn tail(&self, recipe: &Recipe) -> Option<Tail> {
         let each = self.times.len().div_ceil(OUTPUTS).max(1);
         let kept: Vec<f64> = self.times.iter().rev().step_by(each).copied().collect();
+        let settings = self.settings;
+        let limits = Limits::from_now(PART * settings.max_seconds, settings.max_memory);
         let task = Task {
             oscillator: self.oscillator,
             initial: self.initial,
             times: self.times,
             density_times: &kept,
             recipe,
-            limits: &self.settings.limits(),
+            limits: &limits,
             law: None,
             begun: None,
         };

@@ -64,7 +64,7 @@ pub fn plan(plan: &Plan) -> String {
 /// The stages with their costs, and how each will be computed.
 fn costs(table: &mut Table, plan: &Plan) {
     table.line(format!(
-        "{:<20}{:>11}{:>8}{:>8}{:>8}  needed by",
+        "{:<19} {:>11} {:>7} {:>7} {:>7}  needed by",
         "stage", "cells", "steps", "memory", "time"
     ));
     for stage in plan.stages() {
@@ -85,7 +85,7 @@ fn costs(table: &mut Table, plan: &Plan) {
         let (name, keys) = (stage.part.name(), stage.needed_by.join(", "));
         let keys = keys.replace("outputs.", "");
         table.line(format!(
-            "{name:<20}{cells:>11}{steps:>8}{memory:>8}{time:>8}  {keys}"
+            "{name:<19} {cells:>11} {steps:>7} {memory:>7} {time:>7}  {keys}"
         ));
     }
     table.line("");
