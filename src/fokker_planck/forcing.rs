@@ -19,7 +19,8 @@
 //!
 //! p over the stationary law of the undriven oscillator grows as e^{(shift of v) v/T}, beyond any bound where the drive is
 //! strong. The law that p is taken against is that of a temperature T + A^2/2, A the amplitude of the motion without noise:
-//! p over it stays of order 1 wherever p does, and for A = 0 it is the stationary law.
+//! p over it stays of order 1 wherever p does, and for A = 0 it is the stationary law. Where a drive throws motions it is as hot as
+//! their highest energy over [`SPANNED`] asks ([`Forcing::spanning`]).
 //!
 //! So is p over the stationary law beyond bounds where it begins far above it: at e^89 rounding leaves nothing of it. Without
 //! any excitation too it is then taken against a law as hot as [`SPANNED`] asks.

@@ -256,7 +256,7 @@ impl Question<'_> {
             return Ok(());
         };
         let rung = draft.rung(self.oscillator, self.initial, self.until(), draft.expected)?;
-        let reference = self.forcing.map_or(self.oscillator, |it| it.reference());
+        let reference = rung.reference(self.oscillator);
         let shortest = FlowMap::shortest_step(reference, &rung.mesh(self.oscillator)?);
         if step >= shortest {
             return Ok(());
