@@ -49,7 +49,7 @@ pub(crate) mod timing {
     pub(crate) const ABSORBED_MAP: f64 = 4e-6;
     /// An operation of a dense complex matrix product.
     pub(crate) const OPERATION: f64 = 1.0 / 2e10;
-    /// The same of a factorisation by elements, under friction that depends on the displacement, in those.
+    /// The same of a factorisation by elements, or of a product of few rows, in those.
     pub(crate) const NESTED: f64 = 5.0;
     /// A step of a path: Euler and Maruyama, BAOAB, central differences.
     pub(crate) const KICK: f64 = 6e-9;

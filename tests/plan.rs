@@ -230,7 +230,7 @@ fn every_question_of_the_default_scene_has_its_recipe() {
         ("transient", [200, 122], 981),
         ("steady", [115, 68], 60),
         ("decay_rates", [49, 40], 15),
-        ("spectrum", [153, 152], 21),
+        ("spectrum", [113, 108], 14),
     ];
     assert_eq!(found, expected);
     let rates = &stage(&plan, Part::DecayRates).cost.method;

@@ -19,6 +19,7 @@
 use super::basis::{Basis, DEGREE, INNER, LOCAL, Number};
 use super::local::Local;
 use crate::error::Result;
+use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::policy::HIGHER;
 use crate::oscillator::{Oscillator, Quantity};
 use num_complex::Complex;
@@ -87,11 +88,11 @@ impl Resolution {
         (16 * self.pairs * (2 * self.pairs + INNER * INNER) * (self.elements + 2)) as u64
     }
 
-    /// Floating-point operations of one factorisation: the inner functions of each element are eliminated under
-    /// two hats for each pair, in small blocks at a quarter of the speed, then the hats of one node after the other.
+    /// Operations of one factorisation: the inner functions of each element are eliminated under two hats for each pair, in
+    /// small blocks, then the hats of one node after the other.
     pub(in crate::fokker_planck) fn operations(self) -> f64 {
         let k = self.pairs as f64;
-        self.elements as f64 * (4.0 * 1100.0 * k * k + 19.0 * k * k * k)
+        timing::NESTED * self.elements as f64 * (4400.0 * k * k + 19.0 * k * k * k)
     }
 
     /// Length of a state.
@@ -317,9 +318,10 @@ impl Hierarchy {
 /// The narrowest gap that has elements of its own, over the length of the domain.
 const NARROWEST: f64 = 3e-8;
 
-/// Ends of the elements: equal lengths on either side of the loss of contact, numbers in proportion to
-/// the root of the length, since flights are parabolas in time, and never more in flight than in contact,
-/// where the motion turns fastest. Between two walls, and without a loss, equal lengths, or nearly so.
+/// Ends of the elements, numbers on either side of the loss of contact in proportion to the root of the length, never more
+/// in flight than in contact, where the motion turns fastest. In flight motions that turn at the ends last equally longer from
+/// one to the next, since flights are parabolas in time: equal lengths are several times too long next to the loss. In contact,
+/// between two walls and without a loss, equal lengths, or nearly so.
 fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
     let contact = oscillator.contact();
     let t = oscillator.temperature();
@@ -343,7 +345,8 @@ fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
     let below = (count as f64 * flight / (flight + held)).round() as usize;
     let below = below.clamp(1, most);
     let above = count - below;
-    let flights = (0..below).map(|k| left + (loss - left) * k as f64 / below as f64);
+    let flights =
+        (0..below).map(|k| loss + (left - loss) * (1.0 - k as f64 / below as f64).powi(2));
     let contacts = (0..=above).map(|k| loss + (right - loss) * k as f64 / above as f64);
     flights.chain(contacts).collect()
 }

@@ -69,22 +69,23 @@ impl Resolvent {
         // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves
         // less than a quarter of it.
         let first = Resolution::first(settings.cells, 1, [6, 24], 18.0);
-        // Motions of other energies go at other frequencies and are sheared until the noise smears them: the hotter and
-        // the less damped, the finer. Fitted by eye to about thirty runs, T from 1e-3 to 60, zeta from 0.005 to 0.5, as are the
-        // frequencies solved for.
-        let hot = oscillator.temperature().max(1e-3).log10() + 0.2;
+        // Motions of other energies go at other frequencies and are sheared until the noise smears them: the less damped, the finer,
+        // up to where most motions lose contact. Fitted to some hundred runs, T from 0.01 to 60, zeta from 0.003 to 0.6, `until`
+        // from 1.5 to 12, tolerances from 1e-2 to 1e-5.
+        let hot = oscillator.temperature().log10();
         let damped = (0.5 * oscillator.reference_friction() / 0.005).log10();
         let digits = -settings.tolerance.max(1e-12).log10() - 3.0;
         let octaves = (until.max(0.1) / 3.0).log2();
-        let rounds = 3.0 + 2.1 * hot - 2.7 * damped + digits + octaves;
-        let rounds = rounds.clamp(1.0, 9.0);
-        let solves = match rounds {
-            1.0 => 6.0,
-            _ => 5.0 + 4.0 * until.min(20.0),
-        };
-        let rounds = settings.cells.map_or(rounds, |_| 1.0);
-        let finest = first.finer(rounds);
+        let rounds = 2.5 + 0.8 * hot.min(0.0) - 1.2 * damped + 0.7 * digits + 0.2 * octaves;
+        let rounds = settings.cells.map_or(rounds.clamp(1.0, 9.0), |_| 1.0);
+        let solves = 2.6 + 0.2 * hot - 0.85 * damped + 0.27 * octaves;
+        let solves = solves.exp().clamp(4.0, SOLVES as f64);
         let local = !oscillator.is_viscous();
+        // Refinement ends where memory does.
+        let fits = |it: &Resolution| work(*it, solves, local).memory <= settings.max_memory;
+        let all = (1..=rounds.ceil() as usize).rev();
+        let mut all = all.map(|k| first.finer(rounds.min(k as f64)));
+        let finest = all.find(fits).unwrap_or(first.finer(1.0));
         let Work { seconds, memory } = work(finest, solves, local);
         Self {
             first,
@@ -97,7 +98,7 @@ impl Resolvent {
                 steps: solves as u64,
                 memory,
                 // The coarser operators take a third as much again.
-                seconds: 1.35 * seconds + rounds * OVERHEAD * solves * solves,
+                seconds: 1.35 * seconds + (rounds + 1.0) * OVERHEAD,
             },
         }
     }
@@ -134,8 +135,8 @@ impl Resolvent {
     }
 }
 
-/// Seconds of the models of one resolution, over the square of the frequencies solved for.
-const OVERHEAD: f64 = 2e-4;
+/// Seconds of the models of one resolution, beside the products of their states.
+const OVERHEAD: f64 = 0.015;
 
 /// What the model of one resolution takes.
 fn work(it: Resolution, solves: f64, local: bool) -> Work {
@@ -150,7 +151,8 @@ fn work(it: Resolution, solves: f64, local: bool) -> Work {
     let vectors = sides * 2.0 * POWERS as f64 * solves;
     // Basis, residuals, and copies of both while they grow.
     let states = 4.0 * 8.0 * vectors * it.len() as f64;
-    let products = 12.0 * vectors * vectors * it.len() as f64;
+    // Few rows at a time.
+    let products = timing::NESTED * 12.0 * vectors * vectors * it.len() as f64;
     Work {
         seconds: (sides * solves * operations + products) * timing::OPERATION / threads,
         memory: memory * threads as u64 + states as u64,
