@@ -50,9 +50,8 @@ struct Builder<'a> {
 }
 
 impl Reduced {
-    /// The model of `form` whose error is at most `tolerance`, relative to the larger of the value and
-    /// `floor` of its peak, at every one of the ascending `omegas`; or as near as `most` solves get. It begins with the
-    /// frequencies `first`.
+    /// The model of `form` whose error is at most `tolerance`, relative to the larger of the value and `floor` of its peak within
+    /// a well, at every one of the ascending `omegas`; or as near as `most` solves get. It begins with the frequencies `first`.
     pub(in super::super) fn new(
         form: &Form,
         omegas: &[f64],
@@ -75,7 +74,10 @@ impl Reduced {
             builder.solve(&wanted, go_on)?;
             let model = builder.model()?;
             let answers = model.all(omegas);
+            // A peak higher than that is of hops between wells: what goes on within them would be lost beside it.
+            let within = model.variance / form.full.relaxation();
             let peak = answers.iter().map(|it| it.value).fold(0.0, f64::max);
+            let peak = peak.min(within);
             let scale = |it: &Answer| it.value.abs().max(floor * peak);
             let excess: Vec<f64> = answers.iter().map(|it| it.error / scale(it)).collect();
             if builder.solved.len() >= most {
