@@ -25,7 +25,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, Work, timing};
-use crate::fokker_planck::hermite::{Resolution, Warmth, work as friction_work};
+use crate::fokker_planck::hermite::{Resolution, Rise, Warmth, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -122,7 +122,7 @@ impl Eigenvalues {
         };
         let mut it = Self {
             count,
-            first: Resolution::first(settings.cells, 2, least, level),
+            first: Resolution::first(settings.cells, 2, least, (level, Rise::of(oscillator))),
             given: settings.cells.is_some(),
             vectors: KRYLOV.max(count + KRYLOV / 2),
             natural: stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt),

@@ -7,7 +7,7 @@ use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, at_least, left, left_of};
-use crate::fokker_planck::hermite::{Kept, Resolution, work};
+use crate::fokker_planck::hermite::{Kept, Resolution, Rise, work};
 use crate::fokker_planck::settings::Settings;
 use crate::fokker_planck::solved::{Law, OnMesh};
 use crate::moments::{Moment, Moments};
@@ -114,7 +114,7 @@ impl StationaryState {
         let damping = oscillator.damping();
         damping.depends_on_displacement("the stationary law")?;
         let mut it = Self {
-            first: Resolution::first(settings.cells, 2, [4, 10], 18.0),
+            first: Resolution::first(settings.cells, 2, [4, 10], (18.0, Rise::Whole)),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             asked: settings.moments.clone(),

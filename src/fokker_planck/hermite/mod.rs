@@ -12,4 +12,4 @@ mod operator;
 pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
 pub(super) use friction::{Column, Kept, Warmth, heavy, lost_digits, work};
-pub(super) use operator::{Hierarchy, Resolution};
+pub(super) use operator::{Hierarchy, Resolution, Rise};

@@ -33,6 +33,36 @@ pub(in crate::fokker_planck) struct Resolution {
     pub(in crate::fokker_planck) pairs: usize,
     /// The truncated domain reaches to this energy above the lowest, in T.
     pub(in crate::fokker_planck) level: f64,
+    /// By how much higher it ends from one to the next.
+    pub(in crate::fokker_planck) rise: Rise,
+}
+
+/// How the truncated domain grows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::fokker_planck) enum Rise {
+    /// As the moments of a law ask, which look at its tails.
+    Whole,
+    /// Half as fast: under a friction that depends on the displacement the law falls more slowly than the weight of the
+    /// functions, outgrows it with the height, and drowns in rounding.
+    Half,
+}
+
+impl Rise {
+    /// That of spectra and modes.
+    pub(in crate::fokker_planck) fn of(oscillator: &Oscillator) -> Self {
+        if oscillator.is_viscous() {
+            Self::Whole
+        } else {
+            Self::Half
+        }
+    }
+
+    fn get(self) -> f64 {
+        match self {
+            Self::Whole => HIGHER.get(),
+            Self::Half => 0.5 * HIGHER.get(),
+        }
+    }
 }
 
 impl Resolution {
@@ -44,7 +74,7 @@ impl Resolution {
         cells: Option<[usize; 2]>,
         rounds: i32,
         otherwise: [usize; 2],
-        level: f64,
+        (level, rise): (f64, Rise),
     ) -> Self {
         let coarse = |n: usize, of: usize| {
             let n = n as f64 / of as f64 / Self::FINER.powi(rounds);
@@ -55,6 +85,7 @@ impl Resolution {
             elements,
             pairs,
             level,
+            rise,
         }
     }
 
@@ -69,7 +100,8 @@ impl Resolution {
         Self {
             elements: more(self.elements),
             pairs: more(self.pairs),
-            level: self.level + HIGHER.get() * rounds,
+            level: self.level + self.rise.get() * rounds,
+            ..self
         }
     }
 

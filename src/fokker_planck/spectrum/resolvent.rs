@@ -8,7 +8,7 @@ use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_nearby};
 use crate::fokker_planck::hermite::{
-    Adjoint, Hierarchy, Resolution, Warmth, lost_digits, work as friction_work,
+    Adjoint, Hierarchy, Resolution, Rise, Warmth, lost_digits, work as friction_work,
 };
 use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
@@ -68,7 +68,7 @@ impl Resolvent {
         // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
         // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves
         // less than a quarter of it.
-        let first = Resolution::first(settings.cells, 1, [6, 24], 18.0);
+        let first = Resolution::first(settings.cells, 1, [6, 24], (18.0, Rise::of(oscillator)));
         // Motions of other energies go at other frequencies and are sheared until the noise smears them: the less damped, the finer,
         // up to where most motions lose contact. Fitted to some hundred runs, T from 0.01 to 60, zeta from 0.003 to 0.6, `until`
         // from 1.5 to 12, tolerances from 1e-2 to 1e-5.
