@@ -59,6 +59,13 @@ fn solve(it: &Oscillator, quantity: Quantity, omegas: &[f64], settings: &Setting
     spectrum(it, quantity, omegas, settings, &|_| ()).unwrap()
 }
 
+/// By trapezoids.
+fn integral(omegas: &[f64], density: &[Estimate]) -> f64 {
+    let both = omegas.windows(2).zip(density.windows(2));
+    both.map(|(w, g)| 0.5 * (w[1] - w[0]) * (g[0].value + g[1].value))
+        .sum()
+}
+
 #[test]
 fn the_linear_contact_has_the_spectrum_of_the_linear_oscillator_peak_included() {
     // The peak lies at sqrt(1 - 2 zeta^2), between points of any grid.
@@ -140,11 +147,7 @@ fn the_spectrum_of_the_force_integrates_to_its_variance_at_every_level_of_the_pa
     for (h, deviation) in levels.into_iter().zip(deviations) {
         let began = std::time::Instant::now();
         let got = solve(&hertz(h), Quantity::Force, &omegas, &to(1e-1));
-        let both = omegas.windows(2).zip(got.density.windows(2));
-        let integral: f64 = both
-            .map(|(w, g)| 0.5 * (w[1] - w[0]) * (g[0].value + g[1].value))
-            .sum();
-        let share = integral / (deviation * deviation) - 1.0;
+        let share = integral(&omegas, &got.density) / (deviation * deviation) - 1.0;
         let peak = got.peaks()[0];
         let width = peak.width.unwrap();
         println!(
@@ -549,19 +552,14 @@ fn what_a_well_does_integrates_to_its_own_variance_beside_hops_that_hardly_ever_
         got.functions, got.solves
     );
     assert!(got.shortfall.is_none());
-    let inside: Vec<(f64, Estimate)> = got.omega.iter().copied().zip(got.density.clone()).collect();
-    let inside = &inside[inside.partition_point(|it| it.0 < 0.02)..];
-    for (w, g) in inside {
+    let first = got.omega.partition_point(|w| *w < 0.02);
+    let (omegas, density) = (&got.omega[first..], &got.density[first..]);
+    for (w, g) in omegas.iter().zip(density) {
         assert!(g.error < 1e-3 * g.value, "{w}: {g}");
     }
     // Down to 0 it is as at the first of these; beyond 6 it is that of the noise on a free mass.
     let beyond = 4.0 / PI * wells.zeta() * wells.temperature() / (3.0 * 6f64.powi(3));
-    let integral = beyond
-        + inside[0].0 * inside[0].1.value
-        + inside
-            .windows(2)
-            .map(|it| 0.5 * (it[1].0 - it[0].0) * (it[0].1.value + it[1].1.value))
-            .sum::<f64>();
+    let integral = omegas[0] * density[0].value + integral(omegas, density) + beyond;
     let weight = |q: f64| (-(0.25 * q.powi(4) - 0.5 * q * q + 0.25) / wells.temperature()).exp();
     let mean = |f: &dyn Fn(f64) -> f64| -> f64 {
         let all = (0..4000).map(|k| 2.0 * (f64::from(k) + 0.5) / 4000.0);

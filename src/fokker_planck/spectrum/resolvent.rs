@@ -66,8 +66,7 @@ impl Resolvent {
     /// The recipe for frequencies up to `until`.
     pub(crate) fn of(oscillator: &Oscillator, until: f64, settings: &Settings) -> Self {
         // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
-        // more than that times the square of its size, about 1e3. Each finer operator shows what that was, and leaves
-        // less than a quarter of it.
+        // more than that times the square of its size, about 1e3. Each finer operator shows what that was.
         let first = Resolution::first(settings.cells, 1, [6, 24], (18.0, Rise::of(oscillator)));
         // Motions of other energies go at other frequencies and are sheared until the noise smears them: the less damped, the finer,
         // up to where most motions lose contact. Fitted to some hundred runs, T from 0.01 to 60, zeta from 0.003 to 0.6, `until`
@@ -82,11 +81,13 @@ impl Resolvent {
         let solves = solves.exp().clamp(4.0, SOLVES as f64);
         let local = !oscillator.is_viscous();
         // Refinement ends where memory does.
-        let fits = |it: &Resolution| work(*it, solves, local).memory <= settings.max_memory;
-        let all = (1..=rounds.ceil() as usize).rev();
-        let mut all = all.map(|k| first.finer(rounds.min(k as f64)));
-        let finest = all.find(fits).unwrap_or(first.finer(1.0));
-        let Work { seconds, memory } = work(finest, solves, local);
+        let foreseen = |rounds: f64| work(first.finer(rounds), solves, local);
+        let mut fewer = (1..=rounds.ceil() as usize)
+            .rev()
+            .map(|k| rounds.min(k as f64));
+        let fits = |rounds: &f64| foreseen(*rounds).memory <= settings.max_memory;
+        let rounds = fewer.find(fits).unwrap_or(1.0);
+        let Work { seconds, memory } = foreseen(rounds);
         Self {
             first,
             given: settings.cells.is_some(),
@@ -94,7 +95,7 @@ impl Resolvent {
             solves,
             local,
             cost: Cost {
-                cells: finest.functions(),
+                cells: first.finer(rounds).functions(),
                 steps: solves as u64,
                 memory,
                 // The coarser operators take a third as much again.
