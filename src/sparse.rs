@@ -6,15 +6,16 @@
 
 use crate::error::{Error, Result};
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::solvers::{PartialPivLu, ShapeCore, Solve, SolveLstsq};
+use faer::linalg::solvers::{PartialPivLu, Qr, ShapeCore, Solve, SolveLstsq};
 use faer::sparse::linalg::lu::{
     LuRef, LuSymbolicParams, NumericLu, SymbolicLu, factorize_symbolic_lu,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::traits::ComplexField;
 use faer::{Conj, Mat, MatMut, Par, Spec};
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 use num_complex::Complex;
+use rayon::prelude::*;
 use sprs::CsMat;
 use std::ops::{AddAssign, Mul, SubAssign};
 
@@ -208,6 +209,32 @@ pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
         .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))
 }
 
+/// Columns of long rows that are factored at a time; the same for any number of threads.
+const COLUMNS: usize = 4096;
+
+/// A root F of the products of long rows, F^T F = X X^T, by QR: it knows a combination of rows to their rounding, however small that
+/// is, and their products to the root of it.
+pub(crate) fn root(rows: &Array2<f64>) -> Array2<f64> {
+    let m = rows.nrows();
+    let parts: Vec<_> = rows.axis_chunks_iter(Axis(1), COLUMNS).collect();
+    let parts: Vec<Mat<f64>> = parts
+        .par_iter()
+        .map(|part| Qr::new(Mat::from_fn(part.ncols(), m, |i, j| part[[j, i]]).as_ref()))
+        .map(|qr| qr.thin_R().to_owned())
+        .collect();
+    let heights = parts.iter().map(Mat::nrows);
+    let mut all = Mat::zeros(heights.sum(), m);
+    let mut from = 0;
+    for part in &parts {
+        let mut to = all.as_mut().subrows_mut(from, part.nrows());
+        to.copy_from(part);
+        from += part.nrows();
+    }
+    let qr = Qr::new(all.as_ref());
+    let root = qr.thin_R();
+    Array2::from_shape_fn((root.nrows(), m), |at| root[at])
+}
+
 /// The x that leaves least of b - A x, by QR; at least as many rows as columns.
 ///
 /// # Errors
@@ -362,6 +389,25 @@ mod tests {
             assert!(left.iter().all(|x| x.norm() < 1e-14));
         }
         assert!(eigen(&Array2::from_elem((2, 2), Complex::new(f64::NAN, 0.0))).is_err());
+    }
+
+    #[test]
+    fn a_root_of_long_rows_knows_a_combination_that_is_far_below_them() {
+        let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
+        let long = 2 * COLUMNS + 100;
+        let mut rows = Array2::from_shape_fn((3, long), |(i, j)| golden(i * long + j * j));
+        // The third is the sum of the others but for 1e-12 of another one, whose square is far below rounding.
+        let small: Vec<f64> = (0..long).map(|j| 1e-12 * golden(7 * j * j)).collect();
+        for (j, small) in small.iter().enumerate() {
+            rows[[2, j]] = rows[[0, j]] + rows[[1, j]] + small;
+        }
+        let root = root(&rows);
+        let products = root.t().dot(&root) - rows.dot(&rows.t());
+        assert!(products.iter().all(|x| x.abs() < 1e-10));
+        let left = &root.column(2) - &root.column(0) - root.column(1);
+        let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (got, exact) = (size(&left.to_vec()), size(&small));
+        assert!((got / exact - 1.0).abs() < 1e-2, "{got:e} {exact:e}");
     }
 
     #[test]

@@ -8,10 +8,6 @@ use num_complex::Complex;
 
 type C = Complex<f64>;
 
-/// Rounding of the operator, relative to its largest entries: orthonormal functions under a p_q that falls by many
-/// powers of ten (measured at T = 26, where equal eigenvalues of three resolutions differ by it).
-const ROUNDING: f64 = 2e-13;
-
 /// Residual of a Ritz value, relative to it, beyond which it is not converged. An eigenvalue that is close to others
 /// may have converged and be known badly all the same.
 const CONVERGED: f64 = 1e-3;
@@ -43,7 +39,7 @@ impl<'a> Arnoldi<'a> {
     pub(super) fn new(
         full: &'a Hierarchy,
         shift: C,
-        late: &dyn Fn() -> Result<()>,
+        late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
         // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
         // eigenvector of 0, is left out.
@@ -73,7 +69,11 @@ impl<'a> Arnoldi<'a> {
     }
 
     /// Adds at most `steps` vectors; whether the space can still grow.
-    pub(super) fn extend(&mut self, steps: usize, late: &dyn Fn() -> Result<()>) -> Result<bool> {
+    pub(super) fn extend(
+        &mut self,
+        steps: usize,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<bool> {
         for _ in 0..steps {
             late()?;
             let Some(last) = self
@@ -160,5 +160,5 @@ fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
     let (even, odd) = x.split_at(full.even());
     let square = |x: &[C]| x.iter().map(|x| x * x).sum::<C>();
     let skewed = if full.is_local() { SKEWED } else { 1.0 };
-    skewed * (residual * norm).sqrt() / (square(even) - square(odd)).norm() + ROUNDING * full.size()
+    skewed * (residual * norm).sqrt() / (square(even) - square(odd)).norm() + full.rounding()
 }

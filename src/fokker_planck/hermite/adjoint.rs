@@ -23,7 +23,7 @@ impl Adjoint {
         oscillator: &Oscillator,
         full: &Hierarchy,
         quantity: Quantity,
-        late: &dyn Fn() -> Result<()>,
+        late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Option<Self>> {
         let Some(operator) = full.transposed() else {
             return Ok(None);

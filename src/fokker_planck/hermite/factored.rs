@@ -41,12 +41,11 @@ impl<'a> Factored<'a> {
     pub(in crate::fokker_planck) fn new(
         full: &'a Hierarchy,
         shift: C,
-        late: &dyn Fn() -> Result<()>,
+        late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
         let k = full.pairs;
         let rates = Rates::new(full.zeta, full.temperature, shift, k);
         if let Some(local) = &full.local {
-            late()?;
             return Ok(Self {
                 full,
                 shift,
@@ -54,7 +53,7 @@ impl<'a> Factored<'a> {
                 inner: Vec::new(),
                 nodes: Vec::new(),
                 next: Vec::new(),
-                whole: Some(local.factored(shift)?),
+                whole: Some(local.factored(shift, late)?),
             });
         }
         let count = full.basis.elements.len();

@@ -147,20 +147,19 @@ const LOST: f64 = 1e-3;
 pub(super) fn null(
     oscillator: &Oscillator,
     full: &Hierarchy,
-    late: &dyn Fn() -> Result<()>,
+    late: &(dyn Fn() -> Result<()> + Sync),
 ) -> Result<(Vec<f64>, f64)> {
     let forward = match &full.local {
         Some(local) => local.transposed(),
         None => full.whole(oscillator).transposed(),
     };
-    late()?;
-    let lu = forward.factored(Complex::new(1e-10 * forward.norm()?, 0.0))?;
-    late()?;
+    let lu = forward.factored(Complex::new(1e-10 * forward.norm()?, 0.0), late)?;
     let mut x = vec![Complex::<f64>::default(); full.len()];
     let even = x[..full.even()].iter_mut().step_by(full.pairs);
     even.for_each(|x| x.re = 1.0);
     let mut change = f64::INFINITY;
     for _ in 0..30 {
+        late()?;
         let before = x;
         x = forward.weighed(&before);
         lu.solve(&mut x)
@@ -195,7 +194,7 @@ impl Kept {
     pub(in crate::fokker_planck) fn new(
         oscillator: &Oscillator,
         resolution: Resolution,
-        late: &dyn Fn() -> Result<()>,
+        late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
         let oscillator = &oscillator.weighed(REACH);
         let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;

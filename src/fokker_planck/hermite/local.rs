@@ -71,11 +71,15 @@ impl Local {
         sparse::product(&self.mass, x)
     }
 
-    /// s times the products of the functions, less the operator, factored.
-    pub(super) fn factored(&self, shift: Complex<f64>) -> Result<Nested> {
+    /// s times the products of the functions, less the operator, factored; `late` is asked before each element.
+    pub(super) fn factored(
+        &self,
+        shift: Complex<f64>,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Nested> {
         let operator = self.operator.map(|x| Complex::new(-x, 0.0));
         let mass = self.mass.map(|x| shift * x);
-        Nested::factor(&operator + &mass, self.shape)
+        Nested::factor(&operator + &mass, self.shape, late)
     }
 }
 

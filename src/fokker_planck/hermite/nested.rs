@@ -118,11 +118,15 @@ struct Inside {
 }
 
 impl Nested {
-    /// Factors a matrix by columns.
+    /// Factors a matrix by columns; `late` is asked before each element and each node.
     ///
     /// # Errors
-    /// [`Error::Linear`] for one that is singular.
-    pub(super) fn factor(matrix: CsMat<C>, shape: Shape) -> Result<Self> {
+    /// [`Error::Linear`] for one that is singular; those of `late`.
+    pub(super) fn factor(
+        matrix: CsMat<C>,
+        shape: Shape,
+        late: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Self> {
         let (k, count) = (shape.pairs, shape.elements);
         let norm = norm(&matrix)?;
         let places: Vec<Place> = (0..matrix.cols()).map(|n| shape.place(n)).collect();
@@ -164,6 +168,7 @@ impl Nested {
         let ends: Result<Vec<Array2<C>>> = elements
             .par_iter_mut()
             .map(|element| {
+                late()?;
                 element.band.factor()?;
                 Ok(element.ends(k))
             })
@@ -181,6 +186,7 @@ impl Nested {
         }
         let mut nodes: Vec<DenseLu> = Vec::with_capacity(count + 1);
         for e in 0..=count {
+            late()?;
             let lu = DenseLu::factor(&own[e])?;
             if let Some([right, left]) = after.get(e) {
                 // Columns of a matrix stand in the memory of its transpose row by row.

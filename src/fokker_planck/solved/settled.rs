@@ -45,7 +45,7 @@ impl Settled {
     pub(in crate::fokker_planck) fn within(
         oscillator: &Oscillator,
         tolerance: f64,
-        late: &dyn Fn() -> Result<()>,
+        late: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Self> {
         let goal = SETTLED_LAW_SHARE.get() * tolerance;
         let functions = |level: usize| {

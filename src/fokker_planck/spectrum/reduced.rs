@@ -18,19 +18,17 @@
 
 mod builder;
 mod hessenberg;
+mod hyman;
 
 use crate::error::Result;
 use crate::fokker_planck::hermite::{Adjoint, Hierarchy};
 use crate::matrix::exponential;
 use crate::sparse::{DenseLu, eigen};
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, Axis, Slice};
 use num_complex::Complex;
 use rayon::prelude::*;
 
 type C = Complex<f64>;
-
-/// Frequencies answered together.
-const TOGETHER: usize = 16;
 
 /// States of a frequency: (i omega - L)^{-1} b, (i omega - L)^{-2} b, ... A solve takes a small part of the factorisation.
 pub(super) const POWERS: usize = 3;
@@ -54,8 +52,10 @@ struct Side {
     matrix: Array2<f64>,
     /// Size of the state.
     size: f64,
-    /// R^T R of the residuals R = L V - V H.
-    gram: Array2<f64>,
+    /// F, F^T F = R^T R of the residuals R = L V - V H.
+    root: Array2<f64>,
+    /// What rounding makes of L times a state of length 1. A residual that is no larger says nothing of the space.
+    rounding: f64,
 }
 
 /// How far i omega is from what L has for eigenvalues: the inverse of the largest that a resolvent makes of a residual.
@@ -106,7 +106,7 @@ impl Reduced {
 
     /// The answers at many frequencies, on all threads.
     pub(super) fn all(&self, omegas: &[f64]) -> Vec<Answer> {
-        let parts = omegas.par_chunks(TOGETHER);
+        let parts = omegas.par_chunks(hyman::TOGETHER);
         parts.flat_map_iter(|part| self.part(part)).collect()
     }
 
@@ -123,7 +123,7 @@ impl Reduced {
                     let correction = re.dot(&dual.row(2 * k)) - im.dot(&dual.row(2 * k + 1));
                     Answer {
                         value: size * c[[2 * k, 0]] + correction,
-                        error: residuals[k].max(0.0) / self.apart.from(omegas[k])
+                        error: residuals[k] / self.apart.from(omegas[k])
                             + 1e-13 * size * c[[2 * k, 0]].hypot(c[[2 * k + 1, 0]]),
                     }
                 };
@@ -133,7 +133,7 @@ impl Reduced {
                 let others = left.residuals(&left.solutions(omegas));
                 let answer = |k: usize| {
                     let (re, im) = (c.row(2 * k), c.row(2 * k + 1));
-                    let product = residuals[k].max(0.0) * others[k].max(0.0);
+                    let product = residuals[k] * others[k];
                     let size = (re.dot(&re) + im.dot(&im)).sqrt();
                     Answer {
                         value: state.dot(&re),
@@ -216,63 +216,20 @@ impl Apart {
 impl Side {
     /// The solutions at some frequencies: real parts, and below each the imaginary one.
     fn solutions(&self, omegas: &[f64]) -> Array2<f64> {
-        let mut c = Array2::<f64>::zeros((2 * omegas.len(), self.matrix.nrows()));
-        for (k, omega) in omegas.iter().enumerate() {
-            for (i, x) in self.solve(C::new(0.0, *omega)).into_iter().enumerate() {
-                (c[[2 * k, i]], c[[2 * k + 1, i]]) = (x.re, x.im);
-            }
-        }
-        c
+        hyman::solutions(&self.matrix, self.size, omegas)
     }
 
-    /// The squares of their residuals.
+    /// The squares of their residuals, beyond rounding: where a slow rate stretches a solution, that is all there is of them, and other
+    /// resolutions tell what it does.
     fn residuals(&self, c: &Array2<f64>) -> Vec<f64> {
-        let gram = c.dot(&self.gram.t());
-        let residual = |k: usize| {
-            let (re, im) = (c.row(2 * k), c.row(2 * k + 1));
-            re.dot(&gram.row(2 * k)) + im.dot(&gram.row(2 * k + 1))
+        let left = c.dot(&self.root.t());
+        let square = |of: &Array2<f64>, k: usize| -> f64 {
+            let rows = of.slice_axis(Axis(0), Slice::from(2 * k..2 * k + 2));
+            rows.iter().map(|x| x * x).sum()
         };
+        let rounding = self.rounding * self.rounding;
+        let residual = |k: usize| (square(&left, k) - rounding * square(c, k)).max(0.0);
         (0..c.nrows() / 2).map(residual).collect()
-    }
-
-    /// (shift - H)^{-1} |b| e_1, H upper Hessenberg: elimination with row exchanges.
-    fn solve(&self, shift: C) -> Vec<C> {
-        let m = self.matrix.nrows();
-        let row = |k: usize| {
-            let mut row: Vec<C> = self.matrix.row(k).iter().map(|x| C::new(-x, 0.0)).collect();
-            row[k] += shift;
-            row
-        };
-        let mut x = vec![C::default(); m];
-        x[0] = C::new(self.size, 0.0);
-        // Rows of the triangle that elimination leaves, and the one that is next.
-        let mut above: Vec<Vec<C>> = Vec::with_capacity(m);
-        let mut here = row(0);
-        for k in 1..m {
-            let mut below = row(k);
-            if below[k - 1].norm_sqr() > here[k - 1].norm_sqr() {
-                std::mem::swap(&mut here, &mut below);
-                x.swap(k - 1, k);
-            }
-            let factor = below[k - 1] / here[k - 1];
-            for (b, a) in below[k..].iter_mut().zip(&here[k..]) {
-                *b -= factor * a;
-            }
-            let carried = factor * x[k - 1];
-            x[k] -= carried;
-            above.push(std::mem::replace(&mut here, below));
-        }
-        above.push(here);
-        for k in (0..m).rev() {
-            let (x, solved) = x.split_at_mut(k + 1);
-            let known: C = above[k][k + 1..]
-                .iter()
-                .zip(solved)
-                .map(|(a, x)| a * *x)
-                .sum();
-            x[k] = (x[k] - known) / above[k][k];
-        }
-        x
     }
 }
 

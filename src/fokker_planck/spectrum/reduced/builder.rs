@@ -1,11 +1,11 @@
 //! Builds a model of the resolvent: states at more and more frequencies, where the model errs most.
 
-use super::hessenberg::{hessenberg, reflect};
+use super::hessenberg::{hessenberg, reflect, reflect_columns};
 use super::{Answer, Apart, C, End, Form, POWERS, Reduced, Side};
 use crate::error::Result;
 use crate::fokker_planck::hermite::{Factored, Hierarchy};
 use crate::matrix::{norm, overlaps, project};
-use crate::sparse::eigenvalues;
+use crate::sparse::{eigenvalues, root};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, Slice, concatenate};
 use rayon::prelude::*;
 
@@ -224,7 +224,7 @@ impl<'a> Builder<'a> {
     /// The model as far as it has been built.
     fn model(&self) -> Result<Reduced> {
         let mut matrix = self.matrix.clone();
-        let mut gram = overlaps(&self.residuals, &self.residuals);
+        let mut errors = root(&self.residuals);
         let start = self.form.full.start();
         let Some(adjoint) = &self.form.adjoint else {
             let product = |part: Slice| {
@@ -235,13 +235,14 @@ impl<'a> Builder<'a> {
             let even = self.form.full.even();
             let mut dual = product(Slice::from(..even)) - product(Slice::from(even..));
             let apart = Apart::of(&eigenvalues(&matrix)?);
-            hessenberg(&mut matrix, &mut [&mut gram, &mut dual], &mut []);
+            hessenberg(&mut matrix, &mut [&mut dual], &mut [&mut errors]);
             let variance = ArrayView1::from(&start).dot(&ArrayView1::from(&start));
             return Ok(Reduced {
                 right: Side {
                     matrix,
                     size: variance.sqrt(),
-                    gram,
+                    root: errors,
+                    rounding: self.form.full.rounding(),
                 },
                 end: End::Mirrored { dual },
                 variance,
@@ -250,30 +251,31 @@ impl<'a> Builder<'a> {
             });
         };
         let weighed = ArrayView1::from(&adjoint.start);
-        let mut state = self.basis.dot(&weighed);
+        let state = self.basis.dot(&weighed);
         // The transposed equation on the basis that begins with its own state.
         let (mut turned, size) = (matrix.t().to_owned(), state.dot(&state).sqrt());
-        let mut shadow = overlaps(&self.shadows, &self.shadows);
-        let mut u = &state / size;
+        let mut others = root(&self.shadows);
+        let mut u = (&state / size).to_vec();
         u[0] += 1f64.copysign(u[0]);
-        let whole = Slice::from(..);
-        for a in [&mut turned, &mut shadow] {
-            reflect(a, &u, whole);
-        }
-        hessenberg(&mut turned, &mut [&mut shadow], &mut []);
-        hessenberg(&mut matrix, &mut [&mut gram], &mut [&mut state]);
+        reflect(&mut turned, &u);
+        reflect_columns(&mut others, &u);
+        hessenberg(&mut turned, &mut [], &mut [&mut others]);
+        let mut state = state.insert_axis(Axis(0));
+        hessenberg(&mut matrix, &mut [], &mut [&mut errors, &mut state]);
         Ok(Reduced {
             right: Side {
                 matrix,
                 size: norm(&start),
-                gram,
+                root: errors,
+                rounding: self.form.full.rounding(),
             },
             end: End::Own {
-                state,
+                state: state.remove_axis(Axis(0)),
                 left: Side {
                     matrix: turned,
                     size,
-                    gram: shadow,
+                    root: others,
+                    rounding: adjoint.operator.rounding(),
                 },
                 modes: Vec::new(),
             },
