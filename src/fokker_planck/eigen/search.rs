@@ -305,7 +305,8 @@ impl Search<'_> {
                 .min_by(|a, b| distance(a).total_cmp(&distance(b)));
             nearest.map_or(f64::INFINITY, |it| it.error / target.norm())
         };
-        let found: Vec<Result<Vec<Mode>>> = places
+        // The first that fails ends all.
+        let found: Result<Vec<Vec<Mode>>> = places
             .par_iter()
             .map(|place| {
                 let mut arnoldi = Arnoldi::new(full, place.shift, &late)?;
@@ -325,8 +326,8 @@ impl Search<'_> {
                 }
             })
             .collect();
-        for found in found {
-            merge(modes, found?);
+        for found in found? {
+            merge(modes, found);
         }
         Ok(())
     }
