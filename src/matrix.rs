@@ -4,8 +4,8 @@ use ndarray::linalg::general_mat_mul;
 use ndarray::{Array2, ArrayRef2, Axis};
 use rayon::prelude::*;
 
-/// Columns of long rows that one thread multiplies at a time; the same for any number of threads.
-const COLUMNS: usize = 4096;
+/// Columns of long rows that one thread takes at a time; the same for any number of threads.
+pub(crate) const COLUMNS: usize = 4096;
 
 /// Work compiled for the vectors of the CPU that it runs on. The closure must be `#[inline(always)]`; it is called as `FnMut`,
 /// since as `FnOnce` it has a shim about it, which stays outside the dispatch.

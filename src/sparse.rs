@@ -5,6 +5,7 @@
 //! solution; this module checks the values before, and the residual after, so that none gets through.
 
 use crate::error::{Error, Result};
+use crate::matrix::COLUMNS;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::solvers::{PartialPivLu, Qr, ShapeCore, Solve, SolveLstsq};
 use faer::sparse::linalg::lu::{
@@ -208,9 +209,6 @@ pub(crate) fn eigenvalues(matrix: &Array2<f64>) -> Result<Vec<Complex<f64>>> {
         .eigenvalues()
         .map_err(|e| Error::linear("dense eigenvalues", format!("{e:?}")))
 }
-
-/// Columns of long rows that are factored at a time; the same for any number of threads.
-const COLUMNS: usize = 4096;
 
 /// A root F of the products of long rows, F^T F = X X^T, by QR: it knows a combination of rows to their rounding, however small that
 /// is, and their products to the root of it.

@@ -69,11 +69,7 @@ impl<'a> Arnoldi<'a> {
     }
 
     /// Adds at most `steps` vectors; whether the space can still grow.
-    pub(super) fn extend(
-        &mut self,
-        steps: usize,
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<bool> {
+    pub(super) fn extend(&mut self, steps: usize, late: &dyn Fn() -> Result<()>) -> Result<bool> {
         for _ in 0..steps {
             late()?;
             let Some(last) = self

@@ -283,7 +283,7 @@ fn integrate(
     density: &mut Density,
     relaxation: f64,
     distance: &dyn Fn(&Density) -> f64,
-    late: &(dyn Fn() -> Result<()> + Sync),
+    late: &dyn Fn() -> Result<()>,
 ) -> Result<Vec<(f64, f64)>> {
     let mut euler = BackwardEuler::new(generator);
     let mut approach = vec![(0.0, distance(density))];
