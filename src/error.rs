@@ -98,6 +98,9 @@ pub enum Error {
 /// Result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// What a long calculation calls now and then: an error once its time is over.
+pub(crate) type Deadline<'a> = dyn Fn() -> Result<()> + Sync + 'a;
+
 impl Error {
     /// [`Error::Invalid`] from anything that prints.
     pub fn invalid(

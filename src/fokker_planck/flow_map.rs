@@ -47,7 +47,7 @@ use super::flux::{Drift, Measure, Weights};
 use super::forcing::Forcing;
 use super::interpolation::{Filter, MARGIN, PANEL, Spline};
 use super::mesh::Mesh;
-use crate::error::{Error, Result, positive};
+use crate::error::{Deadline, Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use interval::{Leg, Noise, Schedule};
@@ -266,7 +266,7 @@ impl FlowMap {
         &mut self,
         density: &mut Density,
         duration: f64,
-        late: &(dyn Fn() -> Result<()> + Sync),
+        late: &Deadline,
     ) -> Result<()> {
         if !(duration.is_finite() && duration >= 0.0) {
             let accepted = "a finite duration, not negative";
@@ -309,7 +309,7 @@ impl FlowMap {
     }
 
     /// The scheduled interval; from values to values.
-    fn run(&mut self, share: bool, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<()> {
+    fn run(&mut self, share: bool, late: &Deadline) -> Result<()> {
         let nv = self.mesh.v.len();
         let (buffers, schedule) = (&mut self.buffers, &self.schedule);
         let rows = &self.rows;

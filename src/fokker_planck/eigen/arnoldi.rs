@@ -1,6 +1,6 @@
 //! Eigenvalues nearest a shift: Arnoldi on the inverse.
 
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::fokker_planck::hermite::{Factored, Hierarchy};
 use crate::fokker_planck::krylov::{Krylov, dot};
 use crate::sparse::eigen;
@@ -36,11 +36,7 @@ pub(super) struct Arnoldi<'a> {
 }
 
 impl<'a> Arnoldi<'a> {
-    pub(super) fn new(
-        full: &'a Hierarchy,
-        shift: C,
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<Self> {
+    pub(super) fn new(full: &'a Hierarchy, shift: C, late: &Deadline) -> Result<Self> {
         // A fixed, structureless start: the golden-ratio sequence overlaps with every mode. The constant, the
         // eigenvector of 0, is left out.
         let golden = |k: usize| (k as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
@@ -69,7 +65,7 @@ impl<'a> Arnoldi<'a> {
     }
 
     /// Adds at most `steps` vectors; whether the space can still grow.
-    pub(super) fn extend(&mut self, steps: usize, late: &dyn Fn() -> Result<()>) -> Result<bool> {
+    pub(super) fn extend(&mut self, steps: usize, late: &Deadline) -> Result<bool> {
         for _ in 0..steps {
             late()?;
             let Some(last) = self

@@ -327,7 +327,7 @@ impl Search<'_> {
             })
             .collect();
         for found in found? {
-            merge(modes, found);
+            merge(modes, &found);
         }
         Ok(())
     }
@@ -336,7 +336,8 @@ impl Search<'_> {
     fn judge(&self, levels: [&Vec<Mode>; 3], resolution: Resolution) -> Answer {
         let Eigenvalues { count, edge, .. } = *self.recipe;
         let [coarse, middle, fine] = &levels.map(|it| conjugates(it));
-        let (to_middle, to_coarse) = (partners(fine, middle), partners(middle, coarse));
+        let near = |these: &[C], those: &[C]| partners(these, those, |i, _| 0.2 * these[i].norm());
+        let (to_middle, to_coarse) = (near(fine, middle), near(middle, coarse));
         let mut answer = Answer {
             rates: Vec::new(),
             unknown: Vec::new(),
@@ -397,13 +398,14 @@ fn conjugates(modes: &[Mode]) -> Vec<C> {
     modes.iter().flat_map(pair).collect()
 }
 
-/// For each of `these` its partner among `those`, each given once, the closest first.
-fn partners(these: &[C], those: &[C]) -> Vec<Option<usize>> {
+/// For each of `these` its partner among `those` that lies within what the function of both numbers says, each given once,
+/// the closest first.
+fn partners(these: &[C], those: &[C], within: impl Fn(usize, usize) -> f64) -> Vec<Option<usize>> {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (i, a) in these.iter().enumerate() {
         let near = those.iter().enumerate();
         let near = near.map(|(j, b)| ((a - b).norm(), i, j));
-        pairs.extend(near.filter(|(distance, ..)| *distance < 0.2 * a.norm()));
+        pairs.extend(near.filter(|(distance, i, j)| *distance < within(*i, *j)));
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut partner = vec![None; these.len()];
@@ -418,22 +420,35 @@ fn partners(these: &[C], those: &[C]) -> Vec<Option<usize>> {
 
 /// Adds the modes of another shift that are not in the list yet, the better known of two alike, and sorts by
 /// rate. Each mode of the list stands for one of the others, so that close eigenvalues stay apart.
-fn merge(list: &mut Vec<Mode>, more: Vec<Mode>) {
-    let mut free = vec![true; list.len()];
-    for mode in more {
-        let same = |other: &Mode| {
-            let apart = (mode.value - other.value).norm();
-            apart < 1e-7 * mode.value.norm() + 2.0 * (mode.error + other.error)
-        };
-        match (0..free.len()).find(|k| free[*k] && same(&list[*k])) {
-            Some(k) => {
-                free[k] = false;
-                if mode.error < list[k].error {
-                    list[k] = mode;
-                }
-            }
-            None => list.push(mode),
+fn merge(list: &mut Vec<Mode>, more: &[Mode]) {
+    let values = |modes: &[Mode]| -> Vec<C> { modes.iter().map(|it| it.value).collect() };
+    let within =
+        |i: usize, j: usize| 1e-7 * more[i].value.norm() + 2.0 * (more[i].error + list[j].error);
+    let same = partners(&values(more), &values(list), within);
+    for (mode, same) in more.iter().zip(same) {
+        match same {
+            Some(k) if mode.error < list[k].error => list[k] = *mode,
+            Some(_) => {}
+            None => list.push(*mode),
         }
     }
     list.sort_by(|a, b| b.value.re.total_cmp(&a.value.re));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mode_that_is_badly_known_takes_no_place_of_one_that_is_known() {
+        let mode = |re: f64, error: f64| Mode {
+            value: C::new(re, 0.0),
+            error,
+        };
+        let mut list = vec![mode(-1.0, 1e-9), mode(-3.0, 1e-9)];
+        // Both could be -1 by their errors.
+        merge(&mut list, &[mode(-2.9, 2.0), mode(-1.000_000_1, 1e-6)]);
+        let values: Vec<f64> = list.iter().map(|it| it.value.re).collect();
+        assert_eq!(values, [-1.0, -3.0]);
+    }
 }

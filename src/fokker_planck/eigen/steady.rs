@@ -1,6 +1,6 @@
 //! The steady state: the null vector of the generator, by sparse LU and by time integration.
 
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{self, Cost, Factors, Limits, timing};
@@ -283,7 +283,7 @@ fn integrate(
     density: &mut Density,
     relaxation: f64,
     distance: &dyn Fn(&Density) -> f64,
-    late: &dyn Fn() -> Result<()>,
+    late: &Deadline,
 ) -> Result<Vec<(f64, f64)>> {
     let mut euler = BackwardEuler::new(generator);
     let mut approach = vec![(0.0, distance(density))];

@@ -12,7 +12,7 @@
 use super::cut::{between, critical, parts};
 use super::mesh::{Contact, Stencil};
 use super::region::Region;
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use crate::gaussian::normal;
 use crate::matrix::{dot, vectorise};
@@ -68,7 +68,7 @@ impl Absorbed {
         region: &Region<'_>,
         mesh: &Contact,
         (step, noise): (f64, &[[f64; 2]]),
-        late: &(dyn Fn() -> Result<()> + Sync),
+        late: &Deadline,
     ) -> Result<Self> {
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, mesh, time));
         let [nq, nv] = mesh.nodes;

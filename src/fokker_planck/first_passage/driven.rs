@@ -9,7 +9,7 @@ use super::cut::{between, critical, parts};
 use super::mesh::{Contact, Stencil};
 use super::region::Region;
 use super::start::Start;
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use crate::gaussian::normal;
@@ -95,7 +95,7 @@ impl<'a> Driven<'a> {
     ///
     /// # Errors
     /// Those of `late`, which is asked before each row that is traced.
-    pub(super) fn advance(&mut self, late: &(dyn Fn() -> Result<()> + Sync)) -> Result<[f64; 2]> {
+    pub(super) fn advance(&mut self, late: &Deadline) -> Result<[f64; 2]> {
         // Noise and drive gather at the middle of the step.
         let middle = (self.kicks as f64 + 0.5) * self.step;
         self.kicks += 1;
@@ -175,11 +175,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Rules fine enough for a kick. Those at hand serve up to twice their deviation.
-    fn lay_out(
-        &mut self,
-        [narrowest, widest]: [f64; 2],
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<()> {
+    fn lay_out(&mut self, [narrowest, widest]: [f64; 2], late: &Deadline) -> Result<()> {
         if !self.rows.is_empty() && narrowest >= self.fit && narrowest <= 2.0 * self.fit {
             return Ok(());
         }

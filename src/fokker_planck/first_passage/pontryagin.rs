@@ -8,7 +8,7 @@
 //! as many vectors (power law of exponent 2 with a gap of 1.03, zeta = 0.0187, T = 0.0019: 207 for 43).
 
 use super::absorbed::Absorbed;
-use crate::error::{Error, Result};
+use crate::error::{Deadline, Error, Result};
 use crate::matrix::{dot, norm};
 use crate::sparse;
 use ndarray::Array2;
@@ -77,7 +77,7 @@ pub(crate) fn long_run(
     wells: usize,
     (stride, enough): (usize, f64),
     rare: &dyn Fn(&[f64]) -> Option<f64>,
-    late: &dyn Fn() -> Result<()>,
+    late: &Deadline,
 ) -> Result<LongRun> {
     let n = absorbed.len();
     let mut scratch = vec![0.0; n];

@@ -4,7 +4,7 @@ use super::absorbed::REACH;
 use super::cut::{between, cuts, from_cut};
 use super::mesh::Contact;
 use super::region::Region;
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::gaussian::{lower, normal};
 use crate::quadrature::gauss;
 use rayon::prelude::*;
@@ -33,7 +33,7 @@ pub(super) struct Starts<'a> {
     /// Deviation of the velocity that a step adds, where it is least.
     pub(super) spread: f64,
     /// Asked before each batch of motions.
-    pub(super) late: &'a (dyn Fn() -> Result<()> + Sync),
+    pub(super) late: &'a Deadline<'a>,
 }
 
 /// Points (q, v) of a line with their weights, and what of it is lost at once.

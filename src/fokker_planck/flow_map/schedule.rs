@@ -3,7 +3,7 @@
 use super::interval::{Leg, Noise, Schedule};
 use super::pass::{self, Blocks, Matrix};
 use super::{FlowMap, splitting};
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::fokker_planck::ornstein_uhlenbeck::{self, Kick};
 use rayon::prelude::*;
 
@@ -17,11 +17,7 @@ fn place<T>(list: &mut Vec<T>, it: T, same: impl Fn(&T) -> bool) -> usize {
 
 impl FlowMap {
     /// The schedule of an interval, and the maps and matrices that it still lacks.
-    pub(super) fn prepare(
-        &mut self,
-        duration: f64,
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<()> {
+    pub(super) fn prepare(&mut self, duration: f64, late: &Deadline) -> Result<()> {
         let forced = self.forcing.as_ref().is_some_and(|it| it.acts());
         let same_time = !forced || self.schedule.start == self.now;
         if self.schedule.duration == duration && same_time {

@@ -3,7 +3,7 @@
 use super::FlowMap;
 use super::interval::Leg;
 use super::pass::{Map, STENCIL};
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::fokker_planck::interpolation::{POINTS, Spline};
 use crate::fokker_planck::mesh::Axis;
 use crate::fokker_planck::ornstein_uhlenbeck::around;
@@ -16,11 +16,7 @@ type Part<'a> = (&'a mut [u32], &'a mut [f64]);
 
 impl FlowMap {
     /// The flow maps of several legs.
-    pub(super) fn maps(
-        &self,
-        legs: &[Leg],
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<Vec<Map>> {
+    pub(super) fn maps(&self, legs: &[Leg], late: &Deadline) -> Result<Vec<Map>> {
         /// Rows of cells traced together.
         const ROWS: usize = 8;
         let [nq, _] = self.mesh.cells();

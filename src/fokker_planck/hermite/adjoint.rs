@@ -3,7 +3,7 @@
 use super::friction::null;
 use super::local::times;
 use super::operator::Hierarchy;
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::oscillator::{Oscillator, Quantity};
 
 /// The other half of a bilinear form: where friction depends on the displacement v -> -v does not turn L into its
@@ -23,7 +23,7 @@ impl Adjoint {
         oscillator: &Oscillator,
         full: &Hierarchy,
         quantity: Quantity,
-        late: &(dyn Fn() -> Result<()> + Sync),
+        late: &Deadline,
     ) -> Result<Option<Self>> {
         let Some(operator) = full.transposed() else {
             return Ok(None);

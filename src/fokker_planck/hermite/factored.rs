@@ -8,7 +8,7 @@ use super::basis::INNER;
 use super::condensed::{Condensed, Ends, Rates, Small};
 use super::nested::Nested;
 use super::operator::Hierarchy;
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::sparse::DenseLu;
 use ndarray::Array2;
 use num_complex::Complex;
@@ -41,7 +41,7 @@ impl<'a> Factored<'a> {
     pub(in crate::fokker_planck) fn new(
         full: &'a Hierarchy,
         shift: C,
-        late: &(dyn Fn() -> Result<()> + Sync),
+        late: &Deadline,
     ) -> Result<Self> {
         let k = full.pairs;
         let rates = Rates::new(full.zeta, full.temperature, shift, k);

@@ -4,7 +4,7 @@
 use super::basis::{DEGREE, Element, LOCAL, POINTS};
 use super::nested::Shape;
 use super::operator::{Hierarchy, Resolution};
-use crate::error::{Error, Result};
+use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::flux::maxwell;
 use crate::moments::RawMoments;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
@@ -147,7 +147,7 @@ const LOST: f64 = 1e-3;
 pub(super) fn null(
     oscillator: &Oscillator,
     full: &Hierarchy,
-    late: &(dyn Fn() -> Result<()> + Sync),
+    late: &Deadline,
 ) -> Result<(Vec<f64>, f64)> {
     let forward = match &full.local {
         Some(local) => local.transposed(),
@@ -194,7 +194,7 @@ impl Kept {
     pub(in crate::fokker_planck) fn new(
         oscillator: &Oscillator,
         resolution: Resolution,
-        late: &(dyn Fn() -> Result<()> + Sync),
+        late: &Deadline,
     ) -> Result<Self> {
         let oscillator = &oscillator.weighed(REACH);
         let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;

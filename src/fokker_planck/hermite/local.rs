@@ -7,7 +7,7 @@
 
 use super::basis::{Basis, DEGREE, Number};
 use super::nested::{Nested, Shape};
-use crate::error::Result;
+use crate::error::{Deadline, Result};
 use crate::oscillator::Oscillator;
 use crate::sparse;
 use num_complex::Complex;
@@ -72,11 +72,7 @@ impl Local {
     }
 
     /// s times the products of the functions, less the operator, factored; `late` is asked before each element.
-    pub(super) fn factored(
-        &self,
-        shift: Complex<f64>,
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<Nested> {
+    pub(super) fn factored(&self, shift: Complex<f64>, late: &Deadline) -> Result<Nested> {
         let operator = self.operator.map(|x| Complex::new(-x, 0.0));
         let mass = self.mass.map(|x| shift * x);
         Nested::factor(&operator + &mass, self.shape, late)

@@ -7,7 +7,7 @@
 
 use super::basis::{DEGREE, INNER};
 use crate::budget::timing;
-use crate::error::{Error, Result};
+use crate::error::{Deadline, Error, Result};
 use crate::matrix::vectorise;
 use crate::sparse::{DenseLu, norm, subtract_product};
 use ndarray::Array2;
@@ -122,11 +122,7 @@ impl Nested {
     ///
     /// # Errors
     /// [`Error::Linear`] for one that is singular; those of `late`.
-    pub(super) fn factor(
-        matrix: CsMat<C>,
-        shape: Shape,
-        late: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<Self> {
+    pub(super) fn factor(matrix: CsMat<C>, shape: Shape, late: &Deadline) -> Result<Self> {
         let (k, count) = (shape.pairs, shape.elements);
         let norm = norm(&matrix)?;
         let places: Vec<Place> = (0..matrix.cols()).map(|n| shape.place(n)).collect();

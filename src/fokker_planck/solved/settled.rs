@@ -2,7 +2,7 @@
 
 use super::law::Law;
 use super::on_mesh::OnMesh;
-use crate::error::{Error, Result};
+use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, Rise, heavy, work};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
@@ -45,7 +45,7 @@ impl Settled {
     pub(in crate::fokker_planck) fn within(
         oscillator: &Oscillator,
         tolerance: f64,
-        late: &(dyn Fn() -> Result<()> + Sync),
+        late: &Deadline,
     ) -> Result<Self> {
         let goal = SETTLED_LAW_SHARE.get() * tolerance;
         let functions = |level: usize| {
