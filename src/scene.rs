@@ -17,6 +17,7 @@
 //! A file in TOML gives one: see [`text::SceneText`].
 
 mod check;
+mod doubts;
 mod outputs;
 pub(crate) mod resolved;
 #[cfg(feature = "toml")]

@@ -647,15 +647,16 @@ fn a_folder_of_others_loses_nothing_and_no_scene_is_replaced_by_its_own_run() {
 }
 
 #[test]
-fn keys_of_the_method_that_change_nothing_are_said() {
+fn keys_that_change_nothing_are_said() {
     let room = small_room("unused");
     fs::write(
         room.join("alone.toml"),
-        "[oscillator]\nzeta = 0.05\nh = 0.02\n[method]\ncells = [100, 80]\ndrift = 4\n",
+        "[oscillator]\nzeta = 0.05\nh = 0.02\n[method]\ncells = [100, 80]\ndrift = 4\n\
+         [monte_carlo]\nduration = 1000\npaths = 500\n",
     )
     .unwrap();
     let (out, _) = expect(0, &room, &["run", "alone.toml"]);
-    for key in ["method.cells", "method.drift"] {
+    for key in ["method.cells", "method.drift", "monte_carlo.paths"] {
         let said = format!("{key}: nothing that is asked for uses it");
         assert!(out.contains(&said), "{said}: {out}");
     }
