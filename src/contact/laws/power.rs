@@ -79,6 +79,9 @@ fn raised_less_one(x: f64, n: f64) -> f64 {
         x
     } else if n == 2.0 {
         x * (2.0 + x)
+    } else if x.abs() > 0.25 {
+        // Half the time, and no digits are lost.
+        (1.0 + x).powf(n) - 1.0
     } else {
         (n * x.ln_1p()).exp_m1()
     }

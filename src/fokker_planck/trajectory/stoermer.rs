@@ -8,11 +8,18 @@ use crate::roots::rising;
 /// Columns of the extrapolation table: order 12.
 const COLUMNS: usize = 6;
 
-/// One step of the extrapolated Stoermer rule: the new point and an estimate of its error.
-fn stoermer(contact: &ContactLaw, [q0, v0]: [f64; 2], step: f64) -> ([f64; 2], f64) {
+/// One step of the extrapolated Stoermer rule, of as many rows as bring its error below a bound: the new point, an estimate of
+/// its error, and how many rows were left.
+fn stoermer(
+    contact: &ContactLaw,
+    [q0, v0]: [f64; 2],
+    step: f64,
+    bound: f64,
+) -> ([f64; 2], f64, usize) {
     let force = -contact.force(q0);
     let mut last = [[0.0; 2]; COLUMNS];
-    let mut error = f64::INFINITY;
+    let (mut error, mut best) = (f64::INFINITY, [0.0; 2]);
+    let mut left = COLUMNS;
     for row in 0..COLUMNS {
         let parts = 2 * (row + 1);
         let h = step / parts as f64;
@@ -37,10 +44,12 @@ fn stoermer(contact: &ContactLaw, [q0, v0]: [f64; 2], step: f64) -> ([f64; 2], f
             let [a, b] = [current[row], current[row - 1]];
             error = (a[0] - b[0]).hypot(a[1] - b[1]);
         }
-        last = current;
+        (best, last, left) = (current[row], current, COLUMNS - 1 - row);
+        if error <= bound {
+            break;
+        }
     }
-    let [dq, dv] = last[COLUMNS - 1];
-    ([q0 + dq, v0 + dv], error)
+    ([q0 + best[0], v0 + best[1]], error, left)
 }
 
 /// Shortest step: below it the force is taken as it comes.
@@ -92,22 +101,27 @@ pub(super) fn advance(contact: &ContactLaw, mut point: [f64; 2], mut left: f64) 
             continue;
         }
         let trial = step.min(left);
-        let (end, error) = stoermer(contact, point, trial);
-        let scale = q.abs().max(v.abs()).max(1.0);
-        let ratio = error / (TOLERANCE * scale);
+        let bound = TOLERANCE * q.abs().max(v.abs()).max(1.0);
+        let (end, error, rows) = stoermer(contact, point, trial, bound);
+        let ratio = error / bound;
         if ratio > 1.0 && trial > SHORTEST {
             step = trial * (0.8 * ratio.powf(-1.0 / 11.0)).max(0.1);
             continue;
         }
-        let growth = (0.8 * ratio.max(1e-12).powf(-1.0 / 11.0)).clamp(0.5, 3.0);
+        // With rows to spare a longer step costs no more of them than there are.
+        let growth = if rows > 0 {
+            2.0
+        } else {
+            (0.8 * ratio.max(1e-12).powf(-1.0 / 11.0)).clamp(0.5, 3.0)
+        };
         if end[0] < low || end[0] > high {
             let (kink, sign) = if end[0] < low {
                 (low, -1.0)
             } else {
                 (high, 1.0)
             };
-            let (time, speed, error) = passed(contact, point, trial, (kink, sign));
-            if error > TOLERANCE * scale && time > SHORTEST {
+            let (time, speed, error) = passed(contact, point, (trial, bound), (kink, sign));
+            if error > bound && time > SHORTEST {
                 // Nearer to the kink first: the force may have a weak singularity there.
                 step = 0.5 * time;
                 continue;
@@ -128,14 +142,14 @@ pub(super) fn advance(contact: &ContactLaw, mut point: [f64; 2], mut left: f64) 
 fn passed(
     contact: &ContactLaw,
     point: [f64; 2],
-    step: f64,
+    (step, bound): (f64, f64),
     (kink, sign): (f64, f64),
 ) -> (f64, f64, f64) {
     let beyond = |t: f64| {
-        let ([q, v], _) = stoermer(contact, point, t);
+        let ([q, v], ..) = stoermer(contact, point, t, bound);
         (sign * (q - kink), sign * v)
     };
     let t = rising(beyond, [0.0, step], 0.5 * step, 1e-16 * step);
-    let (end, error) = stoermer(contact, point, t);
+    let (end, error, _) = stoermer(contact, point, t, bound);
     (t, end[1], error)
 }
