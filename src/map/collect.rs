@@ -385,6 +385,10 @@ fn symbol(key: &str) -> &str {
     match key {
         "oscillator.h" => "h",
         "oscillator.zeta" => "\u{3b6}",
+        "oscillator.force_psd" => "force_psd, N\u{b2}/Hz",
+        "rig.frequency" => "rig.frequency, Hz",
+        "rig.static_load" => "rig.static_load, N",
+        "rig.static_compression" => "rig.static_compression, m",
         other => other,
     }
 }

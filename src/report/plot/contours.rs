@@ -111,7 +111,23 @@ fn between(
         + part(a * b, i + 1, j + 1)
 }
 
-/// Draws the line on which a number over a grid has a level, linear along the edges of its cells (marching squares).
+/// Places that cut each cell in parts, with the cell and how far along it they are.
+#[cfg(feature = "cli")]
+fn cut(at: &[f64]) -> Vec<(f64, (usize, f64))> {
+    const PARTS: usize = 8;
+    let cells = at.windows(2).enumerate();
+    let parts = cells.flat_map(|(k, ends)| {
+        let (low, high) = (ends[0], ends[1]);
+        (usize::from(k > 0)..=PARTS).map(move |part| {
+            let part = part as f64 / PARTS as f64;
+            (low + (high - low) * part, (k, part))
+        })
+    });
+    parts.collect()
+}
+
+/// Draws the line on which a number over a grid has a level, where [`fill`] has it: bilinear in each cell, which is cut in
+/// parts along whose edges it is linear (marching squares).
 #[cfg(feature = "cli")]
 pub(super) fn level_line(
     area: &Area<'_>,
@@ -121,10 +137,11 @@ pub(super) fn level_line(
     level: f64,
     (colour, width): (Colour, f64),
 ) -> Drawn {
+    let [x, y] = [x, y].map(cut);
     for i in 1..x.len() {
         for j in 1..y.len() {
             let corners = [(i - 1, j - 1), (i, j - 1), (i, j), (i - 1, j)];
-            let numbers = corners.map(|(i, j)| values(i, j) - level);
+            let numbers = corners.map(|(i, j)| between(&values, (x[i].1, y[j].1)) - level);
             if numbers.iter().any(|it| it.is_nan()) {
                 continue;
             }
@@ -136,8 +153,8 @@ pub(super) fn level_line(
                 }
                 let part = a / (a - b);
                 let ((i, j), (k, l)) = (corners[k], corners[(k + 1) % 4]);
-                let at = (x[i] + part * (x[k] - x[i]), y[j] + part * (y[l] - y[j]));
-                cuts.push(at);
+                let along = |a: f64, b: f64| a + part * (b - a);
+                cuts.push((along(x[i].0, x[k].0), along(y[j].0, y[l].0)));
             }
             // A saddle: the side of its middle decides which corners belong together.
             if cuts.len() == 4 && (numbers.iter().sum::<f64>() < 0.0) == (numbers[0] < 0.0) {

@@ -8,7 +8,9 @@ mod scale;
 pub(crate) use field::Field;
 pub(crate) use ruler::Ruler;
 
-use crate::report::plot::canvas::{BLUE, Picture, Points, SUBTITLE, VERMILION, picture, write};
+use crate::report::plot::canvas::{
+    BLUE, Picture, Points, SUBTITLE, VERMILION, line, picture, write,
+};
 use crate::report::plot::legend::{Mark, legend};
 use crate::report::plot::panel::{Panel, range};
 use plane::{Sheet, plane};
@@ -88,8 +90,15 @@ fn curves(x: &Ruler, fields: &[Field]) -> Picture {
                     (*x, ends[0].min(ends[1]), ends[0].max(ends[1]))
                 })
                 .collect();
-            panel.band(area, &band, BLUE)?;
-            panel.curve(area, &points, BLUE, 1.5)?;
+            if x.words.is_some() {
+                for (x, low, high) in &band {
+                    let ends = [*low, *high].map(|y| panel.at(*x, y));
+                    line(area, &ends, BLUE, 1.0)?;
+                }
+            } else {
+                panel.band(area, &band, BLUE)?;
+                panel.curve(area, &points, BLUE, 1.5)?;
+            }
             if points.len() <= 60 {
                 for point in &points {
                     panel.dot(area, *point, BLUE, 2.0)?;

@@ -79,28 +79,33 @@ impl Sheet<'_> {
     ) -> Drawn {
         let corners = [(panel.left, panel.top), (panel.right(), panel.bottom())];
         rectangle(area, corners, FAINT, None)?;
-        let (xs, ys) = (x.places(), y.places());
-        let number = |i: usize, j: usize| self.values[i * ys.len() + j];
         let levels = scale.levels();
         let below = [f64::NEG_INFINITY].into_iter();
         let levels: Vec<(f64, Colour)> = below
             .chain(levels.iter().map(|it| it.0))
             .zip(colours(levels.len()))
             .collect();
-        let (grid, height) = ((&xs[..], &ys[..]), |i, j| scale.place(number(i, j)));
-        contours::fill(area, panel, &levels, grid, height, f64::NAN)?;
-        let Some(level) = self.level else {
-            return Ok(());
-        };
-        let error = |i: usize, j: usize| {
-            let error = self.errors[i * ys.len() + j];
-            if error.is_finite() { error } else { 0.0 }
-        };
-        // Where the level may lie: on one line with the level itself unless errors are large.
-        for (sign, width) in [(-1.0, 0.75), (1.0, 0.75), (0.0, 2.0)] {
-            let moved = |i: usize, j: usize| scale.place(number(i, j) + sign * error(i, j));
-            let style = (VERMILION, width);
-            level_line(area, panel, grid, moved, scale.place(level), style)?;
+        let down = y.values.len();
+        for (xs, columns) in x.strips() {
+            for (ys, rows) in y.strips() {
+                let place = |i: usize, j: usize| columns[i] * down + rows[j];
+                let grid = (&xs[..], &ys[..]);
+                let height = |i, j| scale.place(self.values[place(i, j)]);
+                contours::fill(area, panel, &levels, grid, height, f64::NAN)?;
+                let Some(level) = self.level else {
+                    continue;
+                };
+                // Where the level may lie: on one line with the level itself unless errors are large.
+                for (sign, width) in [(-1.0, 0.75), (1.0, 0.75), (0.0, 2.0)] {
+                    let moved = |i, j| {
+                        let k = place(i, j);
+                        let error = Some(self.errors[k]).filter(|it| it.is_finite());
+                        scale.place(self.values[k] + sign * error.unwrap_or(0.0))
+                    };
+                    let style = (VERMILION, width);
+                    level_line(area, panel, grid, moved, scale.place(level), style)?;
+                }
+            }
         }
         Ok(())
     }
@@ -123,7 +128,10 @@ fn key(area: &Area<'_>, (x, y): (f64, f64), scale: &Scale, sheet: &Sheet<'_>) ->
     let mut at = y + STEP * colours.len() as f64 + 16.0;
     if let Some(level) = sheet.level {
         line(area, &[(x, at), (x + 18.0, at)], VERMILION, 2.0)?;
-        write(area, &bare(level), (x + 24.0, at), SMALL)?;
+        let sides = [f64::ge, f64::le].map(|side| sheet.values.iter().any(|it| side(it, &level)));
+        let nowhere = if sides == [true; 2] { "" } else { ", nowhere" };
+        let words = bare(level) + nowhere;
+        write(area, &words, (x + 24.0, at), SMALL)?;
         at += STEP;
     }
     if sheet.values.iter().any(|it| it.is_nan()) {

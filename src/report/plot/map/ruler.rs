@@ -5,6 +5,9 @@ use crate::report::plot::canvas::{Area, Drawn};
 use crate::report::plot::panel::{Panel, range};
 use crate::report::plot::ticks::marks;
 
+/// Half the width of the column of a word, the distance of two being 1.
+const COLUMN: f64 = 0.4;
+
 /// An axis as it is drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Ruler {
@@ -27,9 +30,23 @@ impl Ruler {
         self.values.iter().map(|x| self.place(*x)).collect()
     }
 
+    /// What is filled as one: the places of all points and which these are, or a column about each word. Between two words
+    /// there is nothing.
+    pub(super) fn strips(&self) -> Vec<(Vec<f64>, Vec<usize>)> {
+        let places = self.places();
+        if self.words.is_none() {
+            let all = (0..places.len()).collect();
+            return vec![(places, all)];
+        }
+        let columns = places.into_iter().enumerate();
+        let column = |(k, x)| (vec![x - COLUMN, x + COLUMN], vec![k, k]);
+        columns.map(column).collect()
+    }
+
     pub(super) fn range(&self) -> Option<(f64, f64)> {
-        let share = if self.words.is_some() { 0.1 } else { 0.0 };
-        range(self.places(), share)
+        let (low, high) = range(self.places(), 0.0)?;
+        let room = if self.words.is_some() { 0.5 } else { 0.0 };
+        Some((low - room, high + room))
     }
 
     /// Numbers along it, and lines between them.
