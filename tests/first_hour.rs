@@ -16,6 +16,11 @@ fn run(text: &str) -> Results {
 
 /// Var q, Cov qv, Var v of the linear oscillator from rest at time t, by classical Runge-Kutta steps.
 fn linear(zeta: f64, h: f64, t: f64) -> [f64; 3] {
+    spread([0.0; 2], zeta, h, t)
+}
+
+/// The same from these variances of q and v.
+fn spread([q, v]: [f64; 2], zeta: f64, h: f64, t: f64) -> [f64; 3] {
     let rate = |[q, c, v]: [f64; 3]| {
         let noise = 2.0 * std::f64::consts::PI * h;
         [
@@ -27,7 +32,7 @@ fn linear(zeta: f64, h: f64, t: f64) -> [f64; 3] {
     let steps = (t / 1e-3).ceil().max(1.0);
     let dt = t / steps;
     let add = |x: [f64; 3], k: [f64; 3], f: f64| std::array::from_fn(|i| x[i] + f * k[i]);
-    let mut x = [0.0; 3];
+    let mut x = [q, 0.0, v];
     for _ in 0..steps as u64 {
         let a = rate(x);
         let b = rate(add(x, a, 0.5 * dt));
@@ -132,14 +137,17 @@ fn trapezoids_over_a_spectrum_hold_the_variance_however_narrow_its_peak_is() {
 
 #[test]
 fn a_linear_oscillator_reaches_a_part_of_its_energy_when_the_covariance_says() {
-    let (zeta, h) = (0.05, 0.02);
-    let t = std::f64::consts::PI * h / (2.0 * zeta);
-    for (moment, fraction) in [
-        (Moment::MeanEnergy, 0.9),
-        (Moment::VarQ, 0.5),
-        (Moment::VarV, 0.3),
-        (Moment::StdForce, 0.8),
+    // The last three cross between the first two times of a course.
+    for (zeta, h, moment, fraction) in [
+        (0.05, 0.02, Moment::MeanEnergy, 0.9),
+        (0.05, 0.02, Moment::VarQ, 0.5),
+        (0.05, 0.02, Moment::VarV, 0.3),
+        (0.05, 0.02, Moment::StdForce, 0.8),
+        (0.3, 0.06, Moment::VarQ, 1e-3),
+        (2.0, 0.4, Moment::MeanEnergy, 0.4),
+        (6.0, 2.7, Moment::VarV, 0.9),
     ] {
+        let t = std::f64::consts::PI * h / (2.0 * zeta);
         let name = moment.name();
         let it = run(&format!(
             "[oscillator]\ncontact = \"linear\"\nzeta = {zeta}\nh = {h}\n[outputs]\nreach = {{ quantity = \
@@ -172,6 +180,23 @@ fn a_linear_oscillator_reaches_a_part_of_its_energy_when_the_covariance_says() {
         assert_eq!(tree["reach"]["fraction"], fraction);
         assert_eq!(tree["reach"]["t"]["value"], found.value);
     }
+}
+
+#[test]
+fn a_level_is_reached_within_the_first_quarter_of_a_fast_period() {
+    let it = run(
+        "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [100] }\nzeta = 0.05\nh = 0.03\n\
+         [initial]\ndeviation = [0.1, 0.3]\n[outputs]\nreach = { quantity = \"var_q\", fraction = 0.5 }",
+    );
+    // The same with time in units of 1/10: zeta/10, h/1000, v over 10.
+    let exact = 0.1 * {
+        let (zeta, h): (f64, f64) = (5e-3, 3e-5);
+        let t = std::f64::consts::PI * h / (2.0 * zeta);
+        first(|time| 0.5 * t - spread([0.01, 9e-4], zeta, h, time)[0])
+    };
+    let found = it.reach.as_ref().unwrap().t.unwrap();
+    println!("{found}, exact {exact:.7}");
+    assert!((found.value - exact).abs() <= found.error && found.error < 1e-3 * exact);
 }
 
 #[test]

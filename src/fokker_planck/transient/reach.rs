@@ -35,6 +35,8 @@ pub(crate) struct Reach {
     /// The level over the stationary value that the moment tends to.
     fraction: f64,
     settings: Settings,
+    /// Between two times of the first course.
+    spacing: f64,
     times: Vec<f64>,
     /// Courses of twice the length each, before the level is given up.
     lengths: usize,
@@ -43,7 +45,8 @@ pub(crate) struct Reach {
     pub(crate) cost: Cost,
 }
 
-/// Between two times of the first course: eight in a period of v^2, twice as fast as the motion.
+/// Between two times of the first course, times the frequency of the fastest small motion: eight in a period of v^2, twice as
+/// fast as the motion.
 const SPACING: f64 = 0.4;
 /// Times of a course; with more, those of a very weakly damped oscillator lie farther apart.
 const MOST: usize = 20_000;
@@ -71,7 +74,11 @@ impl Reach {
         // A relaxation towards the stationary value has come so far after this many of them, and some more.
         let length = |to: f64| relaxation * (1.3 * to.recip().ln().clamp(0.0, 30.0) + 0.6);
         let left = (1.0 - fraction).abs();
-        let times = course(0.0, length(left));
+        let contact = oscillator.contact();
+        let rest = contact.equilibria().into_iter();
+        let stiffest = rest.map(|q| contact.stiffness(q)).fold(1.0, f64::max);
+        let spacing = SPACING / stiffest.sqrt();
+        let times = course(length(left), spacing);
         // And what is left then is within the tolerance.
         let longest = length(left.min(1.0) * settings.tolerance);
         let lengths = 1 + (longest / length(left)).log2().ceil() as usize;
@@ -88,6 +95,7 @@ impl Reach {
             moment,
             fraction,
             settings,
+            spacing,
             times,
             lengths,
             first,
@@ -117,6 +125,8 @@ impl Reach {
         let mut best: Option<(Crossing, Transient)> = None;
         let mut reason = "its courses bring it no nearer".to_owned();
         let (mut lengths, mut stalls, mut side) = (1, 0, None);
+        // It crosses between these, whatever was seen in between.
+        let mut bracket = [0.0, f64::INFINITY];
         let stiff = problem.0.contact().stiffness(0.0) > 0.0;
         let courses = self.lengths + PASSES;
         for pass in 0..courses {
@@ -137,20 +147,25 @@ impl Reach {
                 }
                 (Err(error), _) => return Err(error),
             };
-            let crossing = match self.look(&it, stationary, (stiff, &mut side)) {
+            let seen = self.look(&it, stationary, (stiff, &mut side));
+            let here = matches!(seen, Seen::Crossing(it) if it.begins_below);
+            if let (false, Some((before, _))) = (here, &mut best) {
+                // Not where the last course had it, which then errs by more than it knew.
+                before.widen(bracket);
+                times = evenly(bracket[0], bracket[1], FINE);
+                reason = "a finer course did not find it again".into();
+                continue;
+            }
+            let crossing = match seen {
                 Seen::Crossing(crossing) => crossing,
                 Seen::AtOnce => {
                     let words = "the initial condition has that fraction already";
                     let t = Some(Estimate::closed_form(0.0));
                     return Ok(self.answer(t, it, words));
                 }
-                Seen::Never(_) | Seen::NotYet(_) | Seen::Blurred(..) if best.is_some() => {
-                    reason = "a finer course did not find it again".into();
-                    break;
-                }
                 Seen::NotYet(_) if lengths < self.lengths => {
                     lengths += 1;
-                    times = course(0.0, 2.0 * times.last().copied().unwrap_or(SPACING));
+                    times = course(2.0 * times.last().copied().unwrap_or(1.0), self.spacing);
                     continue;
                 }
                 Seen::Blurred(finer, _) if settings.tolerance > FINEST && pass < PASSES => {
@@ -168,6 +183,10 @@ impl Reach {
                     });
                 }
             };
+            bracket = [
+                crossing.below.unwrap_or(bracket[0]),
+                crossing.above.unwrap_or(bracket[1]),
+            ];
             let tolerance = self.settings.tolerance * crossing.t;
             let error = crossing.error();
             let before = best.as_ref().map_or(f64::INFINITY, |(it, _)| it.error());
@@ -258,12 +277,13 @@ fn tightened(tolerance: f64, finer: f64) -> f64 {
     (tolerance * finer.clamp(0.02, 0.7)).max(FINEST)
 }
 
-/// Equally spaced times from one to another, both among them.
-fn course(from: f64, to: f64) -> Vec<f64> {
-    let count = ((to - from) / SPACING).ceil();
-    evenly(from, to, count.clamp(8.0, MOST as f64 - 1.0))
+/// Times from 0 on, so far apart.
+fn course(to: f64, spacing: f64) -> Vec<f64> {
+    let count = (to / spacing).ceil();
+    evenly(0.0, to, count.clamp(8.0, MOST as f64 - 1.0))
 }
 
+/// Equally spaced times from one to another, both among them.
 fn evenly(from: f64, to: f64, count: f64) -> Vec<f64> {
     let at = |k: u32| from + (to - from) * f64::from(k) / count;
     (0..=count as u32).map(at).collect()
@@ -299,9 +319,21 @@ struct Crossing {
     /// Of the error, what that of the moment makes, and what lies between the times.
     by_value: f64,
     by_time: f64,
+    /// The last time before it with a value that is certainly below, and the first after it with one certainly above.
+    below: Option<f64>,
+    above: Option<f64>,
+    /// Whether the first time is one below.
+    begins_below: bool,
 }
 
 impl Crossing {
+    /// Anywhere between these.
+    fn widen(&mut self, [below, above]: [f64; 2]) {
+        self.low = self.low.min(below);
+        self.high = self.high.max(above);
+        self.by_time = self.error();
+    }
+
     fn error(&self) -> f64 {
         // Never less than the rounding of the times themselves.
         let wider = (self.t - self.low).max(self.high - self.t);
@@ -440,12 +472,19 @@ impl<'a> Curve<'a> {
                     let share = by.0 / (by.0 + by.1).max(f64::MIN_POSITIVE);
                     // Nearer than a few pieces it is they that are seen.
                     let by_time = (1.0 - share) * spread + piece;
+                    let certain =
+                        |i: &usize, sign: f64| sign * self.over(*i) > self.values[*i].error;
+                    let below = (0..=k).rev().find(|i| certain(i, -1.0));
+                    let above = (k + 1..=last).find(|i| certain(i, 1.0));
                     return Some(Crossing {
                         t,
                         low: (low - piece).max(0.0),
                         high: high + piece,
                         by_value: share * spread,
                         by_time,
+                        below: below.map(|i| self.times[i]),
+                        above: above.map(|i| self.times[i]),
+                        begins_below: self.times[0] == 0.0 || certain(&0, -1.0),
                     });
                 }
             }
