@@ -239,3 +239,33 @@ fn a_level_that_is_hidden_by_the_error_of_a_course_is_reached_with_a_finer_one()
         "{t}"
     );
 }
+
+/// The walls of a quartic are steeper than the tails of this Gaussian: p over the stationary law grows by e^8 a cell, for a
+/// tolerance that neglects those tails as for one that does not.
+#[test]
+fn a_looser_tolerance_finds_the_hotter_law_too_that_an_initial_condition_needs() {
+    let solve = |tolerance: f64| {
+        let text = format!(
+            "[oscillator]\ncontact = {{ law = \"polynomial\", coefficients = [1, -2.2, 1] }}\nzeta = 0.08\nh = 0.02\n\
+             [initial]\nmean = [0.3, 0.2]\ndeviation = [0.4, 0.3]\n[outputs]\nmoments_at = [0.37, 3.1]\n\
+             [accuracy]\ntolerance = {tolerance}\n"
+        );
+        let scene = SceneText::parse("a.toml", &text, &[]).unwrap();
+        let results = Plan::of(scene.scene()).unwrap().run_quietly().unwrap();
+        assert!(results.shortfalls.is_empty(), "{:?}", results.run.warnings);
+        results.transient.unwrap()
+    };
+    let tight = solve(1e-4);
+    for tolerance in [3e-2, 3e-3] {
+        let loose = solve(tolerance);
+        println!("{tolerance}: {}", loose.method.reason);
+        assert!(loose.method.reason.contains("times as hot"));
+        for (a, b) in loose.moments.iter().zip(&tight.moments) {
+            for ((name, a), (_, b)) in a.named().into_iter().zip(b.named()) {
+                let (Some(a), Some(b)) = (a, b) else { continue };
+                let apart = (a.value - b.value).abs();
+                assert!(apart <= a.error + b.error, "{name:?}: {a}, {b}");
+            }
+        }
+    }
+}

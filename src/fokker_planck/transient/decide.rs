@@ -6,12 +6,12 @@ use super::recipe::{FirstGrid, RUNGS, Recipe, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result, positive};
 use crate::fokker_planck::budget::Cost;
-use crate::fokker_planck::domain::start_outside;
+use crate::fokker_planck::domain::{Domain, start_outside};
 use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
-use crate::fokker_planck::layout::{Cells, Layout};
+use crate::fokker_planck::layout::{Cells, Layout, STEEPER_TRIES};
 use crate::fokker_planck::policy::{FIRST_CELLS, LADDER_RATIO, SPANNED};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::format::num;
@@ -181,15 +181,22 @@ impl Question<'_> {
             return Ok(Some(Arc::new(forcing.spanning(highest)?)));
         }
         let free = self.forcing.is_none() && self.period.is_none();
-        let far = || {
-            let spanned = SPANNED.get() * self.oscillator.temperature();
-            start_outside(self.oscillator, self.initial, spanned) > layout.domain.neglected
-        };
-        let confined = self.oscillator.contact().is_confining();
-        let meshed = confined && self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;
+        let spanned = SPANNED.get() * self.oscillator.temperature();
+        let far =
+            || start_outside(self.oscillator, self.initial, spanned) > layout.domain.neglected;
+        let meshed = self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;
         if !(free && meshed && far()) {
             return Ok(None);
         }
+        self.hotter(&layout.domain)
+    }
+
+    /// The law that holds the energies of a domain to what p may span; None where the stationary law does.
+    fn hotter(&self, domain: &Domain) -> Result<Option<Arc<Forcing>>> {
+        if !self.oscillator.contact().is_confining() {
+            return Ok(None);
+        }
+        let highest = 0.5 * domain.v[1].powi(2);
         Ok(Forcing::hot(self.oscillator, self.initial, highest)?.map(Arc::new))
     }
 
@@ -224,21 +231,51 @@ impl Question<'_> {
         }))
     }
 
-    /// What takes over from a flow map that does not hold the scene: on cells of the scene the other first grid, else finite volumes
-    /// where the method is free.
+    /// What takes over from a flow map that does not hold the scene: on cells of the scene the other first grid, else one against a
+    /// hotter law, since what is neglected of the initial condition may still be more than its cells hold, and finite volumes where
+    /// the method is free.
     fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
         let other = self.other_grid(draft)?;
-        let free =
-            self.settings.method.is_none() && self.forcing.is_none() && self.period.is_none();
+        let calm = self.forcing.is_none_or(|it| !it.acts());
+        let free = self.settings.method.is_none() && calm && self.period.is_none();
         if other.is_some() || !free {
             return Ok(other);
         }
+        // The farthest that cells were tried for.
+        let farthest = draft.left_out((STEEPER_TRIES - 1) as f64);
+        let domain = self.domain((draft.first_grid, draft.layout.focused), farthest)?;
+        let reference = self
+            .forcing
+            .map_or(self.oscillator, |it| it.reference())
+            .temperature();
+        let hotter = self.hotter(&domain)?;
+        let hotter = hotter.filter(|it| it.reference().temperature() > reference);
+        let hotter = hotter.map(|it| {
+            let forcing = Some(&it);
+            Question { forcing, ..*self }.by_layout(draft.layout, draft.first_grid)
+        });
+        let hotter = hotter.transpose()?;
+        if self.forcing.is_some() {
+            return Ok(hotter);
+        }
+        let volumes = self.volumes_after(draft)?;
+        Ok(Some(match hotter {
+            Some(hotter) => Recipe {
+                otherwise: Some(Box::new(volumes)),
+                ..hotter
+            },
+            None => volumes,
+        }))
+    }
+
+    /// Finite volumes on the cells of a flow map.
+    fn volumes_after(&self, draft: &Recipe) -> Result<Recipe> {
         let neglected = draft.left_out(draft.expected);
         let domain = match self.oscillator.holds_back(draft.layout.domain.q) {
             [false, false] => draft.layout.domain,
             _ => self.domain((draft.first_grid, false), neglected)?,
         };
-        Ok(Some(Recipe {
+        Ok(Recipe {
             scheme: Scheme::Volumes(TimeScheme::Imex),
             layout: Layout {
                 domain,
@@ -247,7 +284,7 @@ impl Question<'_> {
             },
             reason: "finite volumes of order 8, steps bound by transport".into(),
             ..draft.clone()
-        }))
+        })
     }
 
     /// Refuses a step of the scene that is too short for the flow map on the last mesh.

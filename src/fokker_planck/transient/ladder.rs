@@ -26,26 +26,20 @@ const HALVINGS: usize = 2;
 /// Those of the first runs; later ones end the ladder. Cells that the program chose itself are
 /// no error of the scene: if no mesh of its choice holds it, that is [`Error::Unresolved`].
 pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
-    let climb = |task: Task| {
-        let (name, free) = (task.recipe.name(), task.recipe.is_free());
-        adaptive::pursue(Ladder::new(task), (&name, free), task.limits, progress)
-    };
-    let first = climb(*task);
-    match (first, task.recipe.otherwise.as_deref()) {
+    let recipe = task.recipe;
+    let (name, free) = (recipe.name(), recipe.is_free());
+    let first = adaptive::pursue(Ladder::new(*task), (&name, free), task.limits, progress);
+    match (first, recipe.otherwise.as_deref()) {
         (Err(error), Some(other)) if is_unfit(&error) => {
-            let first = task.recipe.name();
-            let reason = format!("{first}, could not: {error}; {}", other.reason);
+            let reason = format!("{name}, could not: {error}; {}", other.reason);
             let other = Recipe {
                 reason,
                 ..other.clone()
             };
-            let task = Task {
-                recipe: &other,
-                ..*task
-            };
-            climb(task).map_err(|error| unfit(error, &other))
+            let recipe = &other;
+            climbed(&Task { recipe, ..*task }, progress)
         }
-        (it, _) => it.map_err(|error| unfit(error, task.recipe)),
+        (it, _) => it.map_err(|error| unfit(error, recipe)),
     }
 }
 
