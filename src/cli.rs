@@ -19,7 +19,6 @@ use arguments::{Cli, Command, MapOptions, RunOptions};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use progress::{MapWatch, Observer, bar};
-use signal_hook::consts::SIGINT;
 use source::{keeps, named, no_such_scene, read, resembles_a_scene};
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
@@ -177,7 +176,7 @@ fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
                 .unwrap_or_else(|| "no stage had ended: there is nothing to keep".into());
             let _ = writeln!(io::stderr(), "{error}; {kept}");
             // The shell learns that it was the signal, and ends its loop too.
-            let _ = signal_hook::low_level::emulate_default_handler(SIGINT);
+            let _ = signal_hook::low_level::emulate_default_handler(observer.signal());
             return Ok(1);
         }
         Err(error) => {

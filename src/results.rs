@@ -285,9 +285,16 @@ impl Results {
         let seconds = self.scene.clock().seconds(rig);
         let reached = self.reach.as_ref().and_then(|it| it.t);
         all.extend(reached.map(|t| ("reach_s", t.scaled(seconds))));
-        let first = self.first_loss.as_ref().map(|it| it.mean_time);
-        let first = first.filter(|it| it.value.is_finite());
-        all.extend(first.map(|t| ("mean_time_to_loss_s", t.scaled(seconds))));
+        let mean = |it: &Option<FirstLoss>| it.as_ref().map(|it| it.mean_time);
+        let firsts = [
+            ("mean_time_to_loss_s", mean(&self.first_loss)),
+            ("mean_time_to_passage_s", mean(&self.first_passage)),
+        ];
+        let firsts = firsts
+            .into_iter()
+            .filter_map(|(name, it)| Some((name, it?)));
+        let firsts = firsts.filter(|(_, it)| it.value.is_finite());
+        all.extend(firsts.map(|(name, t)| (name, t.scaled(seconds))));
         all
     }
 
@@ -382,6 +389,7 @@ pub(crate) fn physical_words(name: &str) -> (&str, &'static str, bool) {
         "half_power_width_hz" => ("its half-power width", "Hz", false),
         "reach_s" => ("time to the level", "s", false),
         "mean_time_to_loss_s" => ("mean time to first loss", "s", false),
+        "mean_time_to_passage_s" => ("mean time to passage", "s", false),
         other => (other, "", false),
     }
 }

@@ -444,6 +444,26 @@ fn what_is_hardly_meant_is_doubted() {
             "[oscillator]\nzeta = 0.008\nh = 2e-3\n[initial]\ndeviation = [1, 1]".into(),
             "initial condition",
         ),
+        (
+            format!(
+                "[oscillator]\ncontact = {{ law = \"polynomial\", coefficients = [55] }}\nzeta = 0.01\nh = 2e-3\n\
+                 {rig}static_compression = 3.5e-6"
+            ),
+            "its slope for 1",
+        ),
+        (
+            format!(
+                "[oscillator]\nzeta = 0.1\nh = 0.05\n{rig}static_compression = 3.5e-6\n[outputs]\n\
+                 first_loss = {{ until = 10 }}\n[accuracy]\ntolerance = 0.1"
+            ),
+            "makes them seconds",
+        ),
+        (
+            "[oscillator]\ncontact = \"linear\"\nzeta = 0.5\nh = 0.1\n[outputs]\n\
+             reach = { quantity = \"var_q\", fraction = 90 }"
+                .into(),
+            "90 % of it would be 0.9",
+        ),
     ] {
         let it = run(&text);
         let warnings: Vec<&str> = it.run.warnings.iter().map(|it| it.text.as_str()).collect();

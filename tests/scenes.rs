@@ -1290,6 +1290,15 @@ const BAD: &[(&str, &str)] = &[
     ),
     ("empty", ""),
     ("not TOML", "[oscillator\nzeta = 0.005"),
+    ("a decimal comma", "[oscillator]\nzeta = 0,8\nh = 0.02"),
+    (
+        "a ratio in per cent",
+        "[oscillator]\nzeta = 0.8 %\nh = 0.02",
+    ),
+    (
+        "a number with its unit",
+        "[oscillator]\nzeta = 0.01\nh = 0.02\n[rig]\nstatic_load = 60 N",
+    ),
     ("value missing", "[oscillator]\nzeta = \nh = 2e-3"),
     (
         "key twice",

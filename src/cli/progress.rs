@@ -8,7 +8,8 @@ use crate::results::Results;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::{self, Write};
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Progress over a number of jobs; hidden where nothing but errors is printed, and by itself where standard error is
@@ -35,6 +36,8 @@ pub(super) struct Observer {
     pub(super) bar: Mutex<ProgressBar>,
     pub(super) quiet: bool,
     pub(super) stop: StopFlag,
+    /// The signal that ended it.
+    signal: Arc<AtomicUsize>,
     /// When the stage began, and when it was last told of.
     pub(super) told: Mutex<(Instant, Instant)>,
 }
@@ -45,18 +48,26 @@ impl Observer {
 
     pub(super) fn new(quiet: bool) -> Self {
         let (stop, now) = (StopFlag::default(), Instant::now());
+        let which = Arc::new(AtomicUsize::new(SIGINT as usize));
         // Where signals cannot be caught the program ends as any other.
         for signal in [SIGINT, SIGTERM] {
             let again = signal_hook::flag::register_conditional_default(signal, stop.shared());
             let first = signal_hook::flag::register(signal, stop.shared());
-            let _ = again.and(first);
+            let own = signal_hook::flag::register_usize(signal, which.clone(), signal as usize);
+            let _ = again.and(first).and(own);
         }
         Self {
             bar: Mutex::new(ProgressBar::hidden()),
             quiet,
             stop,
+            signal: which,
             told: Mutex::new((now, now)),
         }
+    }
+
+    /// The signal that ended it.
+    pub(super) fn signal(&self) -> i32 {
+        self.signal.load(Ordering::Relaxed) as i32
     }
 
     pub(super) fn clear(&self) {

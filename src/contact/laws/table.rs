@@ -121,7 +121,7 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
             _ => {
                 return Err(wrong(
                     line,
-                    "two numbers, q and G, separated by a comma, a semicolon or a tab",
+                    "two numbers with decimal points, q and G, separated by a comma, a semicolon or a tab",
                 ));
             }
         }

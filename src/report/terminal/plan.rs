@@ -54,6 +54,9 @@ pub fn plan(plan: &Plan) -> String {
         let words: Vec<&str> = left_out.into_iter().map(Part::words).collect();
         table.paragraph("not asked for, not computed: ", &words.join(", "));
     }
+    for doubt in scene.doubts() {
+        table.paragraph("warning: ", &doubt);
+    }
     if time > scene.accuracy.max_seconds {
         let text = "expected to stop at accuracy.max_seconds with exit status 3";
         table.paragraph("warning: ", text);

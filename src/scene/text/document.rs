@@ -156,7 +156,7 @@ impl Document {
                     span: start..span.end.clamp(start, text.len()),
                 };
                 let first = error.message().lines().next().unwrap_or("not TOML");
-                Err(self.wrong("the scene is not TOML", first, None, Some(&at)))
+                Err(self.wrong("the scene is not TOML", first, hint(text, start), Some(&at)))
             }
         }
     }
@@ -342,6 +342,23 @@ pub(crate) fn items(text: &str) -> Option<Vec<serde_json::Value>> {
     let table = entries(DeTable::parse(&text).ok()?.get_ref(), 0);
     match (table.len(), table.get("it").map(|it| &it.value)) {
         (1, Some(Value::List(items))) => Some(items.iter().map(|it| it.value.plain()).collect()),
+        _ => None,
+    }
+}
+
+/// What may be meant on the line of a place that is not TOML: a decimal comma, a unit.
+fn hint(text: &str, at: usize) -> Option<&'static str> {
+    let from = text.get(..at)?.rfind('\n').map_or(0, |k| k + 1);
+    let line = text[from..].lines().next()?;
+    let value = line.split_once('=')?.1.trim_start();
+    let end = value.find(|c: char| !c.is_ascii_digit() && !"+-.".contains(c))?;
+    let (number, rest) = value.split_at(end);
+    number.parse::<f64>().ok()?;
+    let mut next = rest.trim_start().chars();
+    match next.next()? {
+        ',' if next.next()?.is_ascii_digit() => Some("a decimal point, as 0.8"),
+        '%' => Some("a ratio: 0.8 % is 0.008"),
+        c if c.is_alphabetic() => Some("a number alone, in the unit of its key"),
         _ => None,
     }
 }
