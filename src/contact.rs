@@ -305,6 +305,13 @@ impl ContactLaw {
         minima.min_by(|a, b| self.potential(*a).total_cmp(&self.potential(*b)))
     }
 
+    /// The largest frequency of small motions about an equilibrium, 1 at least.
+    pub(crate) fn fastest(&self) -> f64 {
+        let rest = self.equilibria().into_iter();
+        let stiffest = rest.map(|q| self.stiffness(q)).fold(1.0, f64::max);
+        stiffest.sqrt()
+    }
+
     /// Smallest value of U: 0 for the built-in confining laws. None without one.
     pub(crate) fn lowest_potential(&self) -> Option<f64> {
         self.equilibrium().map(|q| self.potential(q))

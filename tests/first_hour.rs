@@ -199,6 +199,29 @@ fn a_level_is_reached_within_the_first_quarter_of_a_fast_period() {
     assert!((found.value - exact).abs() <= found.error && found.error < 1e-3 * exact);
 }
 
+/// Its periods are twenty times shorter than the unit of time, and so are the steps of whatever moves with it.
+#[test]
+fn a_fast_oscillator_spreads_from_rest_as_its_covariance_says() {
+    let (zeta, h, fast) = (0.02, 0.08, 20.0);
+    let it = run(&format!(
+        "[oscillator]\ncontact = {{ law = \"polynomial\", coefficients = [400] }}\nzeta = {zeta}\nh = {h}\n\
+         [outputs]\nmoments_at = [0.07, 3.33]\n[accuracy]\ntolerance = 1e-2"
+    ));
+    let it = it.transient.unwrap();
+    for (t, moments) in it.times.iter().zip(&it.moments) {
+        let [q, _, v] = linear(zeta / fast, h / f64::powi(fast, 3), t * fast);
+        for (name, exact) in [
+            (Moment::VarQ, q),
+            (Moment::VarV, v * fast * fast),
+            (Moment::StdForce, fast * fast * q.sqrt()),
+        ] {
+            let found = moments.get(name).unwrap();
+            println!("{name:?} at {t}: {found}, exact {exact:.5e}");
+            assert!((found.value - exact).abs() <= found.error, "{name:?}");
+        }
+    }
+}
+
 #[test]
 fn a_level_that_is_passed_only_from_above_is_reached_from_above_or_never() {
     let scene = |zeta: f64, fraction: f64| {

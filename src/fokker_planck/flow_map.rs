@@ -40,6 +40,7 @@ mod splitting;
 mod tracing;
 
 pub use settings::Settings;
+pub(in crate::fokker_planck) use settings::longest_step;
 pub use splitting::Splitting;
 
 use super::density::Density;

@@ -38,7 +38,7 @@ impl Settings {
     /// Order 8 and even steps for an L1 error of about `tolerance` from the splitting, at any time, for
     /// a start about as wide as half the stationary law; a narrower start needs a shorter step.
     /// Measured for the linear and the Hertz law, zeta = 1e-4 to 2: below min(0.036 zeta, 6e-4) tau^5 +
-    /// 0.06 zeta^2 tau^3.
+    /// 0.06 zeta^2 tau^3, where small vibrations have the frequency 1; with another, time and zeta are in units of it.
     ///
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid) for a tolerance that is not positive.
@@ -49,13 +49,13 @@ impl Settings {
             .powf(0.2)
             .min((tolerance / second).cbrt());
         Ok(Self {
-            step: step.min(LONGEST_STEP.get()),
+            step: step.min(longest_step(oscillator)),
             ..Self::default()
         })
     }
 
     /// The L1 error of the splitting with these steps, as [`Settings::to`] takes it; up to
-    /// [`LONGEST_STEP`].
+    /// [`longest_step`].
     pub(crate) fn splitting_error(&self, oscillator: &Oscillator) -> f64 {
         let (ends, second) = error_constants(oscillator);
         ends * self.step.powi(5) + second * self.step.powi(3)
@@ -115,6 +115,13 @@ impl Settings {
 
 /// The constants of tau^5 and tau^3 in the L1 error of even steps.
 fn error_constants(oscillator: &Oscillator) -> (f64, f64) {
-    let zeta = oscillator.zeta();
-    ((0.036 * zeta).min(6e-4), 0.06 * zeta * zeta)
+    let fastest = oscillator.contact().fastest();
+    let zeta = oscillator.zeta() / fastest;
+    let ends = (0.036 * zeta).min(6e-4) * fastest.powi(5);
+    (ends, 0.06 * zeta * zeta * fastest.powi(3))
+}
+
+/// The longest step that is of use, where small vibrations are fastest.
+pub(in crate::fokker_planck) fn longest_step(oscillator: &Oscillator) -> f64 {
+    LONGEST_STEP.get() / oscillator.contact().fastest()
 }

@@ -74,10 +74,7 @@ impl Reach {
         // A relaxation towards the stationary value has come so far after this many of them, and some more.
         let length = |to: f64| relaxation * (1.3 * to.recip().ln().clamp(0.0, 30.0) + 0.6);
         let left = (1.0 - fraction).abs();
-        let contact = oscillator.contact();
-        let rest = contact.equilibria().into_iter();
-        let stiffest = rest.map(|q| contact.stiffness(q)).fold(1.0, f64::max);
-        let spacing = SPACING / stiffest.sqrt();
+        let spacing = SPACING / oscillator.contact().fastest();
         let times = course(length(left), spacing);
         // And what is left then is within the tolerance.
         let longest = length(left.min(1.0) * settings.tolerance);

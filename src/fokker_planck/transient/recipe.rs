@@ -9,7 +9,7 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{Cells, Layout, times};
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::policy::{
-    COARSEST, FALLING, FIRST_CELLS, LADDER_RATIO, LONGEST_STEP, OUTSIDE, OUTSIDE_FALL, SPLITTING,
+    COARSEST, FALLING, FIRST_CELLS, LADDER_RATIO, OUTSIDE, OUTSIDE_FALL, SPLITTING,
 };
 use crate::fokker_planck::settings::TimeScheme;
 use crate::initial::Initial;
@@ -236,7 +236,7 @@ impl Recipe {
         };
         let step = match (self.scheme, self.step) {
             // Beyond the longest useful step the error is not known, and two runs would not show it.
-            (Scheme::FlowMap, Some(step)) => Some(step.min(LONGEST_STEP.get())),
+            (Scheme::FlowMap, Some(step)) => Some(step.min(flow_map::longest_step(oscillator))),
             (Scheme::Volumes(_), Some(step)) => Some(step),
             (Scheme::FlowMap, None) => {
                 let aim = SPLITTING.get() * tolerance;
@@ -246,7 +246,7 @@ impl Recipe {
                 let frozen = if oscillator.is_viscous() {
                     f64::INFINITY
                 } else {
-                    LONGEST_STEP.get() * (tolerance / COARSEST.get()).sqrt()
+                    flow_map::longest_step(oscillator) * (tolerance / COARSEST.get()).sqrt()
                 };
                 let step = flow_map::Settings::to(aim, oscillator)?.step;
                 Some(step.min(driven).min(frozen))

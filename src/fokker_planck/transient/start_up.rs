@@ -64,10 +64,11 @@ const ROUNDING: f64 = 1e-9;
 
 /// Cells, reach and step of a local grid for a tolerance. Measured for the Hertz law from rest and from
 /// displaced points, zeta = 0.005: cells of 0.4 deviations and steps of 0.6 give moments to 1e-6. Under strong
-/// damping [`LOCAL_STEP_DAMPING`] bounds the step.
+/// damping [`LOCAL_STEP_DAMPING`] bounds the step. Steps and zeta are in units of the fastest small vibrations.
 fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
     let tolerance = rung.tolerance;
-    let zeta = oscillator.zeta();
+    let fastest = oscillator.contact().fastest();
+    let zeta = oscillator.zeta() / fastest;
     let relative = tolerance / 1e-3;
     // What a step leaves is known from the differences of rungs alone: each has steps of its own. Output times may cut them
     // shorter, which steps of order 2 show: two more in every interval from rung to rung.
@@ -87,7 +88,7 @@ fn fineness(oscillator: &Oscillator, rung: &Rung) -> Fineness {
         cell: LOCAL_CELL.get() * relative.powf(0.125).clamp(0.4, 1.6),
         reach: LOCAL_REACH.get() + (-2.0 * rung.neglected.ln()).sqrt(),
         border: LOCAL_BORDER.get() * tolerance,
-        step: weak.min(strong).min(driven).min(1.0),
+        step: (weak.min(strong).min(1.0) / fastest).min(driven),
         beside,
         more,
     }
