@@ -191,6 +191,12 @@ impl Question<'_> {
         self.hotter(&layout.domain)
     }
 
+    /// Whether more of the initial condition than is neglected lies at energies that p over the stationary law does not span.
+    fn is_far(&self, neglected: f64) -> bool {
+        let spanned = SPANNED.get() * self.oscillator.temperature();
+        start_outside(self.oscillator, self.initial, spanned) > neglected
+    }
+
     /// The law that holds the energies of a domain to what p may span; None where the stationary law does.
     fn hotter(&self, domain: &Domain) -> Result<Option<Arc<Forcing>>> {
         if !self.oscillator.contact().is_confining() {
@@ -243,12 +249,16 @@ impl Question<'_> {
         }
         // The farthest that cells were tried for.
         let farthest = draft.left_out((STEEPER_TRIES - 1) as f64);
-        let domain = self.domain((draft.first_grid, draft.layout.focused), farthest)?;
         let reference = self
             .forcing
             .map_or(self.oscillator, |it| it.reference())
             .temperature();
-        let hotter = self.hotter(&domain)?;
+        let hotter = if self.is_far(farthest) {
+            let grid = (draft.first_grid, draft.layout.focused);
+            self.hotter(&self.domain(grid, farthest)?)?
+        } else {
+            None
+        };
         let hotter = hotter.filter(|it| it.reference().temperature() > reference);
         let hotter = hotter.map(|it| {
             let forcing = Some(&it);
