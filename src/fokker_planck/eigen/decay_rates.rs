@@ -76,6 +76,9 @@ pub(super) const FAR_BELOW: f64 = 4.0;
 /// Shifts along the imaginary axis that a search begins with: up to the second harmonic.
 pub(super) const SHIFTS: usize = 9;
 
+/// The most eigenvalues that domains and costs were measured for: more do not move them further.
+const MEASURED: usize = 12;
+
 /// Vectors of a shift over those it begins with, at most.
 pub(super) const MOST_VECTORS: usize = 3;
 
@@ -120,7 +123,7 @@ impl Eigenvalues {
         let (least, level) = if local {
             ([6, 24], 27.0)
         } else {
-            ([3, 10], 12.0 + 3.0 * count.max(2) as f64)
+            ([3, 10], 12.0 + 3.0 * count.clamp(2, MEASURED) as f64)
         };
         let mut it = Self {
             count,
@@ -152,7 +155,7 @@ impl Eigenvalues {
 
     /// How many resolutions it will take, in the median of those 60 oscillators.
     fn foreseen(&self) -> usize {
-        let more = self.count.saturating_sub(3) / 4;
+        let more = self.count.min(MEASURED).saturating_sub(3) / 4;
         3 + if self.given { 0 } else { more }
     }
 
