@@ -18,8 +18,7 @@ fn stoermer(
 ) -> ([f64; 2], f64, usize) {
     let force = -contact.force(q0);
     let mut last = [[0.0; 2]; COLUMNS];
-    let (mut error, mut best) = (f64::INFINITY, [0.0; 2]);
-    let mut left = COLUMNS;
+    let (mut error, mut left) = (f64::INFINITY, COLUMNS - 1);
     for row in 0..COLUMNS {
         let parts = 2 * (row + 1);
         let h = step / parts as f64;
@@ -44,12 +43,13 @@ fn stoermer(
             let [a, b] = [current[row], current[row - 1]];
             error = (a[0] - b[0]).hypot(a[1] - b[1]);
         }
-        (best, last, left) = (current[row], current, COLUMNS - 1 - row);
+        (last, left) = (current, COLUMNS - 1 - row);
         if error <= bound {
             break;
         }
     }
-    ([q0 + best[0], v0 + best[1]], error, left)
+    let [dq, dv] = last[COLUMNS - 1 - left];
+    ([q0 + dq, v0 + dv], error, left)
 }
 
 /// Shortest step: below it the force is taken as it comes.

@@ -181,11 +181,8 @@ impl Question<'_> {
             return Ok(Some(Arc::new(forcing.spanning(highest)?)));
         }
         let free = self.forcing.is_none() && self.period.is_none();
-        let spanned = SPANNED.get() * self.oscillator.temperature();
-        let far =
-            || start_outside(self.oscillator, self.initial, spanned) > layout.domain.neglected;
         let meshed = self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;
-        if !(free && meshed && far()) {
+        if !(free && meshed && self.is_far(layout.domain.neglected)) {
             return Ok(None);
         }
         self.hotter(&layout.domain)

@@ -123,7 +123,7 @@ impl Reach {
         let mut reason = "its courses bring it no nearer".to_owned();
         let (mut lengths, mut stalls, mut side) = (1, 0, None);
         // It crosses between these, whatever was seen in between.
-        let mut bracket = [0.0, f64::INFINITY];
+        let mut bracket = [0.0_f64; 2];
         let stiff = problem.0.contact().stiffness(0.0) > 0.0;
         let courses = self.lengths + PASSES;
         for pass in 0..courses {
@@ -180,9 +180,11 @@ impl Reach {
                     });
                 }
             };
+            // Where no value is certain, the end of the longest course.
+            let end = times.last().map_or(bracket[1], |t| bracket[1].max(*t));
             bracket = [
                 crossing.below.unwrap_or(bracket[0]),
-                crossing.above.unwrap_or(bracket[1]),
+                crossing.above.unwrap_or(end),
             ];
             let tolerance = self.settings.tolerance * crossing.t;
             let error = crossing.error();
