@@ -22,8 +22,8 @@
 //! p over it stays of order 1 wherever p does, and for A = 0 it is the stationary law. Where a drive throws motions it is as hot as
 //! their highest energy over [`SPANNED`] asks ([`Forcing::spanning`]).
 //!
-//! So is p over the stationary law beyond bounds where it begins far above it: at e^89 rounding leaves nothing of it. Without
-//! any excitation too it is then taken against a law as hot as [`SPANNED`] asks.
+//! So is p over the stationary law beyond bounds where it begins far above it: at e^89 rounding leaves nothing of it. With an
+//! excitation or without it is then taken against a law as hot as [`SPANNED`] asks.
 
 use super::ornstein_uhlenbeck::Kick;
 use super::policy::SPANNED;
@@ -113,20 +113,9 @@ impl Forcing {
         }))
     }
 
-    /// No excitation, but energies up to `highest` above the lowest potential: a hotter law that p is taken against. None where
-    /// the stationary law itself will do.
-    pub(crate) fn hot(
-        oscillator: &Oscillator,
-        initial: &Initial,
-        highest: f64,
-    ) -> Result<Option<Self>> {
-        let above = highest / SPANNED.get() - oscillator.temperature();
-        if above <= 0.0 {
-            return Ok(None);
-        }
-        let swing = (2.0 * above).sqrt();
-        let it = Self::by(oscillator, initial, &Excitation::default(), (0.0, swing))?;
-        Ok(Some(Self { swing: 0.0, ..it }))
+    /// No excitation: what p is taken against is the stationary law, until it is made to span more.
+    pub(crate) fn none(oscillator: &Oscillator, initial: &Initial) -> Result<Self> {
+        Self::by(oscillator, initial, &Excitation::default(), (0.0, 0.0))
     }
 
     fn by(

@@ -41,7 +41,7 @@ pub(super) fn begun(task: &Task) -> Result<Option<Table>> {
         match both {
             (Ok(run), Ok(other)) => {
                 let scales = scales(task, &run);
-                let mut table = difference(&run, &other, &scales);
+                let mut table = difference(task, [&run, &other], &scales);
                 for (x, scale) in table.iter_mut().flatten().zip(scales.iter().flatten()) {
                     *x = if *x == 0.0 {
                         0.0

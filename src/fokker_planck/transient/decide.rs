@@ -174,33 +174,42 @@ impl Question<'_> {
     }
 
     /// A hotter law to take p against, for a flow map of an initial condition of which the domain holds energies that p over
-    /// the stationary law does not span. The tails of that law itself ask for no other.
+    /// the law it is taken against does not span. The tails of that law itself ask for no other.
     fn hot(&self, layout: &Layout, first_grid: FirstGrid) -> Result<Option<Arc<Forcing>>> {
         let highest = 0.5 * layout.domain.v[1].powi(2);
         if let Some(forcing) = self.forcing.filter(|it| it.throws(self.oscillator)) {
             return Ok(Some(Arc::new(forcing.spanning(highest)?)));
         }
-        let free = self.forcing.is_none() && self.period.is_none();
         let meshed = self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;
-        if !(free && meshed && self.is_far(layout.domain.neglected)) {
+        if !(meshed && self.period.is_none() && self.is_far(layout.domain.neglected)) {
             return Ok(None);
         }
         self.hotter(&layout.domain)
     }
 
-    /// Whether more of the initial condition than is neglected lies at energies that p over the stationary law does not span.
+    /// The oscillator whose stationary law p is taken against.
+    fn reference(&self) -> &Oscillator {
+        self.forcing.map_or(self.oscillator, |it| it.reference())
+    }
+
+    /// Whether more of the initial condition than is neglected lies at energies that p over that law does not span.
     fn is_far(&self, neglected: f64) -> bool {
-        let spanned = SPANNED.get() * self.oscillator.temperature();
+        let spanned = SPANNED.get() * self.reference().temperature();
         start_outside(self.oscillator, self.initial, spanned) > neglected
     }
 
-    /// The law that holds the energies of a domain to what p may span; None where the stationary law does.
+    /// The law that holds the energies of a domain to what p may span; None where that which p is taken against does.
     fn hotter(&self, domain: &Domain) -> Result<Option<Arc<Forcing>>> {
-        if !self.oscillator.contact().is_confining() {
+        let highest = 0.5 * domain.v[1].powi(2);
+        let spanned = SPANNED.get() * self.reference().temperature();
+        if !self.oscillator.contact().is_confining() || highest <= spanned {
             return Ok(None);
         }
-        let highest = 0.5 * domain.v[1].powi(2);
-        Ok(Forcing::hot(self.oscillator, self.initial, highest)?.map(Arc::new))
+        let forcing = match self.forcing {
+            Some(forcing) => forcing.spanning(highest)?,
+            None => Forcing::none(self.oscillator, self.initial)?.spanning(highest)?,
+        };
+        Ok(Some(Arc::new(forcing)))
     }
 
     /// What takes over where cells of the scene do not hold its initial condition: the same after a moving local grid, or
@@ -239,24 +248,18 @@ impl Question<'_> {
     /// the method is free.
     fn otherwise(&self, draft: &Recipe) -> Result<Option<Recipe>> {
         let other = self.other_grid(draft)?;
-        let calm = self.forcing.is_none_or(|it| !it.acts());
-        let free = self.settings.method.is_none() && calm && self.period.is_none();
+        let free = self.settings.method.is_none() && self.period.is_none();
         if other.is_some() || !free {
             return Ok(other);
         }
         // The farthest that cells were tried for.
         let farthest = draft.left_out((STEEPER_TRIES - 1) as f64);
-        let reference = self
-            .forcing
-            .map_or(self.oscillator, |it| it.reference())
-            .temperature();
         let hotter = if self.is_far(farthest) {
             let grid = (draft.first_grid, draft.layout.focused);
             self.hotter(&self.domain(grid, farthest)?)?
         } else {
             None
         };
-        let hotter = hotter.filter(|it| it.reference().temperature() > reference);
         let hotter = hotter.map(|it| {
             let forcing = Some(&it);
             Question { forcing, ..*self }.by_layout(draft.layout, draft.first_grid)

@@ -5,9 +5,11 @@ use super::output::Output;
 use super::recipe::{Rung, Scheme};
 use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin};
+use crate::excitation::Drive;
 use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
+use std::iter::repeat_n;
 
 /// One value per number of [`Moments::named`] and output time.
 pub(super) type Table = Vec<PerMoment<f64>>;
@@ -58,17 +60,41 @@ fn plain(fine: &Run, coarse: &Run) -> Table {
     rows.map(row).collect()
 }
 
-/// Differences none of which is far below those of the moments that the motion turns into it nor, of a periodic law, below
-/// those of other phases.
-fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
+/// The largest relative difference of each number about every output time under a drive: what is wrong at one phase comes to
+/// every other. About are those within the same half of a period as it and in the two beside it.
+fn about(drive: &Drive, run: &Run, plain: &Table, scales: &Table) -> Table {
+    let half = |it: &Output| (2.0 * it.t / drive.period()).floor();
+    let mut rows = plain.iter().zip(scales);
+    let mut halves: Vec<(usize, PerMoment<f64>)> = Vec::new();
+    for outputs in run.outputs.chunk_by(|a, b| half(a) == half(b)) {
+        let mut largest = [0.0_f64; 11];
+        for (row, scale) in rows.by_ref().take(outputs.len()) {
+            for (largest, (x, scale)) in largest.iter_mut().zip(row.iter().zip(scale)) {
+                let x = Some(x / scale).filter(|x| x.is_finite());
+                *largest = x.map_or(*largest, |x| x.max(*largest));
+            }
+        }
+        halves.push((outputs.len(), largest));
+    }
+    let largest = |k: usize| {
+        let beside = &halves[k.saturating_sub(1)..(k + 2).min(halves.len())];
+        std::array::from_fn(|i| beside.iter().map(|it| it.1[i]).fold(0.0, f64::max))
+    };
+    let each = halves.iter().enumerate();
+    each.flat_map(|(k, (count, _))| repeat_n(largest(k), *count))
+        .collect()
+}
+
+/// Differences none of which is far below those of the moments that the motion turns into it nor, under a drive, below those of
+/// other phases.
+fn pooled(task: &Task, run: &Run, plain: &Table, scales: &Table) -> Table {
     let mut table = plain.clone();
-    if run.floquet.is_some() {
-        // What is wrong with a periodic law comes from every phase to every other.
-        for i in 0..Moment::ALL.len() {
-            let phases = plain.iter().map(|row| row[i]);
-            let largest = phases.filter(|x| x.is_finite()).fold(0.0, f64::max);
-            for row in &mut table {
-                row[i] = row[i].max(CARRIED.get() * largest);
+    let forcing = task.recipe.forcing.as_ref();
+    if let Some(drive) = forcing.and_then(|it| it.excitation().drive) {
+        let about = about(&drive, run, plain, scales);
+        for ((row, about), scale) in table.iter_mut().zip(&about).zip(scales) {
+            for ((x, about), scale) in row.iter_mut().zip(about).zip(scale) {
+                *x = x.max(CARRIED.get() * about * scale);
             }
         }
     }
@@ -88,8 +114,8 @@ fn pooled(run: &Run, plain: &Table, scales: &Table) -> Table {
 }
 
 /// The differences of a run to another, none far below those of its neighbours.
-pub(super) fn difference(run: &Run, other: &Run, scales: &Table) -> Table {
-    pooled(run, &plain(run, other), scales)
+pub(super) fn difference(task: &Task, [run, other]: [&Run; 2], scales: &Table) -> Table {
+    pooled(task, run, &plain(run, other), scales)
 }
 
 /// What a change of the density by its L1 norm weighs in each number, over its normalisation: more in what weighs the
@@ -167,12 +193,13 @@ fn safety(rung: &Rung) -> f64 {
 /// What the differences of three runs, `stride` rungs apart, say of the error of the finest. No order is believed: runs
 /// nearer to each other differ by less of their errors.
 fn of_differences(
+    task: &Task,
     (rung, stride): (&Rung, f64),
     fine: &Run,
     [now, before]: [&Table; 2],
     scales: &Table,
 ) -> Table {
-    let [mut now, before] = [now, before].map(|table| pooled(fine, table, scales));
+    let [mut now, before] = [now, before].map(|table| pooled(task, fine, table, scales));
     let factor = safety(rung) / stride;
     for (now, before) in now.iter_mut().flatten().zip(before.iter().flatten()) {
         let before = if before.is_finite() { *before } else { 0.0 };
@@ -197,7 +224,7 @@ impl Errors {
     ) -> Self {
         let scales = scales(task, fine);
         let (now, before) = (plain(fine, coarse), plain(coarse, coarsest));
-        let space = of_differences((rung, stride), fine, [&now, &before], &scales);
+        let space = of_differences(task, (rung, stride), fine, [&now, &before], &scales);
         let mut errors = Self::beside(task, space, scales, [coarse, fine]);
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
@@ -241,7 +268,7 @@ impl Errors {
     /// Those of a fine run from its difference to a coarse one, `factor` times.
     pub(super) fn between(task: &Task, run: &Run, coarse: &Run, factor: f64) -> Self {
         let scales = scales(task, run);
-        let mut space = difference(run, coarse, &scales);
+        let mut space = difference(task, [run, coarse], &scales);
         for x in space.iter_mut().flatten() {
             *x *= factor;
         }
@@ -292,8 +319,12 @@ impl Errors {
 
     /// Adds what steps of the scene do, from two runs on the mesh of a rung, one with half of them: of order 2 or more, and of
     /// order 1 where an output time cuts few of them.
-    pub(super) fn with_steps(mut self, rung: &Rung, run: &Run, halved: &Run) -> Self {
-        self.time = difference(run, halved, &self.scales);
+    pub(super) fn with_steps(
+        mut self,
+        (task, rung): (&Task, &Rung),
+        [run, halved]: [&Run; 2],
+    ) -> Self {
+        self.time = difference(task, [run, halved], &self.scales);
         for x in self.time.iter_mut().flatten() {
             *x *= safety(rung);
         }

@@ -197,7 +197,7 @@ impl<'a> Ladder<'a> {
         if let [coarsest, coarse, fine] = &self.runs[..] {
             let mut errors = Errors::of(&self.task, (rung, self.stride), [coarsest, coarse, fine]);
             if let (Some(halved), Some(whole)) = (&self.halved, &self.whole) {
-                errors = errors.with_steps(rung, whole, halved);
+                errors = errors.with_steps((&self.task, rung), [whole, halved]);
             }
             if !fine.is_none() {
                 self.ratios.push(errors.worst(fine).0 / recipe.tolerance);
