@@ -286,7 +286,7 @@ impl Scene {
                     || transient_cost(&self.oscillator, initial, times, settings),
                     0.3,
                 );
-                (cost.expect("its cells").0.cells, ms)
+                (cost.expect("a recipe").0.cells.expect("its cells"), ms)
             }
             // Of the law at rest, which has the domain but for the drive's swing.
             Asked::Periodic(..) | Asked::Response(_) => {
@@ -295,7 +295,7 @@ impl Scene {
                     || transient_cost(&self.oscillator, &initial, &[1.0], settings),
                     0.3,
                 );
-                (cost.expect("its cells").0.cells, ms)
+                (cost.expect("a recipe").0.cells.expect("its cells"), ms)
             }
         }
     }

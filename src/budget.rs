@@ -76,13 +76,13 @@ pub(crate) mod timing {
 /// What a computation will take, as far as can be said without doing it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Cost {
-    /// Cells in q and v, of a mesh.
-    pub cells: [usize; 2],
+    /// Cells in q and v; None without a mesh.
+    pub cells: Option<[usize; 2]>,
     /// Steps of the fine run, or of each path or record.
     pub steps: u64,
     /// Bytes.
     pub memory: u64,
-    /// Seconds.
+    /// Seconds on this machine, roughly.
     pub seconds: f64,
 }
 

@@ -8,10 +8,10 @@ mod run;
 mod stage;
 mod watch;
 
-pub use stage::{Cost, Part, Refusal, Stage};
+pub use stage::{Part, Refusal, Stage};
 pub use watch::Watch;
 
-pub use crate::budget::StopFlag;
+pub use crate::budget::{Cost, StopFlag};
 use crate::clock::Clock;
 use crate::error::{Error, Result};
 use crate::fokker_planck::Settings;
@@ -85,12 +85,12 @@ impl Plan {
             if needed_by.is_empty() {
                 continue;
             }
-            let (cost, recipe, checked) = match plan.foresee(part) {
-                Ok((cost, recipe)) => {
+            let (method, cost, recipe, checked) = match plan.foresee(part) {
+                Ok((method, cost, recipe)) => {
                     let checked = plan.check_cost(part, &cost);
-                    (cost, Some(recipe), checked)
+                    (method, cost, Some(recipe), checked)
                 }
-                Err(error) => (Cost::default(), None, Err(error)),
+                Err(error) => (String::new(), Cost::default(), None, Err(error)),
             };
             let refusal = match checked.map_err(|error| plan.as_typed(error)) {
                 Ok(()) => None,
@@ -101,6 +101,7 @@ impl Plan {
             plan.stages.push(Stage {
                 part,
                 needed_by,
+                method,
                 cost,
                 refusal,
             });

@@ -90,14 +90,14 @@ fn every_built_in_transient_has_its_recipe() {
             _ => vec![],
         };
         let plan = planned(words[0], &set);
-        let found = &stage(&plan, Part::Transient).cost;
+        let found = stage(&plan, Part::Transient);
         println!("{name}: {found:?}");
         let (head, reason) = found.method.split_once("; ").unwrap();
         let moves = reason.contains("small mesh");
         let as_expected = head == method
             && reason.ends_with(grid)
             && moves != grid.is_empty()
-            && (found.cells, found.steps) == (Some(cells), steps);
+            && (found.cost.cells, found.cost.steps) == (Some(cells), steps);
         if !as_expected {
             others.push(name);
         }
@@ -190,10 +190,10 @@ fn every_built_in_sample_has_its_recipe() {
     for (name, expected) in recipes {
         let plan = planned(name, &[]);
         for (part, words, steps) in expected {
-            let found = &stage(&plan, *part).cost;
+            let found = stage(&plan, *part);
             println!("{name}: {found:?}");
             assert!(found.method.starts_with(words), "{name}: {}", found.method);
-            assert_eq!(found.steps, *steps, "{name}");
+            assert_eq!(found.cost.steps, *steps, "{name}");
             // No companion, for the bias of a step.
             assert!(!found.method.contains("as many by"), "{name}");
         }
@@ -233,7 +233,7 @@ fn every_question_of_the_default_scene_has_its_recipe() {
         ("spectrum", [113, 108], 14),
     ];
     assert_eq!(found, expected);
-    let rates = &stage(&plan, Part::DecayRates).cost.method;
+    let rates = &stage(&plan, Part::DecayRates).method;
     assert!(rates.contains("9 shifts up to 2.00i"), "{rates}");
     assert!(rates.contains("a real rate must be among them"), "{rates}");
 }

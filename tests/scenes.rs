@@ -1031,7 +1031,7 @@ fn only_what_asks_for_records_gets_them() {
         assert_eq!(names, parts, "{name}");
         let records = plan.stages().iter().find(|it| it.part == Part::Records);
         if let Some(it) = records {
-            assert!(it.cost.steps > 0 && it.cost.memory_bytes > 0 && it.cost.seconds > 0.0);
+            assert!(it.cost.steps > 0 && it.cost.memory > 0 && it.cost.seconds > 0.0);
             assert!(!it.needed_by.is_empty(), "{name}");
         }
         let again = SceneText::parse(name, &text.scene().to_toml(), &[]).unwrap();

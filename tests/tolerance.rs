@@ -163,7 +163,7 @@ fn a_limit_of_memory_ends_refinement_with_its_name_and_the_best_so_far() {
     println!("{shortfall}");
     assert!(shortfall.free && shortfall.reason.contains("max_memory"));
     let count = |[q, v]: [usize; 2]| (q * v) as f64;
-    assert!(count(it.method.cells) < count(size.cells));
+    assert!(count(it.method.cells) < count(size.cells.unwrap()));
 }
 
 #[test]

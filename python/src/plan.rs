@@ -23,7 +23,7 @@ impl Plan {
             json!({
                 "name": it.part.name(),
                 "needed_by": it.needed_by,
-                "method": it.cost.method,
+                "method": it.method,
                 "cells": it.cost.cells,
                 "steps": it.cost.steps,
                 "memory_bytes": it.memory_bytes(),

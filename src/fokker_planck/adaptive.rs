@@ -1,7 +1,7 @@
 //! From a tolerance to an answer, the same for every question: a run, a finer one, an error estimate from their
 //! difference, and so on until that is within the tolerance, there is nothing finer, or a limit says stop.
 
-use super::budget::{Limits, Work};
+use super::budget::{Cost, Limits};
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::format::{bytes, seconds as in_words};
@@ -36,16 +36,15 @@ pub(super) trait Question: Sized {
 /// What a question asks for next.
 pub(super) enum Next {
     /// A run that takes `now`; the tolerance will not be reached without one that takes `then`.
-    Run { now: Work, then: Option<Work> },
+    Run { now: Cost, then: Option<Cost> },
     /// Nothing, and why.
     Stop(String),
 }
 
 impl Next {
     /// A run after which the tolerance may be reached.
-    pub(super) fn run(now: impl Into<Work>) -> Self {
-        let (now, then) = (now.into(), None);
-        Self::Run { now, then }
+    pub(super) fn run(now: Cost) -> Self {
+        Self::Run { now, then: None }
     }
 
     /// Nothing, and why.
@@ -58,7 +57,7 @@ impl Next {
         done: usize,
         most: usize,
         given: bool,
-        work: impl Fn(usize) -> Work,
+        work: impl Fn(usize) -> Cost,
     ) -> Self {
         if done >= 3 && given {
             return Self::stop("its cells are those of the scene");
@@ -189,7 +188,7 @@ pub(super) fn pursue<Q: Question>(
 
 /// What the limits do not allow of a run, in words and as an error; `pace` is what the last one took over what was
 /// foreseen of it.
-fn excess(work: Work, name: &str, pace: Option<f64>, limits: &Limits) -> Option<(String, Error)> {
+fn excess(work: Cost, name: &str, pace: Option<f64>, limits: &Limits) -> Option<(String, Error)> {
     let (seconds, left) = (work.seconds * pace.unwrap_or(1.0), limits.left().max(0.0));
     if work.memory > limits.memory {
         let what = format!("{name} would need about {}", bytes(work.memory));

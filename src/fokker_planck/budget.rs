@@ -16,23 +16,6 @@ pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Work {
-    /// Seconds.
-    pub(super) seconds: f64,
-    /// Bytes.
-    pub(super) memory: u64,
-}
-
-impl From<Cost> for Work {
-    fn from(it: Cost) -> Self {
-        Self {
-            seconds: it.seconds,
-            memory: it.memory,
-        }
-    }
-}
-
 /// What a run factors of the generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Factors {

@@ -3,7 +3,8 @@
 
 use super::Plan;
 use super::recipes::Recipe;
-use super::stage::{Cost, Part};
+use super::stage::Part;
+use crate::budget::Cost;
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::{
@@ -27,8 +28,8 @@ const WELCH_SEGMENTS: usize = 5;
 const LEVEL: f64 = 0.05;
 
 impl Plan {
-    /// How a part will be computed, and at what cost.
-    pub(super) fn foresee(&self, part: Part) -> Result<(Cost, Recipe)> {
+    /// How a part will be computed, in words too, and at what cost.
+    pub(super) fn foresee(&self, part: Part) -> Result<(String, Cost, Recipe)> {
         let Scene {
             oscillator,
             initial,
@@ -39,61 +40,59 @@ impl Plan {
         Ok(match part {
             Part::Stationary | Part::Crossings if !oscillator.is_viscous() => {
                 let it = StationaryState::of(oscillator, settings)?;
-                let mut cost = Cost::on_mesh(it.cost, StationaryState::WORDS.into());
+                let mut cost = it.cost;
                 // What one stage has solved for serves the other.
                 if self.has(Part::Stationary) {
                     (cost.seconds, cost.steps) = (0.0, 0);
                 }
-                (cost, Recipe::Stationary(it))
+                (StationaryState::WORDS.into(), cost, Recipe::Stationary(it))
             }
             Part::Stationary | Part::Crossings => {
                 let cost = Cost {
-                    method: "closed form by adaptive quadrature".into(),
-                    cells: None,
-                    steps: 0,
-                    memory_bytes: 1 << 16,
+                    memory: 1 << 16,
                     // The law of the flights has a quadrature in each of its points.
                     seconds: if part == Part::Crossings { 0.2 } else { 1e-3 },
+                    ..Cost::default()
                 };
-                (cost, Recipe::ClosedForm)
+                let method = "closed form by adaptive quadrature".into();
+                (method, cost, Recipe::ClosedForm)
             }
             Part::FirstLoss => {
                 let until = outputs.first_loss.unwrap_or(0.0);
                 let it = FirstPassage::of(oscillator, initial, until, settings)?;
-                (Cost::on_mesh(it.cost, it.words()), Recipe::FirstPassage(it))
+                (it.words(), it.cost, Recipe::FirstPassage(it))
             }
             Part::FirstPassage => {
                 let it = FirstPassage::of_level(oscillator, initial, self.passage()?, settings)?;
-                (Cost::on_mesh(it.cost, it.words()), Recipe::FirstPassage(it))
+                (it.words(), it.cost, Recipe::FirstPassage(it))
             }
             Part::Transient => {
                 let it = fokker_planck::Recipe::of(oscillator, initial, &self.times(), settings)?;
-                (Cost::on_mesh(it.cost, it.words()), Recipe::Transient(it))
+                (it.words(), it.cost, Recipe::Transient(it))
             }
             Part::Reach => self.foresee_reach()?,
             Part::Periodic => {
                 let phases = outputs.periodic.unwrap_or(0);
                 let it = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), settings)?;
-                (Cost::on_mesh(it.cost(), it.words()), Recipe::Periodic(it))
+                (it.words(), it.cost(), Recipe::Periodic(it))
             }
             Part::Response => {
                 let frequencies = outputs.response.map_or(Vec::new(), |it| it.frequencies());
                 let it = ResponseCurve::of(oscillator, &frequencies, settings)?;
-                (Cost::on_mesh(it.cost, it.words()), Recipe::Response(it))
+                (it.words(), it.cost, Recipe::Response(it))
             }
             Part::Steady => {
                 let it = SteadyState::of(oscillator, settings)?;
-                (Cost::on_mesh(it.cost, it.words()), Recipe::Steady(it))
+                (it.words(), it.cost, Recipe::Steady(it))
             }
             Part::DecayRates => {
                 let it = Eigenvalues::of(oscillator, outputs.decay_rates, settings)?;
-                (Cost::on_mesh(it.cost, it.words()), Recipe::DecayRates(it))
+                (it.words(), it.cost, Recipe::DecayRates(it))
             }
             Part::Spectrum => {
                 let until = outputs.spectrum.map_or(0.0, |it| it.until);
                 let it = Resolvent::of(oscillator, until, settings);
-                let cost = Cost::on_mesh(it.cost, Resolvent::METHOD.into());
-                (cost, Recipe::Spectrum(it))
+                (Resolvent::METHOD.into(), it.cost, Recipe::Spectrum(it))
             }
             Part::Series => {
                 let it = Series::of(oscillator, self.welch()?.1, &sampling)?;
@@ -102,36 +101,34 @@ impl Plan {
                     "Welch: {records} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}",
                     it.words()
                 );
-                let mut cost = Cost::of_sample(it.cost, method);
+                let mut cost = it.cost;
                 // The periodograms.
-                cost.memory_bytes += 8 * records * WELCH_SAMPLES as u64 / 2;
-                (cost, Recipe::Series(it))
+                cost.memory += 8 * records * WELCH_SAMPLES as u64 / 2;
+                (method, cost, Recipe::Series(it))
             }
             Part::MonteCarlo => {
                 let times = outputs.moments_at.list();
                 let it = Ensemble::of(oscillator, initial, &times, &sampling)?;
-                (Cost::of_sample(it.cost, it.words()), Recipe::Ensemble(it))
+                (it.words(), it.cost, Recipe::Ensemble(it))
             }
             Part::FirstLossPaths => {
                 let until = outputs.first_loss.unwrap_or(0.0);
                 let it = FirstLosses::of(oscillator, initial, until, &sampling)?;
-                let cost = Cost::of_sample(it.cost, it.words());
-                (cost, Recipe::FirstLosses(it))
+                (it.words(), it.cost, Recipe::FirstLosses(it))
             }
             Part::FirstPassagePaths => {
                 let it = FirstLosses::of_level(oscillator, initial, self.passage()?, &sampling)?;
-                let cost = Cost::of_sample(it.cost, it.words());
-                (cost, Recipe::FirstLosses(it))
+                (it.words(), it.cost, Recipe::FirstLosses(it))
             }
             Part::Records => {
                 let it = Records::of(oscillator, &sampling)?;
-                (Cost::of_sample(it.cost, it.words()), Recipe::Records(it))
+                (it.words(), it.cost, Recipe::Records(it))
             }
         })
     }
 
     /// The first time at a level, and the stationary value that it is a fraction of.
-    fn foresee_reach(&self) -> Result<(Cost, Recipe)> {
+    fn foresee_reach(&self) -> Result<(String, Cost, Recipe)> {
         let asked = self.scene.outputs.reach;
         let ReachRequest { quantity, fraction } =
             asked.ok_or_else(|| Error::invalid("outputs.reach", "nothing", "a moment"))?;
@@ -141,7 +138,7 @@ impl Plan {
             ..
         } = &self.scene;
         let it = Reach::of((oscillator, initial), quantity, fraction, &self.settings)?;
-        let mut cost = Cost::on_mesh(it.cost, it.words());
+        let (method, mut cost) = (it.words(), it.cost);
         let mut level = None;
         if oscillator.is_viscous() {
             reached(quantity, &Stationary::of(oscillator)?.moments())?;
@@ -157,7 +154,7 @@ impl Plan {
             cost.seconds += law.cost.seconds;
             level = Some(law);
         }
-        Ok((cost, Recipe::Reach(it, quantity, level)))
+        Ok((method, cost, Recipe::Reach(it, quantity, level)))
     }
 
     /// Level, side and time of the first passage asked for.

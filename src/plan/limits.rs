@@ -1,7 +1,8 @@
 //! What a plan refuses: sizes beyond the limits of the scene, said in the keys and units of the scene.
 
 use super::Plan;
-use super::stage::{Cost, Part};
+use super::stage::Part;
+use crate::budget::Cost;
 use crate::error::{Error, Result};
 use crate::format::{brief, bytes, num};
 
@@ -58,8 +59,8 @@ impl Plan {
             return Err(Error::invalid(key, num(value), accepted));
         }
         let limit = self.scene.accuracy.max_memory;
-        if cost.memory_bytes > limit {
-            let (need, limit) = (bytes(cost.memory_bytes), bytes(limit));
+        if cost.memory > limit {
+            let (need, limit) = (bytes(cost.memory), bytes(limit));
             let what = format!("the {} stage would need {need}", part.name());
             return Err(match self.scene.method.cells {
                 Some([q, v]) if cost.cells.is_some() => {

@@ -1,6 +1,6 @@
 //! One stage of a plan: which question it answers, for which outputs, and what it will cost.
 
-use crate::budget;
+use crate::budget::Cost;
 use crate::error::Error;
 
 /// One part of a plan.
@@ -10,7 +10,9 @@ pub struct Stage {
     pub part: Part,
     /// The outputs that need it, as keys of the scene.
     pub needed_by: Vec<&'static str>,
-    /// What it will cost.
+    /// How it will be computed, and why so.
+    pub method: String,
+    /// What it will cost; nothing if it was refused before that is known.
     pub cost: Cost,
     /// Why it will not be run; the others are.
     pub refusal: Option<Refusal>,
@@ -42,7 +44,7 @@ impl Stage {
 
     /// Bytes that it is foreseen to hold.
     pub fn memory_bytes(&self) -> u64 {
-        self.refusal.as_ref().map_or(self.cost.memory_bytes, |_| 0)
+        self.refusal.as_ref().map_or(self.cost.memory, |_| 0)
     }
 }
 
@@ -145,39 +147,5 @@ impl Part {
                 | Self::Series
                 | Self::Records
         )
-    }
-}
-
-/// The expected cost of a stage; nothing of one that was refused before it was known.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Cost {
-    /// How it will be computed, and why so.
-    pub method: String,
-    /// Cells in q and v; None without a mesh.
-    pub cells: Option<[usize; 2]>,
-    /// Time steps, of each path or record for Monte Carlo.
-    pub steps: u64,
-    /// Bytes.
-    pub memory_bytes: u64,
-    /// Seconds on this machine, roughly.
-    pub seconds: f64,
-}
-
-impl Cost {
-    pub(super) fn on_mesh(it: budget::Cost, method: String) -> Self {
-        Self {
-            cells: Some(it.cells),
-            ..Self::of_sample(it, method)
-        }
-    }
-
-    pub(super) fn of_sample(it: budget::Cost, method: String) -> Self {
-        Self {
-            method,
-            cells: None,
-            steps: it.steps,
-            memory_bytes: it.memory,
-            seconds: it.seconds,
-        }
     }
 }

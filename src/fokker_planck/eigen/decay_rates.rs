@@ -24,7 +24,7 @@
 
 use crate::error::Result;
 use crate::estimate::Shortfall;
-use crate::fokker_planck::budget::{Cost, Work, timing};
+use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::hermite::{Resolution, Rise, Warmth, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
@@ -135,6 +135,7 @@ impl Eigenvalues {
             local,
             tolerance: settings.tolerance,
             cost: Cost {
+                cells: Some([0; 2]),
                 steps: SHIFTS as u64 + 6,
                 ..Cost::default()
             },
@@ -147,7 +148,7 @@ impl Eigenvalues {
             it.edge = f64::NEG_INFINITY;
         }
         let last = it.foreseen() - 1;
-        it.cost.cells = it.resolution(last).functions();
+        it.cost.cells = Some(it.resolution(last).functions());
         it.cost.memory = it.work(last).memory;
         it.cost.seconds = (0..=last).map(|level| it.work(level).seconds).sum();
         Ok(it)
@@ -191,7 +192,7 @@ impl Eigenvalues {
 
     /// What a resolution takes: the first looks near every shift, later ones near two or three, with half as many
     /// vectors.
-    pub(super) fn work(&self, level: usize) -> Work {
+    pub(super) fn work(&self, level: usize) -> Cost {
         let it = self.resolution(level);
         let (places, vectors) = if level == 0 {
             (SHIFTS, self.vectors)
@@ -210,9 +211,10 @@ impl Eigenvalues {
         let operations = factor + 48.0 * reads;
         // Factors and vectors of the shifts that are worked on at the same time.
         let held = 16 * (MOST_VECTORS * self.vectors * it.len()) as u64;
-        Work {
+        Cost {
             seconds: places as f64 * operations * timing::OPERATION / threads,
             memory: (it.memory() + held) * threads as u64,
+            ..Cost::default()
         }
     }
 }

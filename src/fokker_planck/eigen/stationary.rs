@@ -5,7 +5,7 @@
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
-use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::budget::{Cost, Limits, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, at_least, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, Rise, work};
 use crate::fokker_planck::settings::Settings;
@@ -123,7 +123,7 @@ impl StationaryState {
                 ..Cost::default()
             },
         };
-        it.cost.cells = it.resolution(2).functions();
+        it.cost.cells = Some(it.resolution(2).functions());
         it.cost.memory = it.work(2).memory;
         it.cost.seconds = (0..3).map(|level| it.work(level).seconds).sum();
         Ok(it)
@@ -137,11 +137,12 @@ impl StationaryState {
         self.first.refined(level)
     }
 
-    fn work(&self, level: usize) -> Work {
+    fn work(&self, level: usize) -> Cost {
         let (memory, operations) = work(self.resolution(level));
-        Work {
+        Cost {
             seconds: operations * timing::OPERATION,
             memory,
+            ..Cost::default()
         }
     }
 

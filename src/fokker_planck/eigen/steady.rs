@@ -100,7 +100,7 @@ impl SteadyState {
             asked: settings.moments.clone(),
             integrates: oscillator.is_viscous(),
             cost: Cost {
-                cells,
+                cells: Some(cells),
                 steps: SOLVES as u64,
                 memory: budget::memory(cells, drift, Factors::Real),
                 seconds: 2.0 * n * wide * (timing::LU + SOLVES * timing::SOLVE),

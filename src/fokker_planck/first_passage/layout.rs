@@ -318,7 +318,7 @@ impl Layout {
             _ => timing::ABSORBED_MAP,
         };
         Cost {
-            cells: self.nodes,
+            cells: Some(self.nodes),
             steps: steps as u64,
             memory: self.memory_bytes(oscillator) as u64,
             // The runs that measure the error take longer than the fine one.

@@ -153,8 +153,13 @@ impl ResponseCurve {
         let threads = rayon::current_num_threads() as u64;
         let all = count as f64 / points.len().max(1) as f64;
         let costs = points.iter().map(PeriodicLaw::cost);
-        let cost = costs.fold(Cost::default(), |sum, it| Cost {
-            cells: [0, 1].map(|k| sum.cells[k].max(it.cells[k])),
+        let larger = |(a, b): ([usize; 2], [usize; 2])| [a[0].max(b[0]), a[1].max(b[1])];
+        let none = Cost {
+            cells: Some([0; 2]),
+            ..Cost::default()
+        };
+        let cost = costs.fold(none, |sum, it| Cost {
+            cells: sum.cells.zip(it.cells).map(larger),
             steps: sum.steps + (all * it.steps as f64) as u64,
             memory: sum.memory.max(it.memory.saturating_mul(threads)),
             seconds: sum.seconds + all * it.seconds / threads as f64,

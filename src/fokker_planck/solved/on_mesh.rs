@@ -7,7 +7,7 @@
 //! where it is lost, and as much wider in flight and at high speeds as makes their number the same for any height.
 
 use crate::error::Result;
-use crate::fokker_planck::budget::{Factors, Work, factoring, memory};
+use crate::fokker_planck::budget::{Cost, Factors, factoring, memory};
 use crate::fokker_planck::difference::lagrange;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
@@ -136,11 +136,12 @@ impl OnMesh {
     pub(in crate::fokker_planck) fn work(
         oscillator: &Oscillator,
         refinement: usize,
-    ) -> Result<Work> {
+    ) -> Result<Cost> {
         let (_, mesh) = laid_out(oscillator, refinement)?;
-        Ok(Work {
+        Ok(Cost {
             seconds: factoring(mesh.cells(), DRIFT, Factors::Real),
             memory: memory(mesh.cells(), DRIFT, Factors::Real),
+            ..Cost::default()
         })
     }
 

@@ -5,7 +5,7 @@ use super::reduced::{Answer, Form, POWERS, Reduced};
 use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
-use crate::fokker_planck::budget::{Cost, Limits, Work, timing};
+use crate::fokker_planck::budget::{Cost, Limits, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_nearby};
 use crate::fokker_planck::hermite::{
     Adjoint, Hierarchy, Resolution, Rise, Warmth, lost_digits, work as friction_work,
@@ -87,7 +87,7 @@ impl Resolvent {
             .map(|k| rounds.min(k as f64));
         let fits = |rounds: &f64| foreseen(*rounds).memory <= settings.max_memory;
         let rounds = fewer.find(fits).unwrap_or(1.0);
-        let Work { seconds, memory } = foreseen(rounds);
+        let last = foreseen(rounds);
         Self {
             first,
             given: settings.cells.is_some(),
@@ -95,11 +95,11 @@ impl Resolvent {
             solves,
             local,
             cost: Cost {
-                cells: first.finer(rounds).functions(),
+                cells: Some(first.finer(rounds).functions()),
                 steps: solves as u64,
-                memory,
+                memory: last.memory,
                 // The coarser operators take a third as much again.
-                seconds: 1.35 * seconds + (rounds + 1.0) * OVERHEAD,
+                seconds: 1.35 * last.seconds + (rounds + 1.0) * OVERHEAD,
             },
         }
     }
@@ -140,7 +140,7 @@ impl Resolvent {
 const OVERHEAD: f64 = 0.015;
 
 /// What the model of one resolution takes.
-fn work(it: Resolution, solves: f64, local: bool) -> Work {
+fn work(it: Resolution, solves: f64, local: bool) -> Cost {
     let threads = rayon::current_num_threads() as f64;
     // The transpose is an operator of its own where friction depends on the displacement.
     let (sides, memory, operations) = if local {
@@ -154,9 +154,10 @@ fn work(it: Resolution, solves: f64, local: bool) -> Work {
     let states = 4.0 * 8.0 * vectors * it.len() as f64;
     // Few rows at a time.
     let products = timing::NESTED * 12.0 * vectors * vectors * it.len() as f64;
-    Work {
+    Cost {
         seconds: (sides * solves * operations + products) * timing::OPERATION / threads,
         memory: memory * threads as u64 + states as u64,
+        ..Cost::default()
     }
 }
 

@@ -56,7 +56,9 @@ pub(super) fn foreseen(
         };
         seconds += cost(&rung(shown)?.halved())?.seconds;
     }
-    let seconds = budget::on_threads(last.cells, seconds);
+    let seconds = last
+        .cells
+        .map_or(seconds, |it| budget::on_threads(it, seconds));
     // The stationary law that distances are taken to.
     let (bytes, operations) = if oscillator.damping().has_closed_form() {
         (0, 0.0)
@@ -138,7 +140,7 @@ fn lasting(
     // Vectors, their products, and the numbers at each phase.
     let beside = timing::STAGE * PERIODS * PERIODS / 4.0 + timing::LOOK * times.len() as f64;
     Ok(Cost {
-        cells,
+        cells: Some(cells),
         steps: (PERIODS * steps + phase_steps).ceil() as u64,
         memory: (n * (held * each + rest) + vectors) as u64,
         seconds: n * (passing + building + beside),
@@ -165,7 +167,7 @@ pub(super) fn run(
         // The local grid's own frame, the same whatever the mesh would be.
         let cells = [side; 2];
         return Ok(Cost {
-            cells,
+            cells: Some(cells),
             steps: bill.steps.ceil() as u64,
             memory: budget::memory(cells, rung.drift(), Factors::None),
             seconds: bill.seconds,
@@ -243,7 +245,7 @@ pub(super) fn run(
         }
     };
     Ok(Cost {
-        cells,
+        cells: Some(cells),
         steps: steps.ceil() as u64,
         memory: bytes as u64,
         seconds: seconds + n * timing::LOOK * looks + start_up.map_or(0.0, |it| it.seconds),

@@ -8,7 +8,7 @@ use super::report::Transient;
 use super::run::{Run, Task};
 use crate::error::{Error, Result};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
-use crate::fokker_planck::budget::Work;
+use crate::fokker_planck::budget::Cost;
 use crate::fokker_planck::layout::STEEPER_TRIES;
 use crate::fokker_planck::policy::{LADDER_RATIO, SLOWEST};
 use rayon::prelude::*;
@@ -142,13 +142,13 @@ impl<'a> Ladder<'a> {
     }
 
     /// What a rung is foreseen to take.
-    fn work(&mut self, which: (f64, bool)) -> Result<Work> {
+    fn work(&mut self, which: (f64, bool)) -> Result<Cost> {
         let rung = self.rung(which)?;
         self.task.work(&rung, self.task.times)
     }
 
     /// What the next rung takes with those that are run beside it: at first as many as an answer needs, if they fit.
-    fn together(&mut self) -> Result<Work> {
+    fn together(&mut self) -> Result<Cost> {
         let (r, halved) = self.next;
         let mut all = self.work((r, halved))?;
         self.beside = vec![(r, halved)];

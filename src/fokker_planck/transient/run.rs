@@ -6,7 +6,7 @@ use super::propagator::{self, Propagator};
 use super::recipe::{Recipe, Rung, Scheme};
 use super::start_up::StartUp;
 use crate::error::{Error, Result};
-use crate::fokker_planck::budget::{self, Limits, Work};
+use crate::fokker_planck::budget::{self, Cost, Limits};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::domain::Domain;
@@ -87,9 +87,9 @@ impl Task<'_> {
     }
 
     /// What a run through `times` is foreseen to take.
-    pub(super) fn work(&self, rung: &Rung, times: &[f64]) -> Result<Work> {
+    pub(super) fn work(&self, rung: &Rung, times: &[f64]) -> Result<Cost> {
         let memory = self.limits.memory;
-        cost::run(rung, self.oscillator, self.initial, times, memory).map(Work::from)
+        cost::run(rung, self.oscillator, self.initial, times, memory)
     }
 
     /// Whether there is a stationary law, and it is known.

@@ -76,7 +76,7 @@ fn costs(table: &mut Table, plan: &Plan) {
         let [cells, steps, memory, time] = match stage.refusal {
             Some(_) => [""; 4].map(|_| "-".into()),
             None => {
-                let (memory, time) = (bytes(cost.memory_bytes), seconds(cost.seconds));
+                let (memory, time) = (bytes(cost.memory), seconds(cost.seconds));
                 [
                     cells.unwrap_or("no mesh".into()),
                     cost.steps.to_string(),
@@ -96,7 +96,7 @@ fn costs(table: &mut Table, plan: &Plan) {
         let name = format!("{:<21}", stage.part.name());
         match &stage.refusal {
             Some(it) => table.paragraph(&name, &format!("not run: {}", it.error())),
-            None => table.paragraph(&name, &stage.cost.method),
+            None => table.paragraph(&name, &stage.method),
         }
     }
 }
