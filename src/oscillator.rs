@@ -332,6 +332,25 @@ impl Side {
     }
 }
 
+/// Where a first passage ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Target {
+    /// At the loss of contact.
+    Loss,
+    /// At a level of q.
+    Level(f64, Side),
+}
+
+impl Target {
+    /// The key of a scene that asks for it.
+    pub(crate) fn key(self) -> &'static str {
+        match self {
+            Self::Loss => "outputs.first_loss",
+            Self::Level(..) => "outputs.first_passage",
+        }
+    }
+}
+
 /// What a spectrum is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quantity {

@@ -33,7 +33,7 @@ use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
-pub(crate) use crate::oscillator::{Quantity, Side};
+pub(crate) use crate::oscillator::Quantity;
 use crate::rig::Rig;
 use std::f64::consts::TAU;
 

@@ -16,7 +16,7 @@ use crate::first_step;
 use crate::format::brief;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
-use crate::oscillator::{Oscillator, Side};
+use crate::oscillator::{Oscillator, Side, Target};
 use crate::roots::bisect;
 use rayon::prelude::*;
 
@@ -67,7 +67,7 @@ pub fn first_loss(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLossResult> {
     let until = times.last().copied().unwrap_or(0.0);
-    let recipe = FirstLosses::of(oscillator, initial, until, settings)?;
+    let recipe = FirstLosses::of(oscillator, initial, (Target::Loss, until), settings)?;
     recipe.run((oscillator, initial), times, settings.limits(), progress)
 }
 
@@ -85,7 +85,8 @@ pub fn first_passage(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLossResult> {
     let until = times.last().copied().unwrap_or(0.0);
-    let recipe = FirstLosses::of_level(oscillator, initial, (level, side, until), settings)?;
+    let target = Target::Level(level, side);
+    let recipe = FirstLosses::of(oscillator, initial, (target, until), settings)?;
     recipe.run((oscillator, initial), times, settings.limits(), progress)
 }
 
@@ -96,9 +97,9 @@ pub(crate) struct FirstLosses {
     pub(crate) paths: u64,
     /// The last time.
     pub(crate) until: f64,
-    /// Where paths survive, and whether it ends at the loss of contact.
+    target: Target,
+    /// Where paths survive.
     range: [f64; 2],
-    level: bool,
     /// Time before 0 in which paths come from the reference law to the stationary one.
     run_in: f64,
     /// What the step may cost, relative to a variance.
@@ -110,53 +111,24 @@ pub(crate) struct FirstLosses {
 }
 
 impl FirstLosses {
-    /// The recipe of first losses up to the time `until`.
+    /// The recipe of first passages up to the time `until`.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a step that is not positive, noise that is not white, a law that cannot lose contact, or a
-    /// scheme that does not locate losses.
+    /// scheme that does not locate crossings.
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,
-        until: f64,
+        (target, until): (Target, f64),
         settings: &Sampling,
     ) -> Result<Self> {
-        let range = [oscillator.contact().loss_for("first_loss")?, f64::INFINITY];
-        Self::out_of((range, false), oscillator, initial, until, settings)
-    }
-
-    /// The recipe of first passages of a level up to the time `until`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Invalid`] for a step that is not positive, noise that is not white, or a scheme that does not locate
-    /// crossings.
-    pub(crate) fn of_level(
-        oscillator: &Oscillator,
-        initial: &Initial,
-        (level, side, until): (f64, Side, f64),
-        settings: &Sampling,
-    ) -> Result<Self> {
-        let range = match side {
-            Side::Below => [level, f64::INFINITY],
-            Side::Above => [f64::NEG_INFINITY, level],
-            Side::Either => [-level, level],
+        let range = match target {
+            Target::Loss => [oscillator.contact().loss_for("first_loss")?, f64::INFINITY],
+            Target::Level(level, Side::Below) => [level, f64::INFINITY],
+            Target::Level(level, Side::Above) => [f64::NEG_INFINITY, level],
+            Target::Level(level, Side::Either) => [-level, level],
         };
-        Self::out_of((range, true), oscillator, initial, until, settings)
-    }
-
-    fn out_of(
-        (range, level): ([f64; 2], bool),
-        oscillator: &Oscillator,
-        initial: &Initial,
-        until: f64,
-        settings: &Sampling,
-    ) -> Result<Self> {
-        let key = if level {
-            "outputs.first_passage"
-        } else {
-            "outputs.first_loss"
-        };
-        walk::check_ensemble(settings.paths, &[until], key)?;
+        walk::check_ensemble(settings.paths, &[until], target.key())?;
         let mut walk = Walk::locating(oscillator, initial, settings)?;
         let undecided = |step| first_step::undecided(initial, oscillator, range, step);
         if settings.step.is_none() {
@@ -175,8 +147,8 @@ impl FirstLosses {
         Ok(Self {
             paths: settings.paths,
             until,
+            target,
             range,
-            level,
             run_in,
             bias: walk.bias_on_the_way(oscillator, initial, until),
             undecided: undecided(step),
@@ -221,7 +193,7 @@ impl FirstLosses {
             },
             run_in: (before > 0)
                 .then(|| (before, length, self.walk.coefficients(oscillator, length))),
-            range: self.level.then_some(self.range),
+            range: (self.target != Target::Loss).then_some(self.range),
             count: self.paths,
             times,
             end,
@@ -256,10 +228,9 @@ impl FirstLosses {
             (variance / (n - 1.0)).sqrt()
         };
         let names = || {
-            let stage = if self.level {
-                "first_passage_paths"
-            } else {
-                "first_loss_paths"
+            let stage = match self.target {
+                Target::Loss => "first_loss_paths",
+                Target::Level(..) => "first_passage_paths",
             };
             let at = |t: &f64| {
                 ["survival", "density"].map(|name| name_at(&format!("{stage}.{name}"), *t))

@@ -13,6 +13,7 @@ use crate::fokker_planck::{
 };
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{self, Ensemble, FirstLosses, Records, Samples, Sampling, Series};
+use crate::oscillator::Target;
 use crate::scene::{self, MonteCarlo, ReachRequest, Scene, SpectrumRequest};
 use crate::spectrum::Welch;
 use crate::stationary::Stationary;
@@ -57,13 +58,8 @@ impl Plan {
                 let method = "closed form by adaptive quadrature".into();
                 (method, cost, Recipe::ClosedForm)
             }
-            Part::FirstLoss => {
-                let until = outputs.first_loss.unwrap_or(0.0);
-                let it = FirstPassage::of(oscillator, initial, until, settings)?;
-                (it.words(), it.cost, Recipe::FirstPassage(it))
-            }
-            Part::FirstPassage => {
-                let it = FirstPassage::of_level(oscillator, initial, self.passage()?, settings)?;
+            Part::FirstLoss | Part::FirstPassage => {
+                let it = FirstPassage::of(oscillator, initial, self.target(part)?, settings)?;
                 (it.words(), it.cost, Recipe::FirstPassage(it))
             }
             Part::Transient => {
@@ -111,13 +107,8 @@ impl Plan {
                 let it = Ensemble::of(oscillator, initial, &times, &sampling)?;
                 (it.words(), it.cost, Recipe::Ensemble(it))
             }
-            Part::FirstLossPaths => {
-                let until = outputs.first_loss.unwrap_or(0.0);
-                let it = FirstLosses::of(oscillator, initial, until, &sampling)?;
-                (it.words(), it.cost, Recipe::FirstLosses(it))
-            }
-            Part::FirstPassagePaths => {
-                let it = FirstLosses::of_level(oscillator, initial, self.passage()?, &sampling)?;
+            Part::FirstLossPaths | Part::FirstPassagePaths => {
+                let it = FirstLosses::of(oscillator, initial, self.target(part)?, &sampling)?;
                 (it.words(), it.cost, Recipe::FirstLosses(it))
             }
             Part::Records => {
@@ -157,12 +148,15 @@ impl Plan {
         Ok((method, cost, Recipe::Reach(it, quantity, level)))
     }
 
-    /// Level, side and time of the first passage asked for.
-    fn passage(&self) -> Result<(f64, scene::Side, f64)> {
-        let asked = self.scene.outputs.first_passage;
-        let it =
-            asked.ok_or_else(|| Error::invalid("outputs.first_passage", "nothing", "a level"))?;
-        Ok((it.level, it.side, it.until))
+    /// Target and time of the first passage that a part is of.
+    fn target(&self, part: Part) -> Result<(Target, f64)> {
+        let outputs = &self.scene.outputs;
+        if matches!(part, Part::FirstLoss | Part::FirstLossPaths) {
+            return Ok((Target::Loss, outputs.first_loss.unwrap_or(0.0)));
+        }
+        let it = (outputs.first_passage)
+            .ok_or_else(|| Error::invalid("outputs.first_passage", "nothing", "a level"))?;
+        Ok((Target::Level(it.level, it.side), it.until))
     }
 
     /// Welch's method as in the paper, section 5.3.2, and the records it needs.

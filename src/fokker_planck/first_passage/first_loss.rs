@@ -25,7 +25,7 @@ use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::settings::{Method, Settings};
 use crate::fokker_planck::solved::Settled;
 use crate::initial::Initial;
-use crate::oscillator::{Oscillator, Side};
+use crate::oscillator::{Oscillator, Side, Target};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
@@ -84,46 +84,22 @@ pub(crate) struct FirstPassage {
 }
 
 impl FirstPassage {
-    /// The recipe for the first loss of contact from `initial`, up to the time `until`.
+    /// The recipe from `initial`, up to the time `until`.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for a contact law that cannot lose contact, or a time, tolerance or step that is not
-    /// positive; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
+    /// Those of [`first_loss`] and [`first_passage`], but for [`Error::Limit`](crate::Error::Limit).
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,
-        until: f64,
+        (target, until): (Target, f64),
         settings: &Settings,
     ) -> Result<Self> {
-        positive("outputs.first_loss.until", until)?;
-        let barrier = Barrier::loss(oscillator)?;
-        let name = "the first loss of contact";
-        Self::beyond(oscillator, initial, (name, barrier, until), settings)
-    }
-
-    /// The recipe for the first passage of a level of q from `initial`, up to the time `until`.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for a level that is not finite, that rest has passed, or of `either` and not
-    /// positive, or for a time, tolerance or step that is not; [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a law that does not confine.
-    pub(crate) fn of_level(
-        oscillator: &Oscillator,
-        initial: &Initial,
-        (level, side, until): (f64, Side, f64),
-        settings: &Settings,
-    ) -> Result<Self> {
-        positive("outputs.first_passage.until", until)?;
-        let barrier = Barrier::of(level, side, initial)?;
-        let name = "the first passage of the level";
-        Self::beyond(oscillator, initial, (name, barrier, until), settings)
-    }
-
-    fn beyond(
-        oscillator: &Oscillator,
-        initial: &Initial,
-        (name, barrier, until): (&'static str, Barrier, f64),
-        settings: &Settings,
-    ) -> Result<Self> {
+        positive(&format!("{}.until", target.key()), until)?;
+        let barrier = Barrier::of(target, oscillator, initial)?;
+        let name = match target {
+            Target::Loss => "the first loss of contact",
+            Target::Level(..) => "the first passage of the level",
+        };
         positive("accuracy.tolerance", settings.tolerance)?;
         if let Some(step) = settings.step {
             positive("method.step", step)?;
@@ -256,7 +232,7 @@ pub fn first_loss(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
-    let recipe = FirstPassage::of(oscillator, initial, until, settings)?;
+    let recipe = FirstPassage::of(oscillator, initial, (Target::Loss, until), settings)?;
     recipe.solve(oscillator, initial, &settings.limits(), progress)
 }
 
@@ -270,11 +246,12 @@ pub fn first_loss(
 pub fn first_passage(
     oscillator: &Oscillator,
     initial: &Initial,
-    passage: (f64, Side, f64),
+    (level, side, until): (f64, Side, f64),
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
-    let recipe = FirstPassage::of_level(oscillator, initial, passage, settings)?;
+    let target = Target::Level(level, side);
+    let recipe = FirstPassage::of(oscillator, initial, (target, until), settings)?;
     recipe.solve(oscillator, initial, &settings.limits(), progress)
 }
 

@@ -8,7 +8,7 @@ use crate::first_step;
 use crate::fokker_planck::solved::Law;
 use crate::fokker_planck::trajectory::Motion;
 use crate::initial::Initial;
-use crate::oscillator::{DisplacementLaw, Oscillator, Side};
+use crate::oscillator::{DisplacementLaw, Oscillator, Side, Target};
 
 /// Levels at which a motion is absorbed, in x = sign q.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,23 +22,22 @@ pub(crate) struct Barrier {
 }
 
 impl Barrier {
-    /// The loss of contact.
+    /// Those of a target.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a law that cannot lose contact.
-    pub(super) fn loss(oscillator: &Oscillator) -> Result<Self> {
-        Ok(Self {
-            sign: 1.0,
-            low: oscillator.contact().loss_for("first_loss")?,
-            high: None,
-        })
-    }
-
-    /// A level of q.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for a level that is not finite, not above 0 where its negative is one too, or that rest has passed.
-    pub(super) fn of(level: f64, side: Side, initial: &Initial) -> Result<Self> {
+    /// [`Error::Invalid`] for a law that cannot lose contact; for a level that is not finite, not above 0 where its negative is
+    /// one too, or that rest has passed.
+    pub(super) fn of(target: Target, oscillator: &Oscillator, initial: &Initial) -> Result<Self> {
+        let (level, side) = match target {
+            Target::Loss => {
+                return Ok(Self {
+                    sign: 1.0,
+                    low: oscillator.contact().loss_for("first_loss")?,
+                    high: None,
+                });
+            }
+            Target::Level(level, side) => (level, side),
+        };
         let key = "outputs.first_passage.level";
         if !level.is_finite() {
             return Err(Error::invalid(key, level, "a finite displacement"));

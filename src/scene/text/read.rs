@@ -11,11 +11,11 @@ use crate::fokker_planck::{TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
-use crate::oscillator::Oscillator;
+use crate::oscillator::{Oscillator, Side};
 use crate::rig::Rig;
 use crate::scene::{
     Accuracy, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, Quantity, ReachRequest,
-    ResponseRequest, Scene, Side, SpectrumRequest,
+    ResponseRequest, Scene, SpectrumRequest,
 };
 use std::path::Path;
 
