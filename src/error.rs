@@ -17,16 +17,6 @@ pub enum Error {
         /// What would have been accepted.
         accepted: String,
     },
-    /// A key of the scene format that this version does not compute yet.
-    #[error("{key} is not available yet in version {version}: {instead}")]
-    NotAvailable {
-        /// The key of the scene.
-        key: String,
-        /// The version of this program.
-        version: &'static str,
-        /// What can be asked for in its place.
-        instead: String,
-    },
     /// A question about the stationary law of an oscillator that has none.
     #[error("{what} needs a stationary law, and the contact law \"{contact}\" has none: {why}")]
     NoStationaryLaw {
@@ -161,10 +151,7 @@ impl Error {
     pub fn is_refusal(&self) -> bool {
         matches!(
             self,
-            Self::Invalid { .. }
-                | Self::NotAvailable { .. }
-                | Self::NoStationaryLaw { .. }
-                | Self::Mesh { .. }
+            Self::Invalid { .. } | Self::NoStationaryLaw { .. } | Self::Mesh { .. }
         )
     }
 
@@ -174,15 +161,6 @@ impl Error {
             self,
             Self::Limit { .. } | Self::Unresolved { .. } | Self::Linear { .. }
         )
-    }
-
-    /// [`Error::NotAvailable`] for a key of the scene format.
-    pub(crate) fn not_available(key: impl Into<String>, instead: impl Into<String>) -> Self {
-        Self::NotAvailable {
-            key: key.into(),
-            version: env!("CARGO_PKG_VERSION"),
-            instead: instead.into(),
-        }
     }
 }
 

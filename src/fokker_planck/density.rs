@@ -41,7 +41,7 @@ impl Density {
     ///
     /// # Errors
     /// [`Error::Mesh`] if a Gaussian is narrower than 1.5 cells of a central scheme;
-    /// [`Error::NotAvailable`] for a start at rest, which no mesh can hold.
+    /// [`Error::Invalid`] for a start at rest, which no mesh can hold.
     pub fn start(generator: &Generator, initial: &Initial) -> Result<Self> {
         let upwind = generator.drift() == Drift::Upwind;
         let cells = (generator.mesh(), generator.columns());
@@ -61,9 +61,10 @@ impl Density {
         exact: bool,
     ) -> Result<Self> {
         match *initial {
-            Initial::Rest => Err(Error::not_available(
-                "initial.kind = \"rest\" for the Fokker-Planck solver",
-                "a \"gaussian\" initial condition with a small deviation",
+            Initial::Rest => Err(Error::invalid(
+                "initial.kind",
+                "\"rest\"",
+                "on a mesh, a \"gaussian\" initial condition with a small deviation",
             )),
             Initial::Stationary => Ok(Self::weighed(mesh, columns, weights)),
             Initial::Gaussian { mean, deviation } => {

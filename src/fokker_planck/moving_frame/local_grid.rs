@@ -76,7 +76,7 @@ impl LocalGrid {
     /// most, is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
     ///
     /// # Errors
-    /// [`Error::NotAvailable`] for a stationary start.
+    /// [`Error::Invalid`] for a stationary start.
     pub(crate) fn new(
         (oscillator, forcing): (&Oscillator, Option<Arc<Forcing>>),
         initial: &Initial,
@@ -87,10 +87,9 @@ impl LocalGrid {
             Initial::Gaussian { mean, deviation } => (mean, deviation),
             Initial::Rest => ([0.0; 2], [0.0; 2]),
             Initial::Stationary => {
-                return Err(Error::not_available(
-                    "a moving local grid from the stationary law",
-                    "a \"gaussian\" initial condition or \"rest\"",
-                ));
+                let accepted =
+                    "on a moving local grid, a \"gaussian\" initial condition or \"rest\"";
+                return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
             }
         };
         let half = (fineness.reach / fineness.cell).ceil();

@@ -289,16 +289,6 @@ impl Document {
                 self.wrong(&message, "here", Some(&help), at)
                     .about(key, Some(value.clone()))
             }
-            Error::NotAvailable {
-                key,
-                version,
-                instead,
-            } => {
-                let message = format!("{key} is not available yet in version {version}");
-                let value = self.find(key).map(|node| node.value.shown());
-                self.wrong(&message, "not available yet", Some(instead), place(key))
-                    .about(key, value)
-            }
             Error::Limit { key, limit, .. } => self
                 .wrong(&error.to_string(), "this limit", None, place(key))
                 .about(*key, Some(limit.clone())),
