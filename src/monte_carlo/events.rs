@@ -149,12 +149,6 @@ impl Watch for Deaf {
     fn cross(&mut self, _: usize, _: bool, _: f64, _: f64) {}
 }
 
-/// Bins of flight times, for an oscillator of deviation of v `deviation`, falling with acceleration `fall`: the speed
-/// of a loss has the Rayleigh law of that deviation, and a flight lasts 2 speed/fall without noise.
-pub(super) fn flight_bins(deviation: f64, fall: f64, count: usize) -> Bins {
-    Bins::new(0.0, 10.0 * deviation / fall, count)
-}
-
 /// Bins of what is counted at a return: the time of flight, the speed, and cells of both.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReturnBins {
@@ -167,12 +161,12 @@ pub(super) struct ReturnBins {
 const CELLS: [usize; 2] = [24, 16];
 
 impl ReturnBins {
-    /// For an oscillator of deviation of v `deviation`, falling with acceleration `fall`.
+    /// For an oscillator of deviation of v `deviation`, falling with acceleration `fall`: the speed of a loss has the
+    /// Rayleigh law of that deviation, and a flight lasts 2 speed/fall without noise.
     pub(super) fn new(deviation: f64, fall: f64, count: usize) -> Self {
-        let flight = flight_bins(deviation, fall, count);
         let longest = 8.0 * deviation / fall;
         Self {
-            flight,
+            flight: Bins::new(0.0, 10.0 * deviation / fall, count),
             speed: Bins::new(0.0, 5.0 * deviation, count),
             cells: [
                 Bins::new(0.0, longest, CELLS[0]),

@@ -125,7 +125,8 @@ impl Scene {
             require(holds, key, num(spectrum.until), accepted)?;
         }
         if let Some(until) = outputs.first_loss {
-            self.check_first_loss(until)?;
+            self.check_lost("first_loss", "until", until)?;
+            self.check_white("outputs.first_loss")?;
         }
         if let Some(passage) = outputs.first_passage {
             self.check_first_passage(passage)?;
@@ -158,11 +159,6 @@ impl Scene {
         let begins = self.initial != Initial::Stationary;
         let accepted = "\"gaussian\" or \"rest\" with outputs.reach: the stationary law is there from the start";
         require(begins, "initial.kind", "\"stationary\"", accepted)
-    }
-
-    fn check_first_loss(&self, until: f64) -> Result<()> {
-        self.check_lost("first_loss", "until", until)?;
-        self.check_white("outputs.first_loss")
     }
 
     /// Refuses paths under noise whose past counts.

@@ -345,15 +345,11 @@ impl Space {
                     return Ok(lost);
                 }
             }
-            if modes[0].error() <= enough || modes[0].is_rounding(least) || self.is_full() {
+            let full = self.images.len() >= FULL.min(self.basis.len());
+            if full || modes[0].error() <= enough || modes[0].is_rounding(least) {
                 return Ok(None);
             }
         }
-    }
-
-    /// Whether it holds as many vectors as it may, or all that there are.
-    fn is_full(&self) -> bool {
-        self.images.len() >= FULL.min(self.basis.len())
     }
 
     /// H: a row for each vector, a column for each whose image is known.

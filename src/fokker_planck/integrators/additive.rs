@@ -148,7 +148,10 @@ impl Additive {
                         // U = rhs + GAMMA dt B U gives B U without applying B.
                         now.copy_from_slice(stage);
                         banded.solve(&(cells.start / nv..cells.end / nv), stage, work);
-                        difference(now, stage, 1.0 / (GAMMA * dt));
+                        let per_step = 1.0 / (GAMMA * dt);
+                        for (now, stage) in now.iter_mut().zip(&*stage) {
+                            *now = (stage - *now) * per_step;
+                        }
                     });
             }
             let stage = &*stage;
@@ -185,13 +188,6 @@ fn times(x: &mut [f64], a: &[f64], b: &[f64]) {
 fn add(x: &mut [f64], a: f64, y: &[f64], b: f64, z: &[f64]) {
     for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
         *x += a * y + b * z;
-    }
-}
-
-/// `x = (y - x) a`.
-fn difference(x: &mut [f64], y: &[f64], a: f64) {
-    for (x, y) in x.iter_mut().zip(y) {
-        *x = (y - *x) * a;
     }
 }
 

@@ -24,13 +24,6 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// What a neglected probability weighs in a second moment, over its normalisation: the square of the
-    /// energy at the edge of the domain over T.
-    pub(crate) fn tail_weight(&self, temperature: f64) -> f64 {
-        let energy = 0.5 * self.v[1].powi(2) / temperature;
-        (energy * energy).max(100.0)
-    }
-
     /// What the neglected probability weighs in each of [`Moments::named`], over the normalisation: the mean of
     /// |q - E q|/sd q, of its square, and so on, over the stationary law outside the domain, plus 1 for the
     /// probability itself, which is somewhere inside instead. Skewness and kurtosis are functions of raw moments of the
@@ -39,7 +32,9 @@ impl Domain {
     /// [`Moments::named`]: crate::moments::Moments::named
     pub(crate) fn tail_weights(&self, oscillator: &Oscillator) -> [f64; 11] {
         let t = oscillator.temperature();
-        let usual = [self.tail_weight(t); 11];
+        // In a second moment: the square of the energy at the edge of the domain over T.
+        let energy = 0.5 * self.v[1].powi(2) / t;
+        let usual = [(energy * energy).max(100.0); 11];
         let Ok(law) = oscillator.displacement_law() else {
             return usual;
         };

@@ -255,7 +255,11 @@ pub(super) fn build(
         }
         Scheme::Volumes(time) => {
             let generator = Generator::new(oscillator, mesh, rung.drift())?;
-            let tolerance = time_share(time) * rung.tolerance;
+            let share = match time {
+                TimeScheme::Explicit => SERIES_SHARE.get(),
+                _ => SHARE.get(),
+            };
+            let tolerance = share * rung.tolerance;
             let step = match (time, rung.step) {
                 (TimeScheme::BackwardEuler, _) => Some(step_of(rung, oscillator, mesh, until)),
                 (_, step) => step,
@@ -275,13 +279,6 @@ pub(super) fn upwind_excess(oscillator: &Oscillator, mesh: &Mesh) -> f64 {
     let width = |axis: &Axis, x: f64| axis.at(axis.locate(x)).1;
     let cells = width(&mesh.q, 0.0) + width(&mesh.v, 0.0);
     0.4 * cells / (2.0 * oscillator.zeta() * oscillator.temperature().sqrt())
-}
-
-fn time_share(time: TimeScheme) -> f64 {
-    match time {
-        TimeScheme::Explicit => SERIES_SHARE.get(),
-        _ => SHARE.get(),
-    }
 }
 
 /// Time over which errors add up before the oscillator forgets them.

@@ -63,11 +63,6 @@ impl Multiplier {
     pub fn modulus(&self) -> f64 {
         self.re.hypot(self.im)
     }
-
-    /// What is above 1 by more than its error is a wave of the mesh's, not of the motion's.
-    fn is_beyond_one(&self) -> bool {
-        self.modulus() - self.error >= 1.0
-    }
 }
 
 /// What noise makes of one of two orbits under a drive, for as long as it leaves a motion there. The tolerance does not bind
@@ -139,7 +134,9 @@ fn multipliers(fine: &Run, coarse: &Run) -> [Vec<Multiplier>; 2] {
     // One that is not known to a tenth, or not from zero, is not known.
     let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
     let all = fine.multipliers.iter().map(multiplier);
-    let (waves, own): (Vec<Multiplier>, Vec<Multiplier>) = all.partition(Multiplier::is_beyond_one);
+    // What is above 1 by more than its error is a wave of the mesh's, not of the motion's.
+    let beyond_one = |it: &Multiplier| it.modulus() - it.error >= 1.0;
+    let (waves, own): (Vec<_>, Vec<_>) = all.partition(beyond_one);
     [
         own.into_iter().take_while(known).collect(),
         waves.into_iter().filter(known).collect(),
