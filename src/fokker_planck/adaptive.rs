@@ -18,9 +18,6 @@ pub(super) trait Question: Sized {
     fn ratio(&self) -> Option<f64>;
 
     /// What to do next, while that is above 1.
-    ///
-    /// # Errors
-    /// Those of the layout of a finer run.
     fn next(&mut self) -> Result<Next>;
 
     /// Does what [`Question::next`] said last.

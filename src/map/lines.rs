@@ -104,9 +104,6 @@ impl Known {
 }
 
 /// Shows every whole line of a file with its head, and tells how many others it has.
-///
-/// # Errors
-/// [`Error::Io`], and whatever `visit` answers.
 pub(super) fn heads(
     (file, path): (usize, &Path),
     mut visit: impl FnMut(Head, Known) -> Result<()>,
@@ -197,9 +194,6 @@ impl Lines {
     }
 
     /// Appends a line by one write: it is there whole, or cut off as the last one.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the system refuses.
     pub(super) fn write(&self, mut line: String) -> Result<()> {
         line.push('\n');
         // Whoever panicked had not begun to write.
@@ -209,9 +203,6 @@ impl Lines {
     }
 
     /// What was written is on the disk; of points that were computed again one line stays.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the system refuses.
     pub(super) fn close(self, again: bool) -> Result<()> {
         if let Ok(file) = self.file.lock() {
             file.sync_data().map_err(Error::io(&self.path))?;
@@ -249,9 +240,6 @@ impl Drop for Lines {
 }
 
 /// Shows every line of a file with the place where it begins, a cut-off last one too.
-///
-/// # Errors
-/// [`Error::Io`], and whatever `visit` answers.
 pub(super) fn each(path: &Path, mut visit: impl FnMut(u64, &[u8]) -> Result<()>) -> Result<()> {
     let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(Error::io(path))?);
     let (mut at, mut line) = (0, Vec::new());

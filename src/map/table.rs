@@ -190,9 +190,6 @@ impl Table {
     }
 
     /// map.npz: one array a number over the axes, and one with its errors; lists along one more axis.
-    ///
-    /// # Errors
-    /// [`crate::Error::Io`] for an archive that cannot be made.
     pub(super) fn npz(&self, axes: &[Axis]) -> Result<File> {
         let shape: Vec<usize> = axes.iter().map(|it| it.values().len()).collect();
         let shapes: Vec<Vec<usize>> = self

@@ -163,9 +163,6 @@ impl Ensemble {
 
     /// The ensemble. With a companion the error of every number is one standard error and the difference that the
     /// companion makes.
-    ///
-    /// # Errors
-    /// [`Error::NoStationaryLaw`] for a stationary start that does not exist, [`Error::Limit`].
     pub(crate) fn run(
         &self,
         question: (&Oscillator, &Initial),

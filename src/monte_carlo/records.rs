@@ -190,9 +190,6 @@ impl Records {
     }
 
     /// The records.
-    ///
-    /// # Errors
-    /// [`Error::NoStationaryLaw`], [`Error::Limit`].
     pub(crate) fn run(
         &self,
         oscillator: &Oscillator,

@@ -119,9 +119,6 @@ impl Series {
     }
 
     /// The records, as [`series`] hands them on.
-    ///
-    /// # Errors
-    /// [`Error::NoStationaryLaw`], [`Error::Limit`].
     pub(crate) fn run<T: Send>(
         &self,
         oscillator: &Oscillator,

@@ -86,9 +86,6 @@ pub(crate) struct Draft(Document);
 
 impl Draft {
     /// TOML `text` with overrides `KEY=VALUE` on top of it.
-    ///
-    /// # Errors
-    /// [`SceneError`] for text that is not TOML.
     pub(crate) fn parse(name: &str, text: &str, overrides: &[String]) -> Result<Self, SceneError> {
         let mut document = Document::parse(name, text)?;
         for text in overrides {

@@ -106,9 +106,6 @@ pub(crate) struct Eigenvalues {
 
 impl Eigenvalues {
     /// The recipe for the `count` slowest.
-    ///
-    /// # Errors
-    /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one.
     pub(crate) fn of(oscillator: &Oscillator, count: usize, settings: &Settings) -> Result<Self> {
         oscillator.displacement_law()?;
         let damping = oscillator.damping();

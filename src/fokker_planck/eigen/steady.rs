@@ -67,9 +67,6 @@ pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
 
 impl SteadyState {
     /// The recipe for an oscillator with a stationary law.
-    ///
-    /// # Errors
-    /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; those of the mesh.
     pub(crate) fn of(oscillator: &Oscillator, settings: &Settings) -> Result<Self> {
         const SOLVES: f64 = 60.0;
         let damping = oscillator.damping();

@@ -85,9 +85,6 @@ pub(crate) struct FirstPassage {
 
 impl FirstPassage {
     /// The recipe from `initial`, up to the time `until`.
-    ///
-    /// # Errors
-    /// Those of [`first_loss`] and [`first_passage`], but for [`Error::Limit`](crate::Error::Limit).
     pub(crate) fn of(
         oscillator: &Oscillator,
         initial: &Initial,
@@ -146,9 +143,6 @@ impl FirstPassage {
     }
 
     /// As [`first_loss`], by a recipe made before for the same question.
-    ///
-    /// # Errors
-    /// [`Error::Limit`](crate::Error::Limit) when time or memory do not suffice for a first answer.
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

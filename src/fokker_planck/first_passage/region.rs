@@ -79,9 +79,6 @@ impl Barrier {
     }
 
     /// What moves up to these levels: friction in contact alone is viscous where there is no flight.
-    ///
-    /// # Errors
-    /// Those of [`Oscillator::with_damping`].
     pub(super) fn inside(&self, oscillator: &Oscillator) -> Result<Oscillator> {
         let loss = oscillator.contact().loss_point();
         let in_contact = loss.is_none_or(|loss| self.sign > 0.0 && self.low >= loss);

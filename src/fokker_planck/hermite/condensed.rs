@@ -125,9 +125,6 @@ pub(super) struct Ends {
 
 impl<'a> Condensed<'a> {
     /// Eliminates the inner functions.
-    ///
-    /// # Errors
-    /// [`Error::Linear`] if a block is singular.
     pub(super) fn new(element: &'a Element, rates: &'a Rates) -> Result<Self> {
         let mut inverse: Vec<Small> = Vec::with_capacity(rates.len());
         let cd = |a: usize, b: usize| element.cd[a + 2][b + 2];

@@ -119,9 +119,6 @@ struct Inside {
 
 impl Nested {
     /// Factors a matrix by columns; `late` is asked before each element and each node.
-    ///
-    /// # Errors
-    /// [`Error::Linear`] for one that is singular; those of `late`.
     pub(super) fn factor(matrix: CsMat<C>, shape: Shape, late: &Deadline) -> Result<Self> {
         let (k, count) = (shape.pairs, shape.elements);
         let norm = norm(&matrix)?;

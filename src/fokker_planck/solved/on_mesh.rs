@@ -146,9 +146,6 @@ impl OnMesh {
     }
 
     /// The law on the mesh of a refinement.
-    ///
-    /// # Errors
-    /// Those of the mesh, the generator and the null vector.
     pub(in crate::fokker_planck) fn new(
         oscillator: &Oscillator,
         refinement: usize,

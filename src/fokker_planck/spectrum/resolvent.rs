@@ -105,9 +105,6 @@ impl Resolvent {
     }
 
     /// As [`spectrum`], by this recipe.
-    ///
-    /// # Errors
-    /// Those of [`spectrum`].
     pub(crate) fn solve(
         &self,
         oscillator: &Oscillator,

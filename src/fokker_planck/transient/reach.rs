@@ -108,9 +108,6 @@ impl Reach {
     }
 
     /// Finds the time; what the `stationary` value may be off is in its error.
-    ///
-    /// # Errors
-    /// Those of a transient, of the first course.
     pub(crate) fn solve(
         &self,
         problem: (&Oscillator, &Initial),
