@@ -45,10 +45,11 @@ pub(crate) fn spelled(unit: &str) -> &str {
     }
 }
 
-/// A unit of the manual on a rig: its SI unit, and how many of these it is. None for what has no dimension.
-pub(crate) fn si(unit: &str, rig: &Rig) -> Option<(&'static str, f64)> {
+/// A unit of the manual on a rig, that of a time as the clock has it: its SI unit, and how many of these it is. None for
+/// what has no dimension.
+fn si(unit: &str, rig: &Rig, clock: &Clock) -> Option<(&'static str, f64)> {
     let (length, speed) = (micrometre(rig), rig.velocity(1.0) * 1e3);
-    let (force, second) = (rig.newtons(1.0), rig.seconds(1.0));
+    let (force, second) = (rig.newtons(1.0), clock.seconds(rig));
     Some(match unit {
         "u" => ("um", length),
         "1/u" => ("1/um", 1.0 / length),
@@ -132,30 +133,19 @@ impl Csv {
         self
     }
 
-    /// Numbers, and their errors in the next column; `kind` is "error" or "standard error".
-    pub(super) fn numbers(
-        mut self,
-        head: &str,
-        kind: &str,
-        unit: &'static str,
-        numbers: impl IntoIterator<Item = Option<Estimate>>,
-    ) -> Self {
-        self.add(head, kind, unit, numbers);
-        self
-    }
-
-    /// The same of a curve, where every number is there.
+    /// As [`Self::add`], of a curve where every number is there.
     pub(super) fn curve(
-        self,
+        mut self,
         head: &str,
         kind: &str,
         unit: &'static str,
         curve: &[Estimate],
     ) -> Self {
-        self.numbers(head, kind, unit, curve.iter().copied().map(Some))
+        self.add(head, kind, unit, curve.iter().copied().map(Some));
+        self
     }
 
-    /// The same as [`Self::numbers`] in place.
+    /// Numbers, and their errors in the next column; `kind` is "error" or "standard error".
     pub(super) fn add(
         &mut self,
         head: &str,
@@ -174,18 +164,15 @@ impl Csv {
 
     /// The table: as it was put together, then with a rig every column that has a dimension once more in SI units.
     pub(super) fn file(mut self, name: &str) -> File {
-        let of_time = |unit: &str| matches!(unit, "W" | "1/W");
         let clock = self.clock;
+        let in_seconds =
+            |unit: &str| matches!(unit, "W" | "1/W") && clock.unit() == TimeUnit::Second;
         let mut physical = Vec::new();
         if let Some(rig) = &self.rig {
-            for it in self.columns.iter().filter(|it| it.physical) {
-                // Times are in seconds already, or in a unit of their own.
-                let (unit, scale) = match (si(it.unit, rig), of_time(it.unit)) {
-                    (None, _) => continue,
-                    (Some(_), true) if clock.unit() == TimeUnit::Second => continue,
-                    (Some((unit, _)), true) if it.unit == "1/W" => (unit, clock.seconds(rig)),
-                    (Some((unit, _)), true) => (unit, 1.0 / clock.seconds(rig)),
-                    (Some(it), false) => it,
+            let there = self.columns.iter().filter(|it| it.physical);
+            for it in there.filter(|it| !in_seconds(it.unit)) {
+                let Some((unit, scale)) = si(it.unit, rig, &clock) else {
+                    continue;
                 };
                 physical.push(Column {
                     head: it.head.clone(),
@@ -247,12 +234,7 @@ impl Rows {
         let shown = spelled(self.clock.unit().of(unit));
         let _ = write!(self.text, "{name},{},{shown}", all(1.0));
         if let Some(rig) = &self.rig {
-            let (unit, scale) = match (unit, si(unit, rig)) {
-                ("1/W", _) => ("s", self.clock.seconds(rig)),
-                ("W", _) => ("1/s", 1.0 / self.clock.seconds(rig)),
-                (_, Some(it)) => it,
-                (_, None) => ("1", 1.0),
-            };
+            let (unit, scale) = si(unit, rig, &self.clock).unwrap_or(("1", 1.0));
             let _ = write!(self.text, ",{},{unit}", all(scale));
         }
         self.text.push('\n');

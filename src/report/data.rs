@@ -83,13 +83,13 @@ pub(super) fn with_moments(mut table: Csv, moments: &[Moments], kind: &str) -> C
 pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> {
     let mut files = Vec::new();
     if !it.times.is_empty() {
-        let entropy = it.relative_entropy.clone();
-        let table = moments_csv(results, &it.times, &it.moments, "error")
+        let mut table = moments_csv(results, &it.times, &it.moments, "error")
             .curve("mass", "error", "1", &it.mass)
             .curve("lowest_density", "error", "1", &it.lowest_density)
-            .curve("negative_mass", "error", "1", &it.negative_mass)
-            .numbers("relative_entropy", "error", "1", entropy)
-            .numbers("l1_distance", "error", "1", it.distance.clone());
+            .curve("negative_mass", "error", "1", &it.negative_mass);
+        let entropy = it.relative_entropy.iter().copied();
+        table.add("relative_entropy", "error", "1", entropy);
+        table.add("l1_distance", "error", "1", it.distance.iter().copied());
         files.push(table.file("moments.csv"));
     }
     for snapshot in &it.densities {
