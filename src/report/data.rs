@@ -12,9 +12,7 @@ use crate::oscillator::Quantity;
 use crate::results::{Numbers, Results, SpectrumNumbers, dimension};
 use crate::rig::Rig;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
-use ndarray::{Array1, Array2, arr0};
-#[cfg(feature = "cli")]
-use ndarray::{ArrayD, IxDyn};
+use ndarray::{Array1, ArrayD, IxDyn, arr0};
 use ndarray_npy::{NpzWriter, WriteNpzError};
 use std::io::Cursor;
 
@@ -284,24 +282,6 @@ pub(super) fn stacked(name: String, all: &[Snapshot], rig: Option<&Rig>) -> Resu
     })
 }
 
-/// Axes and tables by name, as numpy.load reads them.
-///
-/// # Errors
-/// [`Error::Io`] for an archive that cannot be made.
-pub fn tables(
-    name: &str,
-    axes: &[(&str, Vec<f64>)],
-    tables: &[(String, Array2<f64>)],
-) -> Result<File> {
-    packed(name.into(), |npz| {
-        for (name, axis) in axes {
-            npz.add_array(*name, &Array1::from(axis.clone()))?;
-        }
-        let mut tables = tables.iter();
-        tables.try_for_each(|(name, table)| npz.add_array(name.as_str(), table))
-    })
-}
-
 type Archive = NpzWriter<Cursor<Vec<u8>>>;
 
 /// An archive of the arrays that `put` adds.
@@ -317,18 +297,17 @@ fn packed(
     }
 }
 
-#[cfg(feature = "cli")]
-/// Arrays by their names, each with its shape and its numbers in C order.
+/// Arrays by their names, each with its shape and its numbers in C order, as numpy.load reads them.
 ///
 /// # Errors
 /// [`Error::Io`] for an array whose shape is not that of its numbers.
-pub(crate) fn archive<'a>(
+pub fn archive<Shape: AsRef<[usize]>>(
     name: &str,
-    arrays: impl IntoIterator<Item = (String, &'a [usize], Vec<f64>)>,
+    arrays: impl IntoIterator<Item = (String, Shape, Vec<f64>)>,
 ) -> Result<File> {
     packed(name.into(), |npz| {
         for (name, shape, numbers) in arrays {
-            let array = ArrayD::from_shape_vec(IxDyn(shape), numbers);
+            let array = ArrayD::from_shape_vec(IxDyn(shape.as_ref()), numbers);
             let array = array.map_err(|error| {
                 WriteNpzError::Npy(std::io::Error::other(error.to_string()).into())
             })?;

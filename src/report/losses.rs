@@ -2,13 +2,12 @@
 
 use super::File;
 use super::csv::Csv;
-use super::data::{arrays, histogram, tables};
+use super::data::{archive, arrays, histogram};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::{FirstLoss, FlightLaw};
 use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
-use ndarray::Array2;
 
 /// Table and arrays of that name: survival, its complement and density of a first loss or a first passage, beside the
 /// paths.
@@ -65,19 +64,18 @@ pub(super) fn impacts(results: &Results) -> Result<Vec<File>> {
         let force = ("peak force of the undamped contact", "F");
         let (forces, density) = (&it.forces, &it.force_density);
         files.push(curve("impact_force.csv", force, "1/F", forces, density));
-        let axes = [("t", it.times.clone()), ("speed", it.speeds.clone())];
+        let axes = [("t", &it.times[..]), ("speed", &it.speeds[..])];
         let shape = [it.times.len(), it.speeds.len()];
-        files.push(joint("impacts.npz", &axes, shape, &it.density)?);
+        files.push(joint("impacts.npz", axes, shape, &it.density)?);
     }
     let seen = results.sampled_crossings().map(|(seen, _)| seen);
     if let Some(seen) = seen.filter(|it| it.mean_flight.value.is_finite()) {
         let (it, speed) = (&seen.impacts, ("speed", ["u W", "1/(u W)"]));
         let bins = &seen.impact_speed;
         files.push(histogram(results, "impacts_seen.csv", speed, bins));
-        let (times, speeds) = (it.times.clone(), it.speeds.clone());
-        let axes = [("t_edges", times), ("speed_edges", speeds)];
+        let axes = [("t_edges", &it.times[..]), ("speed_edges", &it.speeds[..])];
         let shape = [it.times.len() - 1, it.speeds.len() - 1];
-        files.push(joint("impacts_seen.npz", &axes, shape, &it.density)?);
+        files.push(joint("impacts_seen.npz", axes, shape, &it.density)?);
     }
     Ok(files)
 }
@@ -85,18 +83,18 @@ pub(super) fn impacts(results: &Results) -> Result<Vec<File>> {
 /// density[t, speed] and its error over their axes.
 fn joint(
     name: &str,
-    axes: &[(&str, Vec<f64>)],
-    [rows, columns]: [usize; 2],
+    axes: [(&str, &[f64]); 2],
+    shape: [usize; 2],
     all: &[Estimate],
 ) -> Result<File> {
-    let table = |of: &dyn Fn(&Estimate) -> f64| {
-        Array2::from_shape_fn((rows, columns), |(i, j)| {
-            all.get(i * columns + j).map_or(f64::NAN, of)
-        })
+    let axes = axes.map(|(name, at)| (name.to_owned(), vec![at.len()], at.to_vec()));
+    let table = |name: &str, of: fn(&Estimate) -> f64| {
+        let numbers = all.iter().map(of).collect();
+        (name.to_owned(), shape.to_vec(), numbers)
     };
     let both = [
-        ("density".into(), table(&|it| it.value)),
-        ("error".into(), table(&|it| it.error)),
+        table("density", |it| it.value),
+        table("error", |it| it.error),
     ];
-    tables(name, axes, &both)
+    archive(name, axes.into_iter().chain(both))
 }

@@ -4,7 +4,6 @@ use super::cosines::Procedure;
 use super::run::Run;
 use super::spectra::Spectra;
 use crate::plot::{Chart, Curve, Ink, Stroke, charts};
-use ndarray::Array2;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::error::Result;
 use vibroimpact::estimate::Estimate;
@@ -54,17 +53,17 @@ pub fn of(folder: &str, runs: &[Run], known: &Spectra) -> Result<Vec<File>> {
 fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<File> {
     let levels = runs.iter().map(|run| &run.results.scene.oscillator);
     let levels: Vec<&Oscillator> = levels.collect();
-    let mut axes = vec![("h", levels.iter().map(|it| it.h()).collect())];
+    let axis = |name: &str, at: Vec<f64>| (name.to_owned(), vec![at.len()], at);
+    let mut arrays = vec![axis("h", levels.iter().map(|it| it.h()).collect())];
     if let Some(first) = levels.first() {
-        axes.push(("omega", known.of(first)?.omega.clone()));
+        arrays.push(axis("omega", known.of(first)?.omega.clone()));
         let sampled = known.sampled(first)?;
-        axes.push(("omega_monte_carlo", sampled.omega.clone()));
+        arrays.push(axis("omega_monte_carlo", sampled.omega.clone()));
     }
     let laws = [
         ("hertz", ContactLaw::Hertz),
         ("bilinear", ContactLaw::Bilinear),
     ];
-    let mut tables = Vec::new();
     for (name, law) in laws.into_iter().take(if both { 2 } else { 1 }) {
         let mut rows: [Vec<Vec<f64>>; 4] = Default::default();
         for level in &levels {
@@ -78,14 +77,12 @@ fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<Fil
         }
         let words = ["fokker_planck", "error", "monte_carlo", "standard_error"];
         for (word, rows) in words.into_iter().zip(rows) {
-            let width = rows.first().map_or(0, Vec::len);
-            let shape = (rows.len(), width);
             // Every level has the frequencies of the first: they follow from zeta alone.
-            let table = Array2::from_shape_fn(shape, |(k, l)| rows[k][l]);
-            tables.push((format!("{name}_{word}"), table));
+            let shape = vec![rows.len(), rows.first().map_or(0, Vec::len)];
+            arrays.push((format!("{name}_{word}"), shape, rows.concat()));
         }
     }
-    data::tables(&format!("{folder}.npz"), &axes, &tables)
+    data::archive(&format!("{folder}.npz"), arrays)
 }
 
 /// p_N over N: closed form, long records as circles, the Dirac mass as a bar with its probability in the title.
