@@ -134,14 +134,9 @@ impl Limits {
         }
     }
 
-    /// The same as a share of so many seconds, which errors name.
-    pub(crate) fn share_of(self, told: f64) -> Self {
-        Self { told, ..self }
-    }
-
-    /// The same, over as soon as `stop` is raised.
-    pub(crate) fn until(self, stop: StopFlag) -> Self {
-        Self { stop, ..self }
+    /// The same as a share of so many seconds, which errors name, and over as soon as `stop` is raised.
+    pub(crate) fn share_of(self, told: f64, stop: StopFlag) -> Self {
+        Self { stop, told, ..self }
     }
 
     /// Seconds since the work began.

@@ -3,6 +3,7 @@
 use super::scheme::Scheme;
 use crate::budget::Limits;
 use crate::excitation::Excitation;
+use std::f64::consts::PI;
 
 /// Size, seed, scheme and noise of a sample, and its limits.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,30 +77,21 @@ pub enum Noise {
 }
 
 impl Noise {
-    /// What a sum of M cosines adds to the kurtosis of the stationary response, about: the resonance, of
-    /// width zeta at w = 1, holds few of them. Of M independent terms with amplitudes |H(w)|, w uniform up
-    /// to the band B, and random phases it is (3/2) E|H|^4/(E|H|^2)^2/M = 3 B/(4 pi zeta M).
-    fn excess_kurtosis(self, zeta: f64) -> f64 {
-        match self {
-            Self::Cosines { count, band } => {
-                0.75 * band / (std::f64::consts::PI * zeta * f64::from(count))
-            }
-            Self::White | Self::Band { .. } => 0.0,
-        }
-    }
-
-    /// A warning where that is more than a twentieth.
+    /// A warning where a sum of M cosines adds more than a twentieth to the kurtosis of the stationary response: the
+    /// resonance, of width zeta at w = 1, holds few of them. Of M independent terms with amplitudes |H(w)|, w uniform up
+    /// to the band B, and random phases it adds about (3/2) E|H|^4/(E|H|^2)^2/M = 3 B/(4 pi zeta M).
     pub(super) fn warning(self, zeta: f64) -> Option<String> {
-        let excess = self.excess_kurtosis(zeta);
-        let enough = |band: f64| 15.0 * band / (std::f64::consts::PI * zeta);
-        match self {
-            Self::Cosines { count, band } if excess > 0.05 => Some(format!(
+        let Self::Cosines { count, band } = self else {
+            return None;
+        };
+        let excess = 0.75 * band / (PI * zeta * f64::from(count));
+        (excess > 0.05).then(|| {
+            format!(
                 "few of the {count} cosines up to {band} fall into the resonance, of width zeta = {zeta}: the \
                  response is not Gaussian, its kurtosis about {excess:.2} above that under white noise; \
                  {:.0} cosines would do",
-                enough(band).ceil()
-            )),
-            _ => None,
-        }
+                (15.0 * band / (PI * zeta)).ceil()
+            )
+        })
     }
 }

@@ -74,8 +74,8 @@ impl Plan {
             ..
         } = &self.scene;
         let (settings, clock) = (&self.settings, &self.clock);
-        let limits = Limits::from_now(seconds, settings.max_memory).share_of(settings.max_seconds);
-        let limits = limits.until(stop.clone());
+        let limits = Limits::from_now(seconds, settings.max_memory);
+        let limits = limits.share_of(settings.max_seconds, stop.clone());
         let window = self.scene.crossings_window();
         match recipe {
             Recipe::Stationary(recipe) => {

@@ -275,15 +275,11 @@ impl Recipe {
     pub(crate) fn name(&self) -> String {
         match self.scheme {
             Scheme::Volumes(time) => {
-                format!("finite volumes, {}, {}", self.drift().name(), time.name())
+                let drift = self.layout.drift.name();
+                format!("finite volumes, {drift}, {}", time.name())
             }
             Scheme::FlowMap => "flow map, order 8".into(),
         }
-    }
-
-    /// How g is carried across faces.
-    pub(crate) fn drift(&self) -> Drift {
-        self.layout.drift
     }
 }
 

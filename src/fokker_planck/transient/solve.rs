@@ -163,7 +163,7 @@ impl Recipe {
             begun: begun.as_deref(),
             ..task
         };
-        if self.drift() == Drift::Upwind {
+        if self.layout.drift == Drift::Upwind {
             let asked = (&self.name()[..], self.is_free());
             return adaptive::pursue(Upwind::new(task)?, asked, limits, progress);
         }

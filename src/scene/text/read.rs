@@ -78,11 +78,10 @@ impl Document {
     }
 
     fn rig(&self, root: &Section<'_>) -> Read<Option<Rig>> {
-        let rig = root.section("rig")?;
-        rig.known(&["static_load", "frequency", "static_compression"])?;
-        if rig.table.is_none() {
+        let keys = &["static_load", "frequency", "static_compression"];
+        let Some(rig) = root.optional("rig", keys)? else {
             return Ok(None);
-        }
+        };
         let need = |key, accepted| rig.required(rig.number(key)?, key, accepted);
         let it = Rig::new(
             need("static_load", "a load > 0 in newtons, as 110")?,
@@ -217,8 +216,7 @@ impl Document {
     }
 
     fn outputs(root: &Section<'_>) -> Read<Option<Outputs>> {
-        let section = root.section("outputs")?;
-        section.known(&[
+        let keys = &[
             "stationary",
             "moments_at",
             "moments",
@@ -233,10 +231,10 @@ impl Document {
             "time_unit",
             "periodic",
             "response",
-        ])?;
-        if section.table.is_none() {
+        ];
+        let Some(section) = root.optional("outputs", keys)? else {
             return Ok(None);
-        }
+        };
         let mut it = Outputs {
             stationary: section.flag("stationary")?.unwrap_or(false),
             moments_at: section.times("moments_at")?,
@@ -309,11 +307,10 @@ impl Document {
     }
 
     fn monte_carlo(root: &Section<'_>) -> Read<Option<MonteCarlo>> {
-        let section = root.section("monte_carlo")?;
-        section.known(&["paths", "seed", "scheme", "noise", "step", "duration"])?;
-        if section.table.is_none() {
+        let keys = &["paths", "seed", "scheme", "noise", "step", "duration"];
+        let Some(section) = root.optional("monte_carlo", keys)? else {
             return Ok(None);
-        }
+        };
         let default = MonteCarlo::default();
         let mut noise = Noise::White;
         if let Some(Value::Table(_)) = section.value("noise") {
