@@ -181,6 +181,8 @@ impl FirstPassage {
 struct Worst {
     ratio: f64,
     number: String,
+    /// Whether the rate drowns in the rounding of a step, and the mean time with it: no mesh tells them, and the rest is judged.
+    drowned: bool,
     /// The largest part of any that comes from the mesh, and that from the step, over the tolerance.
     parts: [f64; 2],
 }
@@ -190,6 +192,15 @@ impl Worst {
     fn note(&mut self, ratio: f64, name: impl Fn() -> String) {
         if ratio > self.ratio || ratio.is_nan() {
             (self.ratio, self.number) = (ratio, name());
+        }
+    }
+
+    /// That estimate; where a number drowned, no less than what mesh and steps err, which may be what drowns it.
+    fn judged(&self) -> f64 {
+        if self.drowned {
+            self.ratio.max(self.parts.iter().sum())
+        } else {
+            self.ratio
         }
     }
 
@@ -253,16 +264,11 @@ impl Question for Task<'_> {
     type Answer = FirstLoss;
 
     fn ratio(&self) -> Option<f64> {
-        Some(self.best.as_ref()?.1.ratio)
+        Some(self.best.as_ref()?.1.judged())
     }
 
     fn next(&mut self) -> Result<Next> {
-        if let Some((_, worst)) = &self.best {
-            // All but what no mesh tells.
-            if worst.ratio.is_nan() && worst.parts.iter().sum::<f64>() <= 1.0 {
-                let text = "what is lost so seldom drowns in rounding";
-                return Ok(Next::stop(text));
-            }
+        if self.best.is_some() {
             if !self.problem.asked.is_free() {
                 let text = "its step or its cells are those of the scene";
                 return Ok(Next::stop(text));
@@ -295,7 +301,7 @@ impl Question for Task<'_> {
         self.runs = runs;
         self.layout = layout.finer(found.1.parts);
         // NaN is no error estimate.
-        let better = |best: &Worst| best.ratio.is_nan() || found.1.ratio < best.ratio;
+        let better = |best: &Worst| best.judged().is_nan() || found.1.judged() < best.judged();
         if self.best.as_ref().is_none_or(|it| better(&it.1)) {
             self.best = Some(found);
         } else {
@@ -306,10 +312,17 @@ impl Question for Task<'_> {
 
     fn answer(self, stop: Stop) -> Option<FirstLoss> {
         let (best, worst) = self.best?;
-        Some(FirstLoss {
-            shortfall: stop.shortfall(worst.number, worst.ratio, self.problem.asked.tolerance),
-            ..best
-        })
+        let (ratio, tolerance) = (worst.judged(), self.problem.asked.tolerance);
+        // No mesh would tell it.
+        let drowned = worst.drowned.then(|| Shortfall {
+            number: "rate".into(),
+            ratio: f64::NAN,
+            tolerance,
+            free: false,
+            reason: "what is lost so seldom drowns in rounding".into(),
+        });
+        let shortfall = stop.shortfall(worst.number, ratio, tolerance).or(drowned);
+        Some(FirstLoss { shortfall, ..best })
     }
 }
 
@@ -363,10 +376,11 @@ impl Task<'_> {
             worst.add(runs.errors(|run| run.survival[k]), tolerance);
         }
         let relative = |it: &Estimate| it.error / (tolerance * it.value.abs());
-        if lasts {
+        worst.drowned = !layout.driven && rate.value.is_nan();
+        if lasts && !worst.drowned {
             worst.note(relative(&mean_time), || "mean_time".into());
         }
-        if !layout.driven {
+        if !layout.driven && !worst.drowned {
             worst.note(relative(&rate), || "rate".into());
         }
         let it = FirstLoss {
