@@ -181,7 +181,7 @@ impl FirstPassage {
 struct Worst {
     ratio: f64,
     number: String,
-    /// Whether the rate drowns in the rounding of a step, and the mean time with it: no mesh tells them, and the rest is judged.
+    /// Whether the rate drowns in the rounding of a step, and the mean time with it: no mesh tells them.
     drowned: bool,
     /// The largest part of any that comes from the mesh, and that from the step, over the tolerance.
     parts: [f64; 2],
@@ -192,15 +192,6 @@ impl Worst {
     fn note(&mut self, ratio: f64, name: impl Fn() -> String) {
         if ratio > self.ratio || ratio.is_nan() {
             (self.ratio, self.number) = (ratio, name());
-        }
-    }
-
-    /// That estimate; where a number drowned, no less than what mesh and steps err, which may be what drowns it.
-    fn judged(&self) -> f64 {
-        if self.drowned {
-            self.ratio.max(self.parts.iter().sum())
-        } else {
-            self.ratio
         }
     }
 
@@ -264,7 +255,7 @@ impl Question for Task<'_> {
     type Answer = FirstLoss;
 
     fn ratio(&self) -> Option<f64> {
-        Some(self.best.as_ref()?.1.judged())
+        Some(self.best.as_ref()?.1.ratio)
     }
 
     fn next(&mut self) -> Result<Next> {
@@ -301,7 +292,7 @@ impl Question for Task<'_> {
         self.runs = runs;
         self.layout = layout.finer(found.1.parts);
         // NaN is no error estimate.
-        let better = |best: &Worst| best.judged().is_nan() || found.1.judged() < best.judged();
+        let better = |best: &Worst| best.ratio.is_nan() || found.1.ratio < best.ratio;
         if self.best.as_ref().is_none_or(|it| better(&it.1)) {
             self.best = Some(found);
         } else {
@@ -312,7 +303,7 @@ impl Question for Task<'_> {
 
     fn answer(self, stop: Stop) -> Option<FirstLoss> {
         let (best, worst) = self.best?;
-        let (ratio, tolerance) = (worst.judged(), self.problem.asked.tolerance);
+        let tolerance = self.problem.asked.tolerance;
         // No mesh would tell it.
         let drowned = worst.drowned.then(|| Shortfall {
             number: "rate".into(),
@@ -321,7 +312,9 @@ impl Question for Task<'_> {
             free: false,
             reason: "what is lost so seldom drowns in rounding".into(),
         });
-        let shortfall = stop.shortfall(worst.number, ratio, tolerance).or(drowned);
+        let shortfall = stop
+            .shortfall(worst.number, worst.ratio, tolerance)
+            .or(drowned);
         Some(FirstLoss { shortfall, ..best })
     }
 }
@@ -377,11 +370,16 @@ impl Task<'_> {
         }
         let relative = |it: &Estimate| it.error / (tolerance * it.value.abs());
         worst.drowned = !layout.driven && rate.value.is_nan();
-        if lasts && !worst.drowned {
-            worst.note(relative(&mean_time), || "mean_time".into());
-        }
-        if !layout.driven && !worst.drowned {
-            worst.note(relative(&rate), || "rate".into());
+        if worst.drowned {
+            // What mesh and steps err may be what drowns it.
+            worst.note(worst.parts.iter().sum(), || "rate".into());
+        } else {
+            if lasts {
+                worst.note(relative(&mean_time), || "mean_time".into());
+            }
+            if !layout.driven {
+                worst.note(relative(&rate), || "rate".into());
+            }
         }
         let it = FirstLoss {
             times: layout.times.clone(),

@@ -24,6 +24,11 @@ pub struct Domain {
 }
 
 impl Domain {
+    /// The energy at its edge, above the lowest potential.
+    pub(crate) fn highest(&self) -> f64 {
+        0.5 * self.v[1].powi(2)
+    }
+
     /// What the neglected probability weighs in each of [`Moments::named`], over the normalisation: the mean of
     /// |q - E q|/sd q, of its square, and so on, over the stationary law outside the domain, plus 1 for the
     /// probability itself, which is somewhere inside instead. Skewness and kurtosis are functions of raw moments of the
@@ -33,13 +38,13 @@ impl Domain {
     pub(crate) fn tail_weights(&self, oscillator: &Oscillator) -> [f64; 11] {
         let t = oscillator.temperature();
         // In a second moment: the square of the energy at the edge of the domain over T.
-        let energy = 0.5 * self.v[1].powi(2) / t;
+        let energy = self.highest() / t;
         let usual = [(energy * energy).max(100.0); 11];
         let Ok(law) = oscillator.displacement_law() else {
             return usual;
         };
         let contact = oscillator.contact();
-        let level = 0.5 * self.v[1].powi(2) + contact.lowest_potential().unwrap_or(0.0);
+        let level = self.highest() + contact.lowest_potential().unwrap_or(0.0);
         // E[|v|^k; v^2/2 > level - U] of a Gaussian of variance T, over T^{k/2}.
         let fast = |q: f64| {
             let x = ((level - contact.potential(q)).max(0.0) / t).sqrt();
@@ -241,7 +246,7 @@ impl Domain {
         };
         let contact = oscillator.contact();
         let lowest = contact.lowest_potential().unwrap_or(0.0);
-        let level = 0.5 * self.v[1] * self.v[1];
+        let level = self.highest();
         let width = (2.0 * level / oscillator.temperature()).sqrt();
         // The highest corner of what the start reaches.
         let energy = [-1.0, 1.0]
@@ -387,7 +392,7 @@ pub(crate) mod tests {
             let reached = closed.reached(&oscillator, &initial, until, neglected);
             let reached = reached.unwrap();
             assert!(reached.v[1] < 0.95 * closed.v[1], "{reached:?} {closed:?}");
-            let level = 0.5 * reached.v[1].powi(2);
+            let level = reached.highest();
             let start = Gaussian::of(&oscillator, &initial).unwrap();
             let mut most = 0.0f64;
             for k in 0..=40 {

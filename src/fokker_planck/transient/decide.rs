@@ -176,9 +176,8 @@ impl Question<'_> {
     /// A hotter law to take p against, for a flow map of an initial condition of which the domain holds energies that p over
     /// the law it is taken against does not span. The tails of that law itself ask for no other.
     fn hot(&self, layout: &Layout, first_grid: FirstGrid) -> Result<Option<Arc<Forcing>>> {
-        let highest = 0.5 * layout.domain.v[1].powi(2);
         if let Some(forcing) = self.forcing.filter(|it| it.throws(self.oscillator)) {
-            return Ok(Some(Arc::new(forcing.spanning(highest)?)));
+            return Ok(Some(Arc::new(forcing.spanning(layout.domain.highest())?)));
         }
         let meshed = self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;
         if !(meshed && self.period.is_none() && self.is_far(layout.domain.neglected)) {
@@ -187,22 +186,21 @@ impl Question<'_> {
         self.hotter(&layout.domain)
     }
 
-    /// The oscillator whose stationary law p is taken against.
-    fn reference(&self) -> &Oscillator {
-        self.forcing.map_or(self.oscillator, |it| it.reference())
+    /// The energies above the lowest potential that p over the law it is taken against spans.
+    fn spanned(&self) -> f64 {
+        let reference = self.forcing.map_or(self.oscillator, |it| it.reference());
+        SPANNED.get() * reference.temperature()
     }
 
-    /// Whether more of the initial condition than is neglected lies at energies that p over that law does not span.
+    /// Whether more of the initial condition than is neglected lies beyond.
     fn is_far(&self, neglected: f64) -> bool {
-        let spanned = SPANNED.get() * self.reference().temperature();
-        start_outside(self.oscillator, self.initial, spanned) > neglected
+        start_outside(self.oscillator, self.initial, self.spanned()) > neglected
     }
 
     /// The law that holds the energies of a domain to what p may span; None where that which p is taken against does.
     fn hotter(&self, domain: &Domain) -> Result<Option<Arc<Forcing>>> {
-        let highest = 0.5 * domain.v[1].powi(2);
-        let spanned = SPANNED.get() * self.reference().temperature();
-        if !self.oscillator.contact().is_confining() || highest <= spanned {
+        let highest = domain.highest();
+        if !self.oscillator.contact().is_confining() || highest <= self.spanned() {
             return Ok(None);
         }
         let forcing = match self.forcing {

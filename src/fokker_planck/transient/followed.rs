@@ -84,7 +84,7 @@ impl Question<'_> {
         let who = (self.oscillator, falling.as_ref());
         let neglected = recipe.left_out(recipe.expected);
         let domain = domain(who, self.initial, self.until(), grid, neglected)?;
-        let spanning = falling.map(|it| it.spanning(0.5 * domain.v[1].powi(2)));
+        let spanning = falling.map(|it| it.spanning(domain.highest()));
         Ok(Recipe {
             forcing: spanning.transpose()?.map(Arc::new),
             layout: Layout {

@@ -157,7 +157,7 @@ impl Run {
 /// A run whose density is none.
 fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
     let [nq, nv] = mesh.cells();
-    let levels = 0.5 * domain.v[1].powi(2) / temperature;
+    let levels = domain.highest() / temperature;
     let what = format!(
         "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
          the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
