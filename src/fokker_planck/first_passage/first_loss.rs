@@ -12,6 +12,7 @@
 //! density are extrapolated in orders 3/2 and 2 from runs with one, twice and four times the step. Error estimates come from these and from a
 //! coarser mesh; whichever is larger is refined.
 
+use super::bound::{self, Bound};
 use super::layout::{Asked, Layout};
 use super::limit::{Runs, largest_since, never_rises};
 use super::mesh::Fineness;
@@ -79,6 +80,8 @@ pub(crate) struct FirstPassage {
     inside: Oscillator,
     layout: Layout,
     forcing: Option<Arc<Forcing>>,
+    /// Where next to nothing passes.
+    bound: Option<Bound>,
     /// What it will take.
     pub(crate) cost: Cost,
 }
@@ -119,7 +122,14 @@ impl FirstPassage {
         let inside = barrier.inside(oscillator)?;
         let forcing = Forcing::of(&inside, initial, &settings.excitation, until)?;
         let layout = Layout::of(&inside, initial, &asked, forcing.as_ref());
-        let mut cost = layout.cost(&inside);
+        let bound = match forcing {
+            None if asked.is_free() => Bound::of(&Region::new(&inside, barrier), initial, until)?,
+            _ => None,
+        };
+        let mut cost = match bound {
+            Some(_) => Cost::default(),
+            None => layout.cost(&inside),
+        };
         if asked.is_free() {
             cost.seconds *= ROUNDS;
         }
@@ -128,12 +138,16 @@ impl FirstPassage {
             inside,
             layout,
             forcing: forcing.map(Arc::new),
+            bound,
             cost,
         })
     }
 
     /// Method and reason.
     pub(crate) fn words(&self) -> String {
+        if self.bound.is_some() {
+            return bound::BY.into();
+        }
         let step = format!("{:.3}", self.layout.step);
         format!(
             "{} along the exact motion, absorbed at its first passage; step {}",
@@ -150,6 +164,9 @@ impl FirstPassage {
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<FirstLoss> {
+        if let Some(bound) = self.bound {
+            return Ok(bound.answer(&self.layout.times));
+        }
         // A stationary start without a closed form is solved for.
         let law = if *initial == Initial::Stationary && !oscillator.is_viscous() {
             let late = || limits.in_time(|| "the stationary law was not found".into());

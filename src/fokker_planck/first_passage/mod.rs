@@ -1,6 +1,7 @@
 //! First passage to contact loss by the backward equation, and the law of the flights.
 
 pub(crate) mod absorbed;
+mod bound;
 mod cut;
 mod driven;
 pub(crate) mod first_loss;

@@ -1,6 +1,7 @@
 //! The backward equation on one mesh with one step: curves, mean time and rate.
 
 use super::absorbed::{Absorbed, kicks, least};
+use super::bound::SEEN;
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::{Contact, Fineness};
@@ -131,10 +132,6 @@ impl Integration {
 
 /// Steps after the last one asked for.
 const ENDS: usize = 3;
-
-/// The least density of the stationary law at a level by which losses are known from detailed balance: below it lines
-/// that count underflow.
-const SEEN: f64 = 1e-280;
 
 /// What is asked of whom.
 pub(super) struct Problem<'a> {

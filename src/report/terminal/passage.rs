@@ -37,7 +37,8 @@ fn survival(
     let Some(times) = times.or(sampled.map(|it| &it.times)) else {
         return;
     };
-    let heads = ["backward eq.", "paths"];
+    let meshed = solved.is_none_or(|it| it.method.unknowns > 0);
+    let heads = [if meshed { "backward eq." } else { "bound" }, "paths"];
     table.compared_columns(title, &heads[..=usize::from(sampled.is_some())]);
     let mut put = |symbol: &str, words: &str, a: Option<Estimate>, b: Option<Estimate>| {
         let words = format!("{symbol:<8} {words}");
@@ -65,30 +66,33 @@ fn survival(
         return;
     };
     let lasts = it.rate.value.is_finite();
-    if lasts {
+    if it.mean_time.value.is_finite() {
         put("mean", mean, Some(it.mean_time), lost);
+    }
+    if lasts {
         put("rate", "S ~ exp(-rate t)", Some(it.rate), None);
     }
     if it.rate_over_rice.value.is_finite() {
         put("", "over Rice's rate", Some(it.rate_over_rice), None);
     }
-    let text = format!(
-        "{} x {} nodes, step {}; {}; from {}",
-        it.method.cells[0],
-        it.method.cells[1],
-        brief(rounded(it.method.step, 3)),
-        if lasts {
-            "in the end the survival falls as exp(-rate t)"
-        } else if results.scene.excitation.is_plain() {
-            "losses too rare for the rounding of a step: no mean time, no rate"
-        } else {
-            "under [excitation] there is no rate in the end"
-        },
-        match results.scene.initial {
-            Initial::Rest => "rest".to_owned(),
-            Initial::Stationary => format!("the stationary law {given}"),
-            Initial::Gaussian { .. } => "a Gaussian initial condition".to_owned(),
-        }
-    );
-    table.paragraph("", &text);
+    let solved = match it.method.cells {
+        [nq, nv] if meshed => format!(
+            "{nq} x {nv} nodes, step {}; {}",
+            brief(rounded(it.method.step, 3)),
+            if lasts {
+                "in the end the survival falls as exp(-rate t)"
+            } else if results.scene.excitation.is_plain() {
+                "losses too rare for the rounding of a step: no mean time, no rate"
+            } else {
+                "under [excitation] there is no rate in the end"
+            }
+        ),
+        _ => format!("{}: {}", it.method.name, it.method.reason),
+    };
+    let from = match results.scene.initial {
+        Initial::Rest => "rest".to_owned(),
+        Initial::Stationary => format!("the stationary law {given}"),
+        Initial::Gaussian { .. } => "a Gaussian initial condition".to_owned(),
+    };
+    table.paragraph("", &format!("{solved}; from {from}"));
 }

@@ -43,7 +43,7 @@ pub fn plan(plan: &Plan) -> String {
         matches!(
             it.part,
             Part::Transient | Part::FirstLoss | Part::FirstPassage
-        )
+        ) && it.cost.cells.is_some()
     };
     if scene.method.cells.is_none() && stages().any(refines) {
         table.paragraph("", "refinement may multiply this time");
