@@ -634,6 +634,32 @@ fn a_rate_below_rounding_that_no_detailed_balance_tells_is_not_said_to_be_known(
 }
 
 #[test]
+fn what_the_stationary_law_next_to_never_passes_is_bounded_by_it_without_a_mesh() {
+    // At the loss of contact exp(-H/T) underflows by far.
+    let low = |h: f64| Oscillator::new(ContactLaw::Hertz, 0.0195, h).unwrap();
+    let near = Initial::Gaussian {
+        mean: [0.01, 0.0],
+        deviation: [0.02, 0.01],
+    };
+    for initial in [Initial::Rest, Initial::Stationary, near] {
+        let it = first_loss(&low(4.3e-6), &initial, 200.0, &settings(1e-3), &|_| ()).unwrap();
+        assert!(it.shortfall.is_none() && it.method.steps == 0, "{it:?}");
+        assert!(it.rate.value == 0.0 && it.rate.error > 0.0 && it.rate.error < 1e-280);
+        for (survival, lost) in it.survival.iter().zip(&it.lost) {
+            assert!(survival.value == 1.0 && survival.error < 1e-15);
+            assert!(lost.value == 0.0 && lost.error < 1e-15);
+        }
+    }
+    // A blow above the energy at the loss point is followed.
+    let blow = Initial::Gaussian {
+        mean: [0.0, -1.5],
+        deviation: [0.05, 0.05],
+    };
+    let it = first_loss(&low(4.3e-6), &blow, 2.0, &settings(1e-2), &|_| ()).unwrap();
+    assert!(it.survival.last().unwrap().value < 0.1 && it.method.steps > 0);
+}
+
+#[test]
 fn paths_are_there_where_the_backward_equation_has_no_answer() {
     // Steps as short as this time ask for more nodes than a second allows.
     let text = "[oscillator]\nzeta = 0.05\nh = 1e-2\n[initial]\nkind = \"rest\"\n\

@@ -4,12 +4,9 @@
 //! times the stationary law; so it passes no more often than that times nu t, nu being Rice's rate of the passages of exp(-H/T)/Z.
 //! The part above E is counted as passed.
 
-use super::first_loss::FirstLoss;
 use super::region::{Barrier, Region};
 use crate::error::Result;
-use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::domain::start_outside;
-use crate::fokker_planck::settings::Method;
 use crate::gaussian::{lower, normal};
 use crate::initial::Initial;
 use crate::oscillator::DisplacementLaw;
@@ -32,9 +29,9 @@ pub(super) const BY: &str = "bounded by the passages of the stationary law";
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bound {
     /// P(passed up to the last time).
-    lost: f64,
+    pub(super) lost: f64,
     /// Rate in the end.
-    rate: f64,
+    pub(super) rate: f64,
 }
 
 impl Bound {
@@ -68,32 +65,6 @@ impl Bound {
         };
         // NaN bounds nothing.
         Ok((lost < UNSEEN && rate < UNSEEN).then_some(Self { lost, rate }))
-    }
-
-    /// The answer at these times; the density is that of what passes within a unit of time.
-    pub(super) fn answer(&self, times: &[f64]) -> FirstLoss {
-        let known = |value, error| Estimate::new(value, error, Origin::ClosedForm);
-        let each = |value, error| vec![known(value, error); times.len()];
-        FirstLoss {
-            times: times.to_vec(),
-            survival: each(1.0, self.lost),
-            lost: each(0.0, self.lost),
-            density: each(0.0, self.lost),
-            mean_time: known(f64::NAN, f64::NAN),
-            rate: known(0.0, self.rate),
-            rate_over_rice: known(f64::NAN, f64::NAN),
-            method: Method {
-                name: BY.into(),
-                reason: "no mesh tells what passes so seldom".into(),
-                cells: [0; 2],
-                unknowns: 0,
-                domain: [0.0; 4],
-                step: 0.0,
-                steps: 0,
-                neglected: 0.0,
-            },
-            shortfall: None,
-        }
     }
 }
 

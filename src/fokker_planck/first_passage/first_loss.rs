@@ -56,6 +56,34 @@ pub struct FirstLoss {
     pub shortfall: Option<Shortfall>,
 }
 
+impl FirstLoss {
+    /// Where next to nothing passes; the density is that of what passes within a unit of time.
+    fn bounded(times: &[f64], bound: Bound) -> Self {
+        let known = |value, error| Estimate::new(value, error, Origin::ClosedForm);
+        let each = |value, error| vec![known(value, error); times.len()];
+        Self {
+            times: times.to_vec(),
+            survival: each(1.0, bound.lost),
+            lost: each(0.0, bound.lost),
+            density: each(0.0, bound.lost),
+            mean_time: known(f64::NAN, f64::NAN),
+            rate: known(0.0, bound.rate),
+            rate_over_rice: known(f64::NAN, f64::NAN),
+            method: Method {
+                name: bound::BY.into(),
+                reason: "no mesh tells what passes so seldom".into(),
+                cells: [0; 2],
+                unknowns: 0,
+                domain: [0.0; 4],
+                step: 0.0,
+                steps: 0,
+                neglected: 0.0,
+            },
+            shortfall: None,
+        }
+    }
+}
+
 /// Rounds to a tolerance over the first, in the time that they take: the median of sixty random scenes.
 const ROUNDS: f64 = 2.0;
 /// Rounding of the sums over a mesh.
@@ -165,7 +193,7 @@ impl FirstPassage {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<FirstLoss> {
         if let Some(bound) = self.bound {
-            return Ok(bound.answer(&self.layout.times));
+            return Ok(FirstLoss::bounded(&self.layout.times, bound));
         }
         // A stationary start without a closed form is solved for.
         let law = if *initial == Initial::Stationary && !oscillator.is_viscous() {
