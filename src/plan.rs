@@ -94,9 +94,11 @@ impl Plan {
             };
             let refusal = match checked.map_err(|error| plan.as_typed(error)) {
                 Ok(()) => None,
-                // Other stages may fit.
-                Err(Error::Limit { key, limit, what }) => Some(Refusal { key, limit, what }),
-                Err(error) => return Err(error),
+                // The cells of a scene are its own mistake, and that of every stage.
+                Err(error @ Error::Mesh { .. }) if scene.method.cells.is_some() => {
+                    return Err(error);
+                }
+                Err(error) => Some(Refusal::of(error)?),
             };
             plan.stages.push(Stage {
                 part,

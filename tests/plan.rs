@@ -290,6 +290,32 @@ fn a_stage_that_is_refused_before_its_mesh_is_known_leaves_the_others() {
 }
 
 #[test]
+fn an_initial_condition_that_no_mesh_holds_leaves_what_does_not_begin_there() {
+    let mut scene = scene();
+    scene.outputs.moments_at = Times::List(vec![1.0]);
+    scene.initial = Initial::Gaussian {
+        mean: [1000.0, 0.0],
+        deviation: [1.0, 1.0],
+    };
+    let plan = Plan::of(&scene).unwrap();
+    assert!(terminal::plan(&plan).contains("initial.mean nearer"));
+    let results = plan.run_quietly().unwrap();
+    assert!(results.stationary.is_some() && results.transient.is_none());
+    let [(stage, shortfall)] = &results.shortfalls[..] else {
+        panic!("{:?}", results.shortfalls);
+    };
+    assert!(*stage == "transient" && shortfall.free, "{shortfall}");
+    assert!(
+        shortfall.to_string().contains("cells along q"),
+        "{shortfall}"
+    );
+    // Alone, or on cells of its own, the scene is refused.
+    scene.outputs.stationary = false;
+    let message = Plan::of(&scene).unwrap_err();
+    assert!(message.is_refusal() && message.to_string().contains("initial.deviation"));
+}
+
+#[test]
 fn a_mesh_beyond_the_memory_is_refused_before_anything_is_built() {
     let mut scene = scene();
     scene.outputs.steady = true;

@@ -100,8 +100,7 @@ impl Layout {
         for (n, axis) in [(q, "q"), (v, "v")] {
             if n > 20_000.0 {
                 let what = format!("{n:.1e} cells along {axis} would be needed");
-                let help = "an initial condition that is wider, or nearer to the stationary law";
-                return Err(Error::mesh(what, help));
+                return Err(Error::mesh(what, "a smaller domain"));
             }
         }
         // Even along v: an edge at v = 0 keeps the mesh symmetric.

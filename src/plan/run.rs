@@ -299,7 +299,7 @@ impl Plan {
             let progress = |fraction| watch.progress(part, fraction);
             let computed = match (&stage.refusal, recipe) {
                 // As it was typed already; it speaks of no time.
-                (Some(refusal), _) => Err(refusal.error()),
+                (Some(refusal), _) => Err(refusal.unanswered()),
                 (None, Some(recipe)) if !late => {
                     watch.begins(part);
                     self.compute((part, recipe), results, share, (&progress, &stop))

@@ -1,7 +1,7 @@
 //! One stage of a plan: which question it answers, for which outputs, and what it will cost.
 
 use crate::budget::Cost;
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// One part of a plan.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,21 +18,53 @@ pub struct Stage {
     pub refusal: Option<Refusal>,
 }
 
-/// A limit of the scene that a stage cannot keep.
+/// Why a stage cannot be run, where others may.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Refusal {
-    /// The key that holds the limit.
-    pub key: &'static str,
-    /// The limit.
-    pub limit: String,
-    /// What would have been needed.
-    pub what: String,
+pub enum Refusal {
+    /// A limit of the scene that it cannot keep.
+    Limit {
+        /// The key that holds the limit.
+        key: &'static str,
+        /// The limit.
+        limit: String,
+        /// What would have been needed.
+        what: String,
+    },
+    /// No mesh of the program's own choice holds it.
+    Mesh {
+        /// What does not fit.
+        what: String,
+        /// What would help.
+        help: String,
+    },
 }
 
 impl Refusal {
+    /// Of an error that leaves other stages; any other is given back.
+    pub(super) fn of(error: Error) -> Result<Self> {
+        match error {
+            Error::Limit { key, limit, what } => Ok(Self::Limit { key, limit, what }),
+            Error::Mesh { what, help } => Ok(Self::Mesh { what, help }),
+            error => Err(error),
+        }
+    }
+
     /// As the error of a plan that has no other stage.
     pub fn error(&self) -> Error {
-        Error::limit(self.key, &self.limit, &self.what)
+        match self {
+            Self::Limit { key, limit, what } => Error::limit(key, limit, what),
+            Self::Mesh { what, help } => Error::mesh(what, help),
+        }
+    }
+
+    /// As that of the stage, beside others that have an answer.
+    pub fn unanswered(&self) -> Error {
+        match self {
+            Self::Limit { .. } => self.error(),
+            Self::Mesh { what, help } => Error::Unresolved {
+                what: format!("{what}; {help}"),
+            },
+        }
     }
 }
 

@@ -94,26 +94,37 @@ impl Recipe {
 
 impl Question<'_> {
     fn recipe(&self) -> Result<Recipe> {
-        let fits_at_rest = || {
-            let at_rest = Self {
-                forcing: None,
-                ..*self
-            };
-            at_rest.decided().is_ok()
-        };
-        let excitation = &self.settings.excitation;
         self.decided().map_err(|error| match error {
-            Error::Mesh { what, .. } if !excitation.is_plain() && fits_at_rest() => {
-                let less = "an excitation.envelope that leaves more noise";
-                let help = match (excitation.drive, &excitation.envelope) {
-                    (None, _) => less.to_owned(),
-                    (_, None) => "a smaller amplitude in excitation.drive".to_owned(),
-                    _ => format!("{less}, or a smaller amplitude in excitation.drive"),
-                };
+            Error::Mesh { what, .. } if self.settings.cells.is_none() => {
+                let help = self.fewer_cells_with().into();
                 Error::Mesh { what, help }
             }
             other => other,
         })
+    }
+
+    /// What asks for fewer cells: in the excitation, where those would do without it, or in the initial condition.
+    fn fewer_cells_with(&self) -> &'static str {
+        let excitation = &self.settings.excitation;
+        let at_rest = Self {
+            forcing: None,
+            ..*self
+        };
+        if excitation.is_plain() || at_rest.decided().is_err() {
+            return match self.initial {
+                Initial::Gaussian { .. } => {
+                    "a wider initial.deviation, or an initial.mean nearer to rest"
+                }
+                _ => "an initial condition nearer to the stationary law",
+            };
+        }
+        match (excitation.drive, &excitation.envelope) {
+            (None, _) => "an excitation.envelope that leaves more noise",
+            (_, None) => "a smaller amplitude in excitation.drive",
+            _ => {
+                "an excitation.envelope that leaves more noise, or a smaller amplitude in excitation.drive"
+            }
+        }
     }
 
     fn decided(&self) -> Result<Recipe> {

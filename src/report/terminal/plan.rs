@@ -95,7 +95,7 @@ fn costs(table: &mut Table, plan: &Plan) {
     for stage in plan.stages() {
         let name = format!("{:<21}", stage.part.name());
         match &stage.refusal {
-            Some(it) => table.paragraph(&name, &format!("not run: {}", it.error())),
+            Some(it) => table.paragraph(&name, &format!("not run: {}", it.unanswered())),
             None => table.paragraph(&name, &stage.method),
         }
     }
