@@ -214,6 +214,7 @@ impl FirstPassage {
             layout: self.layout.clone(),
             runs: Vec::new(),
             best: None,
+            last: f64::NAN,
             stalls: 0,
         };
         let asked = (self.asked.name, self.asked.is_free());
@@ -255,7 +256,9 @@ struct Task<'a> {
     /// What the last round has run.
     runs: Vec<(Fineness, Run)>,
     best: Option<(FirstLoss, Worst)>,
-    /// Rounds that brought nothing.
+    /// What the last round that was known missed the tolerance by.
+    last: f64,
+    /// Rounds that were no nearer than the one before.
     stalls: usize,
 }
 
@@ -337,11 +340,17 @@ impl Question for Task<'_> {
         self.runs = runs;
         self.layout = layout.finer(found.1.parts);
         // NaN is no error estimate.
-        let better = |best: &Worst| best.ratio.is_nan() || found.1.ratio < best.ratio;
-        if self.best.as_ref().is_none_or(|it| better(&it.1)) {
-            self.best = Some(found);
-        } else {
+        let ratio = found.1.ratio;
+        let better = |than: f64| than.is_nan() || ratio < than;
+        // The best so far may have been so by chance: a round is held against the one before.
+        if !better(self.last) {
             self.stalls += 1;
+        }
+        if !ratio.is_nan() {
+            self.last = ratio;
+        }
+        if self.best.as_ref().is_none_or(|it| better(it.1.ratio)) {
+            self.best = Some(found);
         }
         Ok(())
     }
