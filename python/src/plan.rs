@@ -28,7 +28,7 @@ impl Plan {
                 "steps": it.cost.steps,
                 "memory_bytes": it.memory_bytes(),
                 "seconds": it.seconds(),
-                "refusal": it.refusal.as_ref().map(|it| it.error().to_string()),
+                "refusal": it.refusal.as_ref().map(|it| it.unanswered().to_string()),
             })
         });
         Ok(pythonize(py, &stages.collect::<Vec<_>>())?)

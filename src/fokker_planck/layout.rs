@@ -30,6 +30,9 @@ pub(crate) enum Cells {
     Widths([f64; 2]),
 }
 
+/// What asks for fewer cells, whatever the question.
+pub(super) const FEWER: &str = "more noise, or an initial condition nearer to the stationary law";
+
 /// A truncated domain and how it is cut into cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Layout {
@@ -100,7 +103,7 @@ impl Layout {
         for (n, axis) in [(q, "q"), (v, "v")] {
             if n > 20_000.0 {
                 let what = format!("{n:.1e} cells along {axis} would be needed");
-                return Err(Error::mesh(what, "a smaller domain"));
+                return Err(Error::mesh(what, FEWER));
             }
         }
         // Even along v: an edge at v = 0 keeps the mesh symmetric.

@@ -57,15 +57,29 @@ pub struct FirstLoss {
 }
 
 impl FirstLoss {
-    /// Where next to nothing passes; the density is that of what passes within a unit of time.
+    /// Whether a number of another round is farther away than both errors say.
+    fn contradicts(&self, other: &Self) -> bool {
+        let pairs = self.survival.iter().zip(&other.survival);
+        let lasting = [
+            (&self.mean_time, &other.mean_time),
+            (&self.rate, &other.rate),
+        ];
+        pairs
+            .chain(lasting)
+            .any(|(a, b)| (a.value - b.value).abs() > a.error + b.error)
+    }
+
+    /// Where next to nothing passes; the density is the mean one of a unit of time, or of all of it.
     fn bounded(times: &[f64], bound: Bound) -> Self {
         let known = |value, error| Estimate::new(value, error, Origin::ClosedForm);
         let each = |value, error| vec![known(value, error); times.len()];
+        let until = times.last().copied().unwrap_or(1.0);
+        let density = bound.lost / until.min(1.0);
         Self {
             times: times.to_vec(),
             survival: each(1.0, bound.lost),
             lost: each(0.0, bound.lost),
-            density: each(0.0, bound.lost),
+            density: each(0.0, density),
             mean_time: known(f64::NAN, f64::NAN),
             rate: known(0.0, bound.rate),
             rate_over_rice: known(f64::NAN, f64::NAN),
@@ -150,8 +164,12 @@ impl FirstPassage {
         let inside = barrier.inside(oscillator)?;
         let forcing = Forcing::of(&inside, initial, &settings.excitation, until)?;
         let layout = Layout::of(&inside, initial, &asked, forcing.as_ref());
+        // A stationary law without a closed form is not known to pass as seldom.
+        let solved_for = asked.reference.is_some() && *initial == Initial::Stationary;
         let bound = match forcing {
-            None if asked.is_free() => Bound::of(&Region::new(&inside, barrier), initial, until)?,
+            None if asked.is_free() && !solved_for => {
+                Bound::of(&Region::new(&inside, barrier), initial, until)?
+            }
             _ => None,
         };
         let mut cost = match bound {
@@ -349,7 +367,9 @@ impl Question for Task<'_> {
         if !ratio.is_nan() {
             self.last = ratio;
         }
-        if self.best.as_ref().is_none_or(|it| better(it.1.ratio)) {
+        let replaces =
+            |(best, worst): &(FirstLoss, Worst)| better(worst.ratio) || found.0.contradicts(best);
+        if self.best.as_ref().is_none_or(replaces) {
             self.best = Some(found);
         }
         Ok(())

@@ -11,7 +11,7 @@ use crate::fokker_planck::flow_map::FlowMap;
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
-use crate::fokker_planck::layout::{Cells, Layout, STEEPER_TRIES};
+use crate::fokker_planck::layout::{Cells, FEWER, Layout, STEEPER_TRIES};
 use crate::fokker_planck::policy::{FIRST_CELLS, LADDER_RATIO, SPANNED};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::format::num;
@@ -95,7 +95,7 @@ impl Recipe {
 impl Question<'_> {
     fn recipe(&self) -> Result<Recipe> {
         self.decided().map_err(|error| match error {
-            Error::Mesh { what, .. } if self.settings.cells.is_none() => {
+            Error::Mesh { what, help } if help == FEWER => {
                 let help = self.fewer_cells_with().into();
                 Error::Mesh { what, help }
             }
@@ -113,9 +113,9 @@ impl Question<'_> {
         if excitation.is_plain() || at_rest.decided().is_err() {
             return match self.initial {
                 Initial::Gaussian { .. } => {
-                    "a wider initial.deviation, or an initial.mean nearer to rest"
+                    "an initial.mean nearer to rest, or a smaller initial.deviation"
                 }
-                _ => "an initial condition nearer to the stationary law",
+                _ => FEWER,
             };
         }
         match (excitation.drive, &excitation.envelope) {

@@ -32,7 +32,9 @@ fn survival(
 ) -> Option<Table> {
     let times = solved.map(|it| &it.times);
     let times = times.or(paths.map(|it| &it.times))?;
-    let mut table = Table::of(["", "backward equation", "Monte Carlo"]);
+    let meshed = solved.is_none_or(|it| it.method.unknowns > 0);
+    let by = if meshed { "backward equation" } else { "bound" };
+    let mut table = Table::of(["", by, "Monte Carlo"]);
     let unit = results.scene.clock().symbol()[1];
     let last = times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
