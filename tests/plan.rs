@@ -310,9 +310,13 @@ fn an_initial_condition_that_no_mesh_holds_leaves_what_does_not_begin_there() {
         "{shortfall}"
     );
     // Alone, or on cells of its own, the scene is refused.
+    scene.method.cells = Some([100, 100]);
+    let on_cells = Plan::of(&scene).unwrap_err();
+    scene.method.cells = None;
     scene.outputs.stationary = false;
-    let message = Plan::of(&scene).unwrap_err();
-    assert!(message.is_refusal() && message.to_string().contains("initial.deviation"));
+    for message in [on_cells, Plan::of(&scene).unwrap_err()] {
+        assert!(message.is_refusal() && message.to_string().contains("initial.deviation"));
+    }
 }
 
 #[test]

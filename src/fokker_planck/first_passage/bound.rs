@@ -58,10 +58,11 @@ impl Bound {
             mean: [0.0; 2],
             deviation: [OF_REST * deviation; 2],
         };
+        let gaussian = |it: &Initial| from_a_gaussian(region, &law, it, rice + until.ln());
         let lost = match initial {
             Initial::Stationary => rate * until,
-            Initial::Rest => from_a_gaussian(region, &law, &rest, rice + until.ln()),
-            Initial::Gaussian { .. } => from_a_gaussian(region, &law, initial, rice + until.ln()),
+            Initial::Rest => gaussian(&rest),
+            Initial::Gaussian { .. } => gaussian(initial),
         };
         // NaN bounds nothing.
         Ok((lost < UNSEEN && rate < UNSEEN).then_some(Self { lost, rate }))

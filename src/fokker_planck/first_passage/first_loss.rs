@@ -57,6 +57,11 @@ pub struct FirstLoss {
 }
 
 impl FirstLoss {
+    /// Whether it is a bound, for which there is no mesh.
+    pub(crate) fn is_bound(&self) -> bool {
+        self.method.unknowns == 0
+    }
+
     /// Whether a number of another round is farther away than both errors say.
     fn contradicts(&self, other: &Self) -> bool {
         let pairs = self.survival.iter().zip(&other.survival);

@@ -32,8 +32,10 @@ fn survival(
 ) -> Option<Table> {
     let times = solved.map(|it| &it.times);
     let times = times.or(paths.map(|it| &it.times))?;
-    let meshed = solved.is_none_or(|it| it.method.unknowns > 0);
-    let by = if meshed { "backward equation" } else { "bound" };
+    let by = match solved {
+        Some(it) if it.is_bound() => "bound",
+        _ => "backward equation",
+    };
     let mut table = Table::of(["", by, "Monte Carlo"]);
     let unit = results.scene.clock().symbol()[1];
     let last = times.len() - 1;

@@ -37,8 +37,11 @@ fn survival(
     let Some(times) = times.or(sampled.map(|it| &it.times)) else {
         return;
     };
-    let meshed = solved.is_none_or(|it| it.method.unknowns > 0);
-    let heads = [if meshed { "backward eq." } else { "bound" }, "paths"];
+    let by = match solved {
+        Some(it) if it.is_bound() => "bound",
+        _ => "backward eq.",
+    };
+    let heads = [by, "paths"];
     table.compared_columns(title, &heads[..=usize::from(sampled.is_some())]);
     let mut put = |symbol: &str, words: &str, a: Option<Estimate>, b: Option<Estimate>| {
         let words = format!("{symbol:<8} {words}");
@@ -75,8 +78,11 @@ fn survival(
     if it.rate_over_rice.value.is_finite() {
         put("", "over Rice's rate", Some(it.rate_over_rice), None);
     }
-    let solved = match it.method.cells {
-        [nq, nv] if meshed => format!(
+    let [nq, nv] = it.method.cells;
+    let solved = if it.is_bound() {
+        format!("{}: {}", it.method.name, it.method.reason)
+    } else {
+        format!(
             "{nq} x {nv} nodes, step {}; {}",
             brief(rounded(it.method.step, 3)),
             if lasts {
@@ -86,8 +92,7 @@ fn survival(
             } else {
                 "under [excitation] there is no rate in the end"
             }
-        ),
-        _ => format!("{}: {}", it.method.name, it.method.reason),
+        )
     };
     let from = match results.scene.initial {
         Initial::Rest => "rest".to_owned(),
