@@ -282,22 +282,22 @@ impl Averaged {
 
     /// The same where both hold e^-`reach` of themselves.
     pub(crate) fn temperature_at(&self, reach: f64) -> f64 {
-        self.temperatures(reach).last().unwrap_or(f64::INFINITY)
-    }
-
-    /// The temperature of the coldest Gibbs law that is nowhere below this one, down to e^-`reach` of it.
-    pub(crate) fn hottest(&self, reach: f64) -> f64 {
-        self.temperatures(reach).fold(0.0, f64::max)
-    }
-
-    /// Temperatures of the Gibbs laws that meet this one at each energy, up to where both hold e^-`reach` of themselves.
-    fn temperatures(&self, reach: f64) -> impl Iterator<Item = f64> {
         let lowest = self.psi.iter().copied().fold(0.0, f64::min);
-        let falls = self.psi.iter().map(move |psi| psi - lowest);
-        let end = falls.clone().rposition(|fall| fall <= reach).unwrap_or(0);
-        let rows = self.energies.iter().zip(falls).skip(1);
-        let at = |(energy, fall): (&f64, f64)| energy / fall.max(f64::MIN_POSITIVE);
-        rows.map(at).take(end.max(1))
+        let end = self.psi.iter().rposition(|psi| psi - lowest <= reach);
+        let end = end.unwrap_or(0).max(1);
+        self.energies[end] / (self.psi[end] - lowest).max(f64::MIN_POSITIVE)
+    }
+
+    /// Powers of e by which the law has fallen at an energy; beyond the table by a straight line of its root.
+    pub(crate) fn fall_at(&self, energy: f64) -> f64 {
+        let lowest = self.psi.iter().copied().fold(0.0, f64::min);
+        let k = self.energies.partition_point(|it| *it <= energy);
+        if k >= self.energies.len() {
+            let last = self.energies.len() - 1;
+            return (self.psi[last] - lowest) * (energy / self.energies[last]).sqrt();
+        }
+        let share = (energy - self.energies[k - 1]) / (self.energies[k] - self.energies[k - 1]);
+        self.psi[k - 1] + share * (self.psi[k] - self.psi[k - 1]) - lowest
     }
 
     /// The first energy of the table beyond which no more than a probability lies.

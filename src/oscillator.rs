@@ -112,20 +112,18 @@ impl Oscillator {
         Ok(it)
     }
 
-    /// The same weighed with the coldest Gibbs law that is nowhere below the one averaged over orbits, down to e^-`reach` of it:
-    /// Hermite functions reach to energies of many T, and weigh what a law has there by 1/weight.
-    pub(crate) fn weighed(&self, reach: f64) -> Self {
-        let averaged = self.averaged.as_ref();
-        self.at(averaged.map(|it| it.hottest(reach)))
+    /// The energy where the averaged law has fallen by so many powers of e.
+    pub(crate) fn energy_at(&self, fall: f64) -> f64 {
+        self.averaged
+            .as_ref()
+            .map_or(fall * self.temperature, |it| fall * it.temperature_at(fall))
     }
 
-    /// The same for modes and spectra, which ask for less far a domain: weighed with the Gibbs law that falls as far as the one
-    /// averaged over orbits where both hold e^-`reach` of themselves, whatever a flight adds.
-    pub(crate) fn weighed_by_orbits(&self, reach: f64) -> Self {
-        let given = [0.0, self.viscous_temperature()];
-        let averaged =
-            (!self.is_viscous()).then(|| Averaged::of(&self.contact, &self.damping, given));
-        self.at(averaged.and_then(|it| Some(it.ok()?.temperature_at(reach))))
+    /// The powers of e it has fallen at an energy.
+    pub(crate) fn fall_at(&self, energy: f64) -> f64 {
+        self.averaged
+            .as_ref()
+            .map_or(energy / self.temperature, |it| it.fall_at(energy))
     }
 
     /// The same weighed with the Gibbs law of another temperature.
@@ -135,10 +133,6 @@ impl Oscillator {
             law: OnceLock::new(),
             ..self.clone()
         }
-    }
-
-    fn at(&self, temperature: Option<f64>) -> Self {
-        temperature.map_or_else(|| self.clone(), |it| self.of_temperature(it))
     }
 
     /// The contact law.

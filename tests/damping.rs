@@ -222,7 +222,7 @@ fn beside_records(it: &Oscillator, law: &SolvedLaw, duration: f64) {
 }
 
 #[test]
-fn flights_that_noise_throws_after_impacts_that_take_all_are_held_by_a_mesh() {
+fn flights_that_noise_throws_after_impacts_that_take_all_are_held() {
     for (zeta, damping) in [(0.5, Damping::HuntCrossley), (0.9, Damping::Contact)] {
         let it = Oscillator::new(ContactLaw::Hertz, zeta, 0.2).unwrap();
         let it = it.with_damping(damping).unwrap();
@@ -241,7 +241,9 @@ fn flights_that_noise_throws_after_impacts_that_take_all_are_held_by_a_mesh() {
         // Of the whole law, and of its two densities.
         let lost = tight.moments.contact_loss_probability.unwrap();
         let [left, _] = tight.domain();
-        let below = quadrature(&|q| tight.density_q(q), [left, -1.5]);
+        // In the root of the height: the domain is as high as flights are thrown.
+        let below = |x: f64| 2.0 * x * tight.density_q(-1.5 - x * x);
+        let below = quadrature(&below, [0.0, (-1.5 - left).sqrt()]);
         assert!((below - lost.value).abs() < 1e-3, "{below} for {lost}");
         let all = quadrature(&|v| tight.density_v(v), [-30.0, 30.0]);
         assert!((all - 1.0).abs() < 1e-3, "{all}");
@@ -442,7 +444,7 @@ fn a_tighter_tolerance_leaves_no_larger_errors_of_the_law() {
         it.with_damping(Damping::Contact).unwrap()
     };
     solved(&in_contact(0.05, 2e-2), 1e-4);
-    // A third of the time in flight, which forgets slowly: 1e-4 is just missed.
+    // A third of the time in flight, which forgets slowly: 1e-4 is just met, or missed.
     let loud = in_contact(0.01, 0.01);
     let loose = solved(&loud, 1e-3);
     let tight = stationary_law(&loud, &settings(1e-4)).unwrap();
@@ -674,11 +676,6 @@ fn impacts_that_lose_energy_leave_what_dimentberg_and_menyailov_found() {
     }
 }
 
-/// The cells of a spectrum: under damping in contact alone its tails take minutes to a tolerance.
-fn cells(damping: &str) -> Option<[usize; 2]> {
-    (damping == "contact").then_some([90, 90])
-}
-
 #[test]
 fn a_constant_rate_given_as_a_function_gives_the_spectrum_of_viscous_damping() {
     let omegas: Vec<f64> = (0..=40).map(|k| 0.1 * f64::from(k)).collect();
@@ -743,13 +740,35 @@ fn means_that_stationarity_fixes_are_exact_under_every_damping() {
 }
 
 #[test]
-fn a_spectrum_whose_operator_loses_its_digits_says_what_they_are_lost_to() {
-    let it = Oscillator::new(ContactLaw::Hertz, 0.5, 0.2).unwrap();
-    let it = it.with_damping(Damping::HuntCrossley).unwrap();
-    let error = spectrum(&it, Quantity::Force, &[0.5, 1.0], &settings(1e-2), &|_| ()).unwrap_err();
-    let message = error.to_string();
-    assert!(message.contains("falls too slowly"), "{message}");
-    assert!(message.contains("hunt_crossley"), "{message}");
+fn spectra_far_above_the_preload_meet_their_tolerance_whatever_friction_takes_of_an_impact() {
+    // Flights that noise alone throws: heights fall as exp(-c sqrt(x)), more slowly than any Gibbs law.
+    for (damping, zeta, temperature) in [
+        (Damping::Contact, 0.05, 1.0),
+        (Damping::Contact, 0.05, 2.0),
+        (Damping::Contact, 0.5, 2.0),
+        (Damping::HuntCrossley, 0.5, 0.63),
+    ] {
+        let h = temperature * 2.0 * zeta / std::f64::consts::PI;
+        let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();
+        let it = it.with_damping(damping.clone()).unwrap();
+        let omegas: Vec<f64> = (0..=120).map(|k| 0.025 * f64::from(k)).collect();
+        let found = spectrum(&it, Quantity::Force, &omegas, &settings(1e-2), &|_| ()).unwrap();
+        println!("{damping:?} {zeta} {temperature}: {:?}", found.functions);
+        assert!(found.shortfall.is_none(), "{:?}", found.shortfall);
+        // What friction takes of the momentum is a function of q alone: none of it at omega = 0.
+        let (first, exact) = (found.density[0], 2.0 * h);
+        assert!(
+            (first.value - exact).abs() <= first.error,
+            "{first} for {exact}"
+        );
+        let law = stationary_law(&it, &settings(1e-2)).unwrap().moments;
+        let variance = law.std_force.value.powi(2);
+        assert!(
+            (found.variance / variance - 1.0).abs() < 1e-2,
+            "{} for {variance}",
+            found.variance
+        );
+    }
 }
 
 #[test]
@@ -794,11 +813,8 @@ fn the_spectrum_under_hunt_and_crossley_s_damping_has_the_variance_of_the_law_as
 #[test]
 fn spectra_agree_with_records_under_every_damping() {
     for damping in ["contact", "hunt_crossley"] {
-        let cells =
-            cells(damping).map_or(String::new(), |it| format!("[method]\ncells = {it:?}\n"));
-        let more =
-            format!("[outputs]\nspectrum = {{ until = 3.0 }}\n[monte_carlo]\nseed = 3\n{cells}");
-        let agreement = run(damping, &more).agreement.unwrap();
+        let more = "[outputs]\nspectrum = { until = 3.0 }\n[monte_carlo]\nseed = 3\n";
+        let agreement = run(damping, more).agreement.unwrap();
         println!("{damping}: {agreement:?}");
         // 513 frequencies: chance alone gives 3.2.
         assert!(agreement.worst < 4.5, "{agreement:?}");

@@ -206,11 +206,13 @@ fn flights_without_friction_leave_no_rate_but_where_none_is_seen() {
 }
 
 #[test]
-fn where_hermite_functions_do_not_hold_the_law_the_search_says_so() {
+fn eigenvalues_that_no_resolution_knows_are_said_to_be_unknown() {
     let it = Oscillator::new(ContactLaw::Hertz, 0.2, 0.5).unwrap();
     let it = it.with_damping(Damping::HuntCrossley).unwrap();
-    let error = decay_rates(&it, 3, &Settings::default()).unwrap_err();
-    assert!(error.to_string().contains("falls too slowly"), "{error}");
+    let it = decay_rates(&it, 3, &Settings::default()).unwrap();
+    let shortfall = it.shortfall.unwrap();
+    println!("{:?}, {shortfall:?}", it.rates);
+    assert!(it.rates.len() < 3 && shortfall.ratio.is_infinite());
 }
 
 /// G = q^3 - q from well to well over a barrier of 1/4: Kramers' rate there and back, omega_0^2 = 2, omega_b = 1 (Physica 7, 1940).

@@ -25,7 +25,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, timing};
-use crate::fokker_planck::hermite::{Resolution, Rise, Warmth, work as friction_work};
+use crate::fokker_planck::hermite::{Resolution, Weights, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -124,7 +124,7 @@ impl Eigenvalues {
         };
         let mut it = Self {
             count,
-            first: Resolution::first(settings.cells, 2, least, (level, Rise::of(oscillator))),
+            first: Resolution::first(settings.cells, 2, least, level),
             given: settings.cells.is_some(),
             vectors: KRYLOV.max(count + KRYLOV / 2),
             natural: stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt),
@@ -159,10 +159,11 @@ impl Eigenvalues {
 
     /// Whether the domain of the third resolution reaches flight.
     fn sees_flight(&self, oscillator: &Oscillator) -> bool {
-        let (contact, reach) = (oscillator.contact(), self.resolution(2).level);
+        let contact = oscillator.contact();
+        let reach = Weights::of(oscillator, self.resolution(2)).energy;
         let rise = contact.loss_point().zip(contact.lowest_potential());
         let rise = rise.map(|(loss, lowest)| contact.potential(loss) - lowest);
-        rise.is_some_and(|rise| rise < reach * Warmth::FIRST.weighed(oscillator).temperature())
+        rise.is_some_and(|rise| rise < reach)
     }
 
     /// Method and reason.

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::convergence::left_of;
-use crate::fokker_planck::hermite::{Hierarchy, Resolution, Warmth, lost_digits};
+use crate::fokker_planck::hermite::{Hierarchy, Resolution, lost_digits};
 use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -62,7 +62,6 @@ impl Eigenvalues {
             oscillator,
             recipe: self,
             limits: limits.clone(),
-            warmth: Warmth::FIRST,
             places: Vec::new(),
             levels: Vec::new(),
             best: None,
@@ -145,7 +144,6 @@ struct Search<'a> {
     oscillator: &'a Oscillator,
     recipe: &'a Eigenvalues,
     limits: Limits,
-    warmth: Warmth,
     /// Where finer resolutions are to look.
     places: Vec<Place>,
     /// The modes of each resolution.
@@ -180,16 +178,10 @@ impl Question for Search<'_> {
     fn run(&mut self, _progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
         let done = self.levels.len();
         let resolution = self.recipe.resolution(done);
-        let weighed = self.warmth.weighed(self.oscillator);
-        let full = Hierarchy::new(&weighed, Quantity::Displacement, resolution)?;
+        let full = Hierarchy::new(self.oscillator, Quantity::Displacement, resolution)?;
         let modes = self.modes(&full);
-        match modes.map_err(|error| lost_digits(self.oscillator, error)) {
-            Ok(modes) => self.levels.push(modes),
-            Err(error) => {
-                self.warmth.rise(self.oscillator, error)?;
-                self.levels.clear();
-            }
-        }
+        let modes = modes.map_err(|error| lost_digits(self.oscillator, error))?;
+        self.levels.push(modes);
         if let [.., coarse, middle, fine] = &self.levels[..] {
             // Finer resolutions lose digits of close eigenvalues to rounding.
             let answer = self.judge([coarse, middle, fine], resolution);

@@ -7,7 +7,7 @@ use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop, judged};
 use crate::fokker_planck::budget::{Cost, Limits, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, at_least, left, left_of};
-use crate::fokker_planck::hermite::{Kept, Resolution, Rise, work};
+use crate::fokker_planck::hermite::{Kept, Resolution, work};
 use crate::fokker_planck::settings::Settings;
 use crate::fokker_planck::solved::{Law, OnMesh};
 use crate::moments::{Moment, Moments};
@@ -114,7 +114,7 @@ impl StationaryState {
         let damping = oscillator.damping();
         damping.depends_on_displacement("the stationary law")?;
         let mut it = Self {
-            first: Resolution::first(settings.cells, 2, [4, 10], (18.0, Rise::Whole)),
+            first: Resolution::first(settings.cells, 2, [4, 10], 18.0),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             asked: settings.moments.clone(),
@@ -267,10 +267,10 @@ impl Question for Task<'_> {
     fn next(&mut self) -> Result<Next> {
         let (done, given) = (self.levels.len(), self.recipe.given);
         let most = if self.on_mesh { MESHES } else { RESOLUTIONS };
-        // Rounding or a domain that is too small spoils finer ones too.
-        if let [.., before, last] = self.ratios[..]
+        // Twice no nearer: rounding, or a domain that is too small, spoils finer ones too.
+        if let [.., before, middle, last] = self.ratios[..]
             && !given
-            && last >= before
+            && middle.min(last) >= before
         {
             let why = format!("finer than {done} resolutions would not settle it");
             return Ok(Next::stop(why));

@@ -39,12 +39,8 @@ impl Adjoint {
             product(&|_| 1.0),
             product(&|q| quantity.of(oscillator.contact(), q)),
         );
-        let constant = |state: &[f64]| -> f64 {
-            let parts = state.iter().step_by(k).zip(&basis.one);
-            parts.map(|(x, one)| x * one).sum()
-        };
-        let mass = constant(&all);
-        let mean = constant(&start) / mass;
+        let mass = full.constant(&all);
+        let mean = full.constant(&start) / mass;
         for (x, law) in start.iter_mut().zip(all) {
             *x = (*x - mean * law) / mass;
         }

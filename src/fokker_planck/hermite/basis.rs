@@ -87,7 +87,7 @@ impl Points {
 impl Element {
     fn new(
         [low, high]: [f64; 2],
-        (contact, temperature): (&ContactLaw, f64),
+        (contact, [back, forth]): (&ContactLaw, [f64; 2]),
         weight: impl Fn(f64) -> f64,
         quantity: Quantity,
     ) -> Result<Self> {
@@ -142,11 +142,11 @@ impl Element {
             },
         };
         for (b, [value, slope]) in all.iter().enumerate() {
-            let pushed: Row = std::array::from_fn(|k| {
-                contact.force(places[k]) / temperature * value[k] - slope[k]
-            });
+            let along = |k: usize| contact.force(places[k]) * value[k];
+            let slid: Row = std::array::from_fn(|k| slope[k] + back * along(k));
+            let pushed: Row = std::array::from_fn(|k| forth * along(k) - slope[k]);
             for (a, [other, _]) in odd.iter().enumerate() {
-                it.c[a][b] = dot(other, slope);
+                it.c[a][b] = dot(other, &slid);
                 it.d[a][b] = dot(other, &pushed);
             }
             it.seen[0][b] = dot(value, &root);
@@ -198,11 +198,11 @@ impl Basis {
     /// Elements between these ends.
     pub(super) fn new(
         oscillator: &Oscillator,
-        law: &DisplacementLaw,
+        (law, pulls): (&DisplacementLaw, [f64; 2]),
         ends: &[f64],
         quantity: Quantity,
     ) -> Result<Self> {
-        let physics = (oscillator.contact(), oscillator.temperature());
+        let physics = (oscillator.contact(), pulls);
         let weight = |q: f64| law.density(q);
         let element = |ends: &[f64]| Element::new([ends[0], ends[1]], physics, weight, quantity);
         let elements: Result<Vec<Element>> = ends.windows(2).map(element).collect();

@@ -228,7 +228,7 @@ impl<'a> Factored<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::operator::{Resolution, Rise};
+    use super::super::operator::Resolution;
     use super::*;
     use crate::contact::ContactLaw;
     use crate::oscillator::{Oscillator, Quantity};
@@ -240,7 +240,6 @@ mod tests {
             elements: 4,
             pairs: 10,
             level: 20.0,
-            rise: Rise::Whole,
         };
         let it = Hierarchy::new(&it, Quantity::Force, resolution).unwrap();
         let mut one = vec![0.0; it.len()];

@@ -4,17 +4,13 @@
 use super::basis::{DEGREE, Element, LOCAL, POINTS};
 use super::nested::Shape;
 use super::operator::{Hierarchy, Resolution};
+use super::weights::Weights;
 use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::flux::maxwell;
 use crate::moments::RawMoments;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
-use crate::quadrature::{gauss, kronrod};
+use crate::quadrature::gauss;
 use num_complex::Complex;
-
-/// Powers of e by which the law falls as far as it is weighed, and by which it has fallen where the weights of modes and spectra
-/// have: half of what the functions of a fine resolution see.
-const REACH: f64 = 30.0;
-const FAR: f64 = 45.0;
 
 /// Degrees of the Legendre polynomials of an element.
 const DEGREES: usize = DEGREE + 1;
@@ -22,14 +18,17 @@ const DEGREES: usize = DEGREE + 1;
 /// The stationary law of a friction that depends on the displacement, over the weights: sum_n b_n(q) h_n(v).
 #[derive(Debug, Clone)]
 pub(in crate::fokker_planck) struct Kept {
+    /// The weight of q.
     law: DisplacementLaw,
-    temperature: f64,
+    weights: Weights,
     /// Ends of the elements, ascending.
     ends: Vec<f64>,
     /// Legendre coefficients of each b_n of each element.
     parts: Vec<Vec<[f64; DEGREES]>>,
     /// Integrals of b_n over the law of q.
     means: Vec<f64>,
+    /// Integrals of h_n over that of v.
+    constant: Vec<f64>,
     /// Expectations, not divided by their mass.
     pub(in crate::fokker_planck) raw: RawMoments,
     /// E\[c v^2\], which is pi h.
@@ -47,8 +46,8 @@ pub(in crate::fokker_planck) fn work(it: Resolution) -> (u64, f64) {
     (shape.memory(), shape.operations())
 }
 
-/// A law that Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
-/// height x falls as exp(-c sqrt(x)), and over weights that fall as exp(-H/T) that grows without bound.
+/// A law that so many Hermite functions do not hold. Where an impact takes most of the energy, noise alone throws the next flight: a
+/// height x falls as exp(-c sqrt(x)), and functions that see so far do not see what happens in contact.
 pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> Error {
     let damping = oscillator.damping().name();
     Error::Unresolved {
@@ -57,75 +56,6 @@ pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> E
              functions, {found}"
         ),
     }
-}
-
-/// How hot the weights of modes and spectra are, over what the oscillator suggests: hotter each time that a motion outgrows them.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::fokker_planck) struct Warmth(f64);
-
-impl Warmth {
-    pub(in crate::fokker_planck) const FIRST: Self = Self(1.0);
-    /// Over T, beyond which functions so wide no longer see what is in contact.
-    const MOST: f64 = 12.0;
-
-    /// The oscillator with these weights; nothing changes under viscous damping, whose law they are.
-    pub(in crate::fokker_planck) fn weighed(self, oscillator: &Oscillator) -> Oscillator {
-        if oscillator.is_viscous() {
-            return oscillator.clone();
-        }
-        let averaged = oscillator.weighed_by_orbits(FAR).temperature();
-        oscillator.of_temperature(self.0 * averaged.max(before_flight(oscillator)))
-    }
-
-    /// Twice as hot, after a run that failed for want of it.
-    ///
-    /// # Errors
-    /// That of the run, where no hotter weights would serve.
-    pub(in crate::fokker_planck) fn rise(
-        &mut self,
-        oscillator: &Oscillator,
-        error: Error,
-    ) -> Result<()> {
-        let hotter = Self(2.0 * self.0);
-        let most = Self::MOST * oscillator.viscous_temperature();
-        let serves = hotter.weighed(oscillator).temperature() <= most;
-        if !(serves && matches!(error, Error::Unresolved { .. })) {
-            return Err(error);
-        }
-        *self = hotter;
-        Ok(())
-    }
-}
-
-/// Over the temperature that falls as the motion does on the way to a loss of contact: where there is less friction than on the
-/// average, it is hotter. Hunt and Crossley's at zeta = 0.005, T = 0.05 takes 2 s with 1.4 T, and finds no spectrum to 1e-3
-/// in 15 s with 1.0 T.
-const MARGIN: f64 = 1.4;
-/// How far above the equilibrium, in T, contact is lost where little is known of flights. Where they are common the weights are
-/// those of the average: at zeta = 0.05, T = 0.64 a spectrum takes three times as long with 1.4 T.
-const SELDOM: f64 = 3.0;
-
-/// The temperature of weights that hold the motion on the way to a loss of contact. Friction that stops it within an orbit
-/// holds it where it is: overdamped, p falls by c/(2 zeta) dU/T, and by dU/T on the average of an orbit where friction is weak.
-fn before_flight(oscillator: &Oscillator) -> f64 {
-    let (contact, zeta) = (oscillator.contact(), oscillator.zeta());
-    let temperature = oscillator.viscous_temperature();
-    let (Some(loss), Some(rest)) = (contact.loss_point(), contact.equilibrium()) else {
-        return temperature;
-    };
-    let half = 0.5 * (loss - rest);
-    let [mut rise, mut fall] = [0.0; 2];
-    for (x, w) in kronrod() {
-        let q = rest + half * (1.0 + x);
-        let force = w * half * contact.force(q);
-        rise += force;
-        fall += oscillator.friction(q) / (2.0 * zeta) * force;
-    }
-    if rise < SELDOM * temperature {
-        return temperature;
-    }
-    let local = (fall / rise).min(1.0);
-    MARGIN * temperature / (1.0 - zeta.min(1.0) * (1.0 - local))
 }
 
 /// What a failed solve says of an operator under such damping: its digits go where the law outgrows the weights.
@@ -196,7 +126,6 @@ impl Kept {
         resolution: Resolution,
         late: &Deadline,
     ) -> Result<Self> {
-        let oscillator = &oscillator.weighed(REACH);
         let full = Hierarchy::new(oscillator, Quantity::Displacement, resolution)?;
         let (x, rounding) = null(oscillator, &full, late)?;
         let law = Self::read(oscillator, &full, &x)?;
@@ -206,24 +135,26 @@ impl Kept {
     fn read(oscillator: &Oscillator, full: &Hierarchy, x: &[f64]) -> Result<Self> {
         let (k, basis, contact) = (full.pairs, &full.basis, oscillator.contact());
         let (even, odd) = x.split_at(full.even());
+        let powers = powers(full.weights, k);
         let mut it = Self {
-            law: oscillator.displacement_law()?,
-            temperature: oscillator.temperature(),
+            law: full.weights.of_displacement(oscillator)?,
+            weights: full.weights,
             ends: vec![],
             parts: vec![],
             means: vec![0.0; 2 * k],
+            constant: powers[0].clone(),
             raw: RawMoments::default(),
             dissipated: 0.0,
             rounding: 0.0,
         };
-        let t = it.temperature;
         let legendre = gauss::<POINTS>();
         for (e, element) in basis.elements.iter().enumerate() {
             let at = &element.at;
             it.ends.push(at.ends[0]);
             let places = basis.places(e);
             let mut part = Vec::with_capacity(2 * k);
-            let mut first = [[0.0; POINTS]; 3];
+            // The integrals of 1, v and v^2 at the points, times it too.
+            let mut sums = [[0.0; POINTS]; 3];
             for n in 0..2 * k {
                 // b_n at the points, times the root of the weight.
                 let mut values = [0.0; POINTS];
@@ -242,29 +173,29 @@ impl Kept {
                     }
                 }
                 it.means[n] += values.iter().zip(&at.root).map(|(b, r)| b * r).sum::<f64>();
-                if let Some(first) = first.get_mut(n) {
-                    *first = values;
+                for (sum, powers) in sums.iter_mut().zip(&powers) {
+                    let both = sum.iter_mut().zip(&values);
+                    both.for_each(|(sum, b)| *sum += powers[n] * b);
                 }
                 part.push(coefficients(&legendre, &values, element));
             }
             it.parts.push(part);
             for j in 0..POINTS {
                 let (q, root) = (at.places[j], at.root[j]);
-                let [b0, b1, b2] = first.map(|b| b[j] * root);
-                let square = t * (b0 + std::f64::consts::SQRT_2 * b2);
+                let [mass, speed, square] = sums.map(|b| b[j] * root);
                 let force = contact.force(q);
                 let raw = &mut it.raw;
-                raw.mass += b0;
-                raw.q += q * b0;
-                raw.qq += q * q * b0;
-                raw.v += t.sqrt() * b1;
+                raw.mass += mass;
+                raw.q += q * mass;
+                raw.qq += q * q * mass;
+                raw.v += speed;
                 raw.vv += square;
-                raw.qv += q * t.sqrt() * b1;
+                raw.qv += q * speed;
                 for (power, sum) in (1..).zip(&mut raw.force) {
-                    *sum += force.powi(power) * b0;
+                    *sum += force.powi(power) * mass;
                 }
-                raw.potential += contact.potential(q) * b0;
-                raw.lost += f64::from(u8::from(contact.is_lost(q))) * b0;
+                raw.potential += contact.potential(q) * mass;
+                raw.lost += f64::from(u8::from(contact.is_lost(q))) * mass;
                 it.dissipated += oscillator.friction(q) * square;
             }
         }
@@ -291,7 +222,7 @@ impl Kept {
     /// Places with their weights in q, the points of the elements, and in v, equal steps.
     pub(in crate::fokker_planck) fn quadrature(&self) -> [Vec<(f64, f64)>; 2] {
         const STEPS: i32 = 240;
-        let fastest = 8.0 * self.temperature.sqrt();
+        let fastest = self.fastest();
         let step = 2.0 * fastest / f64::from(STEPS);
         let speeds = (0..=STEPS).map(|k| (f64::from(k) * step - fastest, step));
         let elements = self.ends.windows(2).flat_map(|ends| {
@@ -301,10 +232,15 @@ impl Kept {
         [elements.collect(), speeds.collect()]
     }
 
-    /// Ends of intervals of v from 0 on, for sums over it: a third of a deviation up to nine of them.
+    /// The velocity that the truncated domain holds.
+    fn fastest(&self) -> f64 {
+        1.2 * (2.0 * self.weights.energy).sqrt()
+    }
+
+    /// Ends of intervals of v from 0 on, for sums over it.
     pub(in crate::fokker_planck) fn panels(&self) -> Vec<f64> {
-        let third = self.temperature.sqrt() / 3.0;
-        (0..=27).map(|k| f64::from(k) * third).collect()
+        let panel = self.fastest() / 27.0;
+        (0..=27).map(|k| f64::from(k) * panel).collect()
     }
 
     /// b_n(q) for all n; empty beyond the domain. At a common end the mean of both elements.
@@ -333,7 +269,7 @@ impl Kept {
 
     /// sum_n b_n h_n(v).
     fn sum(&self, ratios: &[f64], v: f64) -> f64 {
-        let x = v / self.temperature.sqrt();
+        let x = v / self.weights.in_v().sqrt();
         let (mut before, mut here, mut sum) = (0.0, 1.0, 0.0);
         for (n, b) in ratios.iter().enumerate() {
             sum += b * here;
@@ -356,12 +292,13 @@ impl Kept {
 
     /// p_q(q).
     pub(in crate::fokker_planck) fn density_q(&self, q: f64) -> f64 {
-        self.law.density(q) * self.ratios(q).first().copied().unwrap_or(0.0)
+        let parts = self.ratios(q).into_iter().zip(&self.constant);
+        self.law.density(q) * parts.map(|(b, h)| b * h).sum::<f64>()
     }
 
     /// p_v(v).
     pub(in crate::fokker_planck) fn density_v(&self, v: f64) -> f64 {
-        maxwell(v, self.temperature) * self.sum(&self.means, v)
+        maxwell(v, self.weights.of_law()) * self.sum(&self.means, v)
     }
 }
 
@@ -382,8 +319,30 @@ impl Column<'_> {
     /// p(q, v).
     pub(in crate::fokker_planck) fn density(&self, v: f64) -> f64 {
         let law = self.law;
-        self.weight * maxwell(v, law.temperature) * law.sum(&self.ratios, v)
+        self.weight * maxwell(v, law.weights.of_law()) * law.sum(&self.ratios, v)
     }
+}
+
+/// The integrals of 1, v and v^2 times each h_n over the factor of p, of mass 1.
+fn powers(weights: Weights, pairs: usize) -> [Vec<f64>; 3] {
+    let count = 2 * pairs;
+    let mut all = vec![0.0; count + 2];
+    for (x, it) in all.iter_mut().step_by(2).zip(weights.constant(pairs + 1)) {
+        *x = it;
+    }
+    // v h_n = t^{1/2} (sqrt(n+1) h_{n+1} + sqrt(n) h_{n-1}).
+    let times_v = |of: &[f64]| -> Vec<f64> {
+        let t = weights.in_v();
+        let below = |n: usize| {
+            n.checked_sub(1)
+                .map_or(0.0, |m| (t * n as f64).sqrt() * of[m])
+        };
+        let above = |n: usize| (t * (n + 1) as f64).sqrt() * of[n + 1];
+        (0..of.len() - 1).map(|n| below(n) + above(n)).collect()
+    };
+    let first = times_v(&all);
+    let second = times_v(&first);
+    [all, first, second]
 }
 
 /// Legendre coefficients of a polynomial from its values at the points, times the root of the weight.

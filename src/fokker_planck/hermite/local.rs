@@ -1,12 +1,12 @@
 //! The operator where friction depends on the displacement, as a sparse matrix.
 //!
-//! With k = pi h/T the friction that keeps the weights, the backward operator has beside that of `operator`
-//! -(c - k) v d/dv, which takes h_n to -(c - k) (n h_n + sqrt(n (n - 1)) h_{n-2}): products with c(q) between the functions of
-//! one element, and n couples with n + 2. The constant is a null vector still; that of the transpose is the stationary law
-//! over the weights. Hats are left as they are, not made orthonormal.
+//! Friction and noise, pi h d2/dv2 - c v d/dv, take h_n to h_{n-2}, h_n and h_{n+2} (`weights`): products with c(q) between the
+//! functions of one element, and n couples with n + 2 and n - 2. The constant is a null vector still; that of the transpose is
+//! the stationary law over the weights. Hats are left as they are, not made orthonormal.
 
 use super::basis::{Basis, DEGREE, Number};
 use super::nested::{Nested, Shape};
+use super::weights::Weights;
 use crate::error::{Deadline, Result};
 use crate::oscillator::Oscillator;
 use crate::sparse;
@@ -22,7 +22,7 @@ pub(super) struct Local {
 
 impl Local {
     /// Of so many pairs of Hermite functions on a basis of q.
-    pub(super) fn new(basis: &Basis, pairs: usize, oscillator: &Oscillator) -> Self {
+    pub(super) fn new(basis: &Basis, pairs: usize, oscillator: (&Oscillator, Weights)) -> Self {
         let k = pairs;
         let size = k * (basis.one.len() + DEGREE * basis.elements.len());
         let mut mass = TriMat::with_capacity((size, size), 2 * size);
@@ -106,9 +106,14 @@ pub(super) fn times(basis: &Basis, k: usize, f: &dyn Fn(f64) -> f64, x: &[f64]) 
 }
 
 /// The entries of the operator.
-fn operator(basis: &Basis, (k, size): (usize, usize), oscillator: &Oscillator) -> CsMat<f64> {
-    let reference = oscillator.reference_friction();
-    let temperature = oscillator.temperature();
+fn operator(
+    basis: &Basis,
+    (k, size): (usize, usize),
+    (oscillator, weights): (&Oscillator, Weights),
+) -> CsMat<f64> {
+    let temperature = weights.in_v();
+    let heated = oscillator.noise() / temperature;
+    let [lowers, keeps, once, raises] = weights.friction().map(|[c, noise]| [c, noise * heated]);
     let functions = basis.one.len();
     let mut triplets = TriMat::with_capacity((size, size), 40 * size);
     let even = |place: usize, i: usize| place * k + i;
@@ -139,21 +144,23 @@ fn operator(basis: &Basis, (k, size): (usize, usize), oscillator: &Oscillator) -
             let up = |n: f64| ((n + 1.0) * (n + 2.0)).sqrt();
             for (a, row) in places.into_iter().enumerate() {
                 for (b, column) in places.into_iter().enumerate() {
-                    let rate = even_rate[a][b];
-                    add(even(row, i), even(column, i), -n * rate);
+                    let (rate, mass) = (even_rate[a][b], even_mass[a][b]);
+                    let of = |by: [f64; 2]| by[0] * rate + by[1] * mass;
+                    add(even(row, i), even(column, i), n * of(keeps) + of(once));
                     if i + 1 < k {
-                        let more = rate - reference * even_mass[a][b];
-                        add(even(row, i), even(column, i + 1), -up(n) * more);
+                        add(even(row, i), even(column, i + 1), up(n) * of(lowers));
+                        add(even(row, i + 1), even(column, i), up(n) * of(raises));
                     }
                 }
             }
             for a in 0..DEGREE {
                 for b in 0..DEGREE {
-                    let rate = odd_rate[a][b];
-                    add(odd(e, a, i), odd(e, b, i), -m * rate);
+                    let (rate, mass) = (odd_rate[a][b], odd_mass[a][b]);
+                    let of = |by: [f64; 2]| by[0] * rate + by[1] * mass;
+                    add(odd(e, a, i), odd(e, b, i), m * of(keeps) + of(once));
                     if i + 1 < k {
-                        let more = rate - reference * odd_mass[a][b];
-                        add(odd(e, a, i), odd(e, b, i + 1), -up(m) * more);
+                        add(odd(e, a, i), odd(e, b, i + 1), up(m) * of(lowers));
+                        add(odd(e, a, i + 1), odd(e, b, i), up(m) * of(raises));
                     }
                 }
             }

@@ -8,8 +8,10 @@ mod friction;
 mod local;
 mod nested;
 mod operator;
+mod weights;
 
 pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
-pub(super) use friction::{Column, Kept, Warmth, heavy, lost_digits, work};
-pub(super) use operator::{Hierarchy, Resolution, Rise};
+pub(super) use friction::{Column, Kept, heavy, lost_digits, work};
+pub(super) use operator::{Hierarchy, Resolution};
+pub(super) use weights::Weights;

@@ -14,13 +14,15 @@
 //! with its own transpose. Transport is then antisymmetric and friction with noise diagonal, whatever the
 //! elements: the constant is a null vector on both sides and every other mode decays. An element ends at
 //! the loss of contact, so the kink of G costs nothing; convergence is faster than any power of the
-//! number of functions, and nearly so of elements.
+//! number of functions, and nearly so of elements. Where friction depends on the displacement the weights are others (`weights`).
 
 use super::basis::{Basis, DEGREE, INNER, LOCAL, Number};
 use super::local::Local;
+use super::weights::Weights;
 use crate::error::Result;
 use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::policy::HIGHER;
+use crate::matrix::dot;
 use crate::oscillator::{Oscillator, Quantity};
 use num_complex::Complex;
 
@@ -31,38 +33,8 @@ pub(in crate::fokker_planck) struct Resolution {
     pub(in crate::fokker_planck) elements: usize,
     /// Pairs of Hermite functions, an even one and an odd one.
     pub(in crate::fokker_planck) pairs: usize,
-    /// The truncated domain reaches to this energy above the lowest, in T.
+    /// Powers of e by which the stationary law falls within the truncated domain, if so many functions hold as much.
     pub(in crate::fokker_planck) level: f64,
-    /// By how much higher it ends from one to the next.
-    pub(in crate::fokker_planck) rise: Rise,
-}
-
-/// How the truncated domain grows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::fokker_planck) enum Rise {
-    /// As the moments of a law ask, which look at its tails.
-    Whole,
-    /// Half as fast: under a friction that depends on the displacement the law falls more slowly than the weight of the
-    /// functions, outgrows it with the height, and drowns in rounding.
-    Half,
-}
-
-impl Rise {
-    /// That of spectra and modes.
-    pub(in crate::fokker_planck) fn of(oscillator: &Oscillator) -> Self {
-        if oscillator.is_viscous() {
-            Self::Whole
-        } else {
-            Self::Half
-        }
-    }
-
-    fn get(self) -> f64 {
-        match self {
-            Self::Whole => HIGHER.get(),
-            Self::Half => 0.5 * HIGHER.get(),
-        }
-    }
 }
 
 impl Resolution {
@@ -74,7 +46,7 @@ impl Resolution {
         cells: Option<[usize; 2]>,
         rounds: i32,
         otherwise: [usize; 2],
-        (level, rise): (f64, Rise),
+        level: f64,
     ) -> Self {
         let coarse = |n: usize, of: usize| {
             let n = n as f64 / of as f64 / Self::FINER.powi(rounds);
@@ -85,7 +57,6 @@ impl Resolution {
             elements,
             pairs,
             level,
-            rise,
         }
     }
 
@@ -100,8 +71,7 @@ impl Resolution {
         Self {
             elements: more(self.elements),
             pairs: more(self.pairs),
-            level: self.level + self.rise.get() * rounds,
-            ..self
+            level: self.level + HIGHER.get() * rounds,
         }
     }
 
@@ -138,6 +108,9 @@ impl Resolution {
 pub(in crate::fokker_planck) struct Hierarchy {
     pub(super) zeta: f64,
     pub(super) temperature: f64,
+    pub(super) weights: Weights,
+    /// The constant, function of v by function, of length 1.
+    pub(super) speeds: Vec<f64>,
     pub(super) pairs: usize,
     pub(super) basis: Basis,
     /// The whole operator, where friction depends on the displacement.
@@ -151,13 +124,21 @@ impl Hierarchy {
         quantity: Quantity,
         resolution: Resolution,
     ) -> Result<Self> {
-        let law = oscillator.displacement_law()?;
-        let ends = ends(oscillator, resolution);
+        let weights = Weights::of(oscillator, resolution);
+        let law = weights.of_displacement(oscillator)?;
+        let ends = ends(oscillator, weights.energy, resolution.elements);
+        let mut speeds = weights.constant(resolution.pairs);
+        let size = dot(&speeds, &speeds).sqrt();
+        for x in &mut speeds {
+            *x /= size;
+        }
         let mut it = Self {
             zeta: oscillator.zeta(),
-            temperature: oscillator.temperature(),
+            temperature: weights.in_v(),
+            weights,
+            speeds,
             pairs: resolution.pairs,
-            basis: Basis::new(oscillator, &law, &ends, quantity)?,
+            basis: Basis::new(oscillator, (&law, weights.pulls()), &ends, quantity)?,
             local: None,
         };
         if !oscillator.is_viscous() {
@@ -168,7 +149,7 @@ impl Hierarchy {
 
     /// The whole operator of any friction.
     pub(super) fn whole(&self, oscillator: &Oscillator) -> Local {
-        Local::new(&self.basis, self.pairs, oscillator)
+        Local::new(&self.basis, self.pairs, (oscillator, self.weights))
     }
 
     /// Whether friction depends on the displacement: v -> -v then does not turn L into its transpose, and L writes into
@@ -183,6 +164,7 @@ impl Hierarchy {
         Some(Self {
             basis: self.basis.clone(),
             local: Some(local),
+            speeds: self.speeds.clone(),
             ..*self
         })
     }
@@ -236,20 +218,33 @@ impl Hierarchy {
     /// The deviation of the quantity from its mean, as a state.
     pub(in crate::fokker_planck) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.len()];
-        let at = state.iter_mut().step_by(self.pairs);
-        at.zip(&self.basis.quantity).for_each(|(x, it)| *x = *it);
+        let at = state.chunks_exact_mut(self.pairs).zip(&self.basis.quantity);
+        for (at, it) in at {
+            at.iter_mut()
+                .zip(&self.speeds)
+                .for_each(|(x, by)| *x = it * by);
+        }
         state
+    }
+
+    /// The part of a state along the constant.
+    pub(super) fn constant<T: Number>(&self, x: &[T]) -> T {
+        let mut part = T::default();
+        for (x, one) in x.chunks_exact(self.pairs).zip(&self.basis.one) {
+            for (x, by) in x.iter().zip(&self.speeds) {
+                part += *x * (one * by);
+            }
+        }
+        part
     }
 
     /// Takes the constant part off a state: L neither reads nor writes it.
     pub(in crate::fokker_planck) fn drop_constant<T: Number>(&self, x: &mut [T]) {
-        let mut part = T::default();
-        let one = &self.basis.one;
-        for (x, one) in x.iter().step_by(self.pairs).zip(one) {
-            part += *x * *one;
-        }
-        for (x, one) in x.iter_mut().step_by(self.pairs).zip(one) {
-            *x += part * -one;
+        let part = self.constant(x);
+        for (x, one) in x.chunks_exact_mut(self.pairs).zip(&self.basis.one) {
+            for (x, by) in x.iter_mut().zip(&self.speeds) {
+                *x += part * -(one * by);
+            }
         }
     }
 
@@ -355,14 +350,13 @@ const NARROWEST: f64 = 3e-8;
 /// in flight than in contact, where the motion turns fastest. In flight motions that turn at the ends last equally longer from
 /// one to the next, since flights are parabolas in time: equal lengths are several times too long next to the loss. In contact,
 /// between two walls and without a loss, equal lengths, or nearly so.
-fn ends(oscillator: &Oscillator, resolution: Resolution) -> Vec<f64> {
+fn ends(oscillator: &Oscillator, energy: f64, count: usize) -> Vec<f64> {
     let contact = oscillator.contact();
     let t = oscillator.temperature();
     // Well over a barrier between two wells, which the slowest motion passes.
     let barrier = contact.barrier().map_or(0.0, |it| it + 10.0 * t);
-    let rise = (resolution.level * t).max(barrier);
+    let rise = energy.max(barrier);
     let (left, right) = contact.turning_points(rise).unwrap_or((-1.0, 1.0));
-    let count = resolution.elements;
     let mut kinks = contact.kinks();
     kinks.retain(|q| *q > left && *q < right);
     // An element that narrow drowns in rounding, and no number sees it.

@@ -4,7 +4,7 @@ use super::law::Law;
 use super::on_mesh::OnMesh;
 use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
-use crate::fokker_planck::hermite::{Kept, Resolution, Rise, heavy, work};
+use crate::fokker_planck::hermite::{Kept, Resolution, heavy, work};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
 use crate::oscillator::Oscillator;
 
@@ -24,7 +24,6 @@ const FIRST: Resolution = Resolution {
     elements: 4,
     pairs: 10,
     level: 18.0,
-    rise: Rise::Whole,
 };
 const MOST: usize = 6;
 /// Meshes at most, where Hermite functions do not reach what is asked: some seconds.

@@ -8,7 +8,7 @@ use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits, timing};
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_nearby};
 use crate::fokker_planck::hermite::{
-    Adjoint, Hierarchy, Resolution, Rise, Warmth, lost_digits, work as friction_work,
+    Adjoint, Hierarchy, Resolution, lost_digits, work as friction_work,
 };
 use crate::fokker_planck::policy::{SHARE, SPECTRUM_NEARBY};
 use crate::fokker_planck::settings::Settings;
@@ -67,7 +67,12 @@ impl Resolvent {
     pub(crate) fn of(oscillator: &Oscillator, until: f64, settings: &Settings) -> Self {
         // Beyond 18 T lies 2e-8 of the probability of energies; a function there changes no spectrum by
         // more than that times the square of its size, about 1e3. Each finer operator shows what that was.
-        let first = Resolution::first(settings.cells, 1, [6, 24], (18.0, Rise::of(oscillator)));
+        let first = Resolution::first(
+            settings.cells,
+            1,
+            [6, 24],
+            if oscillator.is_viscous() { 18.0 } else { 22.0 },
+        );
         // Motions of other energies go at other frequencies and are sheared until the noise smears them: the less damped, the finer,
         // up to where most motions lose contact. Fitted to some hundred runs, T from 0.01 to 60, zeta from 0.003 to 0.6, `until`
         // from 1.5 to 12, tolerances from 1e-2 to 1e-5.
@@ -122,7 +127,6 @@ impl Resolvent {
             omegas,
             control: control(omegas),
             limits: limits.clone(),
-            warmth: Warmth::FIRST,
             next: self.first,
             solved: Vec::new(),
             last: None,
@@ -166,7 +170,6 @@ struct Task<'a> {
     omegas: &'a [f64],
     control: Vec<f64>,
     limits: Limits,
-    warmth: Warmth,
     next: Resolution,
     /// Frequencies that the last resolution was solved for.
     solved: Vec<f64>,
@@ -181,11 +184,10 @@ impl Task<'_> {
     /// The model of the next resolution, and the mean where damping leaves no closed form of it.
     fn model(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<(Reduced, Option<f64>)> {
         let (recipe, limits, quantity) = (self.recipe, &self.limits, self.quantity);
-        let weighed = self.warmth.weighed(self.oscillator);
-        let full = Hierarchy::new(&weighed, quantity, self.next)?;
+        let full = Hierarchy::new(self.oscillator, quantity, self.next)?;
         let late = || limits.in_time(|| "the stationary law of the spectrum was not found".into());
         let form = Form {
-            adjoint: Adjoint::of(&weighed, &full, quantity, &late)?,
+            adjoint: Adjoint::of(self.oscillator, &full, quantity, &late)?,
             full,
         };
         let go_on = |solved: usize| {
@@ -237,13 +239,12 @@ impl Question for Task<'_> {
 
     fn run(&mut self, progress: &(dyn Fn(f64) + Sync)) -> Result<()> {
         let (model, mean) = match self.model(progress) {
-            Ok(found) => found,
-            Err(error) => {
-                self.warmth.rise(self.oscillator, error)?;
-                // Of other functions nothing is known yet.
-                (self.last, self.changes) = (None, None);
+            // Functions so few may have more than one law.
+            Err(Error::Unresolved { .. }) if self.best.is_none() => {
+                (self.last, self.next) = (None, self.next.refined(1));
                 return Ok(());
             }
+            found => found?,
         };
         let Self {
             omegas,

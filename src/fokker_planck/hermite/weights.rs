@@ -1,0 +1,191 @@
+//! What functions of q and v are weighed with, and how far they reach.
+//!
+//! Under viscous damping the weight is the stationary law, exp(-H/T)/Z. Under a friction that depends on the displacement the law p
+//! may fall more slowly than any Gibbs law: noise alone throws a flight, and a height x falls as exp(-c sqrt(x)). Polynomials under
+//! exp(-H/T) look the farther the higher their degree, and p over the weight grows there without bound. But a function of H
+//! passes through transport, v d/dq - G d/dv, so that with s and a tilt g from 0 to 1
+//!
+//! ```text
+//! p = exp(-H/s) p',   f = exp(-g H/s) f',   p' and f' of h_n(v ((1 + g)/s)^{1/2}) and of functions of q
+//! ```
+//!
+//! costs friction and noise an entry more, from n to n + 2. Functions of v are orthonormal under the Gaussian of variance s/(1 + g);
+//! those of q are polynomials times exp(g U/s), so that a constant is one of them, orthonormal under exp(-(1 - g) U/s). g = 0 is the Gibbs law of temperature s, under which a constant is one function; at g = 1 both sides fall alike,
+//! whatever falls is held, and a constant no longer (Hermite functions weighed asymmetrically and symmetrically; Schumer and
+//! Holloway, J. Comput. Phys. 144, 626, 1998). With N functions of v, that see energies up to 2 N s/(1 + g), the least g will do
+//! for which N (1 - g)/(1 + g) is no more than the powers of e by which p has fallen there: what is left of a constant beyond
+//! the last function, g^{N/2}, then is what is left of p.
+
+use super::operator::Resolution;
+use crate::error::Result;
+use crate::oscillator::{DisplacementLaw, Oscillator};
+
+/// Weights of functions of q and v.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::fokker_planck) struct Weights {
+    /// s.
+    temperature: f64,
+    /// g.
+    tilt: f64,
+    /// The truncated domain reaches to this energy above the lowest.
+    pub(in crate::fokker_planck) energy: f64,
+}
+
+/// How finely N functions tell the velocities of a motion of temperature T that reaches to the energy E: they hold the law down to
+/// as many powers of e, N sqrt(2 T/E) times this.
+const TOLD: f64 = 1.8;
+
+/// The functions of v see so many times the energy of the domain.
+const SEEN: f64 = 1.4;
+
+/// Tilts are tried in steps.
+const STEP: f64 = 0.01;
+
+impl Weights {
+    /// The weights of a resolution.
+    pub(in crate::fokker_planck) fn of(oscillator: &Oscillator, it: Resolution) -> Self {
+        let temperature = oscillator.viscous_temperature();
+        if oscillator.is_viscous() {
+            return Self {
+                temperature,
+                tilt: 0.0,
+                energy: it.level * temperature,
+            };
+        }
+        // Friction may be more than 2 zeta where most of the motion is.
+        let temperature = temperature.min(oscillator.energy_at(1.0));
+        let n = 2.0 * it.pairs as f64;
+        let told = |fall: f64| TOLD * n * (2.0 * temperature / oscillator.energy_at(fall)).sqrt();
+        let mut fall = it.level;
+        while fall > 2.0 && fall > told(fall) {
+            fall -= 0.25;
+        }
+        let energy = oscillator.energy_at(fall);
+        let at = |tilt: f64| Self {
+            temperature: temperature.max((1.0 + tilt) * SEEN * energy / (2.0 * n)),
+            tilt,
+            energy,
+        };
+        let held = |it: &Self| n * it.in_v() / it.in_q() <= oscillator.fall_at(2.0 * n * it.in_v());
+        let all = (0..).map(|k| at(STEP * f64::from(k)));
+        let mut all = all.take_while(|it| it.tilt < 1.0 - 0.5 * STEP);
+        all.find(held).unwrap_or(at(1.0 - STEP))
+    }
+
+    /// The temperature at which functions of v are orthonormal.
+    pub(super) fn in_v(self) -> f64 {
+        self.temperature / (1.0 + self.tilt)
+    }
+
+    /// That at which polynomials of q are.
+    pub(super) fn in_q(self) -> f64 {
+        self.temperature / (1.0 - self.tilt)
+    }
+
+    /// The law of the displacement at that.
+    pub(super) fn of_displacement(self, oscillator: &Oscillator) -> Result<DisplacementLaw> {
+        if oscillator.is_viscous() {
+            return oscillator.displacement_law();
+        }
+        oscillator.of_temperature(self.in_q()).displacement_law()
+    }
+
+    /// The temperature of the factor of p.
+    pub(super) fn of_law(self) -> f64 {
+        self.temperature
+    }
+
+    /// What G carries along in d/dq and in -d/dq + G/T.
+    pub(super) fn pulls(self) -> [f64; 2] {
+        [self.tilt / self.temperature, 1.0 / self.temperature]
+    }
+
+    /// Factors of the friction c and of the noise pi h, over the temperature of the functions, in what they make of h_n: of h_{n-2},
+    /// n and once of h_n itself, of h_{n+2}.
+    pub(super) fn friction(self) -> [[f64; 2]; 4] {
+        let b = -self.tilt / (1.0 + self.tilt);
+        [
+            [-(1.0 + b), (1.0 + b) * (1.0 + b)],
+            [-(1.0 + 2.0 * b), 2.0 * b * (1.0 + b)],
+            [-b, b * (1.0 + b)],
+            [-b, b * b],
+        ]
+    }
+
+    /// The integrals of the even functions over the factor of p, as far as any is not 0: the constant in f'.
+    pub(super) fn constant(self, pairs: usize) -> Vec<f64> {
+        let next = |x: &f64, m: usize| {
+            let n = 2.0 * m as f64;
+            x * self.tilt * ((n - 1.0) / n).sqrt()
+        };
+        let mut all = vec![1.0];
+        for m in 1..pairs {
+            all.push(next(&all[m - 1], m));
+        }
+        all.truncate(if self.tilt == 0.0 { 1 } else { pairs });
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::operator::Hierarchy;
+    use super::*;
+    use crate::contact::ContactLaw;
+    use crate::damping::Damping;
+    use crate::oscillator::Quantity;
+
+    fn resolution(pairs: usize) -> Resolution {
+        Resolution {
+            elements: 8,
+            pairs,
+            level: 20.0,
+        }
+    }
+
+    #[test]
+    fn tilts_are_what_slow_tails_ask_for() {
+        let viscous = Oscillator::new(ContactLaw::Hertz, 0.05, 0.064).unwrap();
+        let it = Weights::of(&viscous, resolution(40));
+        assert_eq!(
+            [it.in_v(), it.in_q(), it.tilt],
+            [viscous.temperature(), viscous.temperature(), 0.0]
+        );
+        let heavy = viscous.with_damping(Damping::Contact).unwrap();
+        let mut before = 0.0;
+        for pairs in [24, 48, 96, 192] {
+            let it = Weights::of(&heavy, resolution(pairs));
+            let n = 2.0 * pairs as f64;
+            println!("{n}: {it:?}");
+            // The more functions, the farther they see; the law has fallen there by what is left of a constant.
+            assert!(it.tilt > before && it.tilt < 1.0);
+            let fallen = heavy.fall_at(2.0 * n * it.in_v());
+            let left = -0.5 * n * it.tilt.ln();
+            assert!((0.8..1.3).contains(&(left / fallen)), "{left} and {fallen}");
+            assert!(2.0 * n * it.in_v() >= SEEN * it.energy * (1.0 - 1e-12));
+            before = it.tilt;
+        }
+    }
+
+    #[test]
+    fn a_tilted_constant_is_a_null_vector_as_far_as_functions_reach() {
+        let it = Oscillator::new(ContactLaw::Hertz, 0.05, 0.064).unwrap();
+        let it = it.with_damping(Damping::Contact).unwrap();
+        let mut before = f64::INFINITY;
+        for pairs in [12, 24, 48] {
+            let full = Hierarchy::new(&it, Quantity::Displacement, resolution(pairs)).unwrap();
+            let mut constant = vec![0.0; full.len()];
+            for (x, one) in constant.chunks_exact_mut(pairs).zip(&full.basis.one) {
+                x.iter_mut()
+                    .zip(&full.speeds)
+                    .for_each(|(x, by)| *x = one * by);
+            }
+            let image = full.apply(&constant);
+            let size = image.iter().map(|x| x * x).sum::<f64>().sqrt();
+            println!("{pairs}: {size:.1e}, tilt {}", full.weights.tilt);
+            assert!(full.weights.tilt > 0.0 && size < 0.2 * before, "{size}");
+            before = size;
+        }
+        assert!(before < 1e-4);
+    }
+}
