@@ -228,7 +228,7 @@ impl<'a> Factored<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::operator::Resolution;
+    use super::super::resolution::Resolution;
     use super::*;
     use crate::contact::ContactLaw;
     use crate::oscillator::{Oscillator, Quantity};

@@ -3,7 +3,8 @@
 
 use super::basis::{DEGREE, Element, LOCAL, POINTS};
 use super::nested::Shape;
-use super::operator::{Hierarchy, Resolution};
+use super::operator::Hierarchy;
+use super::resolution::Resolution;
 use super::weights::Weights;
 use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::flux::maxwell;

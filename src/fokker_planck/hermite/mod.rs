@@ -8,10 +8,12 @@ mod friction;
 mod local;
 mod nested;
 mod operator;
+mod resolution;
 mod weights;
 
 pub(super) use adjoint::Adjoint;
 pub(super) use factored::Factored;
 pub(super) use friction::{Column, Kept, heavy, lost_digits, work};
-pub(super) use operator::{Hierarchy, Resolution};
+pub(super) use operator::Hierarchy;
+pub(super) use resolution::Resolution;
 pub(super) use weights::Weights;

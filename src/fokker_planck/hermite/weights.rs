@@ -16,7 +16,7 @@
 //! for which N (1 - g)/(1 + g) is no more than the powers of e by which p has fallen there: what is left of a constant beyond
 //! the last function, g^{N/2}, then is what is left of p.
 
-use super::operator::Resolution;
+use super::resolution::Resolution;
 use crate::error::Result;
 use crate::oscillator::{DisplacementLaw, Oscillator};
 
