@@ -288,18 +288,6 @@ impl Averaged {
         self.energies[end] / (self.psi[end] - lowest).max(f64::MIN_POSITIVE)
     }
 
-    /// Powers of e by which the law has fallen at an energy; beyond the table by a straight line of its root.
-    pub(crate) fn fall_at(&self, energy: f64) -> f64 {
-        let lowest = self.psi.iter().copied().fold(0.0, f64::min);
-        let k = self.energies.partition_point(|it| *it <= energy);
-        if k >= self.energies.len() {
-            let last = self.energies.len() - 1;
-            return (self.psi[last] - lowest) * (energy / self.energies[last]).sqrt();
-        }
-        let share = (energy - self.energies[k - 1]) / (self.energies[k] - self.energies[k - 1]);
-        self.psi[k - 1] + share * (self.psi[k] - self.psi[k - 1]) - lowest
-    }
-
     /// The first energy of the table beyond which no more than a probability lies.
     pub(crate) fn within(&self, probability: f64) -> f64 {
         let k = self.beyond.partition_point(|it| *it > probability);

@@ -112,18 +112,11 @@ impl Oscillator {
         Ok(it)
     }
 
-    /// The energy where the averaged law has fallen by so many powers of e.
+    /// The energy above the lowest where the law averaged over orbits has fallen by so many powers of e.
     pub(crate) fn energy_at(&self, fall: f64) -> f64 {
         self.averaged
             .as_ref()
             .map_or(fall * self.temperature, |it| fall * it.temperature_at(fall))
-    }
-
-    /// The powers of e it has fallen at an energy.
-    pub(crate) fn fall_at(&self, energy: f64) -> f64 {
-        self.averaged
-            .as_ref()
-            .map_or(energy / self.temperature, |it| it.fall_at(energy))
     }
 
     /// The same weighed with the Gibbs law of another temperature.

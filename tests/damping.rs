@@ -444,11 +444,10 @@ fn a_tighter_tolerance_leaves_no_larger_errors_of_the_law() {
         it.with_damping(Damping::Contact).unwrap()
     };
     solved(&in_contact(0.05, 2e-2), 1e-4);
-    // A third of the time in flight, which forgets slowly: 1e-4 is just met, or missed.
+    // A third of the time in flight, which forgets slowly.
     let loud = in_contact(0.01, 0.01);
     let loose = solved(&loud, 1e-3);
-    let tight = stationary_law(&loud, &settings(1e-4)).unwrap();
-    assert!(tight.shortfall.is_some_and(|it| it.ratio < 3.0));
+    let tight = solved(&loud, 1e-4);
     for ((name, a), (_, b)) in loose.moments.named().into_iter().zip(tight.moments.named()) {
         let Some((a, b)) = a.zip(b) else { continue };
         assert!(b.error <= a.error, "{name}: {a}, then {b}");
@@ -922,7 +921,7 @@ fn the_steady_state_on_the_mesh_is_the_solved_law_within_both_errors() {
 /// Where T is high the kurtosis takes meshes that nobody else needs.
 #[test]
 fn a_stationary_law_is_solved_for_as_exactly_as_the_moments_that_are_asked_for_need() {
-    let loud = Oscillator::new(ContactLaw::Hertz, 0.9, 0.3).unwrap();
+    let loud = Oscillator::new(ContactLaw::Hertz, 0.9, 0.5).unwrap();
     let loud = loud.with_damping(Damping::HuntCrossley).unwrap();
     let asked = Settings {
         moments: Some(vec![Moment::MeanEnergy]),
@@ -935,6 +934,6 @@ fn a_stationary_law_is_solved_for_as_exactly_as_the_moments_that_are_asked_for_n
     assert!(energy.error <= 1e-2 * energy.value);
     // Its error stands beside it; had the tolerance asked for it, there would have been a finer mesh.
     assert!(kurtosis.error > 1e-2 * kurtosis.value);
-    // As all moments to 1e-2 have it.
-    assert!((energy.value - 1.92797).abs() < energy.error);
+    // As four meshes have it.
+    assert!((energy.value - 5.7659).abs() < energy.error + 1e-3);
 }

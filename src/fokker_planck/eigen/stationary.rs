@@ -114,7 +114,7 @@ impl StationaryState {
         let damping = oscillator.damping();
         damping.depends_on_displacement("the stationary law")?;
         let mut it = Self {
-            first: Resolution::first(settings.cells, 2, [4, 10], 18.0),
+            first: Resolution::first(settings.cells, 2, [4, 16], 18.0),
             given: settings.cells.is_some(),
             tolerance: settings.tolerance,
             asked: settings.moments.clone(),

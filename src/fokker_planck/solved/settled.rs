@@ -22,7 +22,7 @@ pub(in crate::fokker_planck) struct Settled {
 /// The coarsest resolution of such a law in Hermite functions, and how many there are at most.
 const FIRST: Resolution = Resolution {
     elements: 4,
-    pairs: 10,
+    pairs: 16,
     level: 18.0,
 };
 const MOST: usize = 6;
