@@ -10,7 +10,7 @@
 //! ```
 //!
 //! exact for a rate that depends on H alone (Caughey, J. Appl. Mech. 31, 1964). `Averaged` is this law. The solvers
-//! take from it the Gibbs law that they weigh with, and where to end the domain; never an answer.
+//! take from it the Gibbs law that densities are weighed with, and where to end the domain; never an answer.
 
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};

@@ -116,7 +116,7 @@ table! {
     STEP_GAIN = 1.35: "From this factor on a longer step is worth new factorisations.";
 
     // Resolutions of an operator: laws without a closed form, eigenvalues, spectra.
-    HIGHER = 2.0: "How much higher, in T, the domain ends from one resolution to the next: tails against functions.";
+    HIGHER = 2.0: "By how many more powers of e a law falls within the domain from one resolution to the next: tails against functions.";
     LEFT = 2.0: "Error estimate over what changes leave if they go on falling as they did.";
     SLOWEST = 0.8: "The slowest fall that is believed: of changes that hardly shrink four times the last is left; error estimates of \
         a ladder that fall by less over three rungs end it.";

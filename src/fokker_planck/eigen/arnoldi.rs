@@ -144,13 +144,17 @@ impl<'a> Arnoldi<'a> {
 }
 
 /// |L x - lambda x| |x| / |J x . x|, J the reversal of v, and rounding. Where friction depends on the displacement J x is
-/// the left vector in part only, and the residual counts [`SKEWED`] times.
+/// the left vector in part only, and both count [`SKEWED`] times, and by what tilted functions add.
 fn algebraic(full: &Hierarchy, value: C, x: &[C]) -> f64 {
     let image = full.apply(x).into_iter();
     let residual: f64 = image.zip(x).map(|(y, x)| (y - value * x).norm_sqr()).sum();
     let norm: f64 = x.iter().map(C::norm_sqr).sum();
     let (even, odd) = x.split_at(full.even());
     let square = |x: &[C]| x.iter().map(|x| x * x).sum::<C>();
-    let skewed = if full.is_local() { SKEWED } else { 1.0 };
-    skewed * (residual * norm).sqrt() / (square(even) - square(odd)).norm() + full.rounding()
+    let skewed = if full.is_local() {
+        SKEWED * full.skew()
+    } else {
+        1.0
+    };
+    skewed * ((residual * norm).sqrt() / (square(even) - square(odd)).norm() + full.rounding())
 }

@@ -3,7 +3,8 @@
 //! Shift-invert Arnoldi on the operator in Hermite functions of v and spectral elements of q (`hermite`), at
 //! three resolutions or more, each finer in elements, functions and domain. An eigenvalue is believed if the
 //! last three have it and its error is small beside it: what its changes leave if they go on falling as they did
-//! (`convergence`), the algebraic error |residual| / |left . right|, and rounding. The left eigenvector is the right one with v reversed.
+//! (`convergence`), the algebraic error |residual| / |left . right|, and rounding. The left eigenvector is the right one with v
+//! reversed, under a friction that depends on the displacement nearly so, times exp(-g H/s) of `hermite::weights`.
 //!
 //! **Continuous spectrum.** Out of contact the force is a constant -f, and flights can be arbitrarily high.
 //! Functions g = e^{kappa q} phi(v) solve the equation there, with kappa = -f/(2T) + ik where they stay bounded in the
@@ -25,7 +26,7 @@
 use crate::error::Result;
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, timing};
-use crate::fokker_planck::hermite::{Resolution, Weights, work as friction_work};
+use crate::fokker_planck::hermite::{Resolution, work as friction_work};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::Oscillator;
 use std::fmt;
@@ -116,7 +117,6 @@ impl Eigenvalues {
         // The least whose third knows three or four rates of thirty oscillators to 1e-2: what lies beyond e^-21 in probability
         // moves a slow mode by the square of its size there, about 1e4. The n-th mode in energy grows there as H^n: of 60
         // oscillators with 6 to 12 rates 12 missed 1e-3 within a domain that does not know their number, 2 within this one.
-        // Laws of a friction that ends with contact fall more slowly.
         let (least, level) = if local {
             ([6, 24], 27.0)
         } else {
@@ -160,7 +160,7 @@ impl Eigenvalues {
     /// Whether the domain of the third resolution reaches flight.
     fn sees_flight(&self, oscillator: &Oscillator) -> bool {
         let contact = oscillator.contact();
-        let reach = Weights::of(oscillator, self.resolution(2)).energy;
+        let reach = oscillator.energy_at(self.resolution(2).level);
         let rise = contact.loss_point().zip(contact.lowest_potential());
         let rise = rise.map(|(loss, lowest)| contact.potential(loss) - lowest);
         rise.is_some_and(|rise| rise < reach)
@@ -201,17 +201,17 @@ impl Eigenvalues {
         // A solve reads a state some forty times, orthogonalisation once a vector: 16 operations each, at a third of
         // the speed.
         let reads = (vectors * (vectors + 40) * it.len()) as f64;
-        let factor = if self.local {
-            friction_work(it).1
+        let (memory, factor) = if self.local {
+            friction_work(it)
         } else {
-            it.operations()
+            (it.memory(), it.operations())
         };
         let operations = factor + 48.0 * reads;
         // Factors and vectors of the shifts that are worked on at the same time.
         let held = 16 * (MOST_VECTORS * self.vectors * it.len()) as u64;
         Cost {
             seconds: places as f64 * operations * timing::OPERATION / threads,
-            memory: (it.memory() + held) * threads as u64,
+            memory: (memory + held) * threads as u64,
             ..Cost::default()
         }
     }

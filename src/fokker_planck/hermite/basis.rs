@@ -1,4 +1,5 @@
-//! Spectral elements of q under the stationary law p_q: functions of one element, and how elements join.
+//! Spectral elements of q under a weight p_q, under viscous damping the stationary law: functions of one element, and how elements
+//! join.
 //!
 //! The even n live on continuous piecewise polynomials of degree [`DEGREE`]: hats, one a node, and functions that
 //! vanish at the ends of their element; the odd n on discontinuous ones of one degree less. All but the hats are
@@ -45,9 +46,9 @@ impl Number for Complex<f64> {}
 /// The operators in one element, from its continuous to its discontinuous functions.
 #[derive(Debug, Clone)]
 pub(super) struct Element {
-    /// d/dq.
+    /// d/dq, where functions are tilted d/dq + g G/s.
     pub(super) c: [[f64; LOCAL]; DEGREE],
-    /// -d/dq + G/T.
+    /// -d/dq + G/T, s in place of T.
     pub(super) d: [[f64; LOCAL]; DEGREE],
     /// C^T C, D^T D and C^T D.
     pub(super) cc: Square,
@@ -87,7 +88,7 @@ impl Points {
 impl Element {
     fn new(
         [low, high]: [f64; 2],
-        (contact, [back, forth]): (&ContactLaw, [f64; 2]),
+        (contact, pulls): (&ContactLaw, [f64; 2]),
         weight: impl Fn(f64) -> f64,
         quantity: Quantity,
     ) -> Result<Self> {
@@ -142,9 +143,11 @@ impl Element {
             },
         };
         for (b, [value, slope]) in all.iter().enumerate() {
-            let along = |k: usize| contact.force(places[k]) * value[k];
-            let slid: Row = std::array::from_fn(|k| slope[k] + back * along(k));
-            let pushed: Row = std::array::from_fn(|k| forth * along(k) - slope[k]);
+            let [back, forth] = pulls.map(|t| -> Row {
+                std::array::from_fn(|k| contact.force(places[k]) / t * value[k])
+            });
+            let slid: Row = std::array::from_fn(|k| slope[k] + back[k]);
+            let pushed: Row = std::array::from_fn(|k| forth[k] - slope[k]);
             for (a, [other, _]) in odd.iter().enumerate() {
                 it.c[a][b] = dot(other, &slid);
                 it.d[a][b] = dot(other, &pushed);
@@ -241,7 +244,7 @@ impl Basis {
         for state in [&mut one, &mut watched] {
             it.project(state, 1);
         }
-        // The truncated domain holds all of the probability.
+        // The truncated domain holds all of the weight.
         let size = one.iter().map(|x| x * x).sum::<f64>().sqrt();
         for x in &mut one {
             *x /= size;

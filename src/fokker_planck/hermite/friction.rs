@@ -59,7 +59,7 @@ pub(in crate::fokker_planck) fn heavy(oscillator: &Oscillator, found: &str) -> E
     }
 }
 
-/// What a failed solve says of an operator under such damping: its digits go where the law outgrows the weights.
+/// What a failed solve says of an operator under such damping: its digits go where functions are too few for the law.
 pub(in crate::fokker_planck) fn lost_digits(oscillator: &Oscillator, error: Error) -> Error {
     match error {
         Error::Linear { what, .. } if !oscillator.is_viscous() => heavy(oscillator, &what),

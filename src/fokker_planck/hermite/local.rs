@@ -1,8 +1,8 @@
 //! The operator where friction depends on the displacement, as a sparse matrix.
 //!
 //! Friction and noise, pi h d2/dv2 - c v d/dv, take h_n to h_{n-2}, h_n and h_{n+2} (`weights`): products with c(q) between the
-//! functions of one element, and n couples with n + 2 and n - 2. The constant is a null vector still; that of the transpose is
-//! the stationary law over the weights. Hats are left as they are, not made orthonormal.
+//! functions of one element, and n couples with n + 2 and n - 2. The constant is a null vector but for what the last functions cut
+//! off it (`weights`); that of the transpose is the stationary law over the weights. Hats are left as they are, not made orthonormal.
 
 use super::basis::{Basis, DEGREE, Number};
 use super::nested::{Nested, Shape};

@@ -16,4 +16,3 @@ pub(super) use factored::Factored;
 pub(super) use friction::{Column, Kept, heavy, lost_digits, work};
 pub(super) use operator::Hierarchy;
 pub(super) use resolution::Resolution;
-pub(super) use weights::Weights;

@@ -74,6 +74,11 @@ impl Hierarchy {
         Local::new(&self.basis, self.pairs, (oscillator, self.weights))
     }
 
+    /// How far a left vector is from v -> -v of the right one.
+    pub(in crate::fokker_planck) fn skew(&self) -> f64 {
+        self.weights.skew()
+    }
+
     /// Whether friction depends on the displacement: v -> -v then does not turn L into its transpose, and L writes into
     /// the constant, though it does not read it.
     pub(in crate::fokker_planck) fn is_local(&self) -> bool {
@@ -160,7 +165,7 @@ impl Hierarchy {
         part
     }
 
-    /// Takes the constant part off a state: L neither reads nor writes it.
+    /// Takes the constant part off a state: L does not read it, and writes it only where friction depends on the displacement.
     pub(in crate::fokker_planck) fn drop_constant<T: Number>(&self, x: &mut [T]) {
         let part = self.constant(x);
         for (x, one) in x.chunks_exact_mut(self.pairs).zip(&self.basis.one) {
@@ -274,11 +279,7 @@ const NARROWEST: f64 = 3e-8;
 /// between two walls and without a loss, equal lengths, or nearly so.
 fn ends(oscillator: &Oscillator, energy: f64, count: usize) -> Vec<f64> {
     let contact = oscillator.contact();
-    let t = oscillator.temperature();
-    // Well over a barrier between two wells, which the slowest motion passes.
-    let barrier = contact.barrier().map_or(0.0, |it| it + 10.0 * t);
-    let rise = energy.max(barrier);
-    let (left, right) = contact.turning_points(rise).unwrap_or((-1.0, 1.0));
+    let (left, right) = contact.turning_points(energy).unwrap_or((-1.0, 1.0));
     let mut kinks = contact.kinks();
     kinks.retain(|q| *q > left && *q < right);
     // An element that narrow drowns in rounding, and no number sees it.

@@ -141,7 +141,11 @@ impl<'a> Builder<'a> {
                     let inverse = Factored::new(full, C::new(aside, *w), &late)?;
                     let mut state: Vec<C> = start.iter().copied().map(C::from).collect();
                     for power in 0..POWERS {
-                        state = inverse.solve(&state)?;
+                        state = if aside > 0.0 {
+                            inverse.refined(&state)?
+                        } else {
+                            inverse.solve(&state)?
+                        };
                         let size = state.iter().map(C::norm_sqr).sum::<f64>().sqrt();
                         if power > 0 {
                             stretched = stretched.max(size);
