@@ -44,7 +44,7 @@ impl<'a> Factored<'a> {
         late: &Deadline,
     ) -> Result<Self> {
         let k = full.pairs;
-        let rates = Rates::new(full.zeta, full.temperature, shift, k);
+        let rates = Rates::new(full.zeta, full.weights.in_v(), shift, k);
         if let Some(local) = &full.local {
             return Ok(Self {
                 full,
@@ -242,10 +242,7 @@ mod tests {
             level: 20.0,
         };
         let it = Hierarchy::new(&it, Quantity::Force, resolution).unwrap();
-        let mut one = vec![0.0; it.len()];
-        for (x, one) in one.iter_mut().step_by(it.pairs).zip(&it.basis.one) {
-            *x = *one;
-        }
+        let one = it.at_any_speed(&it.basis.one);
         assert!(it.apply(&one).iter().all(|x| x.abs() < 1e-11));
         let start: Vec<C> = it.start().iter().map(|x| C::new(*x, 0.0)).collect();
         let mut full: Vec<C> = (0..it.len())

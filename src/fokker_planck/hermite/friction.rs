@@ -138,7 +138,7 @@ impl Kept {
         let (even, odd) = x.split_at(full.even());
         let powers = powers(full.weights, k);
         let mut it = Self {
-            law: full.weights.of_displacement(oscillator)?,
+            law: full.law.clone(),
             weights: full.weights,
             ends: vec![],
             parts: vec![],

@@ -22,7 +22,7 @@ pub(super) struct Local {
 
 impl Local {
     /// Of so many pairs of Hermite functions on a basis of q.
-    pub(super) fn new(basis: &Basis, pairs: usize, oscillator: (&Oscillator, Weights)) -> Self {
+    pub(super) fn new(basis: &Basis, pairs: usize, physics: (&Oscillator, Weights)) -> Self {
         let k = pairs;
         let size = k * (basis.one.len() + DEGREE * basis.elements.len());
         let mut mass = TriMat::with_capacity((size, size), 2 * size);
@@ -38,7 +38,7 @@ impl Local {
             mass.add_triplet(n, n, 1.0);
         }
         Self {
-            operator: operator(basis, (k, size), oscillator),
+            operator: operator(basis, (k, size), physics),
             mass: mass.to_csc(),
             shape: Shape {
                 elements: basis.elements.len(),

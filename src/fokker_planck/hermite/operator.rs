@@ -22,15 +22,16 @@ use super::resolution::Resolution;
 use super::weights::Weights;
 use crate::error::Result;
 use crate::matrix::dot;
-use crate::oscillator::{Oscillator, Quantity};
+use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
 use num_complex::Complex;
 
 /// The operator. A state is the coefficients of the even n, function of q by function, n running fastest, and
 /// then those of the odd n.
 pub(in crate::fokker_planck) struct Hierarchy {
     pub(super) zeta: f64,
-    pub(super) temperature: f64,
     pub(super) weights: Weights,
+    /// The weight of q.
+    pub(super) law: DisplacementLaw,
     /// The constant, function of v by function, of length 1.
     pub(super) speeds: Vec<f64>,
     pub(super) pairs: usize,
@@ -56,11 +57,11 @@ impl Hierarchy {
         }
         let mut it = Self {
             zeta: oscillator.zeta(),
-            temperature: weights.in_v(),
             weights,
             speeds,
             pairs: resolution.pairs,
             basis: Basis::new(oscillator, (&law, weights.pulls()), &ends, quantity)?,
+            law,
             local: None,
         };
         if !oscillator.is_viscous() {
@@ -91,6 +92,7 @@ impl Hierarchy {
         Some(Self {
             basis: self.basis.clone(),
             local: Some(local),
+            law: self.law.clone(),
             speeds: self.speeds.clone(),
             ..*self
         })
@@ -107,7 +109,7 @@ impl Hierarchy {
         }
         let slope = slope.sqrt();
         let n = 2.0 * self.pairs as f64;
-        2e-13 * ((self.temperature * n).sqrt() * slope + 2.0 * self.zeta * n)
+        2e-13 * ((self.weights.in_v() * n).sqrt() * slope + 2.0 * self.zeta * n)
     }
 
     /// Length of a state.
@@ -144,12 +146,16 @@ impl Hierarchy {
 
     /// The deviation of the quantity from its mean, as a state.
     pub(in crate::fokker_planck) fn start(&self) -> Vec<f64> {
+        self.at_any_speed(&self.basis.quantity)
+    }
+
+    /// A function of q, from its coefficients, as a state.
+    pub(super) fn at_any_speed(&self, of: &[f64]) -> Vec<f64> {
         let mut state = vec![0.0; self.len()];
-        let at = state.chunks_exact_mut(self.pairs).zip(&self.basis.quantity);
-        for (at, it) in at {
-            at.iter_mut()
-                .zip(&self.speeds)
-                .for_each(|(x, by)| *x = it * by);
+        for (state, of) in state.chunks_exact_mut(self.pairs).zip(of) {
+            for (x, by) in state.iter_mut().zip(&self.speeds) {
+                *x = of * by;
+            }
         }
         state
     }
@@ -264,7 +270,7 @@ impl Hierarchy {
     fn heats(&self) -> [Vec<f64>; 2] {
         [1, 2].map(|add| {
             let all = 0..self.pairs;
-            all.map(|i| (self.temperature * (2 * i + add) as f64).sqrt())
+            all.map(|i| (self.weights.in_v() * (2 * i + add) as f64).sqrt())
                 .collect()
         })
     }
