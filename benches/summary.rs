@@ -26,7 +26,7 @@ fn main() {
         let mut rows = Vec::new();
         rows.extend(generator());
         rows.push(imex());
-        rows.push(solve());
+        rows.extend([Solver::Direct, Solver::Krylov].map(solve));
         rows.push(pass());
         rows.extend(paths());
         rows.extend(stages());
@@ -152,13 +152,13 @@ fn density(generator: &Generator) -> Density {
     Density::start(generator, &start()).expect("a start the mesh holds")
 }
 
-/// A step of Radau IIA by LU, beside reading what the factors hold.
-fn solve() -> String {
+/// A step of Radau IIA by LU and by preconditioned GMRES, beside reading what the factors hold.
+fn solve(solver: Solver) -> String {
     let it = oscillator(5.0);
     let generator = Generator::new(&it, &mesh(&it, [90, 68]), Drift::Order8).expect("a generator");
     let mut cells = density(&generator).cells().to_vec();
     let region = Region::new(ALLOCATOR);
-    let mut scheme = Radau::new(&generator, Solver::Direct);
+    let mut scheme = Radau::new(&generator, solver);
     scheme.advance(&mut cells, 0.5, 0.0).expect("a step");
     let change = region.change();
     let bytes = change.bytes_allocated - change.bytes_deallocated;
@@ -169,8 +169,12 @@ fn solve() -> String {
     });
     let bound = Some(("reading its factors once", once));
     let n = generator.unknowns() as f64;
+    let how = match solver {
+        Solver::Direct => "sparse LU",
+        Solver::Krylov => "GMRES",
+    };
     let name = format!(
-        "implicit step, sparse LU ({:.0} kB an unknown)",
+        "implicit step, {how} ({:.1} kB an unknown)",
         bytes as f64 * 1e-3 / n
     );
     row(&name, "unknowns", n, all, bound)
@@ -237,8 +241,11 @@ impl pulp::WithSimd for Floor {
 fn paths() -> Vec<String> {
     let it = oscillator(0.005);
     let schemes = [
+        (Scheme::EulerMaruyama, 0.05, 10.0),
+        (Scheme::CentralDifference, 0.05, 10.0),
         (Scheme::Baoab, 0.05, 10.0),
         (Scheme::Splitting42, 0.75, 37.5),
+        (Scheme::Splitting62, 1.5, 37.5),
     ];
     schemes
         .into_iter()

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Every timing of a machine that a decision or a forecast hangs on, in seconds of one core (measured:
-/// benches/time.rs and monte_carlo.rs, `lab precision`). Forecasts of transients are within a factor of three for three in four.
+/// benches/summary.rs, `lab precision`). Forecasts of transients are within a factor of three for three in four.
 pub(crate) mod timing {
     /// A stage of the explicit scheme, a cell, order 8.
     pub(crate) const STAGE: f64 = 8e-9;

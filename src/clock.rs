@@ -169,16 +169,20 @@ impl Clock {
         }
     }
 
-    /// Message with its times, `t = X` and `t = X of Y`, in the unit.
+    /// Message with its times in the unit: `t = X`, `t = X of Y`, steps and durations.
     pub(crate) fn retold(&self, text: &str) -> String {
-        const MARK: &str = "t = ";
+        const MARKS: [&str; 5] = ["t = ", "step ", "steps of ", "steps up to ", "a time of "];
         if self.is_dimensionless() {
             return text.to_owned();
         }
+        let next = |rest: &str| {
+            let found = MARKS.map(|mark| rest.find(mark).map(|at| (at, at + mark.len())));
+            found.into_iter().flatten().min()
+        };
         let mut told = String::new();
         let mut rest = text;
-        while let Some(at) = rest.find(MARK) {
-            let (before, after) = rest.split_at(at + MARK.len());
+        while let Some((at, end)) = next(rest) {
+            let (before, after) = rest.split_at(end);
             let word = before[..at].chars().next_back();
             told += before;
             rest = after;
@@ -259,11 +263,11 @@ mod tests {
         let clock = Clock::new(TimeUnit::Period, None).unwrap();
         let tau = clock.dimensionless(2.5);
         let text = format!(
-            "monte_carlo.var_q at t = {tau}: steps of dt = 0.1, came to t = 6.283 of {tau}."
+            "monte_carlo.var_q at t = {tau}: steps of dt = 0.1, came to t = 6.283 of {tau}; step 3.1416, steps of 6.2832."
         );
         assert_eq!(
             clock.retold(&text),
-            "monte_carlo.var_q at t = 2.5: steps of dt = 0.1, came to t = 0.999971 of 2.5."
+            "monte_carlo.var_q at t = 2.5: steps of dt = 0.1, came to t = 0.999971 of 2.5; step 0.500001, steps of 1."
         );
         assert_eq!(clock.retold("nothing at t = all"), "nothing at t = all");
         assert_eq!(Clock::default().retold(&text), text);

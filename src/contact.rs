@@ -142,6 +142,20 @@ impl ContactLaw {
         }
     }
 
+    /// The name with its parameters, for people.
+    pub(crate) fn described(&self) -> String {
+        let tree = self.tree();
+        let given = tree.as_object().into_iter().flatten();
+        let given = given.filter(|(key, _)| *key != "law");
+        let given: Vec<String> = given
+            .map(|(key, value)| format!("{key} = {value}"))
+            .collect();
+        if given.is_empty() {
+            return format!("{} contact", self.name());
+        }
+        format!("{} contact ({})", self.name(), given.join(", "))
+    }
+
     /// G(q).
     #[inline(always)]
     pub fn force(&self, q: f64) -> f64 {

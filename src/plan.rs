@@ -88,7 +88,7 @@ impl Plan {
             let (method, cost, recipe, checked) = match plan.foresee(part) {
                 Ok((method, cost, recipe)) => {
                     let checked = plan.check_cost(part, &cost);
-                    (method, cost, Some(recipe), checked)
+                    (clock.retold(&method), cost, Some(recipe), checked)
                 }
                 Err(error) => (String::new(), Cost::default(), None, Err(error)),
             };

@@ -182,6 +182,21 @@ fn a_scene_that_does_not_fit_leaves_marked_results_in_place_of_older_ones() {
 }
 
 #[test]
+fn where_both_methods_of_a_transient_end_at_a_limit_that_of_the_better_one_is_named() {
+    // No flow map that holds so sharp an initial condition fits, and finite volumes would take twenty seconds.
+    let scene = format!(
+        "{HERTZ}zeta = 0.005\nh = 2e-3\n[initial]\nmean = [-3.0, 0.0]\ndeviation = [1e-3, 1e-3]\n[outputs]\n\
+         moments_at = [0.5, 1, 2, 3, 4, 5, 10, 12, 13, 17, 18, 19, 20, 50]\n[accuracy]\nmax_memory = \"60 MB\"\nmax_seconds = 15\n"
+    );
+    let scene = SceneText::parse("a.toml", &scene, &[]).unwrap();
+    let error = Plan::of(scene.scene())
+        .and_then(|plan| plan.run_quietly())
+        .map(|it| it.run.warnings);
+    let said = format!("{error:?}");
+    assert!(said.contains("accuracy.max_memory"), "{said}");
+}
+
+#[test]
 fn a_start_far_beyond_a_law_of_strong_friction_ends_with_its_numbers() {
     let _alone = alone();
     let folder = std::env::temp_dir().join(format!("vibroimpact-falling-{}", std::process::id()));

@@ -210,6 +210,10 @@ fn a_point_out_of_range_is_refused_before_anything_runs() {
             "each key once",
         ),
         (
+            "--over outputs.time_unit=[\"period\",\"dimensionless\"]",
+            "share one unit of time",
+        ),
+        (
             "--over oscillator.h=[1e-3] --part 4/3",
             "--part = 4/3 is not accepted 1 <= K <= N",
         ),
@@ -252,7 +256,7 @@ fn a_point_that_fails_is_a_line_and_not_the_end_of_the_map() {
     fs::write(room.join("scene.toml"), scene).unwrap();
     let line = "map scene.toml --over accuracy.max_memory=[1000,8000000000] --out out";
     let said = run(&room, line, 3);
-    assert!(said.contains("1 points failed"), "{said}");
+    assert!(said.contains("1 point failed"), "{said}");
     let all = lines(&room.join("out/part-1-of-1.jsonl"));
     assert_eq!(all.len(), 2);
     let failed = all.iter().find(|it| it["index"] == 0).unwrap();

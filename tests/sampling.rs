@@ -136,6 +136,7 @@ fn free_flight_is_a_gaussian_on_a_parabola() {
     );
     assert!(z.iter().all(|z| z.abs() < 4.0));
     assert!(m.contact_loss_probability.is_none() && m.std_force.value == 0.0);
+    assert_eq!([m.mean_force.value, m.mean_force.error], [-1.0, 0.0]);
     assert!(run(&it, &Initial::Stationary, &[1.0], &settings(10), &quiet).is_err());
 }
 

@@ -4,10 +4,9 @@ use std::time::Instant;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::transient::{time_integration, time_scheme};
 use vibroimpact::fokker_planck::{
-    Additive, Axis, BackwardEuler, Chebyshev, Density, Drift, Generator, Integrator, Mesh,
-    Observables, Radau, Solver, TimeIntegration, TimeScheme,
+    Axis, Chebyshev, Density, Drift, Generator, Integrator, Mesh, Observables, Radau, Solver,
+    TimeIntegration, TimeScheme,
 };
-use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 
@@ -220,121 +219,6 @@ fn stiff_friction_and_diffusion_bound_no_implicit_step() {
     }
 }
 
-/// The pair 5(4) of Dormand and Prince (J. Comput. Appl. Math. 6, 19, 1980) on the matrix-free generator.
-struct DormandPrince<'a> {
-    generator: &'a Generator,
-    stages: Vec<Vec<f64>>,
-    /// Generators applied so far.
-    applied: u64,
-}
-
-impl DormandPrince<'_> {
-    #[rustfmt::skip]
-    const A: [&'static [f64]; 6] = [
-        &[1.0 / 5.0],
-        &[3.0 / 40.0, 9.0 / 40.0],
-        &[44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0],
-        &[19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0],
-        &[9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0],
-        &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
-    ];
-    /// Weights of order 5 less those of order 4.
-    #[rustfmt::skip]
-    const ERROR: [f64; 7] = [
-        71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0,
-    ];
-
-    fn rate(&mut self, g: &[f64], stage: usize) {
-        let mut rate = std::mem::take(&mut self.stages[stage]);
-        self.generator.apply(g, &mut rate);
-        for (rate, inverse) in rate.iter_mut().zip(self.generator.inverse_weights()) {
-            *rate *= inverse;
-        }
-        self.stages[stage] = rate;
-        self.applied += 1;
-    }
-
-    /// g at `until`, with the local error per unit of time, in L1, at the tolerance.
-    fn run(&mut self, g: &mut Vec<f64>, until: f64, tolerance: f64) -> u64 {
-        let (mut now, mut dt, mut steps) = (0.0, 1e-3, 0);
-        self.rate(g, 0);
-        while now < until {
-            dt = f64::min(dt, until - now);
-            let mut next = g.clone();
-            for (k, row) in Self::A.iter().enumerate() {
-                next.copy_from_slice(g);
-                for (a, stage) in row.iter().zip(&self.stages) {
-                    for (x, k) in next.iter_mut().zip(stage) {
-                        *x += dt * a * k;
-                    }
-                }
-                self.rate(&next, k + 1);
-            }
-            let mut error = 0.0;
-            for (cell, inverse) in self.generator.inverse_weights().iter().enumerate() {
-                if *inverse > 0.0 {
-                    let stages = Self::ERROR.iter().zip(&self.stages);
-                    let sum: f64 = stages.map(|(e, k)| e * k[cell]).sum();
-                    error += (dt * sum / inverse).abs();
-                }
-            }
-            let ratio = error / (tolerance * dt / until);
-            if ratio <= 1.0 {
-                now += dt;
-                steps += 1;
-                *g = next;
-                self.stages.swap(0, 6);
-            }
-            dt *= (0.9 / ratio.powf(0.25)).clamp(0.2, 3.0);
-        }
-        steps
-    }
-}
-
-#[test]
-fn a_chebyshev_series_needs_fewer_generators_than_an_embedded_runge_kutta_pair() {
-    let case = scene_a();
-    let exact = &case.exact()[3];
-    let start = case.start.ratio(&case.generator);
-    for tolerance in [1e-3, 1e-5, 1e-7] {
-        // The pair's own estimate is pessimistic: it is given the tolerance that ends at the same error.
-        let mut chebyshev = Chebyshev::new(&case.generator);
-        let mut cells = case.start.cells().to_vec();
-        let steps = (case.until / chebyshev.longest_step()).ceil();
-        for _ in 0..steps as usize {
-            let dt = case.until / steps;
-            chebyshev
-                .advance(&mut cells, dt, 0.6 * tolerance / steps)
-                .unwrap();
-        }
-        let error = distance(&cells, exact.cells());
-        let mut best = (u64::MAX, f64::INFINITY, 0);
-        for factor in [100.0, 10.0, 1.0] {
-            let mut pair = DormandPrince {
-                generator: &case.generator,
-                stages: vec![vec![0.0; start.len()]; 7],
-                applied: 0,
-            };
-            let mut g = start.clone();
-            let steps = pair.run(&mut g, case.until, factor * tolerance);
-            case.generator.weigh(&g, &mut cells);
-            let error = distance(&cells, exact.cells());
-            if error < tolerance && pair.applied < best.0 {
-                best = (pair.applied, error, steps);
-            }
-        }
-        println!(
-            "{tolerance:.0e}: Chebyshev {} generators, error {error:.1e}; 5(4) {} generators in {} steps, \
-             error {:.1e}",
-            chebyshev.applied(),
-            best.0,
-            best.2,
-            best.1
-        );
-        assert!(error < tolerance && 3 * chebyshev.applied() < 2 * best.0);
-    }
-}
-
 #[test]
 fn output_times_are_hit_by_steps_that_land_and_no_step_is_a_sliver() {
     let case = Case::hertz(5.0, 0.63, 11.0, [60, 40], (1.0, 0.4), 4.0);
@@ -512,70 +396,4 @@ fn an_overdamped_contact_forgets_its_velocity_fast_and_its_place_as_smoluchowski
         clock.elapsed().as_secs_f64()
     );
     assert!(integration.longest() > 1.0);
-}
-
-#[test]
-fn every_scheme_follows_the_closed_form_transients_at_its_order() {
-    let linear = Oscillator::new(ContactLaw::Linear, 0.1, 0.04).unwrap();
-    let mesh = Mesh {
-        q: Axis::uniform(-5.2, 5.2, 68).unwrap(),
-        v: Axis::uniform(-5.2, 5.2, 68).unwrap(),
-    };
-    let start = Initial::gaussian([0.8, 0.0], [0.6, 0.6]).unwrap();
-    let case = Case::new("linear".into(), linear, &mesh, &start, 2.0);
-    for (case, start) in [
-        (case, start),
-        (
-            free_flight(),
-            Initial::gaussian([0.0, 0.0], [0.6, 0.6]).unwrap(),
-        ),
-    ] {
-        let law = Gaussian::of(&case.oscillator, &start).unwrap();
-        let law = law.after(&case.oscillator, case.until).unwrap();
-        let exact = Density::from_fn(&case.generator, |q, v| law.density(q, v));
-        let on_mesh = &case.exact()[3];
-        let space = distance(on_mesh.cells(), exact.cells());
-        println!("{}: error of the mesh {space:.1e}", case.name);
-        assert!(space < 2e-5);
-        // Steps, and the most that twice as many of them leave.
-        let schemes: [(&str, Box<dyn Integrator>, f64, f64); 3] = [
-            (
-                "backward Euler",
-                Box::new(BackwardEuler::new(&case.generator)),
-                50.0,
-                3e-2,
-            ),
-            (
-                "Radau",
-                Box::new(Radau::new(&case.generator, Solver::Krylov)),
-                4.0,
-                8e-5,
-            ),
-            (
-                "additive",
-                Box::new(Additive::new(&case.generator)),
-                60.0,
-                1.5e-8,
-            ),
-        ];
-        for (name, mut scheme, steps, level) in schemes {
-            let mut error = |steps: f64| {
-                let mut cells = case.start.cells().to_vec();
-                for _ in 0..steps as usize {
-                    scheme
-                        .advance(&mut cells, case.until / steps, 1e-9)
-                        .unwrap();
-                }
-                distance(&cells, on_mesh.cells())
-            };
-            let (coarse, fine) = (error(steps), error(2.0 * steps));
-            let rate = (coarse / fine).log2();
-            let order = scheme.order();
-            println!("    {name}: {coarse:.1e} {fine:.1e}, rate {rate:.2} of {order}");
-            assert!(
-                fine < level && (rate - f64::from(order)).abs() < 0.5,
-                "{name}: {fine:e}, rate {rate}"
-            );
-        }
-    }
 }

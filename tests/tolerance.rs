@@ -240,6 +240,21 @@ fn a_level_that_is_hidden_by_the_error_of_a_course_is_reached_with_a_finer_one()
     );
 }
 
+#[test]
+fn a_level_beyond_the_stationary_value_is_never_passed_by_a_motion_that_has_come_to_rest() {
+    // The energy falls from 18 to 0.664: half of that is not on the way, and a course as long as that cannot err by so much.
+    let text = "[oscillator]\nzeta = 0.05\nh = 0.02\n[initial]\nmean = [5, 0]\ndeviation = [0.3, 0.3]\n[outputs]\n\
+        reach = { quantity = \"mean_energy\", fraction = 0.5 }\n";
+    let text = SceneText::parse("reach", text, &[]).unwrap();
+    let results = Plan::of(text.scene()).unwrap().run_quietly().unwrap();
+    let reached = results.reach.unwrap();
+    assert!(
+        reached.t.is_none() && reached.shortfall.is_none(),
+        "{reached:?}"
+    );
+    assert!(reached.warnings[0].contains("does not pass"));
+}
+
 /// The walls of a quartic are steeper than the tails of this Gaussian: p over the stationary law grows by e^8 a cell, for a
 /// tolerance that neglects those tails as for one that does not.
 #[test]

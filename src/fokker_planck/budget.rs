@@ -58,7 +58,7 @@ pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) ->
 }
 
 /// Unknowns above which GMRES with the LU of the five-point operator beats the LU of the wide stencil.
-/// Order 8, T = 0.63, seconds of a factorisation and of a step (benches/time.rs; a run of a hundred steps
+/// Order 8, T = 0.63, seconds of a factorisation and of a step (`solve` of benches/summary.rs; a run of a hundred steps
 /// factors about ten times):
 ///
 /// | unknowns | LU | GMRES |

@@ -92,6 +92,10 @@ impl Map {
             if axes[..k].iter().any(|it| it.key() == axis.key()) {
                 return Err(Error::invalid("--over", axis.key(), "each key once").into());
             }
+            if axis.key() == "outputs.time_unit" {
+                let accepted = "another key: the points of a map share one unit of time";
+                return Err(Error::invalid("--over", axis.key(), accepted).into());
+            }
         }
         let len = axes.iter().try_fold(1usize, |product, axis| {
             product.checked_mul(axis.values().len())

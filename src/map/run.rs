@@ -115,25 +115,28 @@ impl fmt::Display for Tally {
         let took = seconds(self.seconds);
         let computed = self.computed;
         writeln!(f, "{computed} computed in {took}, {rate:.3} points/s")?;
-        for (count, what) in [
-            (self.dropped, "cut-off or foreign lines were dropped"),
+        for (count, noun, what) in [
+            (self.dropped, "cut-off or foreign line", "dropped"),
             (
                 self.again,
-                "points without an answer or short of the tolerance were to be computed again",
+                "point",
+                "without an answer or short of the tolerance, to be computed again",
             ),
             (
                 self.short,
-                "points missed the tolerance: their lines say by how much; --retry tries them again",
+                "point",
+                "short of the tolerance: the lines say by how much; --retry tries again",
             ),
             (
                 self.lacking,
-                "points have a stage without an answer: their lines say why; --retry tries them again",
+                "point",
+                "with a stage without an answer: the lines say why; --retry tries again",
             ),
-            (self.failed, "points failed: their lines hold the message"),
-            (self.missing(), "points were not begun"),
+            (self.failed, "point", "failed: the lines hold the message"),
+            (self.missing(), "point", "not begun"),
         ] {
             if count > 0 {
-                writeln!(f, "{count} {what}")?;
+                writeln!(f, "{} {what}", many(count as u64, noun))?;
             }
         }
         Ok(())
@@ -253,7 +256,7 @@ impl Map {
             }
             let accepted = format!(
                 "a new folder, or one of the same map; the one in {MAP} has another {}",
-                differ.join(", ")
+                differ.join(" and another ")
             );
             return Err(Error::invalid("--out", shown, accepted).into());
         }

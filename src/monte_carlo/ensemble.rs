@@ -10,6 +10,7 @@ use super::statistics::{FEW, Frames, Sums, unknown};
 use super::walk::{self, BLOCK, TASKS, Walk};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::{Cost, Limits, timing};
+use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
 use crate::estimate::Warning;
 use crate::format::brief;
@@ -180,7 +181,7 @@ impl Ensemble {
             // They add up over a unit of time at least, and as long as friction leaves a phase.
             let longest = 1.0 + walk::phase_lasts(question.0);
             for (moments, t) in it.moments.iter_mut().zip(&self.times) {
-                steps_err(moments, self.bias * t.min(longest));
+                steps_err(moments, question.0.contact(), self.bias * t.min(longest));
             }
             return Ok(it);
         };
@@ -305,13 +306,18 @@ impl Ensemble {
 }
 
 /// Gives means that no noise has spread the error of their steps: a share of the motion, and of its energy that times the force.
-fn steps_err(moments: &mut Moments, share: f64) {
+/// In flight the force is what it is.
+fn steps_err(moments: &mut Moments, contact: &ContactLaw, share: f64) {
     let [q, v, force] = [moments.mean_q, moments.mean_v, moments.mean_force].map(|it| it.value);
     let motion = q.hypot(v);
+    let pushed = match contact {
+        ContactLaw::Free => 0.0,
+        _ => motion + force.abs(),
+    };
     let means = [
         (&mut moments.mean_q, motion),
         (&mut moments.mean_v, motion),
-        (&mut moments.mean_force, motion + force.abs()),
+        (&mut moments.mean_force, pushed),
         (&mut moments.mean_energy, motion * (motion + force.abs())),
     ];
     for (mean, size) in means {

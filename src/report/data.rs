@@ -83,7 +83,7 @@ pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> 
     if !it.times.is_empty() {
         let mut table = moments_csv(results, &it.times, &it.moments, "error")
             .curve("mass", "error", "1", &it.mass)
-            .curve("lowest_density", "error", "1", &it.lowest_density)
+            .curve("lowest_density", "error", "1/(u^2 W)", &it.lowest_density)
             .curve("negative_mass", "error", "1", &it.negative_mass);
         let entropy = it.relative_entropy.iter().copied();
         table.add("relative_entropy", "error", "1", entropy);

@@ -20,10 +20,10 @@ const TIMES: usize = 12;
 /// What came out, in a few sentences.
 pub(super) fn summary(results: &Results) -> String {
     let oscillator = &results.scene.oscillator;
-    let contact = oscillator.contact().name();
+    let contact = oscillator.contact().described();
     let damping = oscillator.damping().words();
     let mut text = format!(
-        "A {contact} contact with {damping}damping ratio \u{3b6} = {} under white noise of level h = {}, T = \
+        "A {contact} with {damping}damping ratio \u{3b6} = {} under white noise of level h = {}, T = \
          \u{3c0}h/(2\u{3b6}) = {}.",
         brief(oscillator.zeta()),
         brief(oscillator.h()),

@@ -53,9 +53,9 @@ fn head(table: &mut Table, results: &Results) {
     let version = env!("CARGO_PKG_VERSION");
     table.bold(&format!("vibroimpact {version}: {title}"));
     let text = format!(
-        "{} contact, {}damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
+        "{}, {}damping ratio zeta\u{a0}=\u{a0}{}, input level h\u{a0}=\u{a0}{}, \
          T\u{a0}=\u{a0}{}",
-        oscillator.contact().name(),
+        oscillator.contact().described(),
         oscillator.damping().words(),
         brief(oscillator.zeta()),
         brief(oscillator.h()),

@@ -4,7 +4,7 @@ use super::{Numbers, SpectrumNumbers};
 use crate::clock::Clock;
 use crate::estimate::{Estimate, Shortfall, Warning};
 use crate::fokker_planck::{
-    DecayRates, FirstLoss, FlightLaw, ImpactLaw, Periodic, Reached, Steady, Transient,
+    DecayRates, FirstLoss, FlightLaw, ImpactLaw, Method, Periodic, Reached, Steady, Transient,
 };
 use crate::monte_carlo::{EnsembleResult, FirstLossResult, RecordResult};
 
@@ -73,7 +73,14 @@ impl InUnit for FirstLoss {
         rates(&mut self.density, clock);
         spans([&mut self.mean_time], clock);
         rates([&mut self.rate], clock);
-        times([&mut self.method.step], clock);
+        self.method.put_in(clock);
+    }
+}
+
+impl InUnit for Method {
+    fn put_in(&mut self, clock: &Clock) {
+        times([&mut self.step], clock);
+        self.reason = clock.retold(&self.reason);
     }
 }
 
@@ -81,21 +88,21 @@ impl InUnit for Transient {
     fn put_in(&mut self, clock: &Clock) {
         times(&mut self.times, clock);
         times(self.densities.iter_mut().map(|it| &mut it.t), clock);
-        times([&mut self.method.step], clock);
+        self.method.put_in(clock);
     }
 }
 
 impl InUnit for Reached {
     fn put_in(&mut self, clock: &Clock) {
         spans(self.t.iter_mut(), clock);
-        times([&mut self.method.step], clock);
+        self.method.put_in(clock);
     }
 }
 
 impl InUnit for Periodic {
     fn put_in(&mut self, clock: &Clock) {
         times(self.densities.iter_mut().map(|it| &mut it.t), clock);
-        times([&mut self.method.step], clock);
+        self.method.put_in(clock);
     }
 }
 

@@ -114,7 +114,6 @@ impl Scene {
         require(count <= 100, "outputs.decay_rates", count, accepted)?;
         if let Some(spectrum) = outputs.spectrum {
             let key = "outputs.spectrum.until";
-            positive(key, spectrum.until)?;
             if !self.oscillator.contact().is_confining() {
                 let value = format!("{{ until = {} }}", num(spectrum.until));
                 return Err(self.no_law("outputs.spectrum", &value));

@@ -111,12 +111,12 @@ fn read(given: &Parameters, file: &str) -> Result<Vec<[f64; 2]>> {
                 points.push([q, force]);
             }
             // Names of the columns: any others may mean other units.
-            [None, None] if points.is_empty() && !named => {
-                let is = |k: usize, name: &str| fields[k].eq_ignore_ascii_case(name);
-                if !(is(0, "q") && (is(1, "g") || is(1, "force"))) {
+            _ if points.is_empty() && !named && numbers.iter().all(Option::is_none) => {
+                let is = |it: &str, name: &str| it.eq_ignore_ascii_case(name);
+                named = matches!(fields[..], [q, force] if is(q, "q") && (is(force, "g") || is(force, "force")));
+                if !named {
                     return Err(wrong(line, COLUMNS));
                 }
-                named = true;
             }
             _ => {
                 return Err(wrong(

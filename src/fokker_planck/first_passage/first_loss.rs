@@ -493,9 +493,9 @@ impl Task<'_> {
         let (fine, times) = (runs.fine, &layout.times[..]);
         // What the edge of the mesh leaves out of the losses, and of the initial condition.
         let (outside, begun) = (layout.outside, self.begun(layout, fine));
-        // Of an initial condition that is beyond the level in part, losses are a difference from 1.
+        // Of an initial condition that is beyond the level in part, losses are a difference from 1; else they may underflow.
         let at_once = fine.lost.first().is_some_and(|lost| *lost != 0.0);
-        let rounding = if at_once { ROUNDING } else { 0.0 };
+        let rounding = if at_once { ROUNDING } else { f64::MIN_POSITIVE };
         let largest = fine.density.iter().fold(0.0f64, |a, b| a.max(*b));
         let forgets = layout.correlation_time;
         let mut curves = [Vec::new(), Vec::new(), Vec::new()];
@@ -542,7 +542,7 @@ impl Task<'_> {
                 "{} along the exact motion, order 6",
                 equation(layout.driven)
             ),
-            reason: "absorbed where each motion loses contact".into(),
+            reason: "absorbed at the first passage of each motion".into(),
             cells: layout.nodes,
             unknowns: nq * nv,
             domain: self.domain(layout),

@@ -35,8 +35,6 @@ pub struct Chebyshev {
     last: Vec<f64>,
     rate: Vec<f64>,
     sum: Vec<f64>,
-    /// Generators applied so far.
-    applied: u64,
 }
 
 /// F dt + s dt of the longest step: a fifth of the stages are then beyond it at an error of 1e-8.
@@ -65,13 +63,7 @@ impl Chebyshev {
             rate: empty(),
             sum: empty(),
             generator: generator.clone(),
-            applied: 0,
         }
-    }
-
-    /// Generators applied so far.
-    pub fn applied(&self) -> u64 {
-        self.applied
     }
 
     /// The coefficients of a step, until they are below rounding.
@@ -138,7 +130,6 @@ impl Chebyshev {
         let mut size = 1.0;
         for k in 1..coefficients.len() {
             let source: &[f64] = if k == 1 { start } else { now };
-            self.applied += 1;
             let (factor, c) = (if k == 1 { scale } else { 2.0 * scale }, coefficients[k]);
             // phi_k from phi_{k-1} in `source` and phi_{k-2} in `last`, which it replaces.
             let before = if k == 1 { 0.0 } else { 1.0 };

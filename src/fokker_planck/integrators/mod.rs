@@ -8,9 +8,6 @@
 //! | [`Additive`] | 4 | transport across a cell | six transports, five banded solves |
 //! | [`Chebyshev`] | any | transport and diffusion across a cell | one generator per 0.8/rate of time |
 //!
-//! The explicit scheme is a series and no embedded pair: on scene A to t = 20 it takes 1953, 2025 and 2160
-//! generators for 1e-3, 1e-5 and 1e-7, the pair 5(4) of Dormand and Prince 3277, 3241 and 6883 (tests/time.rs).
-//!
 //! Output times are hit by steps that land: equal ones up to the time, so none is a sliver. Where an output
 //! is a step or two away, or transport bounds the step, the error is far below what was asked for.
 //!

@@ -37,7 +37,11 @@ pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
                 ..other.clone()
             };
             let recipe = &other;
-            climbed(&Task { recipe, ..*task }, progress)
+            match climbed(&Task { recipe, ..*task }, progress) {
+                // What would have let the first do is more use.
+                Err(_) if matches!(error, Error::Limit { .. }) => Err(error),
+                it => it,
+            }
         }
         (it, _) => it.map_err(|error| unfit(error, recipe)),
     }

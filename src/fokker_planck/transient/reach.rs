@@ -58,6 +58,8 @@ const FINE: f64 = 16.0;
 const AIM: f64 = 0.4;
 /// The finest tolerance that a course is given.
 const FINEST: f64 = 1e-10;
+/// Of the way from the stationary value to the level, within which a course has come to rest.
+const NEAR: f64 = 0.1;
 /// Of the cost of the first course, what those about the crossing add.
 const AGAIN: f64 = 1.0;
 
@@ -395,10 +397,17 @@ impl<'a> Curve<'a> {
         self.times.first() == Some(&0.0) && self.values.first().is_some_and(has)
     }
 
-    /// Whether the last value is the stationary one within its error.
+    /// Whether the last value is the stationary one within its error, or all of the last period within [`NEAR`] of the way from it
+    /// to the level: what is left of a deviation grows no more.
     fn rests(&self, stationary: Estimate) -> bool {
-        let last = self.values.last();
-        last.is_some_and(|it| (it.value - stationary.value).abs() <= it.error)
+        let apart = |it: &Estimate| (it.value - stationary.value).abs();
+        let near = NEAR * (self.level - stationary.value).abs();
+        let mut late = self.times.iter().zip(&self.values).rev();
+        let Some((end, last)) = late.next() else {
+            return false;
+        };
+        let mut period = late.take_while(|(t, _)| end - **t < TAU);
+        apart(last) <= last.error || apart(last) <= near && period.all(|(_, it)| apart(it) <= near)
     }
 
     /// Height over the level.

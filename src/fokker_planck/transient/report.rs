@@ -180,7 +180,7 @@ impl Task<'_> {
         let number = name_at(moments[k].named()[i].0, fine.outputs[k].t);
         let shortfall = stop.shortfall(number, worst / tolerance, tolerance);
         warnings.extend(shortfall.iter().map(Shortfall::to_string));
-        if let Some(t) = fine.settled {
+        if let Some(t) = fine.settled.filter(|t| *t < self.until()) {
             warnings.push(format!(
                 "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: time integration \
                  stopped there, and later times repeat it",

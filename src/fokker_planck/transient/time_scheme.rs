@@ -42,10 +42,11 @@ pub fn time_scheme(
     let cheaper = |best: (_, f64), other: &(_, f64)| if other.1 < best.1 { *other } else { best };
     let (best, _) = costs.iter().fold(costs[0], cheaper);
     let reason = format!(
-        "{}: transport at a rate of {transport:.0}, friction and diffusion of {diffusion:.0} and steps of \
-         {slow:.1e} for accuracy cost about {explicit:.1e} stages explicit, {imex:.1e} imex, \
-         {implicit:.1e} implicit",
-        best.name()
+        "{}: steps of {:.1e} for transport, steps of {:.1e} for friction and diffusion and steps of {slow:.1e} for accuracy \
+         cost about {explicit:.1e} stages explicit, {imex:.1e} imex, {implicit:.1e} implicit",
+        best.name(),
+        transport.recip(),
+        diffusion.recip()
     );
     (best, reason)
 }

@@ -94,7 +94,12 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
             } else {
                 brief(rounded(edge, 5))
             };
-            words.push(format!("continuous from {edge} on"));
+            let none = if it.rates.is_empty() {
+                "none by itself; "
+            } else {
+                ""
+            };
+            words.push(format!("{none}continuous from {edge} on"));
         }
         if words.is_empty() {
             words.push("none known".into());

@@ -46,10 +46,12 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     let left = left.filter(|it| *it > 0.0 && *it < 1.0);
     let tenth = left.map(|it| drive.period() * 0.1f64.ln() / it.ln());
     let relaxation = tenth.map_or(String::new(), |time| {
-        format!("; a deviation falls to a tenth in {} of time", brief(time))
+        let clock = results.scene.clock();
+        let ([symbol, unit], time) = (clock.symbol(), brief(clock.time(time)));
+        format!("; a deviation falls to a tenth in {symbol} = {time}{unit}")
     });
     let text = format!(
-        "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",
+        "{} phases of the drive {} cos({} \u{3c4} + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",
         it.phase.len(),
         brief(drive.amplitude()),
         brief(drive.frequency()),

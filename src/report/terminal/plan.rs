@@ -15,9 +15,9 @@ pub fn plan(plan: &Plan) -> String {
     table.paragraph(
         "",
         &format!(
-            "{}: {} contact, {}zeta = {}, h = {}, T = {}",
+            "{}: {}, {}zeta = {}, h = {}, T = {}",
             scene.title,
-            oscillator.contact().name(),
+            oscillator.contact().described(),
             oscillator.damping().words(),
             brief(oscillator.zeta()),
             brief(oscillator.h()),
@@ -46,7 +46,7 @@ pub fn plan(plan: &Plan) -> String {
         ) && it.cost.cells.is_some()
     };
     if scene.method.cells.is_none() && stages().any(refines) {
-        table.paragraph("", "refinement may multiply this time");
+        table.paragraph("", "refinement may multiply time and memory");
     }
     let mut left_out: Vec<Part> = Part::ALL.into_iter().filter(|it| !plan.has(*it)).collect();
     left_out.sort_unstable();

@@ -5,7 +5,6 @@ use super::clock::Clock;
 use super::method::{Level, Method};
 use super::reference::{Errors, Reference};
 use super::solve::{Answer, solve};
-use super::space::{SpaceOrder, space_orders};
 use std::time::Instant;
 use vibroimpact::error::Result;
 
@@ -63,8 +62,6 @@ pub struct Survey {
     pub failures: Vec<(Method, String)>,
     /// What the errors themselves are known to.
     pub uncertainty: Errors,
-    /// Orders in space alone, where the density is known in closed form.
-    pub space: Vec<SpaceOrder>,
     /// Seconds for everything.
     pub seconds: f64,
 }
@@ -126,10 +123,6 @@ pub fn survey(
         entries,
         failures,
         uncertainty: reference.uncertainty(),
-        space: match effort {
-            Effort::Full => space_orders(case, &reference)?,
-            Effort::Quick => Vec::new(),
-        },
         seconds: clock.elapsed().as_secs_f64(),
     })
 }

@@ -17,6 +17,5 @@ pub mod rates;
 mod reference;
 pub mod references;
 mod solve;
-mod space;
 pub mod table;
 pub mod verdict;

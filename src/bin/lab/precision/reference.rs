@@ -148,11 +148,6 @@ impl Reference {
         })
     }
 
-    /// The L1 error of an answer against the first reference; None for paths.
-    pub(super) fn l1(&self, answer: &Answer) -> Option<f64> {
-        self.against(&self.first, answer).l1
-    }
-
     /// The errors of an answer, judged by another method than its own.
     pub(super) fn errors(&self, method: Method, answer: &Answer) -> Errors {
         let judge = match &self.second {

@@ -31,7 +31,7 @@ impl Answer {
 
 /// Part of the error aimed at that the start and the stationary law may leave outside the truncated domain.
 /// It does not bound the error of the truncated domain: of the linear case, at order 8 and 1e-6, 5e-8 outside
-/// make an L1 error of 2.4e-6, 1e-10 one of 1.6e-7. See [`super::space`].
+/// make an L1 error of 2.4e-6, 1e-10 one of 1.6e-7.
 const DOMAIN_SHARE: f64 = 0.05;
 
 /// Part of it that the steps may make.
@@ -80,20 +80,9 @@ pub(super) fn solve(case: &Case, method: Method, level: &Level, seed: u64) -> Re
 }
 
 fn volumes(case: &Case, drift: Drift, time: TimeScheme, level: &Level) -> Result<Answer> {
-    let mesh = mesh(case, drift, level)?;
-    volumes_on(case, drift, time, &mesh, STEPS * level.tolerance)
-}
-
-/// Finite volumes on a mesh; the steps may err by `tolerance`.
-pub(super) fn volumes_on(
-    case: &Case,
-    drift: Drift,
-    time: TimeScheme,
-    mesh: &Mesh,
-    tolerance: f64,
-) -> Result<Answer> {
-    let oscillator = &case.oscillator;
+    let (mesh, oscillator) = (&mesh(case, drift, level)?, &case.oscillator);
     let generator = Generator::new(oscillator, mesh, drift)?;
+    let tolerance = STEPS * level.tolerance;
     let mut integration =
         transient::time_integration(oscillator, &generator, time, tolerance, None, case.until);
     let mut density = Density::start(&generator, &case.initial)?;

@@ -3,7 +3,6 @@
 use super::cost::{Cost, TIMED, exponent};
 use super::entry::{Entry, Survey};
 use super::method::Method;
-use super::space::SpaceOrder;
 use crate::plot::{Family, Traced, families};
 use std::fmt::Write;
 use vibroimpact::error::Result;
@@ -104,7 +103,6 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
                 last.errors.diffusion,
             );
         }
-        all += &space_table(&survey.space);
         let mut failed: Vec<Method> = survey.failures.iter().map(|it| it.0).collect();
         failed.dedup();
         for method in failed {
@@ -119,32 +117,6 @@ pub fn text(surveys: &[Survey], costs: &[Cost]) -> String {
         all.push('\n');
     }
     all += &cost_table(costs);
-    all
-}
-
-/// Why the orders above are not those of the schemes, and the latter.
-fn space_table(orders: &[SpaceOrder]) -> String {
-    let mut all = String::new();
-    if orders.is_empty() {
-        return all;
-    }
-    all += "\nAn order above is the slope against the cells per direction, while the domain grows and the steps \
-            shorten from level to level. At orders 4 to 8 the truncated domain makes most of the error of the finer levels, and \
-            fewer of the cells go into their width. With 1e-11 outside the domain and steps to 1e-10 the same \
-            schemes show their orders in the width of the cells:\n\n\
-            | scheme | cells per direction | L1 error | order |\n|---|---|---|---|\n";
-    for it in orders {
-        let _ = writeln!(
-            all,
-            "| order {} | {} to {} | {:.1e} to {:.1e} | {:.2} |",
-            it.drift.order(),
-            it.cells[0],
-            it.cells[1],
-            it.l1[0],
-            it.l1[1],
-            it.order
-        );
-    }
     all
 }
 
