@@ -387,7 +387,7 @@ pub(crate) fn physical_words(name: &str) -> (&str, &'static str, bool) {
         "mean_flight_ms" => ("mean flight", "ms", false),
         "peak_frequency_hz" => ("peak of the spectrum", "Hz", false),
         "half_power_width_hz" => ("its half-power width", "Hz", false),
-        "reach_s" => ("time to the level", "s", false),
+        "reach_s" => ("time to the fraction asked for", "s", false),
         "mean_time_to_loss_s" => ("mean time to first loss", "s", false),
         "mean_time_to_passage_s" => ("mean time to passage", "s", false),
         other => (other, "", false),

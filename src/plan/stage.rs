@@ -157,7 +157,7 @@ impl Part {
             Self::FirstPassage => ["first_passage", "first passage"],
             Self::FirstPassagePaths => ["first_passage_paths", "paths of the first passage"],
             Self::Transient => ["transient", "transient"],
-            Self::Reach => ["reach", "time to a level"],
+            Self::Reach => ["reach", "time to a fraction"],
             Self::Periodic => ["periodic", "periodic law"],
             Self::Response => ["response", "response curve"],
             Self::Steady => ["steady", "steady state"],

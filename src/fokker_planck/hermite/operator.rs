@@ -320,13 +320,13 @@ fn ends(oscillator: &Oscillator, energy: f64, count: usize) -> Vec<f64> {
     };
     let [rising, holding] = std::array::from_fn(|k| EVEN[k] + bend * GRADED[k]);
     let mut all = vec![left];
-    for (k, (length, parts)) in lengths.iter().zip(&parts).enumerate() {
+    for (k, (piece, parts)) in bounds.windows(2).zip(&parts).enumerate() {
         let kink = [k > 0, k < kinks.len()];
         let open = kinks.len() == 1 && k == 0;
         let power = if open { rising } else { holding };
-        let inner = (1..*parts).map(|i| i as f64 / *parts as f64);
-        all.extend(inner.map(|x| bounds[k] + length * nearer(x, kink, power)));
-        all.push(bounds[k + 1]);
+        let inner = 1..*parts;
+        all.extend(inner.map(|i| nearer([piece[0], piece[1]], [i, *parts], kink, power)));
+        all.push(piece[1]);
     }
     all
 }
@@ -345,13 +345,15 @@ fn even(lengths: &[f64], count: usize) -> Vec<usize> {
     parts
 }
 
-/// A number from 0 to 1, its distance from those of the two that are kinks taken to a power.
-fn nearer(x: f64, kink: [bool; 2], power: f64) -> f64 {
+/// The end of the i-th of n elements between two places, its distance from those of them that are kinks as a power of i.
+fn nearer([low, high]: [f64; 2], [i, n]: [usize; 2], kink: [bool; 2], power: f64) -> f64 {
+    let length = high - low;
+    let x = i as f64 / n as f64;
     match kink {
-        [false, false] => x,
-        [true, false] => x.powf(power),
-        [false, true] => 1.0 - (1.0 - x).powf(power),
-        [true, true] if x < 0.5 => 0.5 * (2.0 * x).powf(power),
-        [true, true] => 1.0 - 0.5 * (2.0 - 2.0 * x).powf(power),
+        [false, false] => low + length * i as f64 / n as f64,
+        [true, false] => low + length * x.powf(power),
+        [false, true] => high - length * (1.0 - x).powf(power),
+        [true, true] if x < 0.5 => low + 0.5 * length * (2.0 * x).powf(power),
+        [true, true] => high - 0.5 * length * (2.0 - 2.0 * x).powf(power),
     }
 }
