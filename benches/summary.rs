@@ -26,7 +26,7 @@ fn main() {
         let mut rows = Vec::new();
         rows.extend(generator());
         rows.push(imex());
-        rows.extend([Solver::Direct, Solver::Krylov].map(solve));
+        rows.extend(solve());
         rows.push(pass());
         rows.extend(paths());
         rows.extend(stages());
@@ -152,32 +152,38 @@ fn density(generator: &Generator) -> Density {
     Density::start(generator, &start()).expect("a start the mesh holds")
 }
 
-/// A step of Radau IIA by LU and by preconditioned GMRES, beside reading what the factors hold.
-fn solve(solver: Solver) -> String {
+/// A step of Radau IIA by LU and by preconditioned GMRES, beside reading what the factors hold, on meshes that grow.
+fn solve() -> Vec<String> {
     let it = oscillator(5.0);
-    let generator = Generator::new(&it, &mesh(&it, [90, 68]), Drift::Order8).expect("a generator");
-    let mut cells = density(&generator).cells().to_vec();
-    let region = Region::new(ALLOCATOR);
-    let mut scheme = Radau::new(&generator, solver);
-    scheme.advance(&mut cells, 0.5, 0.0).expect("a step");
-    let change = region.change();
-    let bytes = change.bytes_allocated - change.bytes_deallocated;
-    let all = seconds(|| scheme.advance(&mut cells, 0.5, 0.0).expect("a step"));
-    let held = vec![1.0f64; bytes / 8];
-    let once = seconds(|| {
-        black_box(read(black_box(&held)));
-    });
-    let bound = Some(("reading its factors once", once));
-    let n = generator.unknowns() as f64;
-    let how = match solver {
-        Solver::Direct => "sparse LU",
-        Solver::Krylov => "GMRES",
-    };
-    let name = format!(
-        "implicit step, {how} ({:.1} kB an unknown)",
-        bytes as f64 * 1e-3 / n
-    );
-    row(&name, "unknowns", n, all, bound)
+    let mut rows = Vec::new();
+    for n in [60, 90, 130] {
+        let mesh = mesh(&it, [n, 3 * n / 4]);
+        let generator = Generator::new(&it, &mesh, Drift::Order8).expect("a generator");
+        for (solver, how) in [(Solver::Direct, "LU"), (Solver::Krylov, "GMRES")] {
+            let mut cells = density(&generator).cells().to_vec();
+            let region = Region::new(ALLOCATOR);
+            let clock = Instant::now();
+            let mut scheme = Radau::new(&generator, solver);
+            scheme.advance(&mut cells, 0.5, 1e-6).expect("a step");
+            let first = clock.elapsed().as_secs_f64();
+            let change = region.change();
+            let bytes = change.bytes_allocated - change.bytes_deallocated;
+            let all = seconds(|| scheme.advance(&mut cells, 0.5, 1e-6).expect("a step"));
+            let held = vec![1.0f64; bytes / 8];
+            let once = seconds(|| {
+                black_box(read(black_box(&held)));
+            });
+            let bound = Some(("reading its factors once", once));
+            let n = generator.unknowns() as f64;
+            let held = bytes as f64 * 1e-3 / n;
+            let name = format!(
+                "implicit step, {how}, {n} unknowns ({held:.1} kB each, factors in {:.2} s)",
+                first - all
+            );
+            rows.push(row(&name, "unknowns", n, all, bound));
+        }
+    }
+    rows
 }
 
 /// A pass of the flow map with its average along v, beside reading the places and weights it goes by.

@@ -209,8 +209,11 @@ impl Clock {
             Ok(tau) => {
                 let time = self.time(tau);
                 // What was rounded for reading stays so; what was written in full stays as it was typed.
+                let mantissa = word.split('e').next().unwrap_or(word);
+                let digits = mantissa.trim_start_matches(['-', '0', '.']);
+                let digits = digits.chars().filter(char::is_ascii_digit).count();
                 let time = if num(tau).len() < 9 && num(time).len() > 12 {
-                    rounded(time, 6)
+                    rounded(time, digits + 2)
                 } else {
                     time
                 };
@@ -263,11 +266,11 @@ mod tests {
         let clock = Clock::new(TimeUnit::Period, None).unwrap();
         let tau = clock.dimensionless(2.5);
         let text = format!(
-            "monte_carlo.var_q at t = {tau}: steps of dt = 0.1, came to t = 6.283 of {tau}; step 3.1416, steps of 6.2832."
+            "monte_carlo.var_q at t = {tau}: steps of dt = 0.1, came to t = 6.283 of {tau}; step 3.14, steps of 6.28."
         );
         assert_eq!(
             clock.retold(&text),
-            "monte_carlo.var_q at t = 2.5: steps of dt = 0.1, came to t = 0.999971 of 2.5; step 0.500001, steps of 1."
+            "monte_carlo.var_q at t = 2.5: steps of dt = 0.1, came to t = 0.999971 of 2.5; step 0.49975, steps of 0.99949."
         );
         assert_eq!(clock.retold("nothing at t = all"), "nothing at t = all");
         assert_eq!(Clock::default().retold(&text), text);

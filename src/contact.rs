@@ -19,6 +19,9 @@ use crate::roots::bisect;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
+/// Numbers of a list that is shown with the name of a law.
+const FEW: usize = 6;
+
 /// The restoring force of the contact, in units of the static load, against the dimensionless
 /// displacement q of (6). Equilibrium at q = 0 with unit stiffness for every built-in law that confines.
 ///
@@ -142,11 +145,13 @@ impl ContactLaw {
         }
     }
 
-    /// The name with its parameters, for people.
+    /// The name with its parameters, those that are no long lists, for people.
     pub(crate) fn described(&self) -> String {
         let tree = self.tree();
         let given = tree.as_object().into_iter().flatten();
-        let given = given.filter(|(key, _)| *key != "law");
+        // The points of a table are in the scene.
+        let short = |value: &Value| value.as_array().is_none_or(|it| it.len() <= FEW);
+        let given = given.filter(|(key, value)| *key != "law" && short(value));
         let given: Vec<String> = given
             .map(|(key, value)| format!("{key} = {value}"))
             .collect();
@@ -441,4 +446,28 @@ fn expand(q0: f64, step: f64, done: impl Fn(f64) -> bool) -> f64 {
         reach *= 2.0;
     }
     q0 + reach
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ContactLaw, Parameter, Parameters};
+
+    #[test]
+    fn a_law_is_described_by_its_short_parameters() {
+        let column = |k: f64| Parameter::Numbers((-20..20).map(|i| k * f64::from(i)).collect());
+        let points = Parameters::new()
+            .with("q", column(0.1))
+            .with("force", column(0.2));
+        let table = ContactLaw::given("table", &points).unwrap();
+        assert_eq!(table.described(), "table contact");
+        let gap = Parameters::new()
+            .with("exponent", Parameter::Number(1.5))
+            .with("gap", Parameter::Number(2.0));
+        let gap = ContactLaw::given("power", &gap).unwrap().described();
+        assert!(
+            gap.contains("exponent = 1.5") && gap.contains("gap = 2"),
+            "{gap}"
+        );
+        assert_eq!(ContactLaw::Hertz.described(), "hertz contact");
+    }
 }

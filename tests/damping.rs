@@ -135,6 +135,8 @@ fn friction_takes_what_noise_gives_and_the_mean_force_is_zero() {
             assert!((taken.value - it.noise()).abs() <= taken.error);
             assert!(force.value.abs() <= force.error);
             assert!(taken.error < 1e-3 * it.noise());
+            let still = [law.moments.mean_v, law.moments.cov_qv];
+            assert_eq!(still.map(|it| [it.value, it.error]), [[0.0; 2]; 2]);
         }
     }
 }
@@ -742,6 +744,7 @@ fn spectra_far_above_the_preload_meet_their_tolerance_whatever_friction_takes_of
     for (damping, zeta, temperature) in [
         (Damping::Contact, 0.05, 1.0),
         (Damping::Contact, 0.05, 2.0),
+        (Damping::Contact, 0.5, 2.0),
         (Damping::Contact, 0.5, 3.0),
         (Damping::HuntCrossley, 0.5, 0.63),
     ] {

@@ -186,7 +186,7 @@ fn where_both_methods_of_a_transient_end_at_a_limit_that_of_the_better_one_is_na
     // No flow map that holds so sharp an initial condition fits, and finite volumes would take twenty seconds.
     let scene = format!(
         "{HERTZ}zeta = 0.005\nh = 2e-3\n[initial]\nmean = [-3.0, 0.0]\ndeviation = [1e-3, 1e-3]\n[outputs]\n\
-         moments_at = [0.5, 1, 2, 3, 4, 5, 10, 12, 13, 17, 18, 19, 20, 50]\n[accuracy]\nmax_memory = \"60 MB\"\nmax_seconds = 15\n"
+         moments_at = [0.5, 1, 2, 3, 4, 5, 10, 12, 13, 17, 18, 19, 20, 50]\n[accuracy]\nmax_memory = \"60 MB\"\nmax_seconds = 5\n"
     );
     let scene = SceneText::parse("a.toml", &scene, &[]).unwrap();
     let error = Plan::of(scene.scene())

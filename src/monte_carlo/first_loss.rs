@@ -257,7 +257,7 @@ impl FirstLosses {
     fn blind(&self, samples: f64, unknown: impl FnOnce() -> Vec<String>) -> Option<Warning> {
         (self.undecided > walk::deviation(samples)).then(|| Warning {
             text: format!(
-                "noise decides on up to {:.0} % of the passages within the first step of {}, which does not see it: shorten \
+                "noise decides on up to {:.0} % of the passages within first steps of {}, which do not see it: shorten \
                  monte_carlo.step",
                 100.0 * self.undecided,
                 brief(self.walk.step)

@@ -493,13 +493,15 @@ impl Task<'_> {
         let (fine, times) = (runs.fine, &layout.times[..]);
         // What the edge of the mesh leaves out of the losses, and of the initial condition.
         let (outside, begun) = (layout.outside, self.begun(layout, fine));
-        // Of an initial condition that is beyond the level in part, losses are a difference from 1; else they may underflow.
+        // Of an initial condition that is beyond the level in part, losses are a difference from 1.
         let at_once = fine.lost.first().is_some_and(|lost| *lost != 0.0);
-        let rounding = if at_once { ROUNDING } else { f64::MIN_POSITIVE };
+        let rounding = if at_once { ROUNDING } else { 0.0 };
         let largest = fine.density.iter().fold(0.0f64, |a, b| a.max(*b));
         let forgets = layout.correlation_time;
         let mut curves = [Vec::new(), Vec::new(), Vec::new()];
         for k in 0..times.len() {
+            // Noise brings anything anywhere at once: what is not seen has underflowed.
+            let underflow = f64::MIN_POSITIVE * f64::from(times[k] > 0.0);
             // Beyond the edge all is lost, whatever the mesh says.
             let survival =
                 largest_since(times, (k, forgets), |l| runs.error(|run| run.survival[l]))
@@ -512,12 +514,14 @@ impl Task<'_> {
                 + fine.drift[k]
                 + (outside + 1e-12) * fine.lost[k]
                 + begun
-                + rounding;
+                + rounding
+                + underflow;
             let density = largest_since(times, (k, FRAC_PI_2), |l| {
                 runs.error_of_fine(|run| run.density[l])
             }) + fine.wobble[k]
                 + outside * fine.density[k].abs()
-                + begun * largest;
+                + begun * largest
+                + underflow;
             let values = [
                 runs.value(|run| run.survival[k]).clamp(0.0, 1.0),
                 runs.value(|run| run.lost[k]).clamp(0.0, 1.0),

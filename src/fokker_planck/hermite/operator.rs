@@ -316,7 +316,9 @@ fn ends(oscillator: &Oscillator, energy: f64, count: usize) -> Vec<f64> {
     let bend = if oscillator.is_viscous() {
         0.0
     } else {
-        oscillator.highest_friction(energy).min(1.0)
+        oscillator
+            .highest_friction(oscillator.energy_at(1.0))
+            .min(1.0)
     };
     let [rising, holding] = std::array::from_fn(|k| EVEN[k] + bend * GRADED[k]);
     let mut all = vec![left];

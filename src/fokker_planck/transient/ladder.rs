@@ -39,7 +39,11 @@ pub(super) fn climbed(task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Tr
             let recipe = &other;
             match climbed(&Task { recipe, ..*task }, progress) {
                 // What would have let the first do is more use.
-                Err(_) if matches!(error, Error::Limit { .. }) => Err(error),
+                Err(Error::Limit { .. } | Error::Unresolved { .. })
+                    if matches!(error, Error::Limit { .. }) =>
+                {
+                    Err(error)
+                }
                 it => it,
             }
         }

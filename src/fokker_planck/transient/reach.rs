@@ -37,6 +37,8 @@ pub(crate) struct Reach {
     settings: Settings,
     /// Between two times of the first course.
     spacing: f64,
+    /// Length of a course that is judged by where it has come to.
+    long: f64,
     times: Vec<f64>,
     /// Courses of twice the length each, before the level is given up.
     lengths: usize,
@@ -58,6 +60,8 @@ const FINE: f64 = 16.0;
 const AIM: f64 = 0.4;
 /// The finest tolerance that a course is given.
 const FINEST: f64 = 1e-10;
+/// Relaxations after which a course has shown what it will, if it has come to rest.
+const LONG: f64 = 3.0;
 /// Of the way from the stationary value to the level, within which a course has come to rest.
 const NEAR: f64 = 0.1;
 /// Of the cost of the first course, what those about the crossing add.
@@ -77,6 +81,11 @@ impl Reach {
         let length = |to: f64| relaxation * (1.3 * to.recip().ln().clamp(0.0, 30.0) + 0.6);
         let left = (1.0 - fraction).abs();
         let spacing = SPACING / oscillator.contact().fastest();
+        // Hops between wells are slower than any of these.
+        let long = match oscillator.contact().barrier() {
+            None => LONG * relaxation,
+            Some(_) => f64::INFINITY,
+        };
         let times = course(length(left), spacing);
         // And what is left then is within the tolerance.
         let longest = length(left.min(1.0) * settings.tolerance);
@@ -95,6 +104,7 @@ impl Reach {
             fraction,
             settings,
             spacing,
+            long,
             times,
             lengths,
             first,
@@ -259,13 +269,16 @@ impl Reach {
         );
         let apart = (level.value - stationary.value).abs();
         let error = curve.values.last().map_or(0.0, |it| it.error);
-        if curve.rests(stationary) && apart <= error {
+        if !curve.rests(stationary, self.long) {
+            return Seen::NotYet(words);
+        }
+        if apart <= error {
             let words = format!("the stationary value is not told from it: {words}");
-            Seen::Blurred(AIM * apart / error, words)
-        } else if curve.rests(stationary) {
-            Seen::Never(words)
-        } else {
-            Seen::NotYet(words)
+            return Seen::Blurred(AIM * apart / error, words);
+        }
+        match curve.unsure() {
+            Some(finer) => Seen::Blurred(AIM * finer, format!("or hardly: {words}")),
+            None => Seen::Never(words),
         }
     }
 }
@@ -397,17 +410,24 @@ impl<'a> Curve<'a> {
         self.times.first() == Some(&0.0) && self.values.first().is_some_and(has)
     }
 
-    /// Whether the last value is the stationary one within its error, or all of the last period within [`NEAR`] of the way from it
-    /// to the level: what is left of a deviation grows no more.
-    fn rests(&self, stationary: Estimate) -> bool {
-        let apart = |it: &Estimate| (it.value - stationary.value).abs();
-        let near = NEAR * (self.level - stationary.value).abs();
-        let mut late = self.times.iter().zip(&self.values).rev();
-        let Some((end, last)) = late.next() else {
+    /// Whether the last value is the stationary one within its error, or, of a course that is `long` enough for what is left of a
+    /// deviation to grow no more, all of its last quarter within [`NEAR`] of the way from it to the level.
+    fn rests(&self, stationary: Estimate, long: f64) -> bool {
+        let (Some(last), Some(end)) = (self.values.last(), self.times.last()) else {
             return false;
         };
-        let mut period = late.take_while(|(t, _)| end - **t < TAU);
-        apart(last) <= last.error || apart(last) <= near && period.all(|(_, it)| apart(it) <= near)
+        let apart = |it: &Estimate| (it.value - stationary.value).abs();
+        let near = NEAR * (self.level - stationary.value).abs();
+        let quarter = self.times.iter().zip(&self.values);
+        let mut quarter = quarter.filter(|(t, _)| **t >= 0.75 * end);
+        apart(last) <= last.error || *end >= long && quarter.all(|(_, it)| apart(it) <= near)
+    }
+
+    /// How many times less an error must be for a value after the first to tell whether it passes the level.
+    fn unsure(&self) -> Option<f64> {
+        let mut all = 1..self.values.len();
+        let unsure = all.find(|k| self.over(*k).abs() <= self.values[*k].error);
+        unsure.map(|k| self.over(k).abs() / self.values[k].error)
     }
 
     /// Height over the level.
