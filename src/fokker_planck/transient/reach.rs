@@ -277,7 +277,10 @@ impl Reach {
             return Seen::Blurred(AIM * apart / error, words);
         }
         match curve.unsure() {
-            Some(finer) => Seen::Blurred(AIM * finer, format!("or hardly: {words}")),
+            Some(finer) => Seen::Blurred(
+                AIM * finer,
+                format!("the error hides whether it is passed: {words}"),
+            ),
             None => Seen::Never(words),
         }
     }
