@@ -453,6 +453,26 @@ fn a_law_that_finer_resolutions_spoil_is_as_good_as_the_best_of_them() {
 }
 
 #[test]
+fn the_law_is_found_as_near_as_the_distances_to_it_ask() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.211, 8.7e-2).unwrap();
+    let it = it.with_damping(Damping::Contact).unwrap();
+    let initial = Initial::gaussian([-1.2, 0.4], [0.5; 2]).unwrap();
+    let distances = |times: &[f64]| {
+        let course = transient(&it, &initial, times, &[], &settings(1e-3), &|_| ()).unwrap();
+        assert!(course.shortfall.is_none(), "{:?}", course.shortfall);
+        let known = course.distance.into_iter().map(Option::unwrap);
+        known.collect::<Vec<_>>()
+    };
+    let (away, near) = (distances(&[0.9]), distances(&[0.9, 80.0]));
+    println!("{away:?}; {near:?}");
+    // Far away two digits do; a run that comes to the law knows it to its tolerance from the first time on.
+    assert!((away[0].value - near[0].value).abs() < away[0].error);
+    assert!(away[0].error < 0.02 * away[0].value);
+    assert!(near[0].error < 0.5 * away[0].error);
+    assert!(near[1].value < 2e-3 && near[1].error < 2e-3);
+}
+
+#[test]
 fn a_tighter_tolerance_leaves_no_larger_errors_of_the_law() {
     let in_contact = |zeta, h| {
         let it = Oscillator::new(ContactLaw::Hertz, zeta, h).unwrap();

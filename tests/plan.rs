@@ -66,7 +66,7 @@ fn every_built_in_transient_has_its_recipe() {
     const AT_FIRST: &str = "so a small mesh moves with it at first";
     const FOR_GOOD: &str = "a small mesh moves with the density for good";
     let recipes = [
-        ("default", MAP, AT_FIRST, [200, 122], 981),
+        ("default", MAP, AT_FIRST, [141, 88], 981),
         ("paper-level 3e-6 0.01", MAP, ON_A_MESH, [97, 98], 80),
         ("paper-level 8e-5 0.05", MAP, ON_A_MESH, [101, 100], 80),
         ("paper-level 5e-4 0.15", MAP, ON_A_MESH, [98, 88], 80),
@@ -75,7 +75,7 @@ fn every_built_in_transient_has_its_recipe() {
         ("paper-level 3.2e-3 0.4", MAP, ON_A_MESH, [163, 84], 80),
         ("bilinear", MAP, ON_A_MESH, [151, 88], 80),
         ("displaced", MAP, ON_A_MESH, [118, 70], 160),
-        ("dropped", MAP, AT_FIRST, [202, 122], 66),
+        ("dropped", MAP, AT_FIRST, [142, 88], 66),
         ("overdamped", MAP, ON_A_MESH, [133, 84], 120),
         ("free-fall", MAP, FOR_GOOD, [28, 28], 3),
     ];
@@ -227,7 +227,7 @@ fn every_question_of_the_default_scene_has_its_recipe() {
     println!("{found:?}");
     let expected = [
         ("first_loss", [67, 96], 832),
-        ("transient", [200, 122], 981),
+        ("transient", [141, 88], 981),
         ("steady", [115, 68], 60),
         ("decay_rates", [49, 40], 15),
         ("spectrum", [113, 108], 14),

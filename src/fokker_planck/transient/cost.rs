@@ -15,7 +15,7 @@ use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 
 /// The cost of a recipe. Lays out the mesh and takes no step on it: seconds are those of all threads, within a factor
-/// of three for three in four (lab precision --calibrate).
+/// of three for four in five (lab precision --calibrate).
 ///
 /// # Errors
 /// Those of the mesh: a scene it cannot hold, cells that do not fit the memory.
@@ -30,24 +30,29 @@ pub(super) fn foreseen(
     let rung = |r| recipe.rung(oscillator, initial, until, r);
     let cost = |rung: &Rung| run(rung, oscillator, initial, times, max_memory);
     let first = (RUNGS - 1) as f64;
-    // Under constant friction a local grid is within most tolerances with the fewest rungs.
+    // A local grid under constant friction, and what begins in a law that is known, are within most tolerances with half of them.
     let expected = rung(recipe.expected)?;
     let alone = oscillator.is_viscous()
         && start_up::cost(&expected, oscillator, initial, until)
             .is_some_and(|it| it.alone.is_some());
-    let end = if alone && !recipe.layout.is_given() {
-        first
+    let few = alone || *initial == Initial::Stationary;
+    let end = if few && !recipe.layout.is_given() {
+        first.max(0.5 * recipe.expected)
     } else {
         recipe.expected
     };
     let finer = |k: usize| cost(&rung(end + k as f64)?);
     let last = recipe.layout.carried(finer)?;
-    // With the rungs before it, and the one that is run with half the step of the scene too.
-    let mut seconds = if alone {
-        last.seconds * RUNGS as f64
-    } else {
-        last.seconds / (1.0 - LADDER_RATIO.get().powi(-3))
+    // The first runs are side by side, and others after them one by one.
+    let shared = |seconds| {
+        last.cells
+            .map_or(seconds, |it| budget::on_threads(it, seconds))
     };
+    let fall = LADDER_RATIO.get().powi(-3);
+    let longest = last.seconds * fall.powf((end - first).max(0.0));
+    let sum = longest * (1.0 - fall.powi(RUNGS as i32)) / (1.0 - fall);
+    let together = shared(longest).max(sum / rayon::current_num_threads() as f64);
+    let mut seconds = together + shared((last.seconds - longest) / (1.0 - fall));
     if recipe.step.is_some() {
         let shown = if recipe.layout.is_given() {
             recipe.expected
@@ -56,9 +61,6 @@ pub(super) fn foreseen(
         };
         seconds += cost(&rung(shown)?.halved())?.seconds;
     }
-    let seconds = last
-        .cells
-        .map_or(seconds, |it| budget::on_threads(it, seconds));
     // The stationary law that distances are taken to.
     let (bytes, operations) = if oscillator.damping().has_closed_form() {
         (0, 0.0)
@@ -67,7 +69,7 @@ pub(super) fn foreseen(
     };
     Ok(Cost {
         memory: last.memory.max(bytes),
-        seconds: seconds + timing::OPERATION * operations,
+        seconds: timing::TRANSIENT + seconds + timing::OPERATION * operations,
         ..last
     })
 }
@@ -175,13 +177,17 @@ pub(super) fn run(
     }
     // What is left of the run for the mesh.
     let from = start_up.as_ref().map_or(0.0, |it| it.until);
-    // However soon the run settles, it looks after whole chunks only.
+    // However soon the run settles, it looks after whole chunks and at output times only.
     let chunk = match rung.scheme {
         Scheme::FlowMap => CHUNK * rung.flow_map().step,
         Scheme::Volumes(_) => 0.0,
     };
+    let settled = settled(oscillator, initial, rung.tolerance);
     let end = match rung.acting() {
-        None => (settled(oscillator, initial, rung.tolerance) + chunk).min(until),
+        None => {
+            let next = times.iter().copied().find(|t| *t > settled);
+            (settled + chunk).min(next.unwrap_or(until))
+        }
         Some(_) => until,
     };
     let mut times: Vec<f64> = times.iter().filter(|t| **t > from).copied().collect();
@@ -192,7 +198,8 @@ pub(super) fn run(
         *t -= from;
     }
     let until = end.max(from) - from;
-    let finer = start_up.as_ref().map_or(1.0, |_| REFINED.get());
+    // Behind a local grid half way to the finest mesh, which the memory has to hold.
+    let finer = start_up.as_ref().map_or(1.0, |_| REFINED.get().sqrt());
     let cells = rung.layout.count_within(oscillator, finer, max_memory)?;
     let n = cells[0] as f64 * cells[1] as f64;
     let mut bytes = budget::memory(cells, rung.drift(), rung.scheme.factors()) as f64;
@@ -247,7 +254,7 @@ pub(super) fn run(
     Ok(Cost {
         cells: Some(cells),
         steps: steps.ceil() as u64,
-        memory: bytes as u64,
+        memory: (bytes * finer * finer) as u64,
         seconds: seconds + n * timing::LOOK * looks + start_up.map_or(0.0, |it| it.seconds),
     })
 }

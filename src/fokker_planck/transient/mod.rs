@@ -8,6 +8,7 @@ mod error_estimate;
 mod followed;
 mod ladder;
 mod lasting;
+mod law;
 mod output;
 mod propagator;
 mod question;

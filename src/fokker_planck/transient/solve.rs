@@ -3,17 +3,17 @@
 use super::begun::begun;
 use super::error_estimate::Errors;
 use super::ladder;
+use super::law;
 use super::propagator;
 use super::recipe::{Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::settings::Settings;
-use crate::fokker_planck::solved::Settled;
 use crate::initial::Initial;
 use crate::moments::Moments;
 use crate::oscillator::Oscillator;
@@ -132,22 +132,6 @@ impl Recipe {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
         let late = || limits.in_time(|| "the stationary law was not found".into());
-        let law = if oscillator.damping().has_closed_form() {
-            if *initial == Initial::Stationary {
-                oscillator.with_closed_form()?;
-            }
-            None
-        } else {
-            match Settled::within(oscillator, self.tolerance, &late) {
-                // Only what begins in that law cannot do without.
-                Err(Error::Unresolved { .. } | Error::Linear { .. })
-                    if *initial != Initial::Stationary || self.period.is_some() =>
-                {
-                    None
-                }
-                law => Some(law?),
-            }
-        };
         let task = Task {
             oscillator,
             initial,
@@ -155,8 +139,13 @@ impl Recipe {
             density_times,
             recipe: self,
             limits,
-            law: law.as_ref(),
+            law: None,
             begun: None,
+        };
+        let law = law::law(&task, &late)?;
+        let task = Task {
+            law: law.as_ref(),
+            ..task
         };
         let begun = begun(&task)?;
         let task = Task {

@@ -1,0 +1,70 @@
+//! The stationary law that a transient's distances are taken to, where it has to be solved for.
+
+use super::recipe::RUNGS;
+use super::run::Task;
+use crate::error::{Deadline, Error, Result};
+use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
+use crate::fokker_planck::solved::Settled;
+use crate::initial::Initial;
+
+/// The largest L1 distance of two laws.
+const FARTHEST: f64 = 2.0;
+
+/// The law as near as the answer asks: to its share of the tolerance where the run begins in it or comes that close to it; else
+/// to the same share, twice, of the nearest distance. None where there is a closed form, where nothing asks for it, or where
+/// it is not found and only distances would be taken to it.
+///
+/// # Errors
+/// Those of the law and of the limits; a run that begins in a law cannot do without.
+pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
+    let (oscillator, recipe) = (task.oscillator, task.recipe);
+    let begins = *task.initial == Initial::Stationary;
+    if oscillator.damping().has_closed_form() {
+        if begins {
+            oscillator.with_closed_form()?;
+        }
+        return Ok(None);
+    }
+    if recipe.period.is_some() {
+        return Ok(None);
+    }
+    if begins {
+        return Settled::within(oscillator, recipe.tolerance, late).map(Some);
+    }
+    if recipe.forcing.as_ref().is_some_and(|it| it.acts()) {
+        return Ok(None);
+    }
+    let within = |tolerance| match Settled::within(oscillator, tolerance, late) {
+        Err(Error::Unresolved { .. } | Error::Linear { .. }) => Ok(None),
+        law => law.map(Some),
+    };
+    let share = SETTLED_LAW_SHARE.get();
+    let asked = |distance: f64| recipe.tolerance.max(share * distance);
+    let Some(rough) = within(asked(FARTHEST))? else {
+        return Ok(None);
+    };
+    if rough.error <= share * recipe.tolerance {
+        return Ok(Some(rough));
+    }
+    // The coarsest run of the ladder is cheap beside a nearer law. Distances only fall.
+    let first = if recipe.layout.is_given() {
+        recipe.expected - (RUNGS - 1) as f64
+    } else {
+        0.0
+    };
+    let looking = Task {
+        law: Some(&rough),
+        density_times: &[],
+        ..*task
+    };
+    let looked = looking.rung(first).and_then(|rung| {
+        let run = looking.once(&rung, task.times, &|_| ())?;
+        let distance = run.outputs.last().map_or(0.0, |it| it.distance);
+        Ok(distance - rung.tolerance)
+    });
+    let goal = asked(looked.map_or(0.0, |it| it - rough.error));
+    if rough.error <= share * goal {
+        return Ok(Some(rough));
+    }
+    within(goal)
+}
