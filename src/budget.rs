@@ -41,14 +41,16 @@ pub(crate) mod timing {
     pub(crate) const FRAME_NODE: f64 = 0.45e-6;
     /// What it takes beside, in steps.
     pub(crate) const FRAME_STEPS: f64 = 12.0;
-    /// A step of the backward equation, a point of the boundary layer.
-    pub(crate) const ABSORBED_POINT: f64 = 20e-9;
+    /// A step of the backward equation, a quadrature point.
+    pub(crate) const ABSORBED_POINT: f64 = 11e-9;
     /// The same, a node.
-    pub(crate) const ABSORBED_NODE: f64 = 10e-9;
+    pub(crate) const ABSORBED_NODE: f64 = 6e-9;
     /// A node in a step of the backward equation under a drive, its kernel made for it.
-    pub(crate) const DRIVEN_NODE: f64 = 0.12e-6;
-    /// To build the map of a point of the backward equation.
-    pub(crate) const ABSORBED_MAP: f64 = 4e-6;
+    pub(crate) const DRIVEN_NODE: f64 = 0.2e-6;
+    /// The motions of a point of the backward equation, three with those of the start.
+    pub(crate) const ABSORBED_MAP: f64 = 1.4e-6;
+    /// The same, of a law that is not built in.
+    pub(crate) const TRACED_ABSORBED_MAP: f64 = 4e-6;
     /// An operation of a dense complex matrix product.
     pub(crate) const OPERATION: f64 = 1.0 / 2e10;
     /// The same of a factorisation by elements, or of a product of few rows, in those.

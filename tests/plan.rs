@@ -226,7 +226,7 @@ fn every_question_of_the_default_scene_has_its_recipe() {
         .collect();
     println!("{found:?}");
     let expected = [
-        ("first_loss", [67, 96], 832),
+        ("first_loss", [67, 96], 640),
         ("transient", [141, 88], 981),
         ("steady", [115, 68], 60),
         ("decay_rates", [49, 40], 15),

@@ -12,8 +12,13 @@ pub(super) fn on_threads([nq, nv]: [usize; 2], seconds: f64) -> f64 {
     if nq * nv < timing::SHARED {
         seconds
     } else {
-        seconds / (rayon::current_num_threads() as f64).powf(timing::GAIN)
+        on_all_threads(seconds)
     }
+}
+
+/// The same where even small meshes are shared.
+pub(super) fn on_all_threads(seconds: f64) -> f64 {
+    seconds / (rayon::current_num_threads() as f64).powf(timing::GAIN)
 }
 
 /// What a run factors of the generator.

@@ -7,7 +7,7 @@ use super::region::{Barrier, Region};
 use super::start::DEVIATIONS;
 use crate::contact::ContactLaw;
 use crate::first_step;
-use crate::fokker_planck::budget::{Cost, timing};
+use crate::fokker_planck::budget::{self, Cost, timing};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::policy::LADDER_RATIO;
 use crate::gaussian::lower;
@@ -313,19 +313,18 @@ impl Layout {
                 let passed = 0.5 * oscillator.temperature().sqrt() * self.step;
                 let pieces = oscillator.contact().pieces().iter();
                 let kinks = pieces.filter(|it| it.from.abs() < passed).count();
-                (1 + kinks) as f64 * timing::ABSORBED_MAP * timing::TRACED_MAP / timing::MAP
+                (1 + kinks) as f64 * timing::TRACED_ABSORBED_MAP
             }
             _ => timing::ABSORBED_MAP,
         };
+        let seconds =
+            points * (map + timing::ABSORBED_POINT * steps) + nv * self.node_seconds() * steps;
         Cost {
             cells: Some(self.nodes),
             steps: steps as u64,
             memory: self.memory_bytes(oscillator) as u64,
             // The runs that measure the error take longer than the fine one.
-            seconds: 2.3
-                * nq
-                * (points * (map + timing::ABSORBED_POINT * steps)
-                    + nv * self.node_seconds() * steps),
+            seconds: budget::on_all_threads(2.3 * nq * seconds),
         }
     }
 
@@ -344,9 +343,12 @@ impl Layout {
             return self.steps();
         }
         self.steps().min(10.0 * self.correlation_time / self.step)
-            + 1.2 * 18.0 * self.stride(self.step) as f64
+            + VECTORS * self.stride(self.step) as f64
     }
 }
+
+/// Krylov vectors of a long run: 5 where losses are rare, 35 between two wells.
+const VECTORS: f64 = 12.0;
 
 /// The ends of an initial condition, five deviations of a Gaussian away.
 fn corners(initial: &Initial) -> Vec<[f64; 2]> {
