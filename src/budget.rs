@@ -47,7 +47,7 @@ pub(crate) mod timing {
     pub(crate) const ABSORBED_NODE: f64 = 6e-9;
     /// A node in a step of the backward equation under a drive, its kernel made for it.
     pub(crate) const DRIVEN_NODE: f64 = 0.2e-6;
-    /// The motions of a point of the backward equation, three with those of the start.
+    /// To follow the motions of a quadrature point of the backward equation: its own and two of the start.
     pub(crate) const ABSORBED_MAP: f64 = 1.4e-6;
     /// The same, of a law that is not built in.
     pub(crate) const TRACED_ABSORBED_MAP: f64 = 4e-6;

@@ -258,12 +258,15 @@ impl Density {
     }
 }
 
-/// The integrand of [`Density::entropy_between`].
+/// The integrand of [`Density::entropy_between`]: where one of them is not positive it may be as small as
+/// numbers are.
 pub(super) fn entropy_apart(p: f64, [one, other]: [f64; 2]) -> f64 {
-    if p > 0.0 && one > 0.0 && other > 0.0 {
+    if p <= 0.0 {
+        0.0
+    } else if one > 0.0 && other > 0.0 {
         p * (one / other).ln().abs()
     } else {
-        0.0
+        p * -f64::MIN_POSITIVE.ln()
     }
 }
 

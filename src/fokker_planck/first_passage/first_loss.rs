@@ -103,8 +103,8 @@ impl FirstLoss {
     }
 }
 
-/// All rounds over the first, in the time that they take, up to a level of [`RARE`] temperatures and beyond, where the first is
-/// enough: medians of a hundred random scenes, of which four in five are within a factor of ten.
+/// All rounds over the first, in the time that they take. Levels higher than [`RARE`] temperatures are passed so seldom that the
+/// first is enough. Medians of 43 random scenes, 37 of them within a factor of ten.
 const ROUNDS: [f64; 2] = [7.0, 1.0];
 const RARE: f64 = 100.0;
 /// Rounding of the sums over a mesh.
@@ -185,7 +185,7 @@ impl FirstPassage {
         };
         if asked.is_free() {
             let rise = Region::new(&inside, barrier).rise();
-            let rare = rise > RARE * inside.temperature();
+            let rare = forcing.is_none() && rise > RARE * inside.temperature();
             cost.seconds *= ROUNDS[usize::from(rare)];
         }
         Ok(Self {

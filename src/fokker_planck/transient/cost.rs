@@ -7,6 +7,7 @@ use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::fokker_planck::budget::{self, Cost, Factors, timing};
 use crate::fokker_planck::flow_map::Settings;
+use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::policy::{LADDER_RATIO, REFINED, SETTLED};
 use crate::fokker_planck::settings::TimeScheme;
@@ -30,42 +31,46 @@ pub(super) fn foreseen(
     let rung = |r| recipe.rung(oscillator, initial, until, r);
     let cost = |rung: &Rung| run(rung, oscillator, initial, times, max_memory);
     let first = (RUNGS - 1) as f64;
-    // A local grid under constant friction, and what begins in a law that is known, are within most tolerances with half of them.
+    // Half of the rungs are enough for a local grid under constant friction, and for what begins and stays in a known law.
     let expected = rung(recipe.expected)?;
     let alone = oscillator.is_viscous()
         && start_up::cost(&expected, oscillator, initial, until)
             .is_some_and(|it| it.alone.is_some());
-    let few = alone || *initial == Initial::Stationary;
-    let end = if few && !recipe.layout.is_given() {
+    let stays = *initial == Initial::Stationary
+        && recipe.period.is_none()
+        && recipe.forcing.is_none()
+        && recipe.layout.drift != Drift::Upwind;
+    let given = recipe.layout.is_given();
+    let end = if (alone || stays) && !given {
         first.max(0.5 * recipe.expected)
     } else {
         recipe.expected
     };
     let finer = |k: usize| cost(&rung(end + k as f64)?);
     let last = recipe.layout.carried(finer)?;
-    // The first runs are side by side, and others after them one by one.
     let shared = |seconds| {
         last.cells
             .map_or(seconds, |it| budget::on_threads(it, seconds))
     };
+    // The first rungs, and others after them one by one.
+    let shown = if given { end } else { first };
     let fall = LADDER_RATIO.get().powi(-3);
-    let longest = last.seconds * fall.powf((end - first).max(0.0));
+    let longest = last.seconds * fall.powf((end - shown).max(0.0));
     let sum = longest * (1.0 - fall.powi(RUNGS as i32)) / (1.0 - fall);
-    let together = shared(longest).max(sum / rayon::current_num_threads() as f64);
-    let mut seconds = together + shared((last.seconds - longest) / (1.0 - fall));
-    if recipe.step.is_some() {
-        let shown = if recipe.layout.is_given() {
-            recipe.expected
+    let after = shared((last.seconds - longest) / (1.0 - fall));
+    let seconds = after
+        + if recipe.step.is_some() {
+            // One of them with half the step too.
+            shared(sum + cost(&rung(shown)?.halved())?.seconds)
         } else {
-            first
+            // Side by side.
+            shared(longest).max(sum / rayon::current_num_threads() as f64)
         };
-        seconds += cost(&rung(shown)?.halved())?.seconds;
-    }
-    // The stationary law that distances are taken to.
-    let (bytes, operations) = if oscillator.damping().has_closed_form() {
-        (0, 0.0)
-    } else {
+    // The stationary law that distances are taken to, at the two resolutions that most take.
+    let (bytes, operations) = if recipe.asks_for_law(oscillator, initial) {
         Settled::work()
+    } else {
+        (0, 0.0)
     };
     Ok(Cost {
         memory: last.memory.max(bytes),
@@ -209,7 +214,8 @@ pub(super) fn run(
             map.memory = max_memory;
             let [steps, passes, maps] = map.size(&times, CHUNK);
             let [each, rest] = Settings::bytes();
-            bytes = n * (maps.min(map.held(n) as f64) * each + rest);
+            let held = map.held(n * finer * finer) as f64;
+            bytes = n * (maps.min(held) * each + rest);
             let mut pass = timing::PASS;
             if rung.acting().is_some() {
                 // A matrix of its own for every node.

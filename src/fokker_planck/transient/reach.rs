@@ -174,7 +174,7 @@ impl Reach {
                     times = course(2.0 * times.last().copied().unwrap_or(1.0), self.spacing);
                     continue;
                 }
-                Seen::Blurred(finer, _) if settings.tolerance > FINEST && pass < PASSES => {
+                Seen::Blurred(finer, _) if settings.tolerance * finer > FINEST && pass < PASSES => {
                     settings.tolerance = tightened(settings.tolerance, finer);
                     continue;
                 }

@@ -196,6 +196,13 @@ impl Recipe {
         !self.layout.is_given() && self.step.is_none()
     }
 
+    /// Whether it asks for a law that has no closed form: it begins in it, or there are distances to it.
+    pub(super) fn asks_for_law(&self, oscillator: &Oscillator, initial: &Initial) -> bool {
+        let acts = self.forcing.as_ref().is_some_and(|it| it.acts());
+        let solved_for = !oscillator.damping().has_closed_form();
+        solved_for && self.period.is_none() && (!acts || *initial == Initial::Stationary)
+    }
+
     /// Cells per deviation of the stationary law on rung `r`.
     fn per_deviation(r: f64) -> f64 {
         FIRST_CELLS.get() * LADDER_RATIO.get().powf(r)

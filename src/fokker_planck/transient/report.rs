@@ -157,7 +157,8 @@ impl Task<'_> {
         // Under what acts in time no law is stationary, and densities are taken against another.
         let stationary = self.recipe.forcing.as_ref().is_none_or(|it| !it.acts());
         let known = self.knows_law() && stationary;
-        if stationary && self.oscillator.contact().is_confining() && !self.knows_law() {
+        let sought = stationary && self.recipe.period.is_none();
+        if sought && self.oscillator.contact().is_confining() && !self.knows_law() {
             let damping = self.oscillator.damping().name();
             warnings.push(format!(
                 "the stationary law under \"{damping}\" damping was not found: there are no distances to it"
