@@ -32,26 +32,36 @@ const MESHES: usize = 4;
 /// Two laws are no farther apart in L1: where they seem to be, rounding spoils this resolution and finer ones.
 const FARTHEST: f64 = 2.0;
 
-impl Settled {
-    /// Bytes and operations of the two resolutions that most laws take.
-    pub(in crate::fokker_planck) fn work() -> (u64, f64) {
-        let [first, second] = [FIRST, FIRST.refined(1)].map(work);
-        (second.0, first.1 + second.1)
+/// Such a law, nearer and nearer: no resolution is solved for twice.
+pub(in crate::fokker_planck) struct Approach<'a> {
+    oscillator: &'a Oscillator,
+    late: &'a Deadline<'a>,
+    /// In Hermite functions, the coarsest first.
+    functions: Vec<Law>,
+    on_mesh: Vec<Law>,
+}
+
+impl<'a> Approach<'a> {
+    pub(in crate::fokker_planck) fn new(oscillator: &'a Oscillator, late: &'a Deadline) -> Self {
+        Self {
+            oscillator,
+            late,
+            functions: Vec::new(),
+            on_mesh: Vec::new(),
+        }
     }
 
     /// The law to an L1 error of its share of a tolerance, or as near as resolutions get before rounding spoils a finer one: in
     /// Hermite functions, or on a mesh where that is nearer.
-    pub(in crate::fokker_planck) fn within(
-        oscillator: &Oscillator,
-        tolerance: f64,
-        late: &Deadline,
-    ) -> Result<Self> {
+    pub(in crate::fokker_planck) fn within(&mut self, tolerance: f64) -> Result<Settled> {
+        let (oscillator, late) = (self.oscillator, self.late);
         let goal = SETTLED_LAW_SHARE.get() * tolerance;
         let functions = |level: usize| {
             let law = Kept::new(oscillator, FIRST.refined(level), late)?;
             Ok(Law::Functions(law))
         };
-        let functions = Self::of(oscillator, (MOST, goal), functions);
+        let functions = known(&mut self.functions, functions);
+        let functions = Settled::of(oscillator, (MOST, goal), functions);
         if functions.as_ref().is_ok_and(|it| it.error <= goal) {
             return functions;
         }
@@ -59,18 +69,49 @@ impl Settled {
             late()?;
             Ok(Law::OnMesh(OnMesh::new(oscillator, level)?))
         };
-        match (functions, Self::of(oscillator, (MESHES, goal), on_mesh)) {
+        let on_mesh = known(&mut self.on_mesh, on_mesh);
+        match (functions, Settled::of(oscillator, (MESHES, goal), on_mesh)) {
             (Ok(a), Ok(b)) => Ok(if a.error < b.error { a } else { b }),
             (Ok(it), Err(_)) | (Err(_), Ok(it)) => Ok(it),
             (Err(error), Err(_)) => Err(error),
         }
+    }
+}
+
+/// What was solved for before, else what is solved for now.
+fn known(
+    laws: &mut Vec<Law>,
+    at: impl Fn(usize) -> Result<Law>,
+) -> impl FnMut(usize) -> Result<Law> {
+    move |level| {
+        if level == laws.len() {
+            laws.push(at(level)?);
+        }
+        Ok(laws[level].clone())
+    }
+}
+
+impl Settled {
+    /// Bytes and operations of the two resolutions that most laws take.
+    pub(in crate::fokker_planck) fn work() -> (u64, f64) {
+        let [first, second] = [FIRST, FIRST.refined(1)].map(work);
+        (second.0, first.1 + second.1)
+    }
+
+    /// The law within its share of a tolerance ([`Approach::within`]).
+    pub(in crate::fokker_planck) fn within(
+        oscillator: &Oscillator,
+        tolerance: f64,
+        late: &Deadline,
+    ) -> Result<Self> {
+        Approach::new(oscillator, late).within(tolerance)
     }
 
     /// As near to `goal` as so many resolutions of one kind come.
     fn of(
         oscillator: &Oscillator,
         (most, goal): (usize, f64),
-        at: impl Fn(usize) -> Result<Law>,
+        mut at: impl FnMut(usize) -> Result<Law>,
     ) -> Result<Self> {
         let mut coarser = at(0)?;
         let mut best: Option<Self> = None;

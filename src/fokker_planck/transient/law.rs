@@ -4,7 +4,7 @@ use super::recipe::RUNGS;
 use super::run::Task;
 use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
-use crate::fokker_planck::solved::Settled;
+use crate::fokker_planck::solved::{Approach, Settled};
 use crate::initial::Initial;
 
 /// The largest L1 distance of two laws.
@@ -28,7 +28,8 @@ pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
     if begins {
         return Settled::within(oscillator, recipe.tolerance, late).map(Some);
     }
-    let within = |tolerance| match Settled::within(oscillator, tolerance, late) {
+    let mut approach = Approach::new(oscillator, late);
+    let mut within = |tolerance| match approach.within(tolerance) {
         Err(Error::Unresolved { .. } | Error::Linear { .. }) => Ok(None),
         law => law.map(Some),
     };
