@@ -173,10 +173,9 @@ impl FirstPassage {
         let layout = Layout::of(&inside, initial, &asked, forcing.as_ref());
         // A stationary law without a closed form is not known to pass as seldom.
         let solved_for = asked.reference.is_some() && *initial == Initial::Stationary;
+        let region = Region::new(&inside, barrier);
         let bound = match forcing {
-            None if asked.is_free() && !solved_for => {
-                Bound::of(&Region::new(&inside, barrier), initial, until)?
-            }
+            None if asked.is_free() && !solved_for => Bound::of(&region, initial, until)?,
             _ => None,
         };
         let mut cost = match bound {
@@ -184,8 +183,7 @@ impl FirstPassage {
             None => layout.cost(&inside),
         };
         if asked.is_free() {
-            let rise = Region::new(&inside, barrier).rise();
-            let rare = forcing.is_none() && rise > RARE * inside.temperature();
+            let rare = forcing.is_none() && region.rise() > RARE * inside.temperature();
             cost.seconds *= ROUNDS[usize::from(rare)];
         }
         Ok(Self {

@@ -7,4 +7,4 @@ mod settled;
 
 pub(super) use law::{Column, Law};
 pub(super) use on_mesh::OnMesh;
-pub(super) use settled::{Approach, Settled};
+pub(super) use settled::{Approach, FARTHEST, Settled};

@@ -30,7 +30,7 @@ const MOST: usize = 6;
 const MESHES: usize = 4;
 
 /// Two laws are no farther apart in L1: where they seem to be, rounding spoils this resolution and finer ones.
-const FARTHEST: f64 = 2.0;
+pub(in crate::fokker_planck) const FARTHEST: f64 = 2.0;
 
 /// Such a law, nearer and nearer: no resolution is solved for twice.
 pub(in crate::fokker_planck) struct Approach<'a> {

@@ -2,7 +2,7 @@
 
 use super::ladder::is_unfit;
 use super::question::Question;
-use super::recipe::{RUNGS, Recipe, domain};
+use super::recipe::{Recipe, domain};
 use super::run::{Run, Task};
 use crate::error::Result;
 use crate::fokker_planck::budget::Limits;
@@ -58,11 +58,7 @@ impl Question<'_> {
             law: None,
             begun: None,
         };
-        let first = if recipe.layout.is_given() {
-            recipe.expected - (RUNGS - 1) as f64
-        } else {
-            0.0
-        };
+        let first = recipe.first_rung();
         let run = |k: usize| -> Result<Run> {
             let mut rung = task.rung(first + k as f64)?;
             rung.layout.domain = recipe.layout.domain;

@@ -113,16 +113,10 @@ struct Ladder<'a> {
 
 impl<'a> Ladder<'a> {
     fn new(task: Task<'a>) -> Self {
-        let recipe = task.recipe;
-        let first = if recipe.layout.is_given() {
-            recipe.expected - (RUNGS - 1) as f64
-        } else {
-            0.0
-        };
         Self {
             task,
             laid_out: Vec::new(),
-            next: (first, false),
+            next: (task.recipe.first_rung(), false),
             beside: Vec::new(),
             stride: 1.0,
             runs: Vec::new(),

@@ -1,14 +1,10 @@
 //! The stationary law that a transient's distances are taken to, where it has to be solved for.
 
-use super::recipe::RUNGS;
 use super::run::Task;
 use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
-use crate::fokker_planck::solved::{Approach, Settled};
+use crate::fokker_planck::solved::{Approach, FARTHEST, Settled};
 use crate::initial::Initial;
-
-/// The largest L1 distance of two laws.
-const FARTHEST: f64 = 2.0;
 
 /// The law as near as the answer asks, with s its share of the tolerance: to an L1 error of s times the tolerance where the run
 /// begins in it or comes that close to it, else of s^2 times the nearest distance. None where nothing asks for it, or where it is
@@ -43,17 +39,12 @@ pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
         return Ok(Some(rough));
     }
     // Distances only fall: the last one of the coarsest run tells how near this one comes, if that has an answer.
-    let first = if recipe.layout.is_given() {
-        recipe.expected - (RUNGS - 1) as f64
-    } else {
-        0.0
-    };
     let looking = Task {
         law: Some(&rough),
         density_times: &[],
         ..*task
     };
-    let looked = looking.rung(first).and_then(|rung| {
+    let looked = looking.rung(recipe.first_rung()).and_then(|rung| {
         let run = looking.once(&rung, &[task.until()], &|_| ())?;
         let last = run.outputs.last().filter(|_| !run.is_none());
         Ok(last.map_or(0.0, |it| it.distance - it.lost) - rung.tolerance)

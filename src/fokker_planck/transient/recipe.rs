@@ -196,11 +196,24 @@ impl Recipe {
         !self.layout.is_given() && self.step.is_none()
     }
 
+    /// Whether it is forced in time, so that no law is stationary.
+    pub(super) fn acts(&self) -> bool {
+        self.forcing.as_ref().is_some_and(|it| it.acts())
+    }
+
     /// Whether it asks for a law that has no closed form: it begins in it, or there are distances to it.
     pub(super) fn asks_for_law(&self, oscillator: &Oscillator, initial: &Initial) -> bool {
-        let acts = self.forcing.as_ref().is_some_and(|it| it.acts());
         let solved_for = !oscillator.damping().has_closed_form();
-        solved_for && self.period.is_none() && (!acts || *initial == Initial::Stationary)
+        solved_for && self.period.is_none() && (!self.acts() || *initial == Initial::Stationary)
+    }
+
+    /// The rung of the first run: of cells that the scene gives, the last is theirs.
+    pub(super) fn first_rung(&self) -> f64 {
+        if self.layout.is_given() {
+            self.expected - (RUNGS - 1) as f64
+        } else {
+            0.0
+        }
     }
 
     /// Cells per deviation of the stationary law on rung `r`.

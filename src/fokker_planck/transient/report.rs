@@ -155,7 +155,7 @@ impl Task<'_> {
         mut warnings: Vec<String>,
     ) -> Transient {
         // Under what acts in time no law is stationary, and densities are taken against another.
-        let stationary = self.recipe.forcing.as_ref().is_none_or(|it| !it.acts());
+        let stationary = !self.recipe.acts();
         let known = self.knows_law() && stationary;
         let sought = stationary && self.recipe.period.is_none();
         if sought && self.oscillator.contact().is_confining() && !self.knows_law() {
