@@ -100,6 +100,8 @@ pub(crate) struct Eigenvalues {
     pub(super) edge: f64,
     /// Whether friction depends on the displacement.
     local: bool,
+    /// Resolutions that hops between several wells take beyond one well.
+    hops: usize,
     pub(super) tolerance: f64,
     /// What it will take: cells are functions of q and of v, steps the factorisations.
     pub(crate) cost: Cost,
@@ -130,6 +132,7 @@ impl Eigenvalues {
             natural: stiffness.filter(|k| *k > 0.0).map_or(1.0, f64::sqrt),
             edge: oscillator.continuous_from().unwrap_or(f64::NEG_INFINITY),
             local,
+            hops: if contact.equilibria().len() > 1 { 2 } else { 0 },
             tolerance: settings.tolerance,
             cost: Cost {
                 cells: Some([0; 2]),
@@ -154,7 +157,7 @@ impl Eigenvalues {
     /// How many resolutions it will take, in the median of those 60 oscillators.
     fn foreseen(&self) -> usize {
         let more = self.count.min(MEASURED).saturating_sub(3) / 4;
-        3 + if self.given { 0 } else { more }
+        3 + if self.given { 0 } else { more + self.hops }
     }
 
     /// Whether the domain of the third resolution reaches flight.
@@ -198,7 +201,7 @@ impl Eigenvalues {
             (3, self.vectors / 2)
         };
         let threads = rayon::current_num_threads() as f64;
-        // A solve reads a state some forty times, orthogonalisation once a vector: 16 operations each, at a third of
+        // A solve reads a state some forty times, orthogonalisation once a vector: 16 operations each, at a fifth of
         // the speed.
         let reads = (vectors * (vectors + 40) * it.len()) as f64;
         let (memory, factor) = if self.local {
@@ -206,7 +209,7 @@ impl Eigenvalues {
         } else {
             (it.memory(), it.operations())
         };
-        let operations = factor + 48.0 * reads;
+        let operations = factor + 80.0 * reads;
         // Factors and vectors of the shifts that are worked on at the same time.
         let held = 16 * (MOST_VECTORS * self.vectors * it.len()) as u64;
         Cost {
