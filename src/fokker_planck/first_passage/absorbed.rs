@@ -17,17 +17,64 @@ use crate::fokker_planck::ornstein_uhlenbeck::Kick;
 use crate::gaussian::normal;
 use crate::matrix::{dot, vectorise};
 use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
 
 /// Ends of the noise kernel, in deviations: beyond lies a probability of 1e-12.
 pub(super) const REACH: f64 = 7.2;
 
+/// Beyond so many deviations nothing is left of a probability to rounding.
+const CERTAIN: f64 = 9.0;
+
+/// Weights that are multiplied at a time.
+const VECTOR: usize = 8;
+
+/// The noise along a row: out_j = sum_m K_jm in_m over quadrature points.
+#[derive(Debug)]
+struct Kernel {
+    /// Per node of v the first quadrature point it reaches, and where its weights start; these go on with zeros to whole
+    /// vectors.
+    spans: Vec<(u32, u32)>,
+    weights: Vec<f64>,
+}
+
+impl Kernel {
+    /// From quadrature points and their weights to the nodes of a row, given their kicks and what is held of each.
+    fn new(
+        points: &[(f64, f64)],
+        kicks: &[[f64; 2]],
+        row: impl Iterator<Item = (f64, f64)>,
+    ) -> Self {
+        let mut it = Self {
+            spans: Vec::with_capacity(kicks.len() + 1),
+            weights: Vec::new(),
+        };
+        for (&[_, spread], (centre, held)) in kicks.iter().zip(row) {
+            let first = points.partition_point(|(v, _)| *v < centre - REACH * spread);
+            let end = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
+            let from = it.weights.len();
+            it.spans.push((first as u32, from as u32));
+            let each = points[first..end].iter();
+            it.weights
+                .extend(each.map(|(v, weight)| weight * normal((v - centre) / spread) / spread));
+            // What is not lost is carried on to rounding: losses may be rarer than 1e-14 a step.
+            let carried: f64 = it.weights[from..].iter().sum();
+            if carried > 1e-10 {
+                let part = held / carried;
+                it.weights[from..].iter_mut().for_each(|k| *k *= part);
+            }
+            let whole = (end - first).next_multiple_of(VECTOR);
+            it.weights.resize(from + whole, 0.0);
+        }
+        it.spans.push((0, it.weights.len() as u32));
+        it
+    }
+}
+
 /// One row q = q_i of the noise after a watched motion: u(q_i, v_j) <- sum_m K_jm u(Phi(q_i, v_m)).
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Row {
     stencils: Vec<Stencil>,
-    /// Per node of v the first quadrature point its kernel reaches, and where its weights start.
-    spans: Vec<(u32, u32)>,
-    kernel: Vec<f64>,
+    kernel: Arc<Kernel>,
 }
 
 impl Row {
@@ -35,20 +82,21 @@ impl Row {
     #[inline(always)]
     fn carry(&self, before: &[f64], moved: &mut Vec<f64>, out: &mut [f64]) {
         let nv = out.len();
-        moved.resize(self.stencils.len(), 0.0);
+        moved.resize(self.stencils.len() + VECTOR, 0.0);
         for (moved, stencil) in moved.iter_mut().zip(&self.stencils) {
             *moved = stencil.value(before, nv);
         }
-        for (out, ends) in out.iter_mut().zip(self.spans.windows(2)) {
+        let Kernel { spans, weights } = &*self.kernel;
+        for (out, ends) in out.iter_mut().zip(spans.windows(2)) {
             let ((first, start), end) = (ends[0], ends[1].1);
-            let kernel = &self.kernel[start as usize..end as usize];
-            *out = dot(kernel, &moved[first as usize..]);
+            let weights = &weights[start as usize..end as usize];
+            *out = dot(weights, &moved[first as usize..]);
         }
     }
 }
 
 /// The survival of contact over one step, on a mesh.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct Absorbed {
     /// Nodes of a row.
     nv: usize,
@@ -72,6 +120,8 @@ impl Absorbed {
     ) -> Result<Self> {
         let [whole, half] = [step, 0.5 * step].map(|time| critical(region, mesh, time));
         let [nq, nv] = mesh.nodes;
+        // Rows whose motions are far from the level, under the same noise, average alike.
+        let alike = OnceLock::new();
         let rows: Result<Vec<Row>> = (0..nq)
             .into_par_iter()
             .map(|i| {
@@ -83,32 +133,24 @@ impl Absorbed {
                 let points = between(whole[i], [-edge, edge], spread);
                 let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
                 let ends = region.ends(&starts, step);
-                let mut row = Row {
-                    stencils: ends.iter().map(|end| mesh.stencil(*end)).collect(),
-                    spans: Vec::with_capacity(nv),
-                    kernel: Vec::new(),
+                let kernel = || {
+                    let row = kicks.iter().enumerate().map(|(j, &[rest, spread])| {
+                        let centre = rest * mesh.v(j);
+                        (centre, parts([half[i], whole[i]], centre, spread).1)
+                    });
+                    Arc::new(Kernel::new(&points, kicks, row))
                 };
-                for (j, &[rest, spread]) in kicks.iter().enumerate() {
-                    let centre = rest * mesh.v(j);
-                    let first = points.partition_point(|(v, _)| *v < centre - REACH * spread);
-                    let end = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
-                    row.spans.push((first as u32, row.kernel.len() as u32));
-                    let from = row.kernel.len();
-                    row.kernel.extend(
-                        points[first..end]
-                            .iter()
-                            .map(|(v, weight)| weight * normal((v - centre) / spread) / spread),
-                    );
-                    // What is not lost is carried on to rounding: losses may be rarer than 1e-14 a step.
-                    let carried: f64 = row.kernel[from..].iter().sum();
-                    if carried > 1e-10 {
-                        let (_, held) = parts([half[i], whole[i]], centre, spread);
-                        let part = held / carried;
-                        row.kernel[from..].iter_mut().for_each(|k| *k *= part);
-                    }
-                }
-                row.spans.push((0, row.kernel.len() as u32));
-                Ok(row)
+                let certain = mesh.speed + CERTAIN * widest;
+                let far = whole[i][0] < -certain && whole[i][1] > certain;
+                let kernel = if far && kicks == &noise[(nq - 1) * nv..] {
+                    alike.get_or_init(kernel).clone()
+                } else {
+                    kernel()
+                };
+                Ok(Row {
+                    stencils: ends.iter().map(|end| mesh.stencil(*end)).collect(),
+                    kernel,
+                })
             })
             .collect();
         let mut first = vec![0.0; nq * nv];

@@ -160,11 +160,10 @@ impl Stencil {
                 *part += wa * x;
             }
         }
-        let mut sum = 0.0;
-        for (part, wb) in parts.iter().zip(&self.weights[1]) {
-            sum += part * wb;
+        for (part, wb) in parts.iter_mut().zip(&self.weights[1]) {
+            *part *= wb;
         }
-        sum
+        ((parts[0] + parts[4]) + parts[2]) + ((parts[1] + parts[5]) + parts[3])
     }
 
     pub(super) fn add(&self, weight: f64, field: &mut [f64], nv: usize) {
