@@ -26,6 +26,8 @@ pub(super) fn on_all_threads(seconds: f64) -> f64 {
 pub enum Factors {
     /// Nothing.
     None,
+    /// Its part along v, column by column: friction and diffusion.
+    Columns,
     /// A real matrix: steady state, backward Euler.
     Real,
     /// A real and a complex one: Radau IIA.
@@ -38,7 +40,8 @@ impl Factors {
         match time {
             TimeScheme::BackwardEuler => Self::Real,
             TimeScheme::Implicit => Self::Both,
-            TimeScheme::Imex | TimeScheme::Explicit => Self::None,
+            TimeScheme::Imex => Self::Columns,
+            TimeScheme::Explicit => Self::None,
         }
     }
 }
@@ -54,7 +57,7 @@ pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) ->
     let n = nq as f64 * nv as f64;
     let wide = widening(drift);
     match factors {
-        Factors::None => 0.0,
+        Factors::None | Factors::Columns => 0.0,
         Factors::Real => n * timing::LU * wide,
         // A complex one; of the five-point operator where the mesh is large.
         Factors::Both if n > DIRECT as f64 => n * timing::LU * timing::WIDE,
@@ -73,23 +76,26 @@ pub(super) fn factoring([nq, nv]: [usize; 2], drift: Drift, factors: Factors) ->
 /// | 9471 | 0.75, 0.017 | 0.08, 0.012 to 0.057 (7 to 30) |
 pub(super) const DIRECT: usize = 2000;
 
-/// Bytes of the arrays of a run: a dozen per cell without a matrix; the sparse LU of a five-point
+/// Bytes of the arrays of a run: two dozen per cell without a matrix; the stages of an additive step and the banded factors
+/// for four lengths of it some 40 more (measured at 1e5 and 1.6e6 cells); the sparse LU of a five-point
 /// stencil holds about 120 entries per unknown, of a wide one about 600 (measured at 1e5 unknowns), each with
 /// its place. Radau's steps on large meshes hold that of the five-point stencil and the vectors of GMRES.
 pub fn memory(cells: [usize; 2], drift: Drift, factors: Factors) -> u64 {
     const FIVE: u64 = 120;
     const WIDE: u64 = 600;
     const VECTORS: u64 = 42 * 24;
+    const COLUMNS: u64 = 40 * 8;
     let (real, complex) = (8 + 8, 16 + 8);
     let count = (cells[0] as u64).saturating_mul(cells[1] as u64);
     let entries = if drift == Drift::Upwind { FIVE } else { WIDE };
     let per_cell = match factors {
         Factors::None => 0,
+        Factors::Columns => COLUMNS,
         Factors::Real => entries * real,
         Factors::Both if count > DIRECT as u64 => FIVE * (real + complex) + VECTORS,
         Factors::Both => entries * (real + complex),
     };
-    count.saturating_mul(12 * 8 + per_cell)
+    count.saturating_mul(24 * 8 + per_cell)
 }
 
 /// Bytes of the flow map: a dozen arrays and some five maps of 132 bytes per cell; along v, two dense
