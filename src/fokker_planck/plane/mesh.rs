@@ -19,9 +19,10 @@ impl Grading {
             Self::Uniform => (s, 1.0),
             Self::Left { beta, knee, width } => {
                 let z = (knee - s) / width;
-                // ln(1 + e^z) without overflow.
-                let softplus = z.max(0.0) + (-z.abs()).exp().ln_1p();
-                let logistic = 1.0 / (1.0 + (-z).exp());
+                // ln(1 + e^z) and its slope, without overflow.
+                let e = (-z.abs()).exp();
+                let softplus = z.max(0.0) + e.ln_1p();
+                let logistic = if z > 0.0 { 1.0 } else { e } / (1.0 + e);
                 (s - beta * width * softplus, 1.0 + beta * logistic)
             }
         }
@@ -30,26 +31,22 @@ impl Grading {
     /// s with x(s) = x.
     #[inline]
     fn inverse(self, x: f64) -> f64 {
-        let Self::Left { beta, knee, .. } = self else {
+        let Self::Left { beta, knee, width } = self else {
             return x;
         };
-        // The slope lies in [1, 1 + beta] and x(s) <= s.
-        let (low, mut high) = (x.min(knee), x);
-        high = high.max(x + beta * (knee - x).max(0.0) + 1.0);
-        while self.at(high).0 < x {
-            high += (high - low).max(1.0);
-        }
+        // x(s) is s at most, and ln(1 + e^z) at most ln 2 more than z, or than 0.
+        let (low, high) = (x, x.max(knee) + beta * width * std::f64::consts::LN_2);
         let s = if x > knee {
             x
         } else {
             knee + (x - knee) / (1.0 + beta)
         };
-        let width = 4.0 * f64::EPSILON * s.abs().max(1e-3);
         let beyond = |s: f64| {
             let (value, slope) = self.at(s);
             (value - x, slope)
         };
-        rising(beyond, [low, high], s, width)
+        // What is left of a step is the square of it.
+        rising(beyond, [low, high], s, 1e-9 * width)
     }
 }
 
