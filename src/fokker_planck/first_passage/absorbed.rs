@@ -192,6 +192,11 @@ impl Absorbed {
         &self.first
     }
 
+    /// What survives the first step.
+    pub(crate) fn survival_first(&self) -> Vec<f64> {
+        self.first.iter().map(|lost| 1.0 - lost).collect()
+    }
+
     /// What the second step loses: u after the first less u after the second.
     pub(crate) fn lost_second(&self) -> Vec<f64> {
         let (mut field, mut scratch) = (self.first.clone(), vec![0.0; self.len()]);

@@ -27,7 +27,7 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// What the long run of an absorbed motion is.
 #[derive(Debug, Clone)]
 pub(crate) struct LongRun {
-    /// X = sum over n of the survivals; None where losses are so rare that it is the slowest mode alone; NaN where what is lost of
+    /// X = sum over n of all survivals; None where losses are so rare that it is the slowest mode alone; NaN where what is lost of
     /// that is rounding.
     pub(crate) sum: Option<Vec<f64>>,
     /// The slowest mode, and the exponent by which it falls in a step; 0 where that is rounding.
@@ -63,7 +63,8 @@ impl LongRun {
     }
 }
 
-/// `stride` steps a Krylov vector; ends at the relative errors `enough`; `rare` tells of a mode what is lost of it in
+/// From the survivals after some steps and the sum of those before: near the slowest mode the first space holds it. `stride`
+/// steps a Krylov vector; ends at the relative errors `enough`; `rare` tells of a mode what is lost of it in
 /// a step by detailed balance, if that is next to nothing; `late` stops it.
 ///
 /// (I - B) all but annihilates the slowest mode phi where losses are rare, and GMRES does not see it: what is left is
@@ -73,6 +74,7 @@ impl LongRun {
 /// vectors, of different means in each well.
 pub(crate) fn long_run(
     absorbed: &Absorbed,
+    (survival, before): (&[f64], &[f64]),
     (stationary, nv): (&[f64], usize),
     wells: usize,
     (stride, enough): (usize, f64),
@@ -97,14 +99,9 @@ pub(crate) fn long_run(
         steps += stride as u64;
         Ok(field)
     };
-    // Survival after the first step, and the sum of the first `stride`.
-    let survival: Vec<f64> = absorbed
-        .lost_first()
-        .iter()
-        .map(|lost| 1.0 - lost)
-        .collect();
+    // The sum of the first `stride`.
     let mut given = vec![0.0; n];
-    several(&survival, Some(&mut given))?;
+    several(survival, Some(&mut given))?;
     let size = norm(&given);
     let balance = Balance { stationary, nv };
     let mut sum = vec![0.0; n];
@@ -179,6 +176,9 @@ pub(crate) fn long_run(
         let more = begun * (1.0 / exponent - 1.0 / of_mesh);
         sum.iter_mut().zip(&shape).for_each(|(x, m)| *x += more * m);
     }
+    sum.iter_mut()
+        .zip(before)
+        .for_each(|(x, before)| *x += before);
     Ok(LongRun {
         sum: Some(sum),
         mode: shape,

@@ -5,7 +5,7 @@ use super::bound::SEEN;
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
 use super::mesh::{Contact, Fineness};
-use super::pontryagin::long_run;
+use super::pontryagin::{LongRun, long_run};
 use super::region::Region;
 use super::start::{DEVIATIONS, Line, Start, Starts};
 use crate::error::Result;
@@ -16,6 +16,7 @@ use crate::gaussian::{lower, normal};
 use crate::initial::Initial;
 use crate::matrix::dot;
 use crate::oscillator::Oscillator;
+use rayon::prelude::*;
 
 /// The numbers of one mesh and step.
 #[derive(Debug, Clone, Default)]
@@ -68,6 +69,10 @@ struct Integration {
     /// The constant hazard a step of what survives after the last step, and its relative error; None where
     /// the integration went on to the end.
     hazard: Option<(f64, f64)>,
+    /// The survivals after the last step; after the first where little of the start is left.
+    survival: Vec<f64>,
+    /// The sum of those before it.
+    sum: Vec<f64>,
 }
 
 impl Integration {
@@ -119,6 +124,17 @@ impl Integration {
         run
     }
 
+    /// One step more, of these losses at the nodes.
+    fn add(&mut self, losses: &[f64]) {
+        let fields = self.sum.par_iter_mut().zip(&mut self.survival).zip(losses);
+        fields
+            .with_min_len(NODES)
+            .for_each(|((sum, survival), lost)| {
+                *sum += *survival;
+                *survival -= lost;
+            });
+    }
+
     /// What the hazard a step may be off, if losses go on at `rate` a step.
     fn doubt(&self, rate: f64, rare: bool) -> f64 {
         match self.hazard {
@@ -132,6 +148,12 @@ impl Integration {
 
 /// Steps after the last one asked for.
 const ENDS: usize = 3;
+
+/// Nodes that one thread adds up at a time.
+const NODES: usize = 16_384;
+
+/// The part of a start that must be left for what is left at the nodes, a difference from 1, to have its digits.
+const MUCH: f64 = 0.1;
 
 /// What is asked of whom.
 pub(super) struct Problem<'a> {
@@ -247,25 +269,13 @@ impl Problem<'_> {
             (0.5 * layout.correlation_time / step).ceil() as usize,
             &|part| progress(0.4 * part),
         )?;
-        let stride = layout.stride(step);
-        let enough = 1e-3 * self.asked.tolerance.min(1e-3);
-        // Losses a step of a mode, by detailed balance; small numbers keep their digits.
-        let per_step = |mode: &[f64]| {
-            let [outflow, _] = leaving.as_ref()?;
-            Some(dot(&outflow.weights, mode) / dot(&stationary.weights, mode))
-        };
-        // Next to nothing is lost while a motion forgets its energy: that has digits below rounding, but sees the mesh near
-        // the level, as the factor of a mode hardly does.
-        let rare = |mode: &[f64]| {
-            let forgotten = |it: &f64| it * layout.correlation_time / step;
-            per_step(mode).filter(|it| forgotten(it) < 0.3 * self.asked.tolerance)
-        };
-        let wells = region.equilibria().count().div_ceil(2).max(1);
-        let weights = (&stationary.weights[..], fineness.nodes[1]);
-        let long = long_run(&absorbed, weights, wells, (stride, enough), &rare, &late)?;
+        let of = (&absorbed, &integration);
+        let long = self.lasting(layout, fineness, of, &stationary, leaving.as_ref())?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         let rate = long.exponent / step;
+        let inside = start.total / total;
+        let last = integration.gone.len() - 1;
         let unlike = long.sum.as_ref().map_or(0.0, |_| long.residuals[1]);
         let crossed = region.density(&law, low)
             + region
@@ -277,8 +287,6 @@ impl Problem<'_> {
         } else {
             f64::NAN
         };
-        let inside = start.total / total;
-        let last = integration.gone.len() - 1;
         // Where the mode is rounding, what is lost of those that survive still has digits.
         let lasting = match integration.hazard {
             Some((hazard, _)) if rate <= 0.0 => hazard,
@@ -313,6 +321,39 @@ impl Problem<'_> {
         Ok(run)
     }
 
+    /// What comes after the integration; by detailed balance from what leaves the stationary law, where that is known.
+    fn lasting(
+        &self,
+        layout: &Layout,
+        fineness: &Fineness,
+        (absorbed, integration): (&Absorbed, &Integration),
+        stationary: &Start,
+        leaving: Option<&[Start; 2]>,
+    ) -> Result<LongRun> {
+        let Fineness { nodes, step, .. } = *fineness;
+        let enough = 1e-3 * self.asked.tolerance.min(1e-3);
+        // Losses a step of a mode, by detailed balance; small numbers keep their digits.
+        let per_step = |mode: &[f64]| {
+            let [outflow, _] = leaving?;
+            Some(dot(&outflow.weights, mode) / dot(&stationary.weights, mode))
+        };
+        // Next to nothing is lost while a motion forgets its energy: that has digits below rounding, but sees the mesh near
+        // the level, as the factor of a mode hardly does.
+        let rare = |mode: &[f64]| {
+            let forgotten = |it: &f64| it * layout.correlation_time / step;
+            per_step(mode).filter(|it| forgotten(it) < 0.3 * self.asked.tolerance)
+        };
+        long_run(
+            absorbed,
+            (&integration.survival, &integration.sum),
+            (&stationary.weights, nodes[1]),
+            self.region().equilibria().count().div_ceil(2).max(1),
+            (layout.stride(step), enough),
+            &rare,
+            &self.limits.late(self.asked.name),
+        )
+    }
+
     /// Survival and density under a forcing; without a rate, since nothing lasts, and without a mean time, which would
     /// want all times.
     fn driven(
@@ -339,6 +380,8 @@ impl Problem<'_> {
             left: Vec::new(),
             entered: Vec::new(),
             hazard: None,
+            survival: Vec::new(),
+            sum: Vec::new(),
         };
         let ends = (start.total / total, total, None);
         let run = integration.curves(ends, (0.0, driven.step()), 0.0, every, times);
@@ -372,6 +415,8 @@ impl Problem<'_> {
             left: vec![0.0, balance.map_or(0.0, |[it, _]| it.total)],
             entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
             hazard: None,
+            survival: absorbed.survival_first(),
+            sum: vec![0.0; absorbed.len()],
         };
         let late = self.limits.late(self.asked.name);
         let mut losses = absorbed.lost_second();
@@ -389,6 +434,7 @@ impl Problem<'_> {
                 let entered = integration.entered[n - 1] + dot(&entering.weights, &losses);
                 integration.entered.push(entered);
             }
+            integration.add(&losses);
             absorbed.advance(&mut losses, &mut scratch);
             late()?;
             if n.is_multiple_of(16) {
@@ -408,6 +454,11 @@ impl Problem<'_> {
                     break;
                 }
             }
+        }
+        let left = start.total - integration.gone.last().copied().unwrap_or(0.0);
+        if left < MUCH * start.total {
+            integration.survival = absorbed.survival_first();
+            integration.sum.fill(0.0);
         }
         progress(1.0);
         Ok(integration)
