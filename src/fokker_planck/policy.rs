@@ -77,7 +77,7 @@ table! {
         more adds to the errors of late times.";
 
     SHARE = 0.03: "Part of the tolerance that is left to each error beside those of mesh and domain: of steps, of Krylov vectors and \
-        reduced models, of the mass that a local grid loses.";
+        reduced models.";
 
     // Error estimates.
     SAFETY = 2.5: "Error estimate of a run over its difference to the rung before, and of the steps of a scene over the difference to \
@@ -101,6 +101,9 @@ table! {
         fourth moments, which weigh them.";
     LOCAL_BORDER = 1e-6: "P on the border of that square over the tolerance, above which it is widened: tails that were cut \
         weighed two hundred times in a kurtosis (a point dropped at q = 1, t = 12).";
+    LOCAL_DEFECT = 3e-3: "Mass that a local grid may lose, over the tolerance, before a mesh takes over. At ten times as much the density \
+        has been drawn thinner, and the mesh that holds it is finer: 2.6 s for 0.3 s from 9.71 of speed with deviations of 2.0 and 2.9 \
+        to t = 60 at h = 0.3, zeta = 0.005, 1e-4.";
     GIVEN_CELLS = 1.9: "Cells of the scene per deviation of what is handed over to them, at least.";
 
     // Finite volumes.

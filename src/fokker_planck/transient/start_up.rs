@@ -13,8 +13,8 @@ use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
 use crate::fokker_planck::policy::{
-    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_REACH, LOCAL_STEP,
-    LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, REFINED, SHARE,
+    EARLY, GIVEN_CELLS, INITIAL_CELLS, LOCAL_BORDER, LOCAL_CELL, LOCAL_DEFECT, LOCAL_REACH,
+    LOCAL_STEP, LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, REFINED,
 };
 use crate::fokker_planck::solved::{Column, Law, Settled};
 use crate::initial::Initial;
@@ -258,7 +258,7 @@ impl<'a> StartUp<'a> {
 
     /// Whether the local grid no longer resolves the density: it does not fit its frame.
     fn is_unresolved(&self) -> bool {
-        self.grid.defect() > SHARE.get() * self.rung.tolerance
+        self.grid.defect() > LOCAL_DEFECT.get() * self.rung.tolerance
     }
 
     /// How narrow the density is in q and in v, at this phase of the motion or a later one: where the
