@@ -100,7 +100,8 @@ pub(crate) struct Eigenvalues {
     pub(super) edge: f64,
     /// Whether friction depends on the displacement.
     local: bool,
-    /// Resolutions that hops between several wells take beyond one well.
+    /// Resolutions that hops between several wells take beyond one well: of four pairs of wells, T = 0.01 to 0.6, whatever the
+    /// barrier over T.
     hops: usize,
     pub(super) tolerance: f64,
     /// What it will take: cells are functions of q and of v, steps the factorisations.
@@ -154,7 +155,7 @@ impl Eigenvalues {
         Ok(it)
     }
 
-    /// How many resolutions it will take, in the median of those 60 oscillators.
+    /// How many resolutions it will take, in the median of those 60 oscillators of one well.
     fn foreseen(&self) -> usize {
         let more = self.count.min(MEASURED).saturating_sub(3) / 4;
         3 + if self.given { 0 } else { more + self.hops }

@@ -38,17 +38,14 @@ struct Kernel {
 }
 
 impl Kernel {
-    /// From quadrature points and their weights to the nodes of a row, given their kicks and what is held of each.
-    fn new(
-        points: &[(f64, f64)],
-        kicks: &[[f64; 2]],
-        row: impl Iterator<Item = (f64, f64)>,
-    ) -> Self {
+    /// From quadrature points and their weights to the nodes of a row, given the mean and deviation of the velocity after each
+    /// one's kick, and what is held of it.
+    fn new(points: &[(f64, f64)], row: impl Iterator<Item = [f64; 3]>) -> Self {
         let mut it = Self {
-            spans: Vec::with_capacity(kicks.len() + 1),
+            spans: Vec::new(),
             weights: Vec::new(),
         };
-        for (&[_, spread], (centre, held)) in kicks.iter().zip(row) {
+        for [centre, spread, held] in row {
             let first = points.partition_point(|(v, _)| *v < centre - REACH * spread);
             let end = points.partition_point(|(v, _)| *v <= centre + REACH * spread);
             let from = it.weights.len();
@@ -83,6 +80,7 @@ impl Row {
     fn carry(&self, before: &[f64], moved: &mut Vec<f64>, out: &mut [f64]) {
         let nv = out.len();
         moved.resize(self.stencils.len() + VECTOR, 0.0);
+        moved[self.stencils.len()..].fill(0.0);
         for (moved, stencil) in moved.iter_mut().zip(&self.stencils) {
             *moved = stencil.value(before, nv);
         }
@@ -136,9 +134,10 @@ impl Absorbed {
                 let kernel = || {
                     let row = kicks.iter().enumerate().map(|(j, &[rest, spread])| {
                         let centre = rest * mesh.v(j);
-                        (centre, parts([half[i], whole[i]], centre, spread).1)
+                        let (_, held) = parts([half[i], whole[i]], centre, spread);
+                        [centre, spread, held]
                     });
-                    Arc::new(Kernel::new(&points, kicks, row))
+                    Arc::new(Kernel::new(&points, row))
                 };
                 let certain = mesh.speed + CERTAIN * widest;
                 let far = whole[i][0] < -certain && whole[i][1] > certain;

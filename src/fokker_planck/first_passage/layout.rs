@@ -290,7 +290,7 @@ impl Layout {
         own.max(each / spread.min(0.5 * needle.max(self.faded * spread)))
     }
 
-    /// A stencil a point; a kernel of 48 points a node; Krylov vectors. Under a forcing no kernel is kept, and the points
+    /// A stencil a point; a kernel of 48 points a node, where rows share none; Krylov vectors. Under a forcing no kernel is kept, and the points
     /// carry what they pass on.
     fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
         let [nq, nv] = self.nodes.map(|n| n as f64);
@@ -298,7 +298,7 @@ impl Layout {
         let (point, kernel, vectors) = if self.driven {
             (stencil + 24.0, 0.0, 10 + PARTS)
         } else {
-            (stencil, 48.0 * 8.0, 16 + FULL)
+            (stencil, 48.0 * 8.0, 18 + FULL)
         };
         nq * (self.points(oscillator) * point + nv * (kernel + 8.0 * vectors as f64))
     }

@@ -63,8 +63,8 @@ impl LongRun {
     }
 }
 
-/// From the survivals after some steps and the sum of those before: near the slowest mode the first space holds it. `stride`
-/// steps a Krylov vector; ends at the relative errors `enough`; `rare` tells of a mode what is lost of it in
+/// From the survivals after some steps and the sum of those before: the later, the nearer to the slowest mode, and the sooner a space
+/// holds it. `stride` steps a Krylov vector; ends at the relative errors `enough`; `rare` tells of a mode what is lost of it in
 /// a step by detailed balance, if that is next to nothing; `late` stops it.
 ///
 /// (I - B) all but annihilates the slowest mode phi where losses are rare, and GMRES does not see it: what is left is
@@ -168,17 +168,17 @@ pub(crate) fn long_run(
     }
     let mut exponent = modes[0].exponent(least)? / stride as f64;
     let shape = modes.swap_remove(0).shape;
+    sum.iter_mut()
+        .zip(before)
+        .for_each(|(x, before)| *x += before);
     // Detailed balance keeps the digits of what is next to nothing, which a mesh of many losses does not have.
     if let Some(lost) = rare(&shape).filter(|lost| *lost > 0.0) {
         let of_mesh = exponent;
         exponent = -(-lost).ln_1p();
-        let begun = balance.along(&shape, &given) / balance.along(&shape, &shape) / stride as f64;
-        let more = begun * (1.0 / exponent - 1.0 / of_mesh);
+        let part = balance.along(&shape, &sum) / balance.along(&shape, &shape);
+        let more = part * (of_mesh / exponent - 1.0);
         sum.iter_mut().zip(&shape).for_each(|(x, m)| *x += more * m);
     }
-    sum.iter_mut()
-        .zip(before)
-        .for_each(|(x, before)| *x += before);
     Ok(LongRun {
         sum: Some(sum),
         mode: shape,

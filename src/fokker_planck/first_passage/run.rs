@@ -69,7 +69,7 @@ struct Integration {
     /// The constant hazard a step of what survives after the last step, and its relative error; None where
     /// the integration went on to the end.
     hazard: Option<(f64, f64)>,
-    /// The survivals after the last step; after the first where little of the start is left.
+    /// The survivals after the last step at which much of the start is left.
     survival: Vec<f64>,
     /// The sum of those before it.
     sum: Vec<f64>,
@@ -152,7 +152,8 @@ const ENDS: usize = 3;
 /// Nodes that one thread adds up at a time.
 const NODES: usize = 16_384;
 
-/// The part of a start that must be left for what is left at the nodes, a difference from 1, to have its digits.
+/// The part of a start that must be left for the survivals at the nodes to be added up: differences from 1, they lose digits as they
+/// fall. Cautious.
 const MUCH: f64 = 0.1;
 
 /// What is asked of whom.
@@ -270,7 +271,7 @@ impl Problem<'_> {
             &|part| progress(0.4 * part),
         )?;
         let of = (&absorbed, &integration);
-        let long = self.lasting(layout, fineness, of, &stationary, leaving.as_ref())?;
+        let long = self.long_run_of(layout, fineness, of, &stationary, leaving.as_ref())?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         let rate = long.exponent / step;
@@ -322,7 +323,7 @@ impl Problem<'_> {
     }
 
     /// What comes after the integration; by detailed balance from what leaves the stationary law, where that is known.
-    fn lasting(
+    fn long_run_of(
         &self,
         layout: &Layout,
         fineness: &Fineness,
@@ -422,6 +423,7 @@ impl Problem<'_> {
         let mut losses = absorbed.lost_second();
         let mut scratch = vec![0.0; losses.len()];
         let mut hazards = [f64::INFINITY; 3];
+        let mut much = true;
         // As many steps more as the differences at the end want.
         while integration.gone.len() <= count + ENDS {
             let n = integration.gone.len();
@@ -434,7 +436,10 @@ impl Problem<'_> {
                 let entered = integration.entered[n - 1] + dot(&entering.weights, &losses);
                 integration.entered.push(entered);
             }
-            integration.add(&losses);
+            much &= start.total - integration.gone[n] > MUCH * start.total;
+            if much {
+                integration.add(&losses);
+            }
             absorbed.advance(&mut losses, &mut scratch);
             late()?;
             if n.is_multiple_of(16) {
@@ -454,11 +459,6 @@ impl Problem<'_> {
                     break;
                 }
             }
-        }
-        let left = start.total - integration.gone.last().copied().unwrap_or(0.0);
-        if left < MUCH * start.total {
-            integration.survival = absorbed.survival_first();
-            integration.sum.fill(0.0);
         }
         progress(1.0);
         Ok(integration)

@@ -22,7 +22,8 @@ impl Grading {
                 // ln(1 + e^z) and its slope, without overflow.
                 let e = (-z.abs()).exp();
                 let softplus = z.max(0.0) + e.ln_1p();
-                let logistic = if z > 0.0 { 1.0 } else { e } / (1.0 + e);
+                let above = if z > 0.0 { 1.0 } else { e };
+                let logistic = above / (1.0 + e);
                 (s - beta * width * softplus, 1.0 + beta * logistic)
             }
         }
