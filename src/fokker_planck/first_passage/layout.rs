@@ -290,8 +290,8 @@ impl Layout {
         own.max(each / spread.min(0.5 * needle.max(self.faded * spread)))
     }
 
-    /// A stencil a point; a kernel of 48 points a node, where rows share none; Krylov vectors. Under a forcing no kernel is kept, and the points
-    /// carry what they pass on.
+    /// A stencil a point; a kernel of 48 points a node, where rows share none; Krylov vectors. Under a forcing no kernel is
+    /// kept, and the points carry what they pass on.
     fn memory_bytes(&self, oscillator: &Oscillator) -> f64 {
         let [nq, nv] = self.nodes.map(|n| n as f64);
         let stencil = size_of::<Stencil>() as f64;

@@ -69,10 +69,27 @@ struct Integration {
     /// The constant hazard a step of what survives after the last step, and its relative error; None where
     /// the integration went on to the end.
     hazard: Option<(f64, f64)>,
-    /// The survivals after the last step at which much of the start is left.
-    survival: Vec<f64>,
+}
+
+/// Survivals at the nodes, while much of the start is left.
+struct Survivals {
+    /// Those after the last of these steps.
+    last: Vec<f64>,
     /// The sum of those before it.
-    sum: Vec<f64>,
+    before: Vec<f64>,
+}
+
+impl Survivals {
+    /// One step more, of these losses.
+    fn add(&mut self, losses: &[f64]) {
+        let fields = self.before.par_iter_mut().zip(&mut self.last).zip(losses);
+        fields
+            .with_min_len(NODES)
+            .for_each(|((before, last), lost)| {
+                *before += *last;
+                *last -= lost;
+            });
+    }
 }
 
 impl Integration {
@@ -122,17 +139,6 @@ impl Integration {
             run.wobble.push(wobble);
         }
         run
-    }
-
-    /// One step more, of these losses at the nodes.
-    fn add(&mut self, losses: &[f64]) {
-        let fields = self.sum.par_iter_mut().zip(&mut self.survival).zip(losses);
-        fields
-            .with_min_len(NODES)
-            .for_each(|((sum, survival), lost)| {
-                *sum += *survival;
-                *survival -= lost;
-            });
     }
 
     /// What the hazard a step may be off, if losses go on at `rate` a step.
@@ -262,7 +268,7 @@ impl Problem<'_> {
         let known = *self.initial == Initial::Stationary && self.law.is_none();
         let balance = balance.filter(|_| known);
         let (every, times) = layout.of_steps(step);
-        let integration = self.integrate(
+        let (integration, survivals) = self.integrate(
             &absorbed,
             &start,
             balance,
@@ -270,13 +276,11 @@ impl Problem<'_> {
             (0.5 * layout.correlation_time / step).ceil() as usize,
             &|part| progress(0.4 * part),
         )?;
-        let of = (&absorbed, &integration);
+        let of = (&absorbed, &survivals);
         let long = self.long_run_of(layout, fineness, of, &stationary, leaving.as_ref())?;
         progress(1.0);
         let held = dot(&stationary.weights, &long.mode);
         let rate = long.exponent / step;
-        let inside = start.total / total;
-        let last = integration.gone.len() - 1;
         let unlike = long.sum.as_ref().map_or(0.0, |_| long.residuals[1]);
         let crossed = region.density(&law, low)
             + region
@@ -288,6 +292,8 @@ impl Problem<'_> {
         } else {
             f64::NAN
         };
+        let inside = start.total / total;
+        let last = integration.gone.len() - 1;
         // Where the mode is rounding, what is lost of those that survive still has digits.
         let lasting = match integration.hazard {
             Some((hazard, _)) if rate <= 0.0 => hazard,
@@ -327,7 +333,7 @@ impl Problem<'_> {
         &self,
         layout: &Layout,
         fineness: &Fineness,
-        (absorbed, integration): (&Absorbed, &Integration),
+        (absorbed, survivals): (&Absorbed, &Survivals),
         stationary: &Start,
         leaving: Option<&[Start; 2]>,
     ) -> Result<LongRun> {
@@ -346,7 +352,7 @@ impl Problem<'_> {
         };
         long_run(
             absorbed,
-            (&integration.survival, &integration.sum),
+            (&survivals.last, &survivals.before),
             (&stationary.weights, nodes[1]),
             self.region().equilibria().count().div_ceil(2).max(1),
             (layout.stride(step), enough),
@@ -381,8 +387,6 @@ impl Problem<'_> {
             left: Vec::new(),
             entered: Vec::new(),
             hazard: None,
-            survival: Vec::new(),
-            sum: Vec::new(),
         };
         let ends = (start.total / total, total, None);
         let run = integration.curves(ends, (0.0, driven.step()), 0.0, every, times);
@@ -407,7 +411,7 @@ impl Problem<'_> {
         count: usize,
         window: usize,
         progress: &dyn Fn(f64),
-    ) -> Result<Integration> {
+    ) -> Result<(Integration, Survivals)> {
         let first = |it: &Start| it.lost + dot(&it.weights, absorbed.lost_first());
         // Summed from the losses in each step, so that small parts keep their digits.
         let mut leaving = balance.map_or(0.0, |[outflow, _]| outflow.total - first(outflow));
@@ -416,8 +420,10 @@ impl Problem<'_> {
             left: vec![0.0, balance.map_or(0.0, |[it, _]| it.total)],
             entered: vec![0.0, balance.map_or(0.0, |[_, it]| first(it))],
             hazard: None,
-            survival: absorbed.survival_first(),
-            sum: vec![0.0; absorbed.len()],
+        };
+        let mut survivals = Survivals {
+            last: absorbed.survival_first(),
+            before: vec![0.0; absorbed.len()],
         };
         let late = self.limits.late(self.asked.name);
         let mut losses = absorbed.lost_second();
@@ -438,7 +444,7 @@ impl Problem<'_> {
             }
             much &= start.total - integration.gone[n] > MUCH * start.total;
             if much {
-                integration.add(&losses);
+                survivals.add(&losses);
             }
             absorbed.advance(&mut losses, &mut scratch);
             late()?;
@@ -461,7 +467,7 @@ impl Problem<'_> {
             }
         }
         progress(1.0);
-        Ok(integration)
+        Ok((integration, survivals))
     }
 }
 
