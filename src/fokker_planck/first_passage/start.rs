@@ -2,7 +2,7 @@
 
 use super::absorbed::REACH;
 use super::cut::{between, cuts, from_cut};
-use super::mesh::Contact;
+use super::mesh::{Contact, Stencil};
 use super::region::Region;
 use crate::error::{Deadline, Result};
 use crate::gaussian::{lower, normal};
@@ -47,6 +47,14 @@ pub(super) struct Start {
     pub(super) lost: f64,
     /// The weight of everything.
     pub(super) total: f64,
+}
+
+impl Start {
+    /// One point more, of this weight, that is seen from its stencil half a step on.
+    fn see(&mut self, stencil: &Stencil, weight: f64, nv: usize) {
+        self.total += weight;
+        stencil.add(weight, &mut self.weights, nv);
+    }
 }
 
 impl Starts<'_> {
@@ -136,7 +144,7 @@ impl Starts<'_> {
         density: impl Fn(f64) -> f64,
     ) -> Result<Vec<Line>> {
         let [nq, _] = self.mesh.nodes;
-        let (mut lines, rule) = (Vec::new(), gauss::<4>());
+        let (mut lines, rule) = (Vec::new(), gauss::<3>());
         for i in 0..nq - 1 {
             let nodes = [i, i + 1].map(|i| self.mesh.q(i));
             // A panel a cell, but none longer than the density's own scale.
@@ -192,6 +200,7 @@ impl Starts<'_> {
             -kicked * (speed + 0.5 * kicked),
         ];
         let crossing = self.region.potential(self.region.barrier.low);
+        // Each state with its mirror image.
         let mut near = Vec::new();
         let mut points = Vec::new();
         for &Line { q, weight, cut, .. } in lines {
@@ -200,8 +209,7 @@ impl Starts<'_> {
             let [most, least] = energies.map(|it| (2.0 * (at_level + it)).max(0.0).sqrt());
             // Both ends of [cut, -cut] are roots.
             for (v, w) in from_cut(cut, [-most, -least], scale) {
-                near.push(([q, v], w * law(v)));
-                near.push(([q, -v], w * law(v)));
+                near.extend([v, -v].map(|v| ([q, v], w * law(v))));
             }
             if cut > -most {
                 for (v, w) in from_cut(-cut, [-most, most], scale) {
@@ -209,15 +217,17 @@ impl Starts<'_> {
                 }
             }
         }
-        let mirrored: Vec<[f64; 2]> = near.iter().map(|(z, _)| [z[0], -z[1]]).collect();
-        let images = self.half_a_step(&mirrored)?;
+        let states: Vec<[f64; 2]> = near.iter().map(|(z, _)| *z).collect();
+        let images = self.half_a_step(&states)?;
         let nv = self.mesh.nodes[1];
-        points.extend(
-            near.iter().zip(images).map(|((z, weight), image)| {
-                (*z, weight * self.mesh.stencil(image).value(first, nv))
-            }),
-        );
-        self.seen(&points, 0.0)
+        let mut it = self.seen(&points, 0.0)?;
+        for (pair, images) in near.chunks_exact(2).zip(images.chunks_exact(2)) {
+            let [one, other] = [0, 1].map(|k| self.mesh.stencil(images[k]));
+            for (own, mirrored, (_, weight)) in [(&one, &other, pair[0]), (&other, &one, pair[1])] {
+                it.see(own, weight * mirrored.value(first, nv), nv);
+            }
+        }
+        Ok(it)
     }
 
     /// What enters contact in stationary motion, a unit of time: the flux v p_s(q_loss, v) of v > 0. By
@@ -274,9 +284,7 @@ impl Starts<'_> {
             total: lost,
         };
         for ((_, weight), end) in alive.iter().zip(ends) {
-            it.total += weight;
-            let stencil = self.mesh.stencil(end);
-            stencil.add(*weight, &mut it.weights, nv);
+            it.see(&self.mesh.stencil(end), *weight, nv);
         }
         Ok(it)
     }
