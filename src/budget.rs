@@ -47,10 +47,12 @@ pub(crate) mod timing {
     pub(crate) const ABSORBED_NODE: f64 = 6e-9;
     /// A node in a step of the backward equation under a drive, its kernel made for it.
     pub(crate) const DRIVEN_NODE: f64 = 0.2e-6;
-    /// To follow the motions of a quadrature point of the backward equation: its own and two of the start.
-    pub(crate) const ABSORBED_MAP: f64 = 1.4e-6;
-    /// The same, of a law that is not built in.
-    pub(crate) const TRACED_ABSORBED_MAP: f64 = 4e-6;
+    /// To follow the motions of a quadrature point of the backward equation: its own, and those of the start on its row.
+    pub(crate) const ABSORBED_MAP: f64 = 2.2e-6;
+    /// The same, a piece of a cubic force.
+    pub(crate) const TRACED_ABSORBED_MAP: f64 = 3.5e-6;
+    /// The same, of any other law.
+    pub(crate) const EXTRAPOLATED_ABSORBED_MAP: f64 = 10e-6;
     /// An operation of a dense complex matrix product.
     pub(crate) const OPERATION: f64 = 1.0 / 2e10;
     /// The same of a factorisation by elements, or of a product of few rows, in those.

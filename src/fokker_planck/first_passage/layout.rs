@@ -307,11 +307,15 @@ impl Layout {
     pub(super) fn cost(&self, oscillator: &Oscillator) -> Cost {
         let [nq, nv] = self.nodes.map(|n| n as f64);
         let (points, steps) = (self.points(oscillator), self.all_steps());
-        let map = match oscillator.contact() {
+        let contact = oscillator.contact();
+        let map = match contact {
+            ContactLaw::Custom(_) if contact.pieces().is_empty() => {
+                timing::EXTRAPOLATED_ABSORBED_MAP
+            }
             ContactLaw::Custom(_) => {
                 // A table has a kink at each of its points.
                 let passed = 0.5 * oscillator.temperature().sqrt() * self.step;
-                let pieces = oscillator.contact().pieces().iter();
+                let pieces = contact.pieces().iter();
                 let kinks = pieces.filter(|it| it.from.abs() < passed).count();
                 (1 + kinks) as f64 * timing::TRACED_ABSORBED_MAP
             }
@@ -347,7 +351,7 @@ impl Layout {
     }
 }
 
-/// Krylov vectors of a long run: 5 where losses are rare, 35 between two wells.
+/// Krylov vectors of a long run: 5 where losses are rare, 11 elsewhere, some 35 between two wells.
 const VECTORS: f64 = 12.0;
 
 /// The ends of an initial condition, five deviations of a Gaussian away.
