@@ -268,7 +268,7 @@ impl Worst {
         }
     }
 
-    /// Whether what neither mesh nor step errs, as of the law that a start is taken from, is above the tolerance and most of it.
+    /// Whether what neither mesh nor step errs is above the tolerance and most of it: where a start is solved for, the law.
     fn is_beyond(&self) -> bool {
         let parts: f64 = self.parts.iter().sum();
         self.ratio - parts > (2.0 * parts).max(1.0)
@@ -345,12 +345,11 @@ impl Question for Task<'_> {
                 let text = "its step or its cells are those of the scene";
                 return Ok(Next::stop(text));
             }
-            let beyond = worst.is_beyond();
-            if beyond && self.problem.law.is_some() {
+            if self.problem.law.is_some() && worst.is_beyond() {
                 let text = "the stationary law that it begins with is not known better";
                 return Ok(Next::stop(text));
             }
-            if beyond || self.stalls == STALLS {
+            if self.stalls == STALLS {
                 let text = "finer meshes and steps bring it no nearer";
                 return Ok(Next::stop(text));
             }
