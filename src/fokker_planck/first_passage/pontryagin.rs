@@ -150,6 +150,7 @@ pub(crate) fn long_run(
                 None => LongRun::of_rounding(shape, steps),
             });
         }
+        let before = residuals[0];
         // The first space is that of both.
         if solving || cycle == 0 {
             space.correct(&left, &mut sum)?;
@@ -162,7 +163,9 @@ pub(crate) fn long_run(
                 residuals[0] = open / whole.abs() + norm(&left) / size;
             }
         }
-        if residuals[0] <= enough && (residuals[1] <= enough || stuck) {
+        // What rounding leaves of a sum along a mode of which so little is lost no further space takes away.
+        let rounded = residuals[0] < ROUNDING / modes[0].lost() && residuals[0] > 0.5 * before;
+        if (residuals[0] <= enough || rounded) && (residuals[1] <= enough || stuck) {
             break;
         }
     }
