@@ -51,7 +51,7 @@ pub(crate) mod timing {
     pub(crate) const ABSORBED_MAP: f64 = 2.2e-6;
     /// The same, a piece of a cubic force.
     pub(crate) const TRACED_ABSORBED_MAP: f64 = 3.5e-6;
-    /// The same, of any other law.
+    /// The same, of any other law that is not built in.
     pub(crate) const EXTRAPOLATED_ABSORBED_MAP: f64 = 10e-6;
     /// An operation of a dense complex matrix product.
     pub(crate) const OPERATION: f64 = 1.0 / 2e10;

@@ -102,7 +102,6 @@ pub(crate) fn long_run(
     // The sum of the first `stride`.
     let mut given = vec![0.0; n];
     several(survival, Some(&mut given))?;
-    let size = norm(&given);
     let balance = Balance { stationary, nv };
     let mut sum = vec![0.0; n];
     let mut left = given.clone();
@@ -150,7 +149,7 @@ pub(crate) fn long_run(
                 None => LongRun::of_rounding(shape, steps),
             });
         }
-        let before = residuals[0];
+        let last = residuals[0];
         // The first space is that of both.
         if solving || cycle == 0 {
             space.correct(&left, &mut sum)?;
@@ -160,11 +159,12 @@ pub(crate) fn long_run(
                 let open = balance.project(&modes, &left, projecting.then_some(&mut sum));
                 let first = &modes[0].shape;
                 let whole = balance.along(first, &sum) / balance.along(first, first).sqrt();
-                residuals[0] = open / whole.abs() + norm(&left) / size;
+                residuals[0] = open / whole.abs() + norm(&left) / norm(&given);
             }
         }
         // What rounding leaves of a sum along a mode of which so little is lost no further space takes away.
-        let rounded = residuals[0] < ROUNDING / modes[0].lost() && residuals[0] > 0.5 * before;
+        let stalled = 0.5 * last..ROUNDING / modes[0].lost();
+        let rounded = solving && stalled.contains(&residuals[0]);
         if (residuals[0] <= enough || rounded) && (residuals[1] <= enough || stuck) {
             break;
         }
