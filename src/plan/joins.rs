@@ -49,8 +49,8 @@ impl Plan {
                 (StationaryState::WORDS.into(), cost, Recipe::Stationary(it))
             }
             Part::Stationary | Part::Crossings => {
-                // The law of the flights has a quadrature in each of its points; between two walls it is sampled alone.
-                let flies = part == Part::Crossings && oscillator.contact().back_wall().is_none();
+                // The law of the flights has a quadrature in each of its points.
+                let flies = part == Part::Crossings && self.knows_flights();
                 let cost = Cost {
                     memory: 1 << 16,
                     seconds: if flies { 0.12 } else { 2e-4 },
@@ -147,6 +147,11 @@ impl Plan {
             level = Some(law);
         }
         Ok((method, cost, Recipe::Reach(it, quantity, level)))
+    }
+
+    /// Whether the law of the flights is computed: between two walls it is sampled alone.
+    pub(super) fn knows_flights(&self) -> bool {
+        self.scene.oscillator.contact().back_wall().is_none()
     }
 
     /// Target and time of the first passage that a part is of.

@@ -462,7 +462,8 @@ impl Task<'_> {
         }
         worst.add([0.0, self.undecided(layout)], tolerance);
         if self.problem.law.is_some() {
-            worst.of_law = if lasts { of_begun } else { begun } / tolerance;
+            let most = if lasts { of_begun } else { begun };
+            worst.of_law = most / tolerance;
         }
         for k in 0..layout.times.len() {
             worst.add(runs.errors(|run| run.survival[k]), tolerance);

@@ -102,6 +102,7 @@ pub(crate) fn long_run(
     // The sum of the first `stride`.
     let mut given = vec![0.0; n];
     several(survival, Some(&mut given))?;
+    let size = norm(&given);
     let balance = Balance { stationary, nv };
     let mut sum = vec![0.0; n];
     let mut left = given.clone();
@@ -157,9 +158,7 @@ pub(crate) fn long_run(
             for projecting in [true, false] {
                 left = open_of(&given, &sum, &several(&sum, None)?)?;
                 let open = balance.project(&modes, &left, projecting.then_some(&mut sum));
-                let first = &modes[0].shape;
-                let whole = balance.along(first, &sum) / balance.along(first, first).sqrt();
-                residuals[0] = open / whole.abs() + norm(&left) / norm(&given);
+                residuals[0] = open / balance.length(&modes[0].shape, &sum) + norm(&left) / size;
             }
         }
         // What rounding leaves of a sum along a mode of which so little is lost no further space takes away.
@@ -226,6 +225,11 @@ impl Balance<'_> {
             reversed.map(|((m, w), x)| m * w * x).sum()
         };
         rows.map(row).sum()
+    }
+
+    /// How large a field is along a mode.
+    fn length(&self, mode: &[f64], field: &[f64]) -> f64 {
+        (self.along(mode, field) / self.along(mode, mode).sqrt()).abs()
     }
 
     /// How large the sum is along the slow modes that (I - B) takes to what is left, which it adds to one.
