@@ -49,10 +49,8 @@ pub(crate) mod timing {
     pub(crate) const DRIVEN_NODE: f64 = 0.2e-6;
     /// To follow the motions of a quadrature point of the backward equation: its own, and those of the start on its row.
     pub(crate) const ABSORBED_MAP: f64 = 2.2e-6;
-    /// The same, a piece of a cubic force.
+    /// The same, of a law that is not built in, a piece of its force.
     pub(crate) const TRACED_ABSORBED_MAP: f64 = 3.5e-6;
-    /// The same, of any other law that is not built in.
-    pub(crate) const EXTRAPOLATED_ABSORBED_MAP: f64 = 10e-6;
     /// An operation of a dense complex matrix product.
     pub(crate) const OPERATION: f64 = 1.0 / 2e10;
     /// The same of a factorisation by elements, or of a product of few rows, in those.

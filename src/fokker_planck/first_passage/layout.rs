@@ -309,9 +309,6 @@ impl Layout {
         let (points, steps) = (self.points(oscillator), self.all_steps());
         let contact = oscillator.contact();
         let map = match contact {
-            ContactLaw::Custom(_) if contact.pieces().is_empty() => {
-                timing::EXTRAPOLATED_ABSORBED_MAP
-            }
             ContactLaw::Custom(_) => {
                 // A table has a kink at each of its points.
                 let passed = 0.5 * oscillator.temperature().sqrt() * self.step;

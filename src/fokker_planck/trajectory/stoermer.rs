@@ -1,7 +1,9 @@
 //! Any contact law: Stoermer's rule extrapolated to order 12 (Hairer, Norsett and Wanner, Solving ODEs I, II.14), steps
-//! from its own error estimate, kinks by Newton's method, flights between them as parabolas.
+//! from its own error estimate, kinks by the energy (`kink`) or, where they are grazed, by Newton's method, flights between
+//! them as parabolas.
 
 use super::flight::{behind, landing, thrown};
+use super::kink;
 use crate::contact::ContactLaw;
 use crate::roots::rising;
 
@@ -41,7 +43,7 @@ fn stoermer(
         }
         if row > 0 {
             let [a, b] = [current[row], current[row - 1]];
-            error = (a[0] - b[0]).hypot(a[1] - b[1]);
+            error = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
         }
         (last, left) = (current, COLUMNS - 1 - row);
         if error <= bound {
@@ -55,7 +57,7 @@ fn stoermer(
 /// Shortest step: below it the force is taken as it comes.
 const SHORTEST: f64 = 1e-7;
 /// Bound of the estimate per step; the estimate is that of order 10, the result has order 12.
-const TOLERANCE: f64 = 3e-15;
+pub(super) const TOLERANCE: f64 = 3e-15;
 /// Slowest passage of a kink: a grazing one takes no time.
 const GRAZING: f64 = 1e-150;
 
@@ -100,6 +102,12 @@ pub(super) fn advance(contact: &ContactLaw, mut point: [f64; 2], mut left: f64) 
             point = end;
             continue;
         }
+        let ends = if down { [high, low] } else { [low, high] };
+        if let Some((time, end)) = kink::passed(contact, point, ends, [left, 2.0 * step]) {
+            left -= time;
+            point = end;
+            continue;
+        }
         let trial = step.min(left);
         let bound = TOLERANCE * q.abs().max(v.abs()).max(1.0);
         let (end, error, rows) = stoermer(contact, point, trial, bound);
@@ -120,7 +128,7 @@ pub(super) fn advance(contact: &ContactLaw, mut point: [f64; 2], mut left: f64) 
             } else {
                 (high, 1.0)
             };
-            let (time, speed, error) = passed(contact, point, (trial, bound), (kink, sign));
+            let (time, speed, error) = grazed(contact, point, (trial, bound), (kink, sign));
             if error > bound && time > SHORTEST {
                 // Nearer to the kink first: the force may have a weak singularity there.
                 step = 0.5 * time;
@@ -139,7 +147,7 @@ pub(super) fn advance(contact: &ContactLaw, mut point: [f64; 2], mut left: f64) 
 
 /// Time and velocity of the passage of a kink, upwards or downwards by `sign`, within one step, by Newton's method in a
 /// bracket, and the estimated error of the step up to it.
-fn passed(
+fn grazed(
     contact: &ContactLaw,
     point: [f64; 2],
     (step, bound): (f64, f64),
