@@ -229,6 +229,19 @@ impl ContactLaw {
         }
     }
 
+    /// The static compression in units of q: what lies between the q at which the contact force N + 1 = 1 + G is gone and the
+    /// equilibrium under the static load, q = 0. 3/2 under the Hertz law, n under a power n, 1 for the linear and the
+    /// bilinear laws, and where no q < 0 is free of force.
+    pub fn static_compression(&self) -> f64 {
+        let free = match self {
+            Self::Custom(law) => law.roots(-1.0),
+            _ => Vec::new(),
+        };
+        let free = self.loss_point().into_iter().chain(free);
+        let last = free.filter(|q| *q < 0.0).reduce(f64::max);
+        last.map_or(1.0, |q| -q)
+    }
+
     /// The interval of q out of contact, down to minus infinity without a second wall. None for a law that cannot lose
     /// contact.
     pub fn flight(&self) -> Option<[f64; 2]> {

@@ -255,8 +255,10 @@ impl Results {
         Agreement::over(pairs)
     }
 
-    /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14).
+    /// The main numbers in newtons, micrometres, hertz and seconds, (2)-(14); those of the stationary law are of steady noise
+    /// alone.
     pub fn physical(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
+        let rig = &rig.with_contact(self.contact());
         let exact = Estimate::closed_form;
         let oscillator = &self.scene.oscillator;
         let level = rig.force_psd_from_level(oscillator.h());

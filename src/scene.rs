@@ -187,6 +187,12 @@ impl Scene {
         it.is_some_and(|it| asked(it) || stationary)
     }
 
+    /// The rig with the lengths of this contact.
+    pub fn rig(&self) -> Option<Rig> {
+        let contact = self.oscillator.contact();
+        self.rig.map(|rig| rig.with_contact(contact))
+    }
+
     /// The unit of times; seconds that no rig defines are refused by [`Scene::check`].
     pub fn clock(&self) -> Clock {
         let unit = self.outputs.time_unit.unwrap_or_default();

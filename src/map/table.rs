@@ -38,6 +38,8 @@ pub(super) struct Table {
     points: usize,
     /// The unit of the times of the scene.
     pub(super) time: TimeUnit,
+    /// Whether all points have the Hertz law.
+    pub(super) hertz: bool,
     columns: Vec<Column>,
     at: HashMap<String, usize>,
     /// How each point ended; None for a missing one.
@@ -47,13 +49,23 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(points: usize, time: TimeUnit) -> Self {
+    pub(super) fn new(points: usize, time: TimeUnit, hertz: bool) -> Self {
         Self {
             points,
             time,
+            hertz,
             endings: vec![None; points],
             ..Self::default()
         }
+    }
+
+    /// The unit of a column as headings have it.
+    pub(super) fn bracketed(&self, name: &str) -> String {
+        let circular = name.contains("spectrum.");
+        let of = |unit| if circular { unit } else { self.time.of(unit) };
+        unit(name).map_or_else(String::new, |unit| {
+            format!(" [{}]", spelled(of(unit), self.hertz))
+        })
     }
 
     /// Takes in a line.
@@ -145,7 +157,7 @@ impl Table {
         let columns: Vec<&Column> = columns.filter(|it| !is_curve(&it.name)).collect();
         let with_errors: Vec<bool> = columns.iter().map(|it| it.has_errors()).collect();
         for (column, errors) in columns.iter().zip(&with_errors) {
-            let (name, unit) = (self.title(column), bracketed(&column.name, self.time));
+            let (name, unit) = (self.title(column), self.bracketed(&column.name));
             let _ = write!(text, ",{name}{unit}");
             if *errors {
                 let _ = write!(text, ",{name} error{unit}");
@@ -291,21 +303,21 @@ pub(super) fn shown(name: &str, place: Option<usize>) -> String {
 
 /// What one of a number is, in the units of the manual; None where its name says it, or where it depends.
 pub(super) fn unit(name: &str) -> Option<&'static str> {
-    let last = name.rsplit('.').next().unwrap_or(name);
-    match (name, last) {
-        ("spectrum.harmonic_ratio", _) => Some("1"),
+    let (section, last) = name.rsplit_once('.').unwrap_or(("", name));
+    match (section, last) {
+        ("periodic.multipliers" | "response.multiplier", _) | ("spectrum", "harmonic_ratio") => {
+            Some("1")
+        }
         (_, "re" | "im" | "omega" | "half_power_width" | "rate" | "continuous_from") => Some("W"),
         (_, "mean_time" | "mean_time_up_to_last" | "t") => Some("1/W"),
+        (_, "level" | "loss_point") => Some("u"),
+        (_, "temperature") => Some("(u W)^2"),
+        (_, "lowest_density") => Some("1/(u^2 W)"),
+        (_, "phase") => Some("rad"),
+        (moment, "amplitude") => unit(moment).or(Some("1")),
         _ if name.starts_with("rig.") || name.starts_with("agreement.") => None,
         _ => Some(dimension(last)).filter(|it| *it != "1" || last.contains("probability")),
     }
-}
-
-/// A unit as headings have it.
-pub(super) fn bracketed(name: &str, time: TimeUnit) -> String {
-    let circular = name.contains("spectrum.");
-    let of = |unit| if circular { unit } else { time.of(unit) };
-    unit(name).map_or_else(String::new, |unit| format!(" [{}]", spelled(of(unit))))
 }
 
 /// A field of CSV.
@@ -331,7 +343,7 @@ mod tests {
             "spectrum": { "quantity": "force", "peaks": [{ "omega": { "value": 3.0, "error": 0.2 } }] },
             "oscillator": { "h": 0.1 },
         });
-        let mut table = Table::new(2, TimeUnit::Dimensionless);
+        let mut table = Table::new(2, TimeUnit::Dimensionless, true);
         let line = json!({ "name": "a", "results": results });
         table.put(1, &line, Ending::Well);
         let axis = Axis::parse("oscillator.h=[0.2, 0.1]").unwrap();

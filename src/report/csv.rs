@@ -2,6 +2,7 @@
 
 use super::File;
 use crate::clock::{Clock, TimeUnit};
+use crate::contact::ContactLaw;
 use crate::estimate::Estimate;
 use crate::format::num;
 use crate::results::Results;
@@ -21,20 +22,26 @@ pub(super) fn fields(it: Option<Estimate>) -> String {
     })
 }
 
-/// A unit of the manual as people write it: z_s the static compression, F_s the static load, Omega the circular
-/// frequency of small vibrations, m the mass.
-pub(crate) fn spelled(unit: &str) -> &str {
-    match unit {
-        "u" => "2 z_s/3",
-        "1/u" => "1/(2 z_s/3)",
-        "u^2" => "(2 z_s/3)^2",
-        "u W" => "2 z_s Omega/3",
-        "1/(u W)" => "1/(2 z_s Omega/3)",
-        "(u W)^2" => "(2 z_s Omega/3)^2",
-        "u^2 W" => "(2 z_s/3)^2 Omega",
-        "1/(u^2 W)" => "1/[(2 z_s/3)^2 Omega]",
-        "(u W)^2 m" => "m (2 z_s Omega/3)^2",
-        "u^2/W" => "(2 z_s/3)^2/Omega",
+/// A unit of the manual as people write it: z_s the static compression, q_s the same in units of q, F_s the static load,
+/// Omega the circular frequency of small vibrations, m the mass. Under the Hertz law q_s is 3/2.
+pub(crate) fn spelled(unit: &str, hertz: bool) -> String {
+    let [above, below] = if hertz {
+        ["2 z_s", "3"]
+    } else {
+        ["z_s", "q_s"]
+    };
+    let (length, speed) = (format!("{above}/{below}"), format!("{above} Omega/{below}"));
+    let other = match unit {
+        "u" => return length,
+        "1/u" => return format!("1/({length})"),
+        "u^2" => return format!("({length})^2"),
+        "u W" => return speed,
+        "1/(u W)" => return format!("1/({speed})"),
+        "(u W)^2" => return format!("({speed})^2"),
+        "u^2 W" => return format!("({length})^2 Omega"),
+        "1/(u^2 W)" => return format!("1/[({length})^2 Omega]"),
+        "(u W)^2 m" => return format!("m ({speed})^2"),
+        "u^2/W" => return format!("({length})^2/Omega"),
         "F" => "F_s",
         "1/F" => "1/F_s",
         "F^2/W" => "F_s^2/Omega",
@@ -43,7 +50,8 @@ pub(crate) fn spelled(unit: &str) -> &str {
         "W/(2 pi)" => "1/period",
         "2 pi/W" => "periods",
         other => other,
-    }
+    };
+    other.to_owned()
 }
 
 /// A unit of the manual on a rig, that of a time as the clock has it: its SI unit, and how many of these it is. None for
@@ -77,6 +85,7 @@ pub(crate) fn micrometre(rig: &Rig) -> f64 {
 /// Columns of a table.
 pub(super) struct Csv {
     clock: Clock,
+    hertz: bool,
     rig: Option<Rig>,
     columns: Vec<Column>,
 }
@@ -95,7 +104,8 @@ impl Csv {
     pub(super) fn of(results: &Results) -> Self {
         Self {
             clock: results.scene.clock(),
-            rig: results.scene.rig,
+            hertz: *results.contact() == ContactLaw::Hertz,
+            rig: results.scene.rig(),
             columns: Vec::new(),
         }
     }
@@ -187,7 +197,7 @@ impl Csv {
         self.columns.extend(physical);
         let head = |it: &Column| {
             let unit = clock.unit().of(it.unit);
-            format!("{} [{}]", it.head, spelled(unit))
+            format!("{} [{}]", it.head, spelled(unit, self.hertz))
         };
         let heads: Vec<String> = self.columns.iter().map(head).collect();
         let mut text = heads.join(",") + "\n";
@@ -204,6 +214,7 @@ impl Csv {
 /// Rows of a table of single numbers: name, value and error, its unit, and on a rig the same in SI units.
 pub(super) struct Rows {
     clock: Clock,
+    hertz: bool,
     rig: Option<Rig>,
     text: String,
 }
@@ -211,7 +222,7 @@ pub(super) struct Rows {
 impl Rows {
     /// A table of the scene of `results`, its numbers under these heads, as "value,error".
     pub(super) fn of(results: &Results, heads: &[&str]) -> Self {
-        let rig = results.scene.rig;
+        let rig = results.scene.rig();
         let mut text = format!("name,{},unit", heads.join(","));
         if rig.is_some() {
             for head in heads.iter().flat_map(|it| it.split(',')) {
@@ -222,6 +233,7 @@ impl Rows {
         text.push('\n');
         Self {
             clock: results.scene.clock(),
+            hertz: *results.contact() == ContactLaw::Hertz,
             rig,
             text,
         }
@@ -233,7 +245,7 @@ impl Rows {
             let scaled = |it: &Option<Estimate>| fields(it.map(|it| it.scaled(scale)));
             numbers.iter().map(scaled).collect::<Vec<_>>().join(",")
         };
-        let shown = spelled(self.clock.unit().of(unit));
+        let shown = spelled(self.clock.unit().of(unit), self.hertz);
         let _ = write!(self.text, "{name},{},{shown}", all(1.0));
         if let Some(rig) = &self.rig {
             let (unit, scale) = si(unit, rig, &self.clock).unwrap_or(("1", 1.0));

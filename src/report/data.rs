@@ -92,13 +92,14 @@ pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> 
     }
     for snapshot in &it.densities {
         let name = format!("density_{}.npz", bare(snapshot.t));
-        files.push(density(name, snapshot, results.scene.rig.as_ref())?);
+        files.push(density(name, snapshot, results.scene.rig().as_ref())?);
     }
     Ok(files)
 }
 
 pub(super) fn steady(results: &Results, it: &Steady) -> Result<Vec<File>> {
-    let rig = results.scene.rig.as_ref();
+    let rig = results.scene.rig();
+    let rig = rig.as_ref();
     let mut files = vec![density("steady.npz".into(), &it.density, rig)?];
     if !it.approach.is_empty() {
         let (times, distances): (Vec<f64>, Vec<f64>) = it.approach.iter().copied().unzip();
@@ -198,7 +199,7 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
         let (head, magnitude) = ("RMS magnitude sqrt(G x 1.5 bins)", it.magnitude.clone());
         table = table.plain(head, of_magnitude, magnitude);
     }
-    let per_hertz = results.scene.rig.map(|rig| {
+    let per_hertz = results.scene.rig().map(|rig| {
         if force {
             ("N^2/Hz", per_hertz(&rig), rig)
         } else {
@@ -326,7 +327,7 @@ pub(super) fn arrays(
     numbers: &[(&str, Estimate)],
 ) -> Result<File> {
     let scene = &results.scene;
-    let seconds = scene.rig.map(|rig| scene.clock().seconds(&rig));
+    let seconds = scene.rig().map(|rig| scene.clock().seconds(&rig));
     packed(name.into(), |npz| {
         let times = Array1::from(times.to_vec());
         npz.add_array("t", &times)?;

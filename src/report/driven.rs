@@ -34,7 +34,8 @@ pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
         harmonics.file("harmonics.csv"),
         multipliers.file("multipliers.csv"),
     ];
-    let rig = results.scene.rig.as_ref();
+    let rig = results.scene.rig();
+    let rig = rig.as_ref();
     if let Some(snapshot) = it.densities.first() {
         files.push(density("periodic.npz".into(), snapshot, rig)?);
     }
@@ -68,7 +69,7 @@ pub(super) fn response(results: &Results, it: &Response) -> Vec<File> {
             add("P(loss) averaged over the phase", "1", lost);
         }
     }
-    if let Some(rig) = &results.scene.rig {
+    if let Some(rig) = results.scene.rig() {
         let hertz = it.frequency.iter().map(|w| rig.hertz(*w)).collect();
         table = table.bare("frequency", "Hz", hertz);
     }

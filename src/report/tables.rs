@@ -29,7 +29,7 @@ pub(super) fn summary(results: &Results) -> String {
         brief(oscillator.h()),
         brief(oscillator.viscous_temperature())
     );
-    let rig = results.scene.rig.as_ref();
+    let rig = results.scene.rig();
     let law = results.stationary.as_ref();
     let of = |name: &str| law.and_then(|it| it.get(name)).map(|it| it.value);
     let undriven = if results.scene.excitation.is_plain() {
@@ -113,8 +113,9 @@ pub(super) fn symbols(results: &Results) -> String {
         }
         TimeUnit::Second => "times t are in seconds, rates per second",
     };
+    let preload = brief(rounded(results.contact().static_compression()));
     format!(
-        "<details><summary>Symbols, units, and what \u{b1} means</summary>\n<p>q = (3/2)(z \u{2212} z_s)/z_s is the \
+        "<details><summary>Symbols, units, and what \u{b1} means</summary>\n<p>q = {preload} (z \u{2212} z_s)/z_s is the \
          displacement, z the compression and z_s the static one; v = dq/d\u{3c4} with \u{3c4} = \u{3a9}t; N = F/F_s \
          \u{2212} 1 is the dynamic contact force, F_s the static load; H = v\u{b2}/2 + U(q) is the energy; P(loss) is the \
          probability of no contact; {times}. h is the two-sided density of the excitation per unit of \u{3c9}: 2h \
@@ -165,7 +166,7 @@ pub(super) fn tables(results: &Results) -> String {
 }
 
 fn physical(results: &Results) -> Option<String> {
-    let rig = results.scene.rig.as_ref()?;
+    let rig = &results.scene.rig()?;
     let mut table = Table::of(["", "value", "long realisations", "unit"]);
     for (name, [number, seen]) in results.on_the_rig(rig) {
         let (words, unit, typed) = physical_words(name);
@@ -177,7 +178,12 @@ fn physical(results: &Results) -> Option<String> {
     }
     let (load, frequency) = (brief(rig.static_load()), brief(rig.frequency()));
     let micrometres = brief(crate::format::rounded(rig.static_compression() * 1e6, 6));
-    let title = format!("On the rig: {load} N, {frequency} Hz, {micrometres} \u{b5}m");
+    let noise = if results.scene.excitation.is_plain() {
+        ""
+    } else {
+        "; what lasts: under steady noise alone"
+    };
+    let title = format!("On the rig: {load} N, {frequency} Hz, {micrometres} \u{b5}m{noise}");
     Some(table.html(&title))
 }
 
@@ -230,7 +236,7 @@ fn crossings(results: &Results) -> Option<String> {
 
 fn spectrum(results: &Results) -> Option<String> {
     let it = results.spectrum.as_ref()?;
-    let rig = results.scene.rig;
+    let rig = results.scene.rig();
     let hertz = |x| {
         rig.zip(x)
             .map(|(rig, x): (_, Estimate)| x.scaled(rig.hertz(1.0)))

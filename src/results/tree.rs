@@ -89,7 +89,7 @@ impl Results {
         let sampled = Some(self.sampled_tree()).filter(|it| !it.is_empty());
         put("monte_carlo", sampled.map(Value::from));
         put("agreement", self.agreement.map(|it| json!(it)));
-        put("rig", self.scene.rig.map(|rig| self.rig_tree(&rig)));
+        put("rig", self.scene.rig().map(|rig| self.rig_tree(&rig)));
         let stages = self.run.stages.iter();
         let stages = stages.map(|(name, time)| json!({ "name": name, "wall_seconds": time }));
         let warnings = self.run.warnings.iter().map(|it| &it.text);

@@ -14,7 +14,7 @@ impl Scene {
     pub(crate) fn doubts(&self) -> Vec<String> {
         let mut doubts = Vec::new();
         let outputs = &self.outputs;
-        doubts.extend(self.rig.iter().flat_map(|rig| self.of_rig(rig)));
+        doubts.extend(self.rig().iter().flat_map(|rig| self.of_rig(rig)));
         if self.initial != Initial::Rest && !self.begins_somewhere() {
             let doubt = "initial: nothing that is asked for depends on the initial condition";
             doubts.push(doubt.to_owned());
@@ -42,8 +42,9 @@ impl Scene {
         }
         if !(1e-6..=1e5).contains(&mass) {
             let mass = brief(rounded(mass, 3));
+            let factor = brief(rounded(self.oscillator.contact().static_compression(), 4));
             doubts.push(format!(
-                "the moving mass that follows from [rig], (3/2) F_s/(z_s Omega^2), is {mass} kg"
+                "the moving mass that follows from [rig], {factor} F_s/(z_s Omega^2), is {mass} kg"
             ));
         }
         let zeta = self.oscillator.zeta();

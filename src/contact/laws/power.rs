@@ -158,7 +158,7 @@ impl Restoring for Power {
         if force > -1.0 {
             return vec![n * (force.ln_1p() / n).exp_m1()];
         }
-        let behind = self.wall.filter(|_| force < -1.0);
+        let behind = self.wall.filter(|it| force < -1.0 || it.gap == 0.0);
         let place = |Wall { gap, back }: Wall| -n - gap - n * ((-1.0 - force) / back).powf(1.0 / n);
         behind.map(place).into_iter().collect()
     }

@@ -15,7 +15,7 @@ pub(crate) fn spectrum(results: &Results) -> Picture {
     let it = results.spectrum.as_ref()?;
     let last = *it.solved.omega.get(1..)?.last()?;
     let force = it.solved.quantity == Quantity::Force;
-    let (scale, hertz, x_label, y_label) = match &results.scene.rig {
+    let (scale, hertz, x_label, y_label) = match &results.scene.rig() {
         None if force => (1.0, 1.0, "\u{3c9}", "spectrum of the force"),
         None => (1.0, 1.0, "\u{3c9}", "spectrum of the displacement"),
         Some(rig) if force => (

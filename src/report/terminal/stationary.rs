@@ -140,7 +140,7 @@ pub(super) fn crossings(table: &mut Table, results: &Results) {
 }
 
 pub(super) fn physical(table: &mut Table, results: &Results) {
-    let Some(rig) = &results.scene.rig else {
+    let Some(rig) = &results.scene.rig() else {
         return;
     };
     let (load, frequency) = (rig.static_load(), rig.frequency());
@@ -148,6 +148,9 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
     table.heading(format!(
         "ON THE RIG of {load} N, {frequency} Hz, {micrometres:.3} um"
     ));
+    if !results.scene.excitation.is_plain() {
+        table.line("what lasts: under steady noise alone, without drive and envelope");
+    }
     let rows = results.on_the_rig(rig);
     let sampled = rows.iter().any(|(_, [_, seen])| seen.is_some());
     if sampled {
