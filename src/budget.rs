@@ -172,7 +172,8 @@ impl Limits {
         }
         let (what, time) = (what(), shown_seconds(seconds));
         Err(self.out_of_time(if left > 0.0 {
-            format!("{what} would take {time} at one go")
+            let left = shown_seconds(left);
+            format!("{what} would take {time} at one go, and {left} are left")
         } else {
             format!("{what} had not begun")
         }))

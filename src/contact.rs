@@ -357,6 +357,17 @@ impl ContactLaw {
             .max_by(f64::total_cmp)
     }
 
+    /// For each maximum of U between two wells, how far it rises above the higher of the minima beside it.
+    pub(crate) fn rises(&self) -> Vec<f64> {
+        let levels: Vec<f64> = self
+            .equilibria()
+            .iter()
+            .map(|q| self.potential(*q))
+            .collect();
+        let tops = levels.windows(3).step_by(2);
+        tops.map(|it| it[1] - it[0].max(it[2])).collect()
+    }
+
     /// The two turning points (left, right) of the undamped motion with energy `rise` above the lowest,
     /// U = U_min + rise: of all wells that hold it, the outermost. None for a law that does not confine.
     pub fn turning_points(&self, rise: f64) -> Option<(f64, f64)> {

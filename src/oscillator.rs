@@ -236,6 +236,14 @@ impl Oscillator {
         (1.0 / self.reference_friction()).max(2.0 * self.zeta)
     }
 
+    /// The time in which it forgets where it began, roughly: the correlation time, and where there are several wells that times
+    /// exp(rise over T), the lowest barrier of the shallowest well, about that of a passage (Kramers).
+    pub(crate) fn memory(&self) -> f64 {
+        let rises = self.contact.rises().into_iter();
+        let rise = rises.reduce(f64::max).unwrap_or(0.0);
+        self.correlation_time() * (rise / self.temperature()).exp()
+    }
+
     /// The time in which the slowest of the continuous spectrum fades; 0 where there is none, or no slowest.
     pub(crate) fn flight_relaxation(&self) -> f64 {
         let edge = self.continuous_from().filter(|edge| *edge < 0.0);

@@ -109,8 +109,8 @@ pub fn integrate(f: impl Fn(f64) -> f64, breaks: &[f64], relative: f64) -> Estim
         let error: f64 = parts.iter().map(|p| p.2.1).sum();
         let absolute: f64 = parts.iter().map(|p| p.2.2).sum();
         let worst = (0..parts.len()).max_by(|&i, &j| parts[i].2.1.total_cmp(&parts[j].2.1));
-        let done =
-            error <= relative.max(ROUNDING) * absolute || parts.len() > LIMIT || vain == VAIN;
+        let known = error <= relative.max(ROUNDING) * absolute;
+        let done = known || !error.is_finite() || parts.len() > LIMIT || vain == VAIN;
         match worst {
             Some(k) if !done => {
                 let (a, b, whole) = parts[k];

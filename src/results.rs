@@ -101,6 +101,16 @@ pub struct RunRecord {
     pub warnings: Vec<Warning>,
 }
 
+impl RunRecord {
+    /// Takes in a warning; what two stages say in the same words is said once.
+    pub(crate) fn warn(&mut self, warning: Warning) {
+        match self.warnings.iter_mut().find(|it| it.text == warning.text) {
+            Some(same) => same.unknown.extend(warning.unknown),
+            None => self.warnings.push(warning),
+        }
+    }
+}
+
 impl Results {
     /// Where the stationary numbers come from.
     pub(crate) fn origin(&self) -> &'static str {

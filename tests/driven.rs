@@ -490,6 +490,31 @@ fn a_drive_throws_motions_as_far_without_friction_in_flight_as_a_coarse_run_tell
     assert!((variance.value - 0.27088).abs() < variance.error && variance.error < 4e-3);
 }
 
+/// Where a law that softens nearly has a second orbit, a motion that noise brings there stays: the law holds more far out than noise
+/// and the motion without noise tell.
+#[test]
+fn a_periodic_law_reaches_as_far_as_an_orbit_that_nearly_is_one() {
+    let it = hertz(0.01, 5e-4);
+    let excitation = driven(0.03, 0.92, 0.0);
+    let law = |tolerance| periodic(&it, 8, &settings(&excitation, tolerance), &|_| ()).unwrap();
+    let (loose, tight) = (law(1e-2), law(1e-3));
+    assert!(loose.shortfall.is_none() && tight.shortfall.is_none());
+    for k in 0..8 {
+        let (z, name) = farthest(&loose.moments[k], &tight.moments[k]);
+        println!("phase {k}: {z:.2} in {name}");
+        assert!(z < 1.0, "{name}");
+    }
+    let [loose, tight] = [&loose, &tight].map(|it| it.multipliers[0]);
+    assert!((loose.re - tight.re).abs() < loose.error + tight.error);
+    // From rest, when the slowest mode has faded to 1e-6 of itself.
+    let end = [230.5 * excitation.drive.unwrap().period()];
+    let asked = settings(&excitation, 1e-2);
+    let later = transient(&it, &Initial::Rest, &end, &[], &asked, &|_| ()).unwrap();
+    let (z, name) = farthest(&law(1e-3).moments[4], &later.moments[0]);
+    println!("from rest: {z:.2} in {name}");
+    assert!(z < 1.0, "{name}");
+}
+
 #[test]
 fn where_two_orbits_last_without_noise_the_law_holds_both() {
     // Below the resonance of a softening law the motion from rest stays small, and one from outside large.

@@ -28,6 +28,7 @@
 use super::ornstein_uhlenbeck::Kick;
 use super::policy::SPANNED;
 use super::tail::Tail;
+use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::excitation::Excitation;
 use crate::initial::Initial;
@@ -169,9 +170,10 @@ impl Forcing {
     }
 
     /// Whether a drive may throw motions higher than noise and the motion without noise tell: flights without friction take it up
-    /// at any phase, and the law falls far more slowly with the energy.
-    pub(crate) fn throws(&self, oscillator: &Oscillator) -> bool {
-        self.swing > 0.0 && !oscillator.is_viscous() && oscillator.contact().is_confining()
+    /// at any phase, and a law that softens comes near an orbit which it does not quite have.
+    pub(crate) fn throws(&self) -> bool {
+        let contact = self.noise.contact();
+        self.swing > 0.0 && contact.is_confining() && *contact != ContactLaw::Linear
     }
 
     /// Drive and envelope.
@@ -194,10 +196,15 @@ impl Forcing {
         self.swing
     }
 
-    /// The same taken against a law as hot as energies up to `highest` above the lowest potential ask for, and no hotter: flights
-    /// that are as rare as they are high make no law wider where probability is.
+    /// The same taken against a law as hot as energies up to `highest` above the lowest potential ask for. Where flights have no
+    /// friction it is no hotter: flights that are as rare as they are high make no law wider where probability is.
     pub(crate) fn spanning(&self, highest: f64) -> Result<Self> {
-        let temperature = (highest / SPANNED.get()).max(self.noise.temperature());
+        let coldest = if self.noise.is_viscous() {
+            self.reference.temperature()
+        } else {
+            self.noise.temperature()
+        };
+        let temperature = (highest / SPANNED.get()).max(coldest);
         let contact = self.noise.contact().clone();
         let reference = Oscillator::new(contact, self.zeta, 2.0 * self.zeta * temperature / PI)?;
         Ok(Self {

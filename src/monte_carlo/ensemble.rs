@@ -256,7 +256,7 @@ impl Ensemble {
             .collect();
         Ok(EnsembleResult {
             times: self.times.clone(),
-            warnings: self.warnings(oscillator, walk, &moments),
+            warnings: self.warnings((oscillator, initial), walk, &moments),
             moments,
             paths: self.paths,
             steps,
@@ -267,7 +267,12 @@ impl Ensemble {
     }
 
     /// What limits the ensemble, the bias of its step left out.
-    fn warnings(&self, oscillator: &Oscillator, walk: &Walk, moments: &[Moments]) -> Vec<Warning> {
+    fn warnings(
+        &self,
+        (oscillator, initial): (&Oscillator, &Initial),
+        walk: &Walk,
+        moments: &[Moments],
+    ) -> Vec<Warning> {
         let mut warnings: Vec<Warning> = Vec::new();
         if self.paths < FEW {
             let text = format!(
@@ -301,6 +306,10 @@ impl Ensemble {
                 unknown: unknown("monte_carlo", &from),
             });
         }
+        warnings.extend(walk::not_run_in(oscillator, initial, || {
+            let times: Vec<Option<f64>> = self.times.iter().map(|t| Some(*t)).collect();
+            unknown("monte_carlo", &times)
+        }));
         warnings
     }
 }

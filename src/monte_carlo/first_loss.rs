@@ -249,6 +249,7 @@ impl FirstLosses {
             path_steps: (steps + before).saturating_mul(self.paths),
             warnings: (self.walk.warning(self.bias, n, names).into_iter())
                 .chain(self.blind(n, names))
+                .chain(walk::not_run_in(oscillator, initial, names))
                 .collect(),
         })
     }

@@ -11,7 +11,7 @@ use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
 use super::statistics::unknown;
-use super::walk::{Walk, run_in};
+use super::walk::{Walk, not_run_in, run_in};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result, positive};
@@ -251,10 +251,11 @@ impl Records {
             let text = format!(
                 "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
                  the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
-                oscillator.correlation_time()
+                oscillator.memory()
             );
             warnings.push(text.into());
         }
+        warnings.extend(not_run_in(oscillator, &Initial::Stationary, every));
         let cosines = walk.noise.warning(oscillator.zeta());
         warnings.extend(cosines.map(Warning::from));
         warnings.extend(walk.warning(walk.bias(oscillator), effective_samples[2], every));

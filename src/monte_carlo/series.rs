@@ -6,7 +6,7 @@ use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
-use super::walk::{Walk, run_in};
+use super::walk::{Walk, not_run_in, run_in};
 use super::{Noise, Sampling};
 use crate::budget::{Cost, Limits};
 use crate::error::{Error, Result, positive};
@@ -115,7 +115,8 @@ impl Series {
     pub(crate) fn warning(&self, oscillator: &Oscillator, averages: usize) -> Option<Warning> {
         let bias = self.walk.bias(oscillator) + self.walk.lead() / oscillator.zeta();
         let names = || vec!["welch.spectrum".into()];
-        self.walk.warning(bias, 2.0 * averages as f64, names)
+        let step = self.walk.warning(bias, 2.0 * averages as f64, names);
+        step.or_else(|| not_run_in(oscillator, &Initial::Stationary, names))
     }
 
     /// The records, as [`series`] hands them on.

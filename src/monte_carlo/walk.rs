@@ -305,13 +305,33 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
     Ok((count as u64, length))
 }
 
-/// Time that paths are given to forget the reference law, where they begin in a stationary law that has no closed form.
+/// Time that paths are given to forget the reference law, where they begin in a stationary law that has no closed form; between
+/// wells where that is not too long.
 pub(super) fn run_in(oscillator: &Oscillator, initial: &Initial) -> f64 {
     if *initial == Initial::Stationary && !oscillator.is_viscous() {
-        FORGOTTEN * oscillator.correlation_time()
+        let (within, between) = (oscillator.correlation_time(), oscillator.memory());
+        let longest = FORGOTTEN * within;
+        FORGOTTEN * if between <= longest { between } else { within }
     } else {
         0.0
     }
+}
+
+/// What such paths have not forgotten: how much of the reference law is in each of several wells, where passages between them
+/// take longer.
+pub(super) fn not_run_in(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    unknown: impl FnOnce() -> Vec<String>,
+) -> Option<Warning> {
+    let (time, memory) = (run_in(oscillator, initial), oscillator.memory());
+    (time > 0.0 && memory > 0.2 * time).then(|| Warning {
+        text: format!(
+            "paths that begin in the law are run in for a time of {time:.1e}, and passages between the wells take one of some \
+             {memory:.0e}: how many are in which well is still as under viscous damping, and no standard error holds that"
+        ),
+        unknown: unknown(),
+    })
 }
 
 /// The scheme meant, if it suits the noise, and why; `frequency` is the highest of the scene.

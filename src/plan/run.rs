@@ -237,7 +237,7 @@ impl Plan {
                 if outputs.crossings.is_some() && losses == Some(0) {
                     let warning = format!(
                         "the records saw no loss of contact in a time of {:.1e}: its rate is known \
-                         from the closed form alone",
+                         without sampling alone",
                         it.duration
                     );
                     results.run.warnings.push(warning.into());
@@ -339,8 +339,10 @@ impl Plan {
                 Err(error) => return Err(error),
             }
             // Messages speak of dimensionless times.
-            let warnings = results.run.warnings.iter_mut().skip(told.0);
-            warnings.for_each(|it| it.put_in(&self.clock));
+            for mut warning in results.run.warnings.split_off(told.0) {
+                warning.put_in(&self.clock);
+                results.run.warn(warning);
+            }
             let shortfalls = results.shortfalls.iter_mut().skip(told.1);
             shortfalls.for_each(|(_, it)| it.put_in(&self.clock));
             if part.is_sampled() {

@@ -181,7 +181,7 @@ fn physical(results: &Results) -> Option<String> {
     let noise = if results.scene.excitation.is_plain() {
         ""
     } else {
-        "; what lasts: under steady noise alone"
+        "; the stationary law is that of steady noise alone"
     };
     let title = format!("On the rig: {load} N, {frequency} Hz, {micrometres} \u{b5}m{noise}");
     Some(table.html(&title))

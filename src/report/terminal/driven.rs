@@ -2,7 +2,7 @@
 
 use super::layout::{Table, row};
 use crate::fokker_planck::Multiplier;
-use crate::format::brief;
+use crate::format::{brief, rounded};
 use crate::results::Results;
 
 /// The law that lasts under a drive: its harmonics, multipliers and loss of contact.
@@ -47,11 +47,14 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     let tenth = left.map(|it| drive.period() * 0.1f64.ln() / it.ln());
     let relaxation = tenth.map_or(String::new(), |time| {
         let clock = results.scene.clock();
-        let ([symbol, unit], time) = (clock.symbol(), brief(clock.time(time)));
-        format!("; a deviation falls to a tenth in {symbol} = {time}{unit}")
+        let time = brief(rounded(clock.time(time), 3));
+        format!(
+            "; a deviation falls to a tenth in a time of {time}{}",
+            clock.symbol()[1]
+        )
     });
     let text = format!(
-        "{} phases of the drive {} cos({} \u{3c4} + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",
+        "{} phases of the drive {} cos({} t + {}); from one period to the next the law changes by {:.0e} in L1{relaxation}",
         it.phase.len(),
         brief(drive.amplitude()),
         brief(drive.frequency()),

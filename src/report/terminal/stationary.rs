@@ -50,7 +50,8 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     }
     let plain = results.scene.excitation.is_plain();
     let title = match (closed.is_some() || steady.is_some(), columns.len()) {
-        (true, _) if !plain => "STATIONARY MOTION UNDER STEADY NOISE ALONE",
+        (true, 1) if !plain => "STATIONARY MOTION UNDER STEADY NOISE ALONE",
+        (true, _) if !plain => "SIDE BY SIDE; the stationary law is that of steady noise alone",
         (true, 1) => "STATIONARY MOTION",
         (true, _) => "STATIONARY MOTION, side by side",
         _ => "AT THE LAST TIME",
@@ -149,7 +150,7 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
         "ON THE RIG of {load} N, {frequency} Hz, {micrometres:.3} um"
     ));
     if !results.scene.excitation.is_plain() {
-        table.line("what lasts: under steady noise alone, without drive and envelope");
+        table.line("the stationary law is that of steady noise alone");
     }
     let rows = results.on_the_rig(rig);
     let sampled = rows.iter().any(|(_, [_, seen])| seen.is_some());
