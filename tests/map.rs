@@ -495,7 +495,7 @@ fn what_is_drawn_may_be_chosen() {
     // Two axes and two times: small multiples over time.
     let (_, svg) = picture("--draw transient.var_q=0.1", 0);
     for word in [
-        "Var q [(2 z_s/3)^2]",
+        "Var q [(z_s/q_s)^2]",
         "\u{3c4} = 2",
         "\u{3c4} = 4",
         "hertz",

@@ -34,6 +34,7 @@ const CURVES: [(&str, &str, &[&str]); 12] = [
             "mean_q_2",
             "mean_force_1",
             "contact_loss_probability",
+            "multiplier",
         ],
     ),
     ("first_loss", "t", PASSAGE),

@@ -1,10 +1,12 @@
 //! Motion up to a kink of the force and away from it: time as a quadrature over q of dq / v, v from the energy. Steps in
 //! time would have to halve towards a kink at which the force is not smooth from either side, as (q - kink)^1.1.
 
-use super::stoermer::TOLERANCE;
 use crate::contact::ContactLaw;
 use crate::quadrature::gauss;
 use std::sync::LazyLock;
+
+/// What a step may lose of a state, relative to it; where that is told by an estimate of order 10, the result has order 12.
+pub(super) const TOLERANCE: f64 = 3e-15;
 
 /// q = kink + (other - kink) s^3 at the nodes: (q - kink)^(n + 1) of the potential becomes s^(3 n + 3).
 static RULE: LazyLock<[(f64, f64); 20]> = LazyLock::new(gauss);

@@ -3,7 +3,7 @@
 //! them as parabolas.
 
 use super::flight::{behind, landing, thrown};
-use super::kink;
+use super::kink::{self, TOLERANCE};
 use crate::contact::ContactLaw;
 use crate::roots::rising;
 
@@ -56,8 +56,6 @@ fn stoermer(
 
 /// Shortest step: below it the force is taken as it comes.
 const SHORTEST: f64 = 1e-7;
-/// Bound of the estimate per step; the estimate is that of order 10, the result has order 12.
-pub(super) const TOLERANCE: f64 = 3e-15;
 /// Slowest passage of a kink: a grazing one takes no time.
 const GRAZING: f64 = 1e-150;
 
