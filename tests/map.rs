@@ -508,7 +508,7 @@ fn what_is_drawn_may_be_chosen() {
         0,
     );
     assert!(
-        svg.contains("Var q at \u{3c4} = 4 [(2 z_s/3)^2]") && svg.contains("E[H] at \u{3c4} = 2")
+        svg.contains("Var q at \u{3c4} = 4 [(z_s/q_s)^2]") && svg.contains("E[H] at \u{3c4} = 2")
     );
     // A law that cannot lose contact has no probability: its points stay empty.
     let (_, svg) = picture("--draw transient.contact_loss_probability", 0);

@@ -216,6 +216,52 @@ mod tests {
         assert!(difference < 1e-11);
     }
 
+    /// A force that varies fast while its potential hardly does, and two kinks with contact between them, without a potential of
+    /// its own.
+    #[derive(Debug)]
+    struct Rough(f64);
+    impl Restoring for Rough {
+        fn name(&self) -> &'static str {
+            "rough"
+        }
+        fn force(&self, q: f64) -> f64 {
+            let x = q.max(-1.0);
+            x + 0.9 / self.0 * (self.0 * (1.0 + x)).sin() + 0.3 * (x - 0.5).max(0.0).powf(1.1)
+        }
+        fn loss_point(&self) -> Option<f64> {
+            Some(-1.0)
+        }
+        fn kinks(&self) -> Vec<f64> {
+            vec![-1.0, 0.5]
+        }
+    }
+
+    #[test]
+    fn a_force_that_varies_fast_is_followed_as_by_short_steps() {
+        for rate in [1.0, 10.0, 40.0] {
+            let contact = ContactLaw::custom(Rough(rate)).unwrap();
+            let starts = [
+                [1.2, -1.5],
+                [-0.9, 3.0],
+                [-1.0, 2.0],
+                [0.5, 0.4],
+                [0.5, -1e-9],
+            ];
+            let mut once = [[0.0; 2]; 5];
+            Motion::new(&contact).after(&starts, &[1.7], &mut once);
+            // No quadrature is longer than a step, and none is as short as these.
+            let mut often = starts;
+            for _ in 0..400 {
+                let from = often;
+                Motion::new(&contact).after(&from, &[1.7 / 400.0], &mut often);
+            }
+            let apart = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let worst = once.iter().zip(&often).map(apart).fold(0.0, f64::max);
+            println!("rate {rate}: {worst:.1e}");
+            assert!(worst < 1e-10);
+        }
+    }
+
     #[test]
     fn several_kinks_and_wells_keep_the_energy_and_the_motion_returns() {
         let two = Parameters::new()

@@ -174,7 +174,12 @@ impl Map {
         let places = self.place(index);
         let axes = self.axes.iter().zip(places);
         let over: Vec<String> = axes.map(|(axis, k)| axis.set(k)).collect();
-        Ok(self.draft.with("--over", &over)?)
+        let scene = self.draft.with("--over", &over);
+        Ok(scene.map_err(|error| match error.key() {
+            // Which of the points it is; a value out of range says so by itself.
+            Some(key) if self.axes.iter().any(|axis| axis.key() == key) => error,
+            _ => error.with_note(&format!(" at {}", over.join(", "))),
+        })?)
     }
 
     /// The scene of a point.

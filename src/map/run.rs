@@ -240,6 +240,10 @@ impl Map {
     /// The folder is this map's from now on, if it is nobody's.
     fn claim(&self, folder: &Path, part: Part) -> Result<()> {
         let ours = self.identity()?;
+        if folder.is_file() {
+            let accepted = "the name of a folder; this is a file";
+            return Err(Error::invalid("--out", folder.display(), accepted).into());
+        }
         fs::create_dir_all(folder).map_err(Error::io(folder))?;
         let path = folder.join(MAP);
         let shown = folder.display();

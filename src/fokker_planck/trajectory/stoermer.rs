@@ -1,5 +1,5 @@
 //! Any contact law: Stoermer's rule extrapolated to order 12 (Hairer, Norsett and Wanner, Solving ODEs I, II.14), steps
-//! from its own error estimate, kinks by the energy (`kink`) or, where they are grazed, by Newton's method, flights between
+//! from its own error estimate, kinks by quadrature (`kink`) or, where they are grazed, by Newton's method, flights between
 //! them as parabolas.
 
 use super::flight::{behind, landing, thrown};

@@ -27,6 +27,12 @@ impl SceneError {
         self
     }
 
+    /// The same with something more after its message.
+    pub(crate) fn with_note(mut self, note: &str) -> Self {
+        self.0.message.push_str(note);
+        self
+    }
+
     /// The key of the scene that is wrong; None where no single one is.
     pub fn key(&self) -> Option<&str> {
         self.0.key.as_deref()
