@@ -41,7 +41,7 @@ pub(crate) struct Entry {
     pub symbol: &'static str,
     /// What it is, in two or three words beside the symbol.
     pub words: &'static str,
-    /// What one of it is on the rig: every quantity is dimensionless, (6)-(8). u = 2 z_s/3, W = Omega,
+    /// What one of it is on the rig: every quantity is dimensionless, (6)-(8). u = z_s/q_s, 2 z_s/3 under the Hertz law, W = Omega,
     /// F = static load.
     pub unit: &'static str,
 }

@@ -170,10 +170,11 @@ impl Forcing {
     }
 
     /// Whether a drive may throw motions higher than noise and the motion without noise tell: flights without friction take it up
-    /// at any phase, and a law that softens comes near an orbit which it does not quite have.
+    /// at any phase, and in a law that lasts one that softens comes near an orbit which it does not quite have.
     pub(crate) fn throws(&self) -> bool {
         let contact = self.noise.contact();
-        self.swing > 0.0 && contact.is_confining() && *contact != ContactLaw::Linear
+        let bends = *contact != ContactLaw::Linear && self.recurs();
+        self.swing > 0.0 && contact.is_confining() && (bends || !self.noise.is_viscous())
     }
 
     /// Drive and envelope.

@@ -20,6 +20,11 @@ const LOOKED_AT: usize = 48;
 const INSIDE: f64 = 0.75;
 const LAST: usize = LOOKED_AT / 4;
 
+/// Part of a probability that cells of negative density may take from it: beyond, nothing is known.
+const NEGATIVE: f64 = 0.1;
+/// How far beyond the edge a fall is believed to go on.
+const BEYOND: f64 = 1.5;
+
 impl Tail {
     /// That of a density on a domain which ends at the amplitude `edge`.
     pub(crate) fn of(snapshot: &Snapshot, oscillator: &Oscillator, edge: f64) -> Option<Self> {
@@ -32,27 +37,28 @@ impl Tail {
         };
         let (columns, rows) = (q.as_slice()?, v.as_slice()?);
         let step = INSIDE * edge / LOOKED_AT as f64;
-        let mut beyond = [0.0; LOOKED_AT];
+        let mut beyond = [[0.0; 2]; LOOKED_AT];
         for ((i, j), p) in p.indexed_iter() {
             let square = 2.0 * (contact.potential(q[i]) - lowest) + v[j] * v[j];
             let passed = (square.max(0.0).sqrt() / step) as usize;
             if let Some(last) = passed.min(LOOKED_AT).checked_sub(1) {
-                beyond[last] += p * width(columns, i) * width(rows, j);
+                let mass = p * width(columns, i) * width(rows, j);
+                beyond[last][usize::from(mass < 0.0)] += mass.abs();
             }
         }
-        let mut above = 0.0;
+        let mut above = [0.0; 2];
         for beyond in beyond.iter_mut().rev() {
-            above += *beyond;
+            above = [above[0] + beyond[0], above[1] + beyond[1]];
             *beyond = above;
         }
         let mut rarity = Vec::with_capacity(LOOKED_AT);
-        for p in beyond {
+        for [positive, negative] in beyond {
             let least = rarity.last().copied().unwrap_or(0.0);
-            // Where dispersion makes it negative nothing is known.
-            if p <= 0.0 {
+            // Dispersion.
+            if positive == 0.0 || negative > NEGATIVE * positive {
                 break;
             }
-            rarity.push((-p.ln()).max(least));
+            rarity.push((-(positive - negative).ln()).max(least));
         }
         (rarity.len() > LAST).then_some(Self { rarity, step })
     }
@@ -72,7 +78,9 @@ impl Tail {
         if within < n {
             return self.step * (within + 1) as f64;
         }
-        self.step * n as f64 + (rarity - self.rarity[n - 1]) / self.slope()
+        let edge = self.step * LOOKED_AT as f64 / INSIDE;
+        let known = self.step * n as f64;
+        (known + (rarity - self.rarity[n - 1]) / self.slope()).min(BEYOND * edge)
     }
 }
 

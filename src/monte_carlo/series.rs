@@ -112,11 +112,12 @@ impl Series {
 
     /// A warning that a spectrum of so many averages is not known, if the bias of the step, in the variance or by
     /// the shift of a peak of width zeta, may exceed its standard error.
-    pub(crate) fn warning(&self, oscillator: &Oscillator, averages: usize) -> Option<Warning> {
+    pub(crate) fn warnings(&self, oscillator: &Oscillator, averages: usize) -> Vec<Warning> {
         let bias = self.walk.bias(oscillator) + self.walk.lead() / oscillator.zeta();
         let names = || vec!["welch.spectrum".into()];
         let step = self.walk.warning(bias, 2.0 * averages as f64, names);
-        step.or_else(|| not_run_in(oscillator, &Initial::Stationary, names))
+        let wells = not_run_in(oscillator, &Initial::Stationary, names);
+        step.into_iter().chain(wells).collect()
     }
 
     /// The records, as [`series`] hands them on.

@@ -218,7 +218,7 @@ impl Plan {
                 if let Some(it) = &mut results.spectrum {
                     let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
                     it.put_in(clock);
-                    let warning = recipe.warning(oscillator, averages);
+                    let warning = recipe.warnings(oscillator, averages);
                     results.run.warnings.extend(warning);
                 }
             }

@@ -205,7 +205,7 @@ impl Question<'_> {
     }
 
     /// Whether more of the initial condition than is neglected lies beyond.
-    pub(super) fn is_far(&self, neglected: f64) -> bool {
+    fn is_far(&self, neglected: f64) -> bool {
         start_outside(self.oscillator, self.initial, self.spanned()) > neglected
     }
 

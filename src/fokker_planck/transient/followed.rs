@@ -25,19 +25,22 @@ impl Question<'_> {
     ///
     /// [`Forcing::throws`]: crate::fokker_planck::forcing::Forcing::throws
     pub(super) fn followed(&self, mut recipe: Recipe) -> Result<Recipe> {
-        // An initial condition that lies far above the law by itself says how far.
-        let far = self.oscillator.is_viscous() && self.is_far(recipe.layout.domain.neglected);
         let throws = |recipe: &Recipe| {
             let forcing = recipe.forcing.as_ref();
-            !far && forcing.is_some_and(|it| it.throws())
+            forcing.is_some_and(|it| it.throws())
         };
         for _ in 0..LOOKS {
             let before = recipe.layout.domain.v[1];
             let Some(tail) = throws(&recipe).then(|| self.tail(&recipe)).flatten() else {
                 break;
             };
-            recipe = self.reaching(recipe, tail)?;
-            if recipe.layout.domain.v[1] < FARTHER * before {
+            let farther = self.reaching(recipe.clone(), tail)?;
+            let gains = farther.layout.domain.v[1] >= FARTHER * before;
+            // Under friction that is the same everywhere noise and the motion without noise else tell the law.
+            if gains || !self.oscillator.is_viscous() {
+                recipe = farther;
+            }
+            if !gains {
                 break;
             }
         }
