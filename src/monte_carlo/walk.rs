@@ -510,3 +510,40 @@ fn highest_frequency(oscillator: &Oscillator, initial: &Initial, rise: f64) -> f
     let stiffness = places.into_iter().map(|q| contact.stiffness(q));
     stiffness.fold(0.0, f64::max).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{Parameter, Parameters};
+    use crate::damping::Damping;
+
+    /// Two wells 1/4 deep at a temperature of 0.02: e^12.5 relaxation times between them, which no run-in is.
+    #[test]
+    fn paths_between_two_wells_say_that_they_keep_the_shares_of_the_reference() {
+        let given =
+            Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.0, 1.0]));
+        let wells = ContactLaw::given("polynomial", &given).unwrap();
+        let h = |temperature: f64| 2.0 * 0.05 * temperature / std::f64::consts::PI;
+        let hunt_crossley = |contact: ContactLaw, temperature: f64| {
+            let it = Oscillator::new(contact, 0.05, h(temperature)).unwrap();
+            it.with_damping(Damping::HuntCrossley)
+        };
+        let cold = Oscillator::new(wells.clone(), 0.05, h(0.02)).unwrap();
+        let expected = 10.0 * 12.5f64.exp();
+        assert!((cold.memory() / expected - 1.0).abs() < 1e-9);
+        let stationary = &Initial::Stationary;
+        let warns = |it: &Oscillator| not_run_in(it, stationary, Vec::new).is_some();
+        // From the exact law nothing is run in.
+        assert!(!warns(&cold) && run_in(&cold, stationary) == 0.0);
+        let one = hunt_crossley(ContactLaw::Hertz, 0.02).unwrap();
+        assert!(!warns(&one) && run_in(&one, stationary) == 150.0);
+        // With flight to the left, as that damping asks for.
+        let places = vec![-6.0, -5.0, -4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0];
+        let force = vec![-1.0, -1.0, -1.0, -0.3, 0.35, 0.0, -0.35, 0.3, 1.5];
+        let table = Parameters::new()
+            .with("q", Parameter::Numbers(places))
+            .with("force", Parameter::Numbers(force));
+        let two = hunt_crossley(ContactLaw::given("table", &table).unwrap(), 0.02).unwrap();
+        assert!(warns(&two) && run_in(&two, stationary) == 150.0);
+    }
+}
