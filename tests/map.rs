@@ -386,8 +386,7 @@ fn a_folder_belongs_to_one_map() {
             "scene.toml",
         ),
     ] {
-        let status = if line.ends_with("scene.toml") { 1 } else { 2 };
-        let said = run(&room, line, status);
+        let said = run(&room, line, 2);
         assert!(said.contains(words), "{line}: {said}");
     }
     // Limits and a title make no other scene.

@@ -22,7 +22,7 @@ const LAST: usize = LOOKED_AT / 4;
 
 /// Part of a probability that cells of negative density may take from it: beyond, nothing is known.
 const NEGATIVE: f64 = 0.1;
-/// How far beyond the edge a fall is believed to go on.
+/// Edges that a domain made by it has at most.
 const BEYOND: f64 = 1.5;
 
 impl Tail {
@@ -78,9 +78,13 @@ impl Tail {
         if within < n {
             return self.step * (within + 1) as f64;
         }
+        self.step * n as f64 + (rarity - self.rarity[n - 1]) / self.slope()
+    }
+
+    /// The same as far as a domain is made by it.
+    pub(crate) fn domain(&self, neglected: f64) -> f64 {
         let edge = self.step * LOOKED_AT as f64 / INSIDE;
-        let known = self.step * n as f64;
-        (known + (rarity - self.rarity[n - 1]) / self.slope()).min(BEYOND * edge)
+        self.reach(neglected).min(BEYOND * edge)
     }
 }
 

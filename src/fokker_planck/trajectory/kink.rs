@@ -14,7 +14,8 @@ const NODES: usize = 20;
 const POWER: i32 = 4;
 
 /// The last coefficients of Legendre that a work may have, over v^2, and a slowness, over its integral. Integrals up to a node are
-/// better known than the first by the number of nodes squared, Gauss's of a whole is as their square.
+/// a hundred times better known than the first, and err with changing signs; Gauss's of a whole, where it is analytic, is as their
+/// square.
 const LAST: [f64; 2] = [1e-12, 3e-8];
 
 /// Gauss's rule for 0 < s < 1.
@@ -106,13 +107,14 @@ fn by_work(contact: &ContactLaw, [q, v]: [f64; 2], to: f64, kink: f64) -> Option
     } else {
         [v * v, v * v - gained]
     };
-    let square = rule
-        .up_to
-        .each_ref()
-        .map(|row| there - 2.0 * dot(row, &work));
     // Out of near rest a slowness has a peak that the nodes do not see.
     let alike = |square: &f64| *square > 0.5 * v * v && *square < 2.0 * v * v;
-    if !alike(&end) || !square.iter().all(alike) {
+    if !alike(&end) {
+        return None;
+    }
+    let up_to = rule.up_to.each_ref();
+    let square = up_to.map(|row| there - 2.0 * dot(row, &work));
+    if !square.iter().all(alike) {
         return None;
     }
     let slowness: [f64; NODES] = std::array::from_fn(|k| slope[k].abs() / square[k].sqrt());

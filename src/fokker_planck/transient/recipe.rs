@@ -319,7 +319,7 @@ pub(crate) fn domain(
     }
     let drive = forcing.map_or([0.0; 2], |it| [it.excitation().push(), it.swing()]);
     let measured = forcing.and_then(Forcing::tail);
-    let measured = measured.map_or(0.0, |it| it.reach(neglected));
+    let measured = measured.map_or(0.0, |it| it.domain(neglected));
     let reach = measured.max(domain.v[1] + drive[1]);
     let domain = if reach > domain.v[1] {
         domain.enlarged(noise, reach / domain.v[1])
