@@ -77,6 +77,17 @@ pub(crate) fn gauss<const N: usize>() -> [(f64, f64); N] {
     })
 }
 
+/// Legendre polynomials at x, by degree, N of them.
+pub(crate) fn legendre<const N: usize>(x: f64) -> [f64; N] {
+    let mut all = [1.0; N];
+    all[1] = x;
+    for n in 2..N {
+        let m = n as f64;
+        all[n] = ((2.0 * m - 1.0) * x * all[n - 1] - (m - 1.0) * all[n - 2]) / m;
+    }
+    all
+}
+
 /// The 15 ascending nodes of the Kronrod rule on [-1, 1] and their weights, for rules built by hand.
 pub(crate) fn kronrod() -> [(f64, f64); 15] {
     std::array::from_fn(|k| match k {

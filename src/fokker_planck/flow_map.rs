@@ -153,8 +153,8 @@ impl FlowMap {
         };
         let noise = forcing.as_ref().map_or(oscillator, |it| it.noise());
         // Where flights without friction make p fall more slowly than under noise alone, g stays.
-        let follows = forcing.as_ref().is_some_and(|it| it.tail().is_some());
-        let follows = follows && !oscillator.is_viscous();
+        let follows = |it: &Arc<Forcing>| it.throws() && it.tail().is_some();
+        let follows = forcing.as_ref().is_some_and(follows);
         let excess = if stationary && !follows {
             (1.0 / noise.temperature() - beta).max(0.0)
         } else {

@@ -170,11 +170,17 @@ impl Forcing {
     }
 
     /// Whether a drive may throw motions higher than noise and the motion without noise tell: flights without friction take it up
-    /// at any phase, and in a law that lasts one that softens comes near an orbit which it does not quite have.
+    /// at any phase, and the law falls far more slowly with the energy.
     pub(crate) fn throws(&self) -> bool {
+        self.swing > 0.0 && !self.noise.is_viscous() && self.noise.contact().is_confining()
+    }
+
+    /// Whether the law may hold more far out than these tell: where a drive throws motions, and in a law that lasts under one where a
+    /// contact that softens comes near an orbit which it does not quite have.
+    pub(crate) fn strays(&self) -> bool {
         let contact = self.noise.contact();
-        let bends = *contact != ContactLaw::Linear && self.recurs();
-        self.swing > 0.0 && contact.is_confining() && (bends || !self.noise.is_viscous())
+        let bends = *contact != ContactLaw::Linear && contact.is_confining();
+        self.throws() || (bends && self.swing > 0.0 && self.recurs())
     }
 
     /// Drive and envelope.

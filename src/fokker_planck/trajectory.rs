@@ -154,6 +154,13 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
+    /// The largest distance of one set of points to another.
+    fn apart(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+        let both = a.iter().zip(b);
+        let all = both.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+        all.fold(0.0, f64::max)
+    }
+
     /// A contact of another power: force ~ compression^(10/9), or of a cubic spring without a loss.
     #[derive(Debug)]
     struct Power(f64);
@@ -207,11 +214,7 @@ mod tests {
         ];
         Motion::new(&custom).after(&starts, &times, &mut ends[0]);
         Motion::new(&ContactLaw::Hertz).after(&starts, &times, &mut ends[1]);
-        let difference = ends[0]
-            .iter()
-            .zip(&ends[1])
-            .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
-            .fold(0.0, f64::max);
+        let difference = apart(&ends[0], &ends[1]);
         println!("Taylor against Stoermer: {difference:.1e}");
         assert!(difference < 1e-11);
     }
@@ -255,8 +258,7 @@ mod tests {
                 let from = often;
                 Motion::new(&contact).after(&from, &[1.7 / 400.0], &mut often);
             }
-            let apart = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
-            let worst = once.iter().zip(&often).map(apart).fold(0.0, f64::max);
+            let worst = apart(&once, &often);
             println!("rate {rate}: {worst:.1e}");
             assert!(worst < 1e-10);
         }
@@ -293,8 +295,7 @@ mod tests {
             let (mut there, mut back) = (starts.clone(), starts.clone());
             Motion::new(&contact).after(&starts, &times[1..2], &mut there);
             Motion::new(&contact).before(&there, &times[1..2], &mut back);
-            let apart = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
-            let returned = starts.iter().zip(&back).map(apart).fold(0.0, f64::max);
+            let returned = apart(&starts, &back);
             println!("{law} {given:?}: energy to {error:.1e}, returned to {returned:.1e}");
             assert!(error < 1e-12 && returned < 1e-11);
         }
@@ -331,11 +332,7 @@ mod tests {
             let (mut there, mut back) = (starts.clone(), starts.clone());
             Motion::new(&contact).after(&starts, &times, &mut there);
             Motion::new(&contact).before(&there, &times, &mut back);
-            let error = starts
-                .iter()
-                .zip(&back)
-                .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
-                .fold(0.0, f64::max);
+            let error = apart(&starts, &back);
             println!("{}: returned to {error:.1e}", contact.name());
             assert!(error < 1e-10);
         }

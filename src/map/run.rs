@@ -6,6 +6,7 @@ use super::part::Part;
 use crate::error::Error;
 use crate::format::{many, seconds};
 use crate::plan::Plan;
+use crate::report::folder::no_file;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::Value;
@@ -240,10 +241,7 @@ impl Map {
     /// The folder is this map's from now on, if it is nobody's.
     fn claim(&self, folder: &Path, part: Part) -> Result<()> {
         let ours = self.identity()?;
-        if folder.is_file() {
-            let accepted = "the name of a folder; this is a file";
-            return Err(Error::invalid("--out", folder.display(), accepted).into());
-        }
+        no_file(folder)?;
         fs::create_dir_all(folder).map_err(Error::io(folder))?;
         let path = folder.join(MAP);
         let shown = folder.display();

@@ -37,9 +37,9 @@ impl Column {
 pub(super) struct Table {
     points: usize,
     /// The unit of the times of the scene.
-    pub(super) time: TimeUnit,
+    time: TimeUnit,
     /// Whether all points have the Hertz law.
-    pub(super) hertz: bool,
+    hertz: bool,
     columns: Vec<Column>,
     at: HashMap<String, usize>,
     /// How each point ended; None for a missing one.

@@ -63,6 +63,15 @@ fn holds_our_results(path: &Path) -> bool {
     json["scene"].is_object() && json["run"]["version"].is_string()
 }
 
+/// Refuses a file where a folder is meant.
+pub(crate) fn no_file(path: &Path) -> Result<()> {
+    if path.exists() && !path.is_dir() {
+        let accepted = "the name of a folder; this is a file";
+        return Err(Error::invalid("--out", path.display(), accepted));
+    }
+    Ok(())
+}
+
 impl Folder {
     /// Make the folder, or take it over as `existing` allows: earlier results of ours in it are removed,
     /// anything else is left alone.
@@ -72,10 +81,7 @@ impl Folder {
     /// written.
     pub fn open(path: &Path, existing: Existing) -> Result<Self> {
         let shown = path.display();
-        if path.exists() && !path.is_dir() {
-            let accepted = "the name of a folder; this is a file";
-            return Err(Error::invalid("--out", shown, accepted));
-        }
+        no_file(path)?;
         if path.exists() {
             // A run that was stopped leaves its lock.
             let other = |it: fs::DirEntry| it.file_name() != LOCK;

@@ -202,22 +202,16 @@ impl Question for Task<'_> {
         let mut density = Density::at_equilibrium(&generator, oscillator);
         let relaxation = 0.5 / oscillator.zeta();
         // Of a wide stencil each step would be a factorisation of seconds.
-        let approach = if oscillator.is_viscous() {
-            integrate(&generator, &mut density, relaxation, &distance, &late)
-        } else {
-            Ok(Vec::new())
-        };
-        let mut warnings = Vec::new();
-        // The null vector is the answer, whether there is time for this or not.
-        let approach = match approach {
-            Err(error @ Error::Limit { .. }) => {
-                warnings.push(format!(
+        let (mut approach, mut warnings) = (Vec::new(), Vec::new());
+        if oscillator.is_viscous() {
+            match integrate(&generator, &mut density, relaxation, &distance, &late) {
+                // The null vector is the answer, whether there is time for this or not.
+                Err(error @ Error::Limit { .. }) => warnings.push(format!(
                     "no time integration towards the steady state: {error}"
-                ));
-                Vec::new()
+                )),
+                other => approach = other?,
             }
-            other => other?,
-        };
+        }
         let integrated = approach.last().map_or(0.0, |last| last.1);
         if oscillator.is_viscous() && (l1 > 1e-9 || integrated > 1e-9) {
             warnings.push(format!(

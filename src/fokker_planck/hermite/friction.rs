@@ -10,7 +10,7 @@ use crate::error::{Deadline, Error, Result};
 use crate::fokker_planck::flux::maxwell;
 use crate::moments::RawMoments;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
-use crate::quadrature::gauss;
+use crate::quadrature::{gauss, legendre};
 use num_complex::Complex;
 
 /// Degrees of the Legendre polynomials of an element.
@@ -259,7 +259,8 @@ impl Kept {
         let mut sums = vec![0.0; self.means.len()];
         for e in [left, right] {
             let (low, high) = (self.ends[e], self.ends[e + 1]);
-            let polynomials = legendre(((2.0 * q - low - high) / (high - low)).clamp(-1.0, 1.0));
+            let polynomials =
+                legendre::<DEGREES>(((2.0 * q - low - high) / (high - low)).clamp(-1.0, 1.0));
             for (sum, part) in sums.iter_mut().zip(&self.parts[e]) {
                 let value: f64 = part.iter().zip(&polynomials).map(|(a, p)| a * p).sum();
                 *sum += 0.5 * value;
@@ -355,20 +356,9 @@ fn coefficients(
     let mut sums = [0.0; DEGREES];
     for (j, (x, w)) in rule.iter().enumerate() {
         let value = values[j] / element.at.root[j];
-        for (n, (sum, p)) in sums.iter_mut().zip(legendre(*x)).enumerate() {
+        for (n, (sum, p)) in sums.iter_mut().zip(legendre::<DEGREES>(*x)).enumerate() {
             *sum += (n as f64 + 0.5) * w * p * value;
         }
     }
     sums
-}
-
-/// Legendre polynomials at x, by degree.
-fn legendre(x: f64) -> [f64; DEGREES] {
-    let mut all = [1.0; DEGREES];
-    all[1] = x;
-    for n in 2..DEGREES {
-        let m = n as f64;
-        all[n] = ((2.0 * m - 1.0) * x * all[n - 1] - (m - 1.0) * all[n - 2]) / m;
-    }
-    all
 }

@@ -2,7 +2,8 @@
 //! Steps in time would have to halve towards a kink at which the force is not smooth from either side, as (q - kink)^1.1.
 
 use crate::contact::ContactLaw;
-use crate::quadrature::gauss;
+use crate::matrix::dot;
+use crate::quadrature::{gauss, legendre};
 use std::sync::LazyLock;
 
 /// What a step may lose of a state, relative to it; where that is told by an estimate of order 10, the result has order 12.
@@ -30,15 +31,7 @@ struct Rule {
 
 static RULE: LazyLock<Rule> = LazyLock::new(|| {
     let rule = gauss::<NODES>();
-    let legendre = rule.map(|(x, _)| {
-        let mut p = [1.0; NODES + 1];
-        p[1] = x;
-        for m in 2..=NODES {
-            let k = m as f64;
-            p[m] = ((2.0 * k - 1.0) * x * p[m - 1] - (k - 1.0) * p[m - 2]) / k;
-        }
-        p
-    });
+    let legendre = rule.map(|(x, _)| legendre::<{ NODES + 1 }>(x));
     // The coefficient m of what is 1 at node j and 0 at the others, and the integral of P_m up to node k.
     let coefficient = |m: usize, j: usize| (m as f64 + 0.5) * rule[j].1 * legendre[j][m];
     let integral = |m: usize, k: usize| match m {
@@ -56,10 +49,6 @@ static RULE: LazyLock<Rule> = LazyLock::new(|| {
         last: [NODES - 1, NODES - 2].map(|m| std::array::from_fn(|j| coefficient(m, j))),
     }
 });
-
-fn dot(a: &[f64; NODES], b: &[f64; NODES]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
 
 /// Parts of the way that the speed at the kink makes in the time, one after the other.
 const PARTS: [f64; 5] = [1.0, 0.8, 0.4, 0.2, 0.1];

@@ -187,8 +187,7 @@ impl Question<'_> {
     /// A hotter law to take p against, for a flow map of an initial condition of which the domain holds energies that p over
     /// the law it is taken against does not span. The tails of that law itself ask for no other.
     fn hot(&self, layout: &Layout, first_grid: FirstGrid) -> Result<Option<Arc<Forcing>>> {
-        let thrown = self.forcing.filter(|_| !self.oscillator.is_viscous());
-        if let Some(forcing) = thrown.filter(|it| it.throws()) {
+        if let Some(forcing) = self.forcing.filter(|it| it.throws()) {
             return Ok(Some(Arc::new(forcing.spanning(layout.domain.highest())?)));
         }
         let meshed = self.takes_flow_map() && first_grid != FirstGrid::MovingForGood;

@@ -20,18 +20,15 @@ const FARTHER: f64 = 1.05;
 const OUTPUTS: usize = 16;
 
 impl Question<'_> {
-    /// A recipe on domains that reach as far as the law does under a drive that throws motions ([`Forcing::throws`]); the same where
-    /// noise and the motion without noise tell how far.
+    /// A recipe on domains that reach as far as the law does where it strays ([`Forcing::strays`]); the same where noise and the motion
+    /// without noise tell how far.
     ///
-    /// [`Forcing::throws`]: crate::fokker_planck::forcing::Forcing::throws
+    /// [`Forcing::strays`]: crate::fokker_planck::forcing::Forcing::strays
     pub(super) fn followed(&self, mut recipe: Recipe) -> Result<Recipe> {
-        let throws = |recipe: &Recipe| {
-            let forcing = recipe.forcing.as_ref();
-            forcing.is_some_and(|it| it.throws())
-        };
         for _ in 0..LOOKS {
             let before = recipe.layout.domain.v[1];
-            let Some(tail) = throws(&recipe).then(|| self.tail(&recipe)).flatten() else {
+            let forcing = recipe.forcing.as_ref().filter(|it| it.strays());
+            let Some(tail) = forcing.and_then(|_| self.tail(&recipe)) else {
                 break;
             };
             let farther = self.reaching(recipe.clone(), tail)?;
