@@ -154,18 +154,18 @@ impl Clock {
     #[cfg(feature = "plots")]
     pub(crate) fn axis(&self) -> &'static str {
         match self.unit {
-            TimeUnit::Dimensionless => "\u{3c4}",
+            TimeUnit::Dimensionless => "t",
             TimeUnit::Period => "time, periods",
             TimeUnit::Second => "time, s",
         }
     }
 
-    /// Between a time's symbol and its unit in a title.
-    pub(crate) fn symbol(&self) -> [&'static str; 2] {
+    /// What follows the number of a time.
+    pub(crate) fn suffix(&self) -> &'static str {
         match self.unit {
-            TimeUnit::Dimensionless => ["\u{3c4}", ""],
-            TimeUnit::Period => ["t", " periods"],
-            TimeUnit::Second => ["t", " s"],
+            TimeUnit::Dimensionless => "",
+            TimeUnit::Period => " periods",
+            TimeUnit::Second => " s",
         }
     }
 

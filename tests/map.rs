@@ -493,22 +493,14 @@ fn what_is_drawn_may_be_chosen() {
     };
     // Two axes and two times: small multiples over time.
     let (_, svg) = picture("--draw transient.var_q=0.1", 0);
-    for word in [
-        "Var q [(z_s/q_s)^2]",
-        "\u{3c4} = 2",
-        "\u{3c4} = 4",
-        "hertz",
-        "0.1",
-    ] {
+    for word in ["Var q [(z_s/q_s)^2]", "t = 2", "t = 4", "hertz", "0.1"] {
         assert!(svg.contains(word), "{word}");
     }
     let (_, svg) = picture(
         "--draw transient.var_q[1] --draw transient.mean_energy[0]",
         0,
     );
-    assert!(
-        svg.contains("Var q at \u{3c4} = 4 [(z_s/q_s)^2]") && svg.contains("E[H] at \u{3c4} = 2")
-    );
+    assert!(svg.contains("Var q at t = 4 [(z_s/q_s)^2]") && svg.contains("E[H] at t = 2"));
     // A law that cannot lose contact has no probability: its points stay empty.
     let (_, svg) = picture("--draw transient.contact_loss_probability", 0);
     assert!(svg.contains(">\nnone\n<"), "no key to holes");

@@ -327,7 +327,7 @@ fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Picture {
     if let Some(times) = &times {
         drawn.retain(|it| with_times(it));
         rulers.push(Ruler {
-            label: "\u{3c4}".into(),
+            label: "t".into(),
             values: times.clone(),
             log: false,
             words: None,
@@ -368,7 +368,7 @@ fn called(name: &str, place: Option<usize>, times: Option<Vec<f64>>) -> String {
     match entries().find(|it| it.name == last) {
         Some(it) => {
             let at = place.zip(times).and_then(|(k, all)| all.get(k).copied());
-            let at = at.map_or_else(String::new, |t| format!(" at \u{3c4} = {}", brief(t)));
+            let at = at.map_or_else(String::new, |t| format!(" at t = {}", brief(t)));
             let section = section.replace("transient", "");
             format!("{section} {}{at}", it.symbol).trim().to_owned()
         }

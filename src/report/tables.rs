@@ -116,7 +116,7 @@ pub(super) fn symbols(results: &Results) -> String {
     let preload = brief(rounded(results.contact().static_compression()));
     format!(
         "<details><summary>Symbols, units, and what \u{b1} means</summary>\n<p>q = {preload} (z \u{2212} z_s)/z_s is the \
-         displacement, z the compression and z_s the static one; v = dq/d\u{3c4} with \u{3c4} = \u{3a9}t; N = F/F_s \
+         displacement, z the compression and z_s the static one; v = dq/dt with t in units of 1/\u{3a9}; N = F/F_s \
          \u{2212} 1 is the dynamic contact force, F_s the static load; H = v\u{b2}/2 + U(q) is the energy; P(loss) is the \
          probability of no contact; {times}. h is the two-sided density of the excitation per unit of \u{3c9}: 2h \
          is the one-sided one. T = \u{3c0}h/(2\u{3b6}) is the stationary variance of v under viscous damping.</p>\n<p>Without sampling, \
@@ -127,7 +127,7 @@ pub(super) fn symbols(results: &Results) -> String {
 }
 
 fn unit(results: &Results) -> &'static str {
-    results.scene.clock().symbol()[1]
+    results.scene.clock().suffix()
 }
 
 fn rounded(x: f64) -> f64 {

@@ -160,13 +160,13 @@ pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
         return Ok(Vec::new());
     };
     let mut files = Vec::new();
-    let [symbol, unit] = results.scene.clock().symbol();
+    let unit = results.scene.clock().suffix();
     for snapshot in &it.densities {
         let name = format!("density_{}.svg", bare(snapshot.t));
-        let title = format!("p(q, q\u{307}) at {symbol} = {}{unit}", brief(snapshot.t));
+        let title = format!("p(q, q\u{307}) at t = {}{unit}", brief(snapshot.t));
         files.extend(density_picture(name, &title, snapshot, results).transpose()?);
     }
-    let label = |it: &Snapshot| format!("{symbol} = {}{unit}", brief(it.t));
+    let label = |it: &Snapshot| format!("t = {}{unit}", brief(it.t));
     let names = ("snapshots.svg", "p(q, q\u{307})");
     files.extend(snapshots(results, names, &it.densities, &label).transpose()?);
     Ok(files)
@@ -178,7 +178,7 @@ pub(crate) fn stroboscopic(results: &Results) -> Picture {
     let drive = results.scene.excitation.drive?;
     let period = results.scene.clock().time(drive.period());
     let turns = |it: &Snapshot| bare((1e4 * it.t / period).round() / 1e4);
-    let label = |it: &Snapshot| format!("W\u{3c4}/2\u{3c0} = {}", turns(it));
+    let label = |it: &Snapshot| format!("{} of a period", turns(it));
     let title = "p(q, q\u{307}) over the phase of the drive";
     snapshots(results, ("stroboscopic.svg", title), &it.densities, &label)
 }

@@ -35,7 +35,7 @@ pub(crate) fn periodic(results: &Results) -> Picture {
                 continue;
             };
             let panel = Panel::new(place(k), (0.0, 1.0), y);
-            panel.axes(area, "W\u{3c4}/2\u{3c0}", moment.entry().symbol)?;
+            panel.axes(area, "phase, periods of the drive", moment.entry().symbol)?;
             let (mut line, mut band) = with_band(&turns, curve);
             // The circle closes.
             line.extend(line.first().map(|(_, y)| (1.0, *y)));

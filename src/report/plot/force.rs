@@ -57,8 +57,8 @@ impl ForceCurves {
             (None, Some(it)) => {
                 let last = it.densities.last();
                 let t = last.map_or(String::new(), |it| brief(it.t));
-                let [symbol, unit] = results.scene.clock().symbol();
-                (last, format!("on the mesh, {symbol} = {t}{unit}"))
+                let unit = results.scene.clock().suffix();
+                (last, format!("on the mesh, t = {t}{unit}"))
             }
             _ => (None, String::new()),
         };

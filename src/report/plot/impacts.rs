@@ -36,9 +36,9 @@ pub(crate) fn impacts(results: &Results) -> Picture {
     let forces = beside(780.0, (lightest.min(heaviest), heaviest), high);
     Some(picture("impacts.svg", (1050, 420), |area| {
         joint.title(area, "Impacts: joint density over its peak")?;
-        let flight = match results.scene.clock().symbol() {
-            [symbol, ""] => format!("time of flight, {symbol}"),
-            [_, unit] => format!("time of flight,{unit}"),
+        let flight = match results.scene.clock().suffix() {
+            "" => "time of flight".to_owned(),
+            unit => format!("time of flight,{unit}"),
         };
         joint.axes(area, &flight, "speed at the return")?;
         let columns = law.speeds.len();

@@ -2,8 +2,7 @@
 
 use super::canvas::{BLUE, INK, Picture, Points, VERMILION, picture};
 use super::legend::{Mark, legend, legends};
-use super::panel::{Panel, range};
-use crate::estimate::Estimate;
+use super::panel::{Panel, range, with_band};
 use crate::fokker_planck::FirstLoss;
 use crate::format::bare;
 use crate::monte_carlo::FirstLossResult;
@@ -35,13 +34,14 @@ fn curves(
     let it = solved.as_ref()?;
     let time = results.scene.clock().axis();
     let until = it.times[it.times.len() - 1];
-    let points = |curve: &[Estimate], log: bool| -> Points {
-        let height = |p: f64| if log { p.max(1e-300).log10() } else { p };
-        let values = curve.iter().map(|p| height(p.value));
-        it.times.iter().copied().zip(values).collect()
-    };
-    let linear = points(&it.survival, false);
-    let logarithmic = points(&it.density, true);
+    let (linear, survival_band) = with_band(&it.times, it.survival.iter().copied());
+    let (density, density_band) = with_band(&it.times, it.density.iter().copied());
+    let log = |p: f64| p.max(1e-300).log10();
+    let logarithmic: Points = density.into_iter().map(|(t, p)| (t, log(p))).collect();
+    let density_band = density_band
+        .into_iter()
+        .map(|(t, a, b)| (t, log(a), log(b)));
+    let density_band: Vec<(f64, f64, f64)> = density_band.collect();
     // Whatever is on the way to the peak, six decades at the most.
     let heights = || logarithmic.iter().map(|it| it.1);
     let top = heights().fold(f64::NEG_INFINITY, f64::max);
@@ -59,7 +59,9 @@ fn curves(
         left.title(area, title)?;
         left.axes(area, time, "survival")?;
         right.axes(area, time, "density")?;
+        left.band(area, &survival_band, BLUE)?;
         left.curve(area, &linear, BLUE, 1.5)?;
+        right.band(area, &density_band, BLUE)?;
         right.curve(area, &logarithmic, BLUE, 1.5)?;
         if let Some(paths) = paths {
             // Dots apart enough to be told from each other.
@@ -68,15 +70,15 @@ fn curves(
                 left.dot(area, (*t, paths.survival[k].value), VERMILION, 2.0)?;
                 // A mean since the time before stands in the middle.
                 let middle = 0.5 * (t + paths.times[k - 1]);
-                let y = paths.density[k].value.max(1e-300).log10();
+                let y = log(paths.density[k].value);
                 right.dot(area, (middle, y), VERMILION, 2.0)?;
             }
         }
         left.frame(area)?;
         right.frame(area)?;
         let sampled = paths.iter().map(|_| (VERMILION, Mark::Dot, "paths"));
-        let entries = [(BLUE, Mark::Line, "backward equation")].into_iter();
-        legends(area, (left.right() - 172.0, 62.0), entries.chain(sampled))
+        let entries = [(BLUE, Mark::Line, "backward equation, band: its error")].into_iter();
+        legends(area, (left.right() - 272.0, 62.0), entries.chain(sampled))
     }))
 }
 
@@ -122,7 +124,7 @@ pub(crate) fn flights(results: &Results) -> Picture {
             None => "Time of flight: density".into(),
         };
         panel.title(area, &title)?;
-        let label = format!("from loss to return: {}", clock.axis());
+        let label = format!("from loss to return, {}", clock.axis());
         panel.axes(area, &label, "density")?;
         if let Some((_, it)) = &seen {
             panel.histogram(area, it)?;

@@ -9,6 +9,9 @@ use crate::format::brief;
 use crate::moments::{Moment, Moments};
 use crate::results::Results;
 
+/// So many times are shown one by one.
+const FEW: usize = 20;
+
 /// moments.svg: moments against time with error bands, and Monte Carlo points.
 pub(crate) fn moments(results: &Results) -> Picture {
     let it = results.transient.as_ref().filter(|it| it.times.len() > 1)?;
@@ -61,6 +64,10 @@ pub(crate) fn moments(results: &Results) -> Picture {
             let (curve, band) = with_band(&times, values);
             panel.band(area, &band, BLUE)?;
             panel.curve(area, &curve, BLUE, 1.5)?;
+            // Between few times the motion is not known.
+            for at in curve.iter().filter(|_| curve.len() <= FEW) {
+                panel.dot(area, *at, BLUE, 2.5)?;
+            }
             for (t, y) in thinned(&paths) {
                 panel.point(area, t, y, VERMILION)?;
             }
@@ -103,7 +110,7 @@ fn thinned(points: &[(f64, Estimate)]) -> impl Iterator<Item = (f64, Estimate)> 
     points.iter().rev().step_by(each).copied()
 }
 
-/// approach.svg: the distance to the stationary law against time, with the slowest decay rate's line,
+/// approach.svg: the distance to the stationary law against time down to its error, with the slowest decay rate's line,
 /// and the time integration to the steady state beside it.
 pub(crate) fn approach(results: &Results) -> Picture {
     let log = |points: &mut dyn Iterator<Item = (f64, f64)>| -> Points {
@@ -115,9 +122,11 @@ pub(crate) fn approach(results: &Results) -> Picture {
     let time = results.scene.clock().axis();
     let (mut distance, mut entropy) = (Points::new(), Points::new());
     if let Some(it) = &results.transient {
+        // What is below its error is not known.
+        let known = |y: &Option<Estimate>| y.filter(|y| y.value > y.error).map(|y| y.value);
         let curve = |numbers: &[Option<Estimate>]| {
             let pairs = it.times.iter().zip(numbers);
-            log(&mut pairs.filter_map(|(t, y)| Some((*t, y.as_ref()?.value))))
+            log(&mut pairs.filter_map(|(t, y)| Some((*t, known(y)?))))
         };
         (distance, entropy) = (curve(&it.distance), curve(&it.relative_entropy));
     }

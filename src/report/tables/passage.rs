@@ -37,7 +37,7 @@ fn survival(
         _ => "backward equation",
     };
     let mut table = Table::of(["", by, "Monte Carlo"]);
-    let unit = results.scene.clock().symbol()[1];
+    let unit = results.scene.clock().suffix();
     let last = times.len() - 1;
     for k in [last / 8, last / 4, last / 2, last] {
         let t = format!("{}{unit}", brief(times[k]));

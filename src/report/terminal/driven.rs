@@ -50,7 +50,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
         let time = brief(rounded(clock.time(time), 3));
         format!(
             "; a deviation falls to a tenth in a time of {time}{}",
-            clock.symbol()[1]
+            clock.suffix()
         )
     });
     let text = format!(

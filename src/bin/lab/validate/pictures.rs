@@ -420,7 +420,7 @@ fn approach(run: &Run) -> Option<Chart> {
     }
     Some(Chart {
         title: run.label.clone(),
-        x_label: "\u{3c4}".into(),
+        x_label: "t".into(),
         y_label: "distance to (21), probability".into(),
         x: (0.0, end),
         y: (-7.0, 1.5),
