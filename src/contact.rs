@@ -53,31 +53,73 @@ const WORDS: [ContactLaw; 4] = [
     ContactLaw::Free,
 ];
 
+/// Whether all are finite, each above the one before.
+fn ascend(all: &[f64]) -> bool {
+    all.iter().all(|it| it.is_finite()) && all.windows(2).all(|it| it[0] < it[1])
+}
+
 impl ContactLaw {
-    /// A law from code, checked on a sample of points: finite, constant in flight, and a force that never falls, or
-    /// changes its sign where [`Restoring::roots`] says so.
+    /// A law from code, checked on a sample of points out to |q| = 1490: finite, constant in flight and lower beyond a second wall,
+    /// and a force that never falls, or changes its sign where [`Restoring::roots`] says so.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the force is not finite, falls with q, or is not constant in flight.
+    /// [`Error::Invalid`] where the force is not finite, falls with q, or is not constant in flight; for walls and kinks that are not
+    /// finite or not ascending; for the name of a law that a scene knows.
     pub fn custom(law: impl Restoring + 'static) -> Result<Self> {
         let law = Arc::new(law);
+        let name = format!("contact law \"{}\"", law.name());
+        let refused = |value: String, accepted: &str| Err(Error::invalid(&name, value, accepted));
+        if Self::words().contains(&law.name()) || LAWS.iter().any(|it| it.name == law.name()) {
+            return refused(law.name().into(), "a name that no law of a scene has");
+        }
+        let ends: Vec<f64> = law
+            .back_wall()
+            .into_iter()
+            .chain(law.loss_point())
+            .collect();
+        let walls = law.back_wall().is_none() || law.loss_point().is_some();
+        if !(walls && ascend(&ends)) {
+            let accepted = "a finite loss point, and a back wall below it";
+            return refused(
+                format!(
+                    "back_wall = {:?}, loss_point = {:?}",
+                    law.back_wall(),
+                    law.loss_point()
+                ),
+                accepted,
+            );
+        }
+        if !ascend(&law.kinks()) {
+            return refused(
+                format!("kinks = {:?}", law.kinks()),
+                "finite kinks, ascending",
+            );
+        }
         let it = Self::Custom(law.clone());
         let flight = it.flight();
-        let name = format!("contact law \"{}\"", law.name());
         let samples: Vec<f64> = (-400..=400).map(|k| (f64::from(k) * 0.02).sinh()).collect();
         let several = law.roots(0.0).len() > 1;
         for pair in samples.windows(2) {
             let (low, high) = (law.force(pair[0]), law.force(pair[1]));
-            let value = || format!("G({}) = {low}, G({}) = {high}", pair[0], pair[1]);
+            let value = || format!("G({}) = {low:?}, G({}) = {high:?}", pair[0], pair[1]);
             let falls = low > high + 1e-12 * high.abs() && !several;
             if !low.is_finite() || !high.is_finite() || falls {
-                let accepted = "a finite force that never falls with q";
-                return Err(Error::invalid(name, value(), accepted));
+                return refused(value(), "a finite force that never falls with q");
             }
             let lost = |q: f64| flight.is_some_and(|[a, b]| q > a && q < b);
             if lost(pair[0]) && lost(pair[1]) && low != high {
-                let accepted = "a constant force in flight, below the loss point";
-                return Err(Error::invalid(name, value(), accepted));
+                return refused(value(), "a constant force in flight, below the loss point");
+            }
+        }
+        if let Some(wall) = law.back_wall() {
+            let (far, flown) = (
+                law.force(wall - samples[samples.len() - 1]),
+                law.force(wall),
+            );
+            if far >= flown {
+                let value =
+                    format!("back_wall = {wall:?}, G = {flown:?} there and {far:?} far beyond");
+                return refused(value, "a back wall beyond which the force falls, or none");
             }
         }
         Ok(it)
@@ -255,12 +297,21 @@ impl ContactLaw {
             .is_some_and(|[low, high]| q >= low && q < high)
     }
 
-    /// Where G or its slope jumps, ascending.
+    /// Where G or its slope jumps, ascending, the ends of flight among them.
     pub fn kinks(&self) -> Vec<f64> {
-        match self {
-            Self::Custom(law) => law.kinks(),
-            other => other.loss_point().into_iter().collect(),
+        let ends = self.back_wall().into_iter().chain(self.loss_point());
+        let Self::Custom(law) = self else {
+            return ends.collect();
+        };
+        let mut all = law.kinks();
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * a.abs().max(1.0);
+        for end in ends {
+            if !all.iter().any(|it| near(*it, end)) {
+                all.push(end);
+            }
         }
+        all.sort_by(f64::total_cmp);
+        all
     }
 
     /// G as polynomials piece by piece; empty where it is of another kind, or has a closed form of its own.

@@ -173,6 +173,18 @@ pub(crate) fn positive(key: &str, value: f64) -> Result<f64> {
     }
 }
 
+/// Refuses times that are negative, not finite or not ascending, by `key`.
+pub(crate) fn ascending(key: &str, times: &[f64]) -> Result<()> {
+    let mut now = 0.0;
+    for &time in times {
+        if !(time.is_finite() && time >= now) {
+            return Err(Error::invalid(key, time, "ascending finite times >= 0"));
+        }
+        now = time;
+    }
+    Ok(())
+}
+
 /// `value` if it is finite, else an error that names `key`.
 pub(crate) fn finite(key: &str, value: f64) -> Result<f64> {
     if value.is_finite() {

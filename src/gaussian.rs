@@ -2,7 +2,7 @@
 //! equations, so the transient is known in closed form at any time.
 
 use crate::contact::ContactLaw;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ascending};
 use crate::initial::Initial;
 use crate::matrix::exponential;
 use crate::oscillator::Oscillator;
@@ -32,7 +32,8 @@ impl Gaussian {
     /// The law of a start: a point for [`Initial::Rest`].
     ///
     /// # Errors
-    /// [`Error::NoStationaryLaw`] for a stationary start, unless the law is linear.
+    /// [`Error::NoStationaryLaw`] for a stationary start, unless the law is linear; [`Error::Invalid`] for one under damping that
+    /// is not viscous.
     pub fn of(oscillator: &Oscillator, initial: &Initial) -> Result<Self> {
         match *initial {
             Initial::Gaussian {
@@ -47,7 +48,7 @@ impl Gaussian {
                 covariance: [[0.0; 2]; 2],
             }),
             Initial::Stationary if *oscillator.contact() == ContactLaw::Linear => {
-                let t = oscillator.temperature();
+                let t = oscillator.with_closed_form()?.temperature();
                 Ok(Self {
                     mean: [0.0; 2],
                     covariance: [[t, 0.0], [0.0, t]],
@@ -65,8 +66,11 @@ impl Gaussian {
     /// m' = A m + b and C' = A C + C A^T + diag(0, 2 pi h), solved by one matrix exponential.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a contact law under which a Gaussian does not stay one.
+    /// [`Error::Invalid`] for a contact or a damping law under which a Gaussian does not stay one, and for a time that is negative or
+    /// not finite.
     pub fn after(&self, oscillator: &Oscillator, t: f64) -> Result<Self> {
+        oscillator.with_closed_form()?;
+        ascending("t", &[t])?;
         let (stiffness, drive) = match oscillator.contact() {
             ContactLaw::Linear => (1.0, 0.0),
             ContactLaw::Free => (0.0, 1.0),

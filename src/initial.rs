@@ -24,11 +24,20 @@ impl Initial {
     /// # Errors
     /// [`crate::Error::Invalid`] for a mean that is not finite or a deviation that is not positive.
     pub fn gaussian(mean: [f64; 2], deviation: [f64; 2]) -> Result<Self> {
-        for k in 0..2 {
-            finite("initial.mean", mean[k])?;
-            positive("initial.deviation", deviation[k])?;
+        let it = Self::Gaussian { mean, deviation };
+        it.check()?;
+        Ok(it)
+    }
+
+    /// Refuses a mean that is not finite and a deviation that is not positive.
+    pub(crate) fn check(&self) -> Result<()> {
+        if let Self::Gaussian { mean, deviation } = self {
+            for k in 0..2 {
+                finite(&format!("initial.mean[{k}]"), mean[k])?;
+                positive(&format!("initial.deviation[{k}]"), deviation[k])?;
+            }
         }
-        Ok(Self::Gaussian { mean, deviation })
+        Ok(())
     }
 
     /// The name used in scenes.

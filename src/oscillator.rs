@@ -6,7 +6,9 @@ pub use displacement_law::DisplacementLaw;
 
 use crate::contact::ContactLaw;
 use crate::damping::{Averaged, Damping};
-use crate::error::{Error, Result, positive};
+use crate::error::{Error, Result, finite, positive};
+use crate::format::num;
+use crate::initial::Initial;
 use std::sync::{Arc, OnceLock};
 
 /// q'' + 2 zeta q' + G(q) = f(t), white noise f of two-sided spectral density h, E f(t)f(0) =
@@ -282,7 +284,8 @@ impl Oscillator {
         0.5 * v * v + self.contact.potential(q)
     }
 
-    /// The stationary law of q, p_q = exp(-U/T)/Z, (22).
+    /// The Gibbs law of q at the temperature of the oscillator, p_q = exp(-U/T)/Z, (22): the stationary one under viscous damping, else
+    /// what it is taken against.
     ///
     /// # Errors
     /// [`Error::NoStationaryLaw`] for a contact that does not confine.
@@ -343,6 +346,38 @@ impl Target {
             Self::Loss => "outputs.first_loss",
             Self::Level(..) => "outputs.first_passage",
         }
+    }
+
+    /// Where motions survive.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a law that cannot lose contact; for a level that is not finite, whose potential is beyond a
+    /// double, that is not above 0 where its negative is one too, or that rest has passed.
+    pub(crate) fn range(self, oscillator: &Oscillator, initial: &Initial) -> Result<[f64; 2]> {
+        let contact = oscillator.contact();
+        let (level, side) = match self {
+            Self::Loss => return Ok([contact.loss_for("first_loss")?, f64::INFINITY]),
+            Self::Level(level, side) => (level, side),
+        };
+        let key = "outputs.first_passage.level";
+        if !(contact.potential(finite(key, level)?) / oscillator.temperature()).is_finite() {
+            let accepted = "a level whose potential energy is within reach of a double";
+            return Err(Error::invalid(key, num(level), accepted));
+        }
+        let range = match side {
+            Side::Below => [level, f64::INFINITY],
+            Side::Above => [f64::NEG_INFINITY, level],
+            Side::Either => [-level, level],
+        };
+        let rest = *initial == Initial::Rest;
+        let passed = rest && !(range[0] < 0.0 && 0.0 < range[1]);
+        let accepted = match side {
+            Side::Either if level <= 0.0 => "a level > 0 with side = \"either\"",
+            Side::Below if passed => "a level below 0, where rest begins, with side = \"below\"",
+            Side::Above if passed => "a level above 0, where rest begins, with side = \"above\"",
+            _ => return Ok(range),
+        };
+        Err(Error::invalid(key, level, accepted))
     }
 }
 

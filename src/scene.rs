@@ -29,7 +29,7 @@ pub use times::Times;
 
 use crate::clock::{Clock, TimeUnit};
 use crate::excitation::Excitation;
-use crate::fokker_planck::{Drift, TimeScheme, TransientMethod};
+use crate::fokker_planck::{Drift, Settings, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
@@ -224,6 +224,23 @@ impl Scene {
             *time = time.map(|time| clock.dimensionless(time));
         }
         it
+    }
+
+    /// What it says about the Fokker-Planck solvers.
+    pub(crate) fn settings(&self) -> Settings {
+        Settings {
+            excitation: self.excitation.clone(),
+            method: self.method.transient,
+            drift: self.method.drift,
+            time: self.method.time,
+            cells: self.method.cells,
+            step: self.method.step,
+            moments: self.outputs.moments.clone(),
+            tolerance: self.accuracy.tolerance,
+            neglected: None,
+            max_memory: self.accuracy.max_memory,
+            max_seconds: self.accuracy.max_seconds,
+        }
     }
 
     /// The window of [`Outputs::crossings`] as a dimensionless time.

@@ -6,6 +6,7 @@
 //! ```
 
 mod agreement;
+mod arguments;
 mod closed_form;
 mod concentrated;
 mod conservation;

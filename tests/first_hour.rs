@@ -182,6 +182,33 @@ fn a_linear_oscillator_reaches_a_part_of_its_energy_when_the_covariance_says() {
     }
 }
 
+/// What passes for less than the time between two of a course: var q of a linear oscillator through 1.136 T for a tenth of a
+/// period, and var v in its first dip.
+#[test]
+fn an_extremum_between_two_times_reaches_a_level_too() {
+    for (zeta, h, deviation, (moment, fraction), tolerance) in [
+        (0.00571, 2.454e-4, [0.364, 0.292], (0, 1.136), 1e-2),
+        (0.00571, 2.454e-4, [0.364, 0.292], (0, 1.136), 1e-4),
+        (0.01, 2e-3, [0.2, 0.9], (2, 0.157), 1e-3),
+    ] {
+        let name = ["var_q", "", "var_v"][moment];
+        let it = run(&format!(
+            "[oscillator]\ncontact = \"linear\"\nzeta = {zeta}\nh = {h}\n[initial]\ndeviation = {deviation:?}\n\
+             [outputs]\nreach = {{ quantity = \"{name}\", fraction = {fraction} }}\n[accuracy]\ntolerance = {tolerance}"
+        ));
+        let level = fraction * std::f64::consts::PI * h / (2.0 * zeta);
+        let squares = deviation.map(|it| it * it);
+        let exact = first(|t| level - spread(squares, zeta, h, t)[moment]);
+        let found = it.reach.as_ref().unwrap().t.unwrap();
+        println!("{name} to {fraction}: {found}, exact {exact:.6}");
+        assert!(
+            (found.value - exact).abs() <= found.error,
+            "{found}, {exact}"
+        );
+        assert!(found.error <= tolerance * exact && it.shortfalls.is_empty());
+    }
+}
+
 #[test]
 fn a_level_is_reached_within_the_first_quarter_of_a_fast_period() {
     let it = run(

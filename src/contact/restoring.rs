@@ -66,7 +66,7 @@ pub trait Restoring: fmt::Debug + Send + Sync {
         None
     }
 
-    /// Where G or its derivative jumps, ascending: by default the ends of flight.
+    /// Where G or its derivative jumps, ascending. By default the ends of flight, which are among them whether they are listed or not.
     fn kinks(&self) -> Vec<f64> {
         let wall = self.back_wall().into_iter();
         wall.chain(self.loss_point()).collect()

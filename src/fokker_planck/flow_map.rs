@@ -19,8 +19,9 @@
 //!
 //! - Edge: departure points outside the domain take the value of g at the nearest centre, as does the
 //!   average along v; g = 1 stays. Orbits that do not close inside the domain hold no unknowns: along each
-//!   row p continues beyond them as the stationary law falls off, g as a constant where it is taken against that law. For a contact without a stationary law, where g is the
-//!   density p itself, nothing comes in from outside and what leaves is lost.
+//!   row p continues beyond them as the stationary law under the weakest noise falls off, g as a constant where it is taken against
+//!   that law. For a contact without a stationary law, where g is the density p itself, nothing comes in from outside and what
+//!   leaves is lost.
 //! - Mass: interpolation keeps it to its own error. A constant is added to g that keeps it exactly;
 //!   constants pass unchanged through every part of a step, so one addition at the end is the same as
 //!   one in every step. The raw defect is reported: a free measure of the interpolation error.
@@ -151,12 +152,15 @@ impl FlowMap {
         } else {
             0.0
         };
-        let noise = forcing.as_ref().map_or(oscillator, |it| it.noise());
+        let coldest = match &forcing {
+            Some(it) => it.noise().temperature() * it.narrowing().powi(2),
+            None => oscillator.temperature(),
+        };
         // Where flights without friction make p fall more slowly than under noise alone, g stays.
         let follows = |it: &Arc<Forcing>| it.throws() && it.tail().is_some();
         let follows = forcing.as_ref().is_some_and(follows);
         let excess = if stationary && !follows {
-            (1.0 / noise.temperature() - beta).max(0.0)
+            (1.0 / coldest.max(f64::MIN_POSITIVE) - beta).max(0.0)
         } else {
             0.0
         };

@@ -2,7 +2,9 @@
 
 use super::flux::Drift;
 use crate::budget::Limits;
+use crate::error::{Error, Result, positive};
 use crate::excitation::Excitation;
+use crate::format::num;
 use crate::moments::Moment;
 
 /// Scheme in time.
@@ -101,7 +103,48 @@ impl Default for Settings {
     }
 }
 
+/// Cells along an axis at most.
+const MOST_CELLS: usize = 1_000_000;
+
 impl Settings {
+    /// Refuses what no solver takes.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], naming the key of the scene.
+    pub(crate) fn check(&self) -> Result<()> {
+        let share = |key: &str, it: f64| {
+            let accepted = "a number between 0 and 1";
+            let holds = it > 0.0 && it < 1.0;
+            let refused = || Error::invalid(key, num(it), accepted);
+            holds.then_some(()).ok_or_else(refused)
+        };
+        share("accuracy.tolerance", self.tolerance)?;
+        positive("accuracy.max_seconds", self.max_seconds)?;
+        if self.max_memory == 0 {
+            let accepted = "a size above 0, as \"8 GB\"";
+            return Err(Error::invalid("accuracy.max_memory", 0, accepted));
+        }
+        for (k, cells) in self.cells.into_iter().flatten().enumerate() {
+            if !(4..=MOST_CELLS).contains(&cells) {
+                let accepted = format!("a whole number from 4 to {MOST_CELLS}");
+                return Err(Error::invalid(
+                    format!("method.cells[{k}]"),
+                    cells,
+                    accepted,
+                ));
+            }
+        }
+        if let Some(step) = self.step {
+            positive("method.step", step)?;
+        }
+        if self.moments.as_ref().is_some_and(Vec::is_empty) {
+            let all = Moment::ALL.map(Moment::name).join(", ");
+            let accepted = format!("at least one of {all}");
+            return Err(Error::invalid("outputs.moments", "[]", accepted));
+        }
+        self.neglected.map_or(Ok(()), |it| share("neglected", it))
+    }
+
     /// Its seconds, from now on, and bytes.
     pub(super) fn limits(&self) -> Limits {
         Limits::from_now(self.max_seconds, self.max_memory)

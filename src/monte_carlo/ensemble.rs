@@ -20,9 +20,6 @@ use crate::moments::Moments;
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 
-/// A band that ends below twice the resonance distorts what the contact does.
-const RESONANCE: f64 = 2.0;
-
 /// The error of a scheme of order 2 over the difference that half the step makes.
 const HALVED: f64 = 4.0 / 3.0;
 
@@ -283,17 +280,7 @@ impl Ensemble {
             );
             warnings.push(text.into());
         }
-        if let Noise::Cosines { band, .. } = walk.noise
-            && band < RESONANCE
-        {
-            let text = format!(
-                "the band of the noise ends at {band}, below {RESONANCE}: the response near the resonance at 1 \
-                 is not that to white noise"
-            );
-            warnings.push(text.into());
-        }
-        let cosines = walk.noise.warning(oscillator.zeta());
-        warnings.extend(cosines.map(Warning::from));
+        warnings.extend(walk.noise.warnings(oscillator.zeta()));
         let finite = |m: &Moments| m.mean_energy.value.is_finite();
         if let Some(k) = moments.iter().position(|m| !finite(m)) {
             let from: Vec<Option<f64>> = self.times[k..].iter().map(|t| Some(*t)).collect();

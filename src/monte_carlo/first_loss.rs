@@ -38,7 +38,8 @@ pub struct FirstLossResult {
     pub survival: Vec<Estimate>,
     /// Mean density of the first loss between the time before (0 for the first) and this one.
     pub density: Vec<Estimate>,
-    /// Mean time in contact up to the first loss or the last time, whichever comes first.
+    /// Mean time up to the first loss or the last of the times, whichever comes first: less than
+    /// [`FirstLoss::mean_time`](crate::fokker_planck::FirstLoss::mean_time), which waits for it.
     pub mean_time: Estimate,
     /// Longest step.
     pub step: f64,
@@ -122,12 +123,7 @@ impl FirstLosses {
         (target, until): (Target, f64),
         settings: &Sampling,
     ) -> Result<Self> {
-        let range = match target {
-            Target::Loss => [oscillator.contact().loss_for("first_loss")?, f64::INFINITY],
-            Target::Level(level, Side::Below) => [level, f64::INFINITY],
-            Target::Level(level, Side::Above) => [f64::NEG_INFINITY, level],
-            Target::Level(level, Side::Either) => [-level, level],
-        };
+        let range = target.range(oscillator, initial)?;
         walk::check_ensemble(settings.paths, &[until], target.key())?;
         let mut walk = Walk::locating(oscillator, initial, settings)?;
         let undecided = |step| first_step::undecided(initial, oscillator, range, step);

@@ -256,8 +256,7 @@ impl Records {
             warnings.push(text.into());
         }
         warnings.extend(not_run_in(oscillator, &Initial::Stationary, every));
-        let cosines = walk.noise.warning(oscillator.zeta());
-        warnings.extend(cosines.map(Warning::from));
+        warnings.extend(walk.noise.warnings(oscillator.zeta()));
         warnings.extend(walk.warning(walk.bias(oscillator), effective_samples[2], every));
         if !moments.mean_energy.value.is_finite() {
             warnings.push(Warning {

@@ -2,8 +2,9 @@
 
 use super::scheme::Scheme;
 use crate::budget::Limits;
+use crate::estimate::Warning;
 use crate::excitation::Excitation;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Size, seed, scheme and noise of a sample, and its limits.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +40,7 @@ impl Default for Sampling {
             noise: Noise::White,
             excitation: Excitation::default(),
             max_seconds: f64::INFINITY,
-            max_memory: u64::MAX,
+            max_memory: 8_000_000_000,
         }
     }
 }
@@ -76,22 +77,54 @@ pub enum Noise {
     },
 }
 
+/// A band that ends below twice the resonance distorts what the contact does.
+const RESONANCE: f64 = 2.0;
+/// Part of the variance of v that a band may cut off unsaid, and kurtosis that few cosines may add.
+const CUT: f64 = 0.02;
+const EXCESS: f64 = 0.05;
+
 impl Noise {
-    /// A warning where a sum of M cosines adds more than a twentieth to the kurtosis of the stationary response: the
-    /// resonance, of width zeta at w = 1, holds few of them. Of M independent terms with amplitudes |H(w)|, w uniform up
-    /// to the band B, and random phases it adds about (3/2) E|H|^4/(E|H|^2)^2/M = 3 B/(4 pi zeta M).
-    pub(super) fn warning(self, zeta: f64) -> Option<String> {
-        let Self::Cosines { count, band } = self else {
-            return None;
+    /// The highest circular frequency; None for white noise.
+    pub(super) fn band(self) -> Option<f64> {
+        match self {
+            Self::White => None,
+            Self::Cosines { band, .. } | Self::Band { band } => Some(band),
+        }
+    }
+
+    /// How the response is not that to white noise. A band up to B cuts (2/pi) atan(2 zeta/B) off the variance of v, the integral of
+    /// w^2 |H|^2 beyond B >> 1. The resonance, of width zeta at w = 1, holds few of M cosines: of M independent terms with
+    /// amplitudes |H(w)|, w uniform up to B, and random phases the kurtosis is higher by about (3/2) E|H|^4/(E|H|^2)^2/M =
+    /// 3 B/(4 pi zeta M).
+    pub(super) fn warnings(self, zeta: f64) -> Vec<Warning> {
+        let Some(band) = self.band() else {
+            return Vec::new();
         };
-        let excess = 0.75 * band / (PI * zeta * f64::from(count));
-        (excess > 0.05).then(|| {
-            format!(
-                "few of the {count} cosines up to {band} fall into the resonance, of width zeta = {zeta}: the \
-                 response is not Gaussian, its kurtosis about {excess:.2} above that under white noise; \
-                 {:.0} cosines would do",
-                (15.0 * band / (PI * zeta)).ceil()
-            )
-        })
+        let cut = (2.0 * zeta / band).atan() / FRAC_PI_2;
+        let mut all = Vec::new();
+        if band < RESONANCE {
+            all.push(format!(
+                "the band of the noise ends at {band}, below {RESONANCE}: the response near the resonance at 1 is not that to \
+                 white noise"
+            ));
+        } else if cut > CUT {
+            all.push(format!(
+                "the band of the noise ends at {band}, and with zeta = {zeta} about {:.0} % of the variance of v under white noise \
+                 lies beyond: paths and closed form are of different excitations",
+                100.0 * cut
+            ));
+        }
+        if let Self::Cosines { count, .. } = self {
+            let excess = 0.75 * band / (PI * zeta * f64::from(count));
+            if excess > EXCESS {
+                all.push(format!(
+                    "few of the {count} cosines up to {band} fall into the resonance, of width zeta = {zeta}: the \
+                     response is not Gaussian, its kurtosis about {excess:.2} above that under white noise; \
+                     {:.0} cosines would do",
+                    (15.0 * band / (PI * zeta)).ceil()
+                ));
+            }
+        }
+        all.into_iter().map(Warning::from).collect()
     }
 }

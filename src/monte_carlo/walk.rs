@@ -5,7 +5,7 @@ use super::scheme::{Coefficients, Scheme};
 use super::settings::{MOST_COSINES, Noise, Sampling};
 use crate::budget::timing;
 use crate::contact::ContactLaw;
-use crate::error::{Error, Result, positive};
+use crate::error::{Error, Result, ascending, positive};
 use crate::estimate::Warning;
 use crate::excitation::Excitation;
 use crate::format::{brief, num, rounded};
@@ -32,6 +32,8 @@ pub(crate) struct Walk {
     pub(crate) excitation: Excitation,
     /// Why this scheme and this step.
     pub(crate) reason: String,
+    /// Whether both are the program's own choice.
+    free: bool,
     pace: Pace,
 }
 
@@ -41,6 +43,7 @@ impl Walk {
     /// # Errors
     /// [`Error::Invalid`] for a step that is not positive, or a scheme that does not suit the noise.
     pub(super) fn of(oscillator: &Oscillator, initial: &Initial, it: &Sampling) -> Result<Self> {
+        initial.check()?;
         if it.excitation.is_plain() {
             let pace = Pace::of(oscillator, initial, [0.0; 2]);
             let (scheme, why) = resolve(it.scheme, it.noise, oscillator, pace.frequency)?;
@@ -96,6 +99,7 @@ impl Walk {
             noise: it.noise,
             excitation: it.excitation.clone(),
             reason: format!("{why}, {how}"),
+            free: it.step.is_none() && it.scheme == Scheme::Auto,
             pace,
         })
     }
@@ -181,7 +185,12 @@ impl Walk {
         let (zeta, step) = (oscillator.zeta(), self.step);
         let turn = step * self.pace.frequency.max(1.0);
         match self.scheme {
-            Scheme::CentralDifference => 0.25 * turn * turn + zeta * step,
+            Scheme::CentralDifference => match self.noise.band() {
+                // Friction sees the white noise of a step before the motion does.
+                None => 0.25 * turn * turn + zeta * step,
+                // What is smooth errs by how far its fastest part turns within a step; friction lets no more than 2 zeta through.
+                Some(band) => 0.25 * turn.max(step * band.min(2.0 * zeta)).powi(2),
+            },
             Scheme::Baoab => 0.25 * turn * turn,
             Scheme::EulerMaruyama => 0.5 * step / zeta + 0.5 * turn * turn,
             // 1e-4 at the automatic step, of order 2 beyond; and where nodes no longer see the motion turn, far more: 0.17 and 0.013 at
@@ -241,11 +250,15 @@ impl Walk {
             bias if bias < 1.0 => format!("by about {bias:.1e} of itself"),
             _ => "without bound".into(),
         };
+        let help = if self.free {
+            "a shorter monte_carlo.step errs less"
+        } else {
+            "shorten monte_carlo.step or leave scheme and step out to have them chosen"
+        };
         (bias > error).then(|| Warning {
             text: format!(
                 "with the step {} the scheme {} is off {share} in a variance, its standard error is {error:.1e}, \
-                 and no standard error of a sampled number holds that: shorten monte_carlo.step or leave scheme \
-                 and step out to have them chosen",
+                 and no standard error of a sampled number holds that: {help}",
                 brief(self.step),
                 self.scheme
             ),
@@ -277,20 +290,19 @@ pub(super) fn tasks(paths: u64) -> Vec<Range<u64>> {
     (0..paths.div_ceil(each)).map(task).collect()
 }
 
+/// Paths of an ensemble at most.
+const MOST_PATHS: u64 = 1_000_000_000_000_000;
+
 /// Refuses an ensemble without a standard error, and times out of order, by `key`.
 pub(super) fn check_ensemble(paths: u64, times: &[f64], key: &'static str) -> Result<()> {
-    if paths < 2 {
-        let accepted = "at least 2, so that there is a standard error";
+    if !(2..=MOST_PATHS).contains(&paths) {
+        let accepted = format!(
+            "from 2, so that there is a standard error, to {:e}",
+            MOST_PATHS as f64
+        );
         return Err(Error::invalid("monte_carlo.paths", paths, accepted));
     }
-    let mut now = 0.0;
-    for &time in times {
-        if !(time.is_finite() && time >= now) {
-            return Err(Error::invalid(key, time, "ascending finite times >= 0"));
-        }
-        now = time;
-    }
-    Ok(())
+    ascending(key, times)
 }
 
 /// The number of equal steps, none longer than `step`, that span `time`, and their length.

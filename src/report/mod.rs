@@ -23,6 +23,7 @@ pub use file::File;
 pub(crate) use html::{escaped, html};
 #[cfg(feature = "cli")]
 pub(crate) use manifest::SCENE;
+pub use manifest::all;
 #[doc(hidden)]
-pub use manifest::{after, all, at_the_end, fragment};
+pub use manifest::{after, at_the_end, fragment};
 pub use run::{run_into, unanswered_into};

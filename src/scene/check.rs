@@ -2,14 +2,16 @@
 
 use super::outputs::{Outputs, PassageRequest, ReachRequest, ResponseRequest, names};
 use super::times::Times;
-use super::{Accuracy, Noise, Scene};
+use super::{Noise, Scene};
 use crate::clock::TimeUnit;
-use crate::error::{Error, Result, finite, positive};
+use crate::error::{Error, Result, positive};
 use crate::excitation::Drive;
+use crate::fokker_planck::DecayRates;
 use crate::format::num;
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
+use crate::oscillator::Target;
 use std::fmt::Display;
 
 /// Refuses a value that does not hold to what is accepted.
@@ -31,7 +33,7 @@ impl Scene {
         self.check_outputs()?;
         self.check_excitation()?;
         self.check_monte_carlo()?;
-        self.check_accuracy()
+        self.settings().check()
     }
 
     fn check_title(&self) -> Result<()> {
@@ -43,19 +45,10 @@ impl Scene {
     }
 
     fn check_initial(&self) -> Result<()> {
-        match self.initial {
-            Initial::Gaussian { mean, deviation } => {
-                for k in 0..2 {
-                    finite(&format!("initial.mean[{k}]"), mean[k])?;
-                    positive(&format!("initial.deviation[{k}]"), deviation[k])?;
-                }
-            }
-            Initial::Stationary if !self.oscillator.contact().is_confining() => {
-                return Err(self.no_law("initial.kind", "\"stationary\""));
-            }
-            _ => {}
+        if self.initial == Initial::Stationary && !self.oscillator.contact().is_confining() {
+            return Err(self.no_law("initial.kind", "\"stationary\""));
         }
-        Ok(())
+        self.initial.check()
     }
 
     fn no_law(&self, key: &str, value: &str) -> Error {
@@ -97,9 +90,6 @@ impl Scene {
             }
         }
         outputs.moments_at.check("outputs.moments_at")?;
-        let some = !outputs.moments.as_ref().is_some_and(Vec::is_empty);
-        let accepted = format!("at least one of {}", names(&Moment::ALL).join(", "));
-        require(some, "outputs.moments", "[]", accepted)?;
         let (lost, contact) = ([Moment::ContactLossProbability], self.oscillator.contact());
         let can = contact.loss_point().is_some() || outputs.moments.as_deref() != Some(&lost);
         let accepted = format!("another moment: \"{}\" cannot lose contact", contact.name());
@@ -110,8 +100,13 @@ impl Scene {
         let accepted = "times after 0: at rest all probability is in one point";
         require(!point, "outputs.density_at[0]", 0, accepted)?;
         let count = outputs.decay_rates;
-        let accepted = "a whole number from 0 to 100";
-        require(count <= 100, "outputs.decay_rates", count, accepted)?;
+        let accepted = format!("a whole number from 0 to {}", DecayRates::MOST);
+        require(
+            count <= DecayRates::MOST,
+            "outputs.decay_rates",
+            count,
+            accepted,
+        )?;
         if let Some(spectrum) = outputs.spectrum {
             let key = "outputs.spectrum.until";
             if !self.oscillator.contact().is_confining() {
@@ -169,20 +164,15 @@ impl Scene {
     }
 
     fn check_first_passage(&self, it: PassageRequest) -> Result<()> {
-        finite("outputs.first_passage.level", it.level)?;
         let key = "outputs.first_passage.until";
         positive(key, it.until)?;
         let accepted = format!("a time up to {:e}", Times::LATEST);
         require(it.until <= Times::LATEST, key, num(it.until), accepted)?;
-        let (contact, t) = (self.oscillator.contact(), self.oscillator.temperature());
-        let holds = (contact.potential(it.level) / t).is_finite();
-        let accepted = "a level whose potential energy is within reach of a double";
-        let (key, level) = ("outputs.first_passage.level", num(it.level));
-        require(holds, key, level, accepted)?;
-        if !contact.is_confining() {
+        if !self.oscillator.contact().is_confining() {
             let value = format!("{{ level = {} }}", num(it.level));
             return Err(self.no_law("outputs.first_passage", &value));
         }
+        Target::Level(it.level, it.side).range(&self.oscillator, &self.initial)?;
         self.check_white("outputs.first_passage")
     }
 
@@ -200,17 +190,10 @@ impl Scene {
             return Err(self.no_law(&output, &value));
         }
         if contact.loss_point().is_none() {
-            let law = contact.name();
-            let accepted = if key == "until" {
-                format!(
-                    "a contact law that can lose contact: the force of \"{law}\" is constant below no point"
-                )
-            } else {
-                format!(
-                    "only for a contact law that can be lost, as \"hertz\" or \"bilinear\": \"{law}\" holds \
-                     on for ever"
-                )
-            };
+            let accepted = format!(
+                "a contact that can be lost, as \"hertz\" or \"bilinear\": this {} holds on for ever",
+                contact.described()
+            );
             return Err(Error::invalid(output, value, accepted));
         }
         Ok(())
@@ -312,28 +295,6 @@ impl Scene {
                 self.oscillator.contact().name()
             );
             return Err(Error::invalid("outputs.moments_at", "[]", accepted));
-        }
-        Ok(())
-    }
-
-    fn check_accuracy(&self) -> Result<()> {
-        let Accuracy {
-            tolerance,
-            max_seconds,
-            max_memory,
-        } = self.accuracy;
-        let between = tolerance > 0.0 && tolerance < 1.0;
-        let accepted = "a number between 0 and 1";
-        require(between, "accuracy.tolerance", num(tolerance), accepted)?;
-        positive("accuracy.max_seconds", max_seconds)?;
-        let accepted = "a size above 0, as \"8 GB\"";
-        require(max_memory > 0, "accuracy.max_memory", max_memory, accepted)?;
-        for (k, cells) in self.method.cells.into_iter().flatten().enumerate() {
-            let (key, accepted) = (format!("method.cells[{k}]"), "a whole number of at least 4");
-            require(cells >= 4, &key, cells, accepted)?;
-        }
-        if let Some(step) = self.method.step {
-            positive("method.step", step)?;
         }
         Ok(())
     }

@@ -67,6 +67,11 @@ pub struct DecayRates {
     pub shortfall: Option<Shortfall>,
 }
 
+impl DecayRates {
+    /// Rates that may be asked for.
+    pub const MOST: usize = 100;
+}
+
 /// Krylov vectors of a shift in the first search: the nearest dozens of eigenvalues converge. Finer
 /// resolutions, whose shifts are chosen, begin with half as many.
 const KRYLOV: usize = 50;

@@ -101,6 +101,7 @@ const ROUNDING: f64 = 1e-11;
 /// [`crate::Error::NoStationaryLaw`] for a contact without one; [`crate::Error::Limit`] where `settings.max_seconds` or
 /// `settings.max_memory` do not suffice for a first answer; [`crate::Error::Linear`] if a null vector does not settle.
 pub fn stationary_law(oscillator: &Oscillator, settings: &Settings) -> Result<SolvedLaw> {
+    settings.check()?;
     StationaryState::of(oscillator, settings)?.solve(oscillator, &settings.limits(), &|_| {})
 }
 

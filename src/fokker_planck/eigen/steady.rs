@@ -62,6 +62,7 @@ pub(crate) struct SteadyState {
 /// # Errors
 /// [`Error::NoStationaryLaw`](crate::Error::NoStationaryLaw) for a contact without one; otherwise those of [`null_vector`].
 pub fn steady(oscillator: &Oscillator, settings: &Settings) -> Result<Steady> {
+    settings.check()?;
     SteadyState::of(oscillator, settings)?.solve(oscillator, &settings.limits(), &|_| {})
 }
 

@@ -116,7 +116,7 @@ mod tests {
         let h = 2.0 * 0.05 * 1e-4 / std::f64::consts::PI;
         let oscillator = Oscillator::new(ContactLaw::Linear, 0.05, h).unwrap();
         let target = Target::Level(1e-2 * level, side);
-        let barrier = Barrier::of(target, &oscillator, initial).unwrap();
+        let barrier = Barrier::of(target, target.range(&oscillator, initial).unwrap());
         Bound::of(&Region::new(&oscillator, barrier), initial, until).unwrap()
     }
 

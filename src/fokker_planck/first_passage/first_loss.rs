@@ -145,15 +145,11 @@ impl FirstPassage {
         settings: &Settings,
     ) -> Result<Self> {
         positive(&format!("{}.until", target.key()), until)?;
-        let barrier = Barrier::of(target, oscillator, initial)?;
+        let barrier = Barrier::of(target, target.range(oscillator, initial)?);
         let name = match target {
             Target::Loss => "the first loss of contact",
             Target::Level(..) => "the first passage of the level",
         };
-        positive("accuracy.tolerance", settings.tolerance)?;
-        if let Some(step) = settings.step {
-            positive("method.step", step)?;
-        }
         oscillator
             .damping()
             .depends_on_displacement("a first passage")?;
@@ -311,8 +307,13 @@ pub fn first_loss(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
-    let recipe = FirstPassage::of(oscillator, initial, (Target::Loss, until), settings)?;
-    recipe.solve(oscillator, initial, &settings.limits(), progress)
+    solved(
+        oscillator,
+        initial,
+        (Target::Loss, until),
+        settings,
+        progress,
+    )
 }
 
 /// The first passage of `level` from `initial`: below it, above it, or of either of it and its negative. Otherwise as
@@ -330,7 +331,19 @@ pub fn first_passage(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<FirstLoss> {
     let target = Target::Level(level, side);
-    let recipe = FirstPassage::of(oscillator, initial, (target, until), settings)?;
+    solved(oscillator, initial, (target, until), settings, progress)
+}
+
+fn solved(
+    oscillator: &Oscillator,
+    initial: &Initial,
+    asked: (Target, f64),
+    settings: &Settings,
+    progress: &(dyn Fn(f64) + Sync),
+) -> Result<FirstLoss> {
+    settings.check()?;
+    initial.check()?;
+    let recipe = FirstPassage::of(oscillator, initial, asked, settings)?;
     recipe.solve(oscillator, initial, &settings.limits(), progress)
 }
 

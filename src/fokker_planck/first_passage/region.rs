@@ -3,7 +3,7 @@
 //! A passage upwards is one downwards in x = -q, and so is everything that the motion needs of the oscillator.
 
 use crate::damping::Damping;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::first_step;
 use crate::fokker_planck::solved::Law;
 use crate::fokker_planck::trajectory::Motion;
@@ -22,54 +22,20 @@ pub(crate) struct Barrier {
 }
 
 impl Barrier {
-    /// Those of a target.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] for a law that cannot lose contact; for a level that is not finite, not above 0 where its negative is
-    /// one too, or that rest has passed.
-    pub(super) fn of(target: Target, oscillator: &Oscillator, initial: &Initial) -> Result<Self> {
-        let (level, side) = match target {
-            Target::Loss => {
-                return Ok(Self {
-                    sign: 1.0,
-                    low: oscillator.contact().loss_for("first_loss")?,
-                    high: None,
-                });
-            }
-            Target::Level(level, side) => (level, side),
-        };
-        let key = "outputs.first_passage.level";
-        if !level.is_finite() {
-            return Err(Error::invalid(key, level, "a finite displacement"));
-        }
-        let it = match side {
-            Side::Below => Self {
-                sign: 1.0,
-                low: level,
-                high: None,
-            },
-            Side::Above => Self {
+    /// Those of a target that motions survive in `range` of.
+    pub(super) fn of(target: Target, [low, high]: [f64; 2]) -> Self {
+        match target {
+            Target::Level(_, Side::Above) => Self {
                 sign: -1.0,
-                low: -level,
+                low: -high,
                 high: None,
             },
-            Side::Either => Self {
+            _ => Self {
                 sign: 1.0,
-                low: -level,
-                high: Some(level),
+                low,
+                high: Some(high).filter(|it| it.is_finite()),
             },
-        };
-        let accepted = match (side, initial) {
-            (Side::Either, _) if level <= 0.0 => "a level > 0 with side = \"either\"",
-            (Side::Below, Initial::Rest) if !it.holds(0.0) => {
-                "a level below 0, where rest begins, with side = \"below\""
-            }
-            (Side::Above, Initial::Rest) if !it.holds(0.0) => {
-                "a level above 0, where rest begins, with side = \"above\""
-            }
-            _ => return Ok(it),
-        };
-        Err(Error::invalid(key, level, accepted))
+        }
     }
 
     /// Whether a motion at q has passed none of them.

@@ -65,12 +65,12 @@ pub(super) struct Rows {
     /// Their number in the rows before.
     pub(super) offsets: Vec<usize>,
     /// g of the other cells over that of the nearest one that holds an unknown: p falls off as the stationary law under the
-    /// noise. Where g is taken against a hotter law, a constant would let what lies there grow by e^{2 zeta t}.
+    /// weakest noise. Where g is taken against a hotter law, a constant would let what lies there grow by e^{2 zeta t}.
     pub(super) beyond: Vec<f64>,
 }
 
 impl Rows {
-    /// Those of a mesh; `excess` is 1/T of the noise less that of the law which g is taken against.
+    /// Those of a mesh; `excess` is 1/T of the weakest noise less that of the law which g is taken against.
     pub(super) fn of(oscillator: &Oscillator, mesh: &Mesh, stationary: bool, excess: f64) -> Self {
         let active = active(oscillator, mesh, stationary);
         let mut offsets = vec![0];

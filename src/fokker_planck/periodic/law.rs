@@ -239,6 +239,7 @@ pub fn periodic(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Periodic> {
+    settings.check()?;
     let recipe = PeriodicLaw::of(oscillator, (phases, Periodic::MAPS), settings)?;
     recipe.solve(oscillator, &settings.limits(), progress)
 }

@@ -2,7 +2,7 @@
 
 use super::harmonics::Harmonic;
 use super::law::{MetastableLaw, Periodic, PeriodicLaw};
-use crate::error::Result;
+use crate::error::{Error, Result, ascending};
 use crate::estimate::{Estimate, Origin, Shortfall};
 use crate::excitation::Excitation;
 use crate::fokker_planck::budget::{Cost, Limits};
@@ -269,6 +269,12 @@ pub fn response(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Response> {
+    settings.check()?;
+    ascending("outputs.response", frequencies)?;
+    if frequencies.is_empty() {
+        let accepted = "at least one frequency";
+        return Err(Error::invalid("outputs.response", "[]", accepted));
+    }
     let recipe = ResponseCurve::of(oscillator, frequencies, settings)?;
     recipe.solve(oscillator, &settings.limits(), progress)
 }

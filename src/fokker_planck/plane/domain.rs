@@ -1,5 +1,6 @@
 //! The truncated domain: as wide as the tolerance needs, and bounded by one energy level.
 
+use crate::contact::ContactLaw;
 use crate::damping::Damping;
 use crate::error::{Error, Result};
 use crate::gaussian::{Gaussian, lower, normal};
@@ -275,6 +276,9 @@ impl Domain {
         until: f64,
         neglected: f64,
     ) -> Result<Self> {
+        if *oscillator.contact() != ContactLaw::Free {
+            oscillator.displacement_law()?;
+        }
         let start = Gaussian::of(oscillator, initial)?;
         // Two-sided tail in each of two directions.
         let mut width = 1.0;
@@ -369,7 +373,6 @@ pub(crate) fn start_outside(oscillator: &Oscillator, initial: &Initial, level: f
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::contact::ContactLaw;
     use std::cell::RefCell;
 
     thread_local! {

@@ -38,6 +38,7 @@ pub fn spectrum(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Spectrum> {
+    settings.check()?;
     let until = omegas.last().copied().unwrap_or_default();
     let recipe = Resolvent::of(oscillator, until, settings);
     recipe.solve(oscillator, quantity, omegas, &settings.limits(), progress)

@@ -4,7 +4,7 @@ use super::cost;
 use super::question::{KNOWN, Question};
 use super::recipe::{FirstGrid, RUNGS, Recipe, Scheme};
 use super::time_scheme::time_scheme;
-use crate::error::{Error, Result, positive};
+use crate::error::{Error, Result};
 use crate::fokker_planck::budget::Cost;
 use crate::fokker_planck::domain::{Domain, start_outside};
 use crate::fokker_planck::flow_map::FlowMap;
@@ -128,9 +128,6 @@ impl Question<'_> {
     }
 
     fn decided(&self) -> Result<Recipe> {
-        if let Some(step) = self.settings.step {
-            positive("method.step", step)?;
-        }
         self.check_forcing()?;
         let (layout, first_grid) = self.laid_out()?;
         let hot = self.hot(&layout, first_grid)?;

@@ -3,6 +3,7 @@
 
 mod begun;
 mod cost;
+mod curve;
 mod decide;
 mod error_estimate;
 mod followed;

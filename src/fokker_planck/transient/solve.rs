@@ -8,7 +8,7 @@ use super::propagator;
 use super::recipe::{Recipe, Rung};
 use super::report::Transient;
 use super::run::{Run, Task};
-use crate::error::Result;
+use crate::error::{Error, Result, ascending};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::flux::Drift;
@@ -48,6 +48,17 @@ pub fn transient(
     settings: &Settings,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Transient> {
+    settings.check()?;
+    initial.check()?;
+    ascending("outputs.moments_at", times)?;
+    if times.is_empty() {
+        let accepted = "at least one time";
+        return Err(Error::invalid("outputs.moments_at", "[]", accepted));
+    }
+    if let Some(t) = density_times.iter().find(|t| !times.contains(t)) {
+        let accepted = "times of the moments too";
+        return Err(Error::invalid("outputs.density_at", t, accepted));
+    }
     let recipe = Recipe::of(oscillator, initial, times, settings)?;
     let (question, times) = ((oscillator, initial), (times, density_times));
     recipe.solve(question, times, &settings.limits(), progress)
