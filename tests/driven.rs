@@ -303,7 +303,7 @@ fn after_a_fall_of_the_noise_under_strong_friction_the_law_of_less_noise_is_ther
             it.method
         );
         assert!(z <= 1.0 && it.shortfall.is_none(), "{name}: {z}");
-        assert!(it.negative_mass.iter().all(|it| *it < 1e-6));
+        assert!(it.negative_mass.iter().all(|it| it.value < 1e-6));
     }
 }
 
