@@ -104,7 +104,7 @@ impl Default for Settings {
 }
 
 /// Cells along an axis at most.
-const MOST_CELLS: usize = 1_000_000;
+const MOST_CELLS: usize = 1_000_000_000;
 
 impl Settings {
     /// Refuses what no solver takes.
@@ -126,7 +126,7 @@ impl Settings {
         }
         for (k, cells) in self.cells.into_iter().flatten().enumerate() {
             if !(4..=MOST_CELLS).contains(&cells) {
-                let accepted = format!("a whole number from 4 to {MOST_CELLS}");
+                let accepted = format!("a whole number from 4 to {:e}", MOST_CELLS as f64);
                 return Err(Error::invalid(
                     format!("method.cells[{k}]"),
                     cells,

@@ -166,7 +166,7 @@ mod tests {
     struct Power(f64);
     impl Restoring for Power {
         fn name(&self) -> &'static str {
-            "power"
+            "own power"
         }
         fn force(&self, q: f64) -> f64 {
             (1.0 + q / self.0).max(0.0).powf(self.0) - 1.0

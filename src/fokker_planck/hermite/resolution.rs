@@ -65,7 +65,8 @@ impl Resolution {
 
     /// Bytes that one solve holds.
     pub(in crate::fokker_planck) fn memory(self) -> u64 {
-        (16 * self.pairs * (2 * self.pairs + INNER * INNER) * (self.elements + 2)) as u64
+        let [pairs, inner] = [self.pairs, INNER].map(|it| it as f64);
+        (16.0 * pairs * (2.0 * pairs + inner * inner) * (self.elements + 2) as f64) as u64
     }
 
     /// Operations of one factorisation: the inner functions of each element are eliminated under two hats for each pair, in
