@@ -173,14 +173,18 @@ pub(crate) fn positive(key: &str, value: f64) -> Result<f64> {
     }
 }
 
-/// Refuses times that are negative, not finite or not ascending, by `key`.
-pub(crate) fn ascending(key: &str, times: &[f64]) -> Result<()> {
-    let mut now = 0.0;
-    for &time in times {
-        if !(time.is_finite() && time >= now) {
-            return Err(Error::invalid(key, time, "ascending finite times >= 0"));
+/// Refuses times, or whatever else is meant by the word, that are negative, not finite or not ascending, by `key`.
+pub(crate) fn ascending(key: &str, what: &str, all: &[f64]) -> Result<()> {
+    let mut before = 0.0;
+    for &it in all {
+        if !(it.is_finite() && it >= before) {
+            return Err(Error::invalid(
+                key,
+                it,
+                format!("ascending finite {what} >= 0"),
+            ));
         }
-        now = time;
+        before = it;
     }
     Ok(())
 }

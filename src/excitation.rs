@@ -269,19 +269,24 @@ impl Excitation {
         }
     }
 
-    /// The lowest temperature that the mean energy falls back to until time t, over that of the undriven oscillator
+    /// The lowest temperature that the mean energy falls back to between two times, over that of the undriven oscillator
     /// under the factor `from`, which it has at 0: dT/dt = -2 zeta (T - factor), exact where friction is weak and no
     /// more than a guess elsewhere.
-    pub(crate) fn coldest(&self, zeta: f64, from: f64, t: f64) -> f64 {
-        let (mut now, mut level, mut lowest) = (0.0, from, from);
-        let ends: Vec<f64> = self.bends(0.0, t).chain([t]).collect();
-        for end in ends {
-            const PARTS: usize = 32;
+    pub(crate) fn coldest(&self, zeta: f64, from: f64, [first, last]: [f64; 2]) -> f64 {
+        const PARTS: usize = 32;
+        let (mut now, mut level, mut lowest) = (0.0, from, f64::INFINITY);
+        let ends = self.bends(0.0, first).chain([first]);
+        for end in ends.chain(self.bends(first, last)).chain([last]) {
+            if now >= first {
+                lowest = lowest.min(level);
+            }
             let step = (end - now) / PARTS as f64;
             for k in 0..PARTS {
                 let factor = self.factor(now + (k as f64 + 0.5) * step);
                 level = factor + (level - factor) * (-2.0 * zeta * step).exp();
-                lowest = f64::min(lowest, level);
+                if now >= first {
+                    lowest = lowest.min(level);
+                }
             }
             now = end;
         }
@@ -308,7 +313,7 @@ mod tests {
         assert_eq!(it.highest_factor(2.0), 1.0);
         assert_eq!(it.highest_factor(9.0), 1.5);
         // Long after its end nothing is left of the noise.
-        assert!(it.coldest(0.005, 1.5, 1004.0) < 1e-3);
+        assert!(it.coldest(0.005, 1.5, [0.0, 1004.0]) < 1e-3);
         let late = Envelope::new(vec![5.0, 6.0], vec![0.0, 1.0]).unwrap();
         let late = Excitation {
             drive: None,

@@ -70,7 +70,7 @@ impl Gaussian {
     /// not finite.
     pub fn after(&self, oscillator: &Oscillator, t: f64) -> Result<Self> {
         oscillator.with_closed_form()?;
-        ascending("t", &[t])?;
+        ascending("t", "times", &[t])?;
         let (stiffness, drive) = match oscillator.contact() {
             ContactLaw::Linear => (1.0, 0.0),
             ContactLaw::Free => (0.0, 1.0),

@@ -152,19 +152,7 @@ impl FlowMap {
         } else {
             0.0
         };
-        let coldest = match &forcing {
-            Some(it) => it.noise().temperature() * it.narrowing().powi(2),
-            None => oscillator.temperature(),
-        };
-        // Where flights without friction make p fall more slowly than under noise alone, g stays.
-        let follows = |it: &Arc<Forcing>| it.throws() && it.tail().is_some();
-        let follows = forcing.as_ref().is_some_and(follows);
-        let excess = if stationary && !follows {
-            (1.0 / coldest.max(f64::MIN_POSITIVE) - beta).max(0.0)
-        } else {
-            0.0
-        };
-        let rows = Rows::of(oscillator, mesh, stationary, excess);
+        let rows = Rows::of(oscillator, mesh, stationary);
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
         let open = vec![(0..nq, Matrix::new(nv, stride, None))];
         Ok(Self {
@@ -289,6 +277,8 @@ impl FlowMap {
             return Ok(());
         }
         self.prepare(duration, late)?;
+        let excess = self.excess([self.now, self.now + duration]);
+        self.rows.fall(&self.mesh, excess);
         self.buffers.values.copy_from_slice(density.cells());
         self.weights.each(&mut self.buffers.values, |g, w| *g /= w);
         let before = self.mass();
@@ -307,6 +297,22 @@ impl FlowMap {
         let lacking = self.lacking(density.cells());
         self.progress.lacking = self.progress.lacking.max(lacking);
         Ok(())
+    }
+
+    /// By how much 1/T of p is more than that of the law which g is taken against: at the edge p falls as under the weakest noise
+    /// between two times.
+    fn excess(&self, between: [f64; 2]) -> f64 {
+        // Where flights without friction make p fall more slowly than under noise alone, g stays.
+        let follows = |it: &Arc<Forcing>| it.throws() && it.tail().is_some();
+        if !self.stationary || self.forcing.as_ref().is_some_and(follows) {
+            return 0.0;
+        }
+        let alone = || self.oscillator.temperature();
+        let coldest = self
+            .forcing
+            .as_ref()
+            .map_or_else(alone, |it| it.coldest(between));
+        (1.0 / coldest.max(f64::MIN_POSITIVE) - self.beta).max(0.0)
     }
 
     /// Whether threads share the work of a stage.

@@ -47,6 +47,8 @@ pub(crate) struct Forcing {
     noise: Oscillator,
     reference: Oscillator,
     swing: f64,
+    /// Half the rate at which the energy follows the noise, and the strongest noise there is.
+    relaxing: (f64, f64),
     narrowing: f64,
     orbits: Vec<[f64; 2]>,
     /// An orbit far out that no motion from near rest comes to, where flights are without friction: whether noise ever throws a
@@ -144,7 +146,7 @@ impl Forcing {
             noise.clone()
         };
         let friction = oscillator.reference_friction().max(2.0 * zeta);
-        let coldest = excitation.coldest(0.5 * friction, factor, until);
+        let coldest = excitation.coldest(0.5 * friction, factor, [0.0, until]);
         Ok(Self {
             excitation: excitation.clone(),
             zeta,
@@ -153,6 +155,7 @@ impl Forcing {
             noise,
             reference,
             swing,
+            relaxing: (0.5 * friction, factor),
             narrowing: (coldest / factor).sqrt(),
             orbits: Vec::new(),
             far: None,
@@ -250,6 +253,16 @@ impl Forcing {
     /// intervals that it cuts. 0 without one.
     pub(crate) fn uneven(&self) -> f64 {
         self.uneven
+    }
+
+    /// The temperature that the law falls back to between two times at most.
+    pub(crate) fn coldest(&self, between: [f64; 2]) -> f64 {
+        let (rate, highest) = self.relaxing;
+        let part = match self.excitation.envelope {
+            Some(_) => self.excitation.coldest(rate, highest, between) / highest,
+            None => 1.0,
+        };
+        part * self.noise.temperature()
     }
 
     /// The narrowest deviations of the law over those under the strongest noise.

@@ -110,6 +110,7 @@ impl Walk {
         initial: &Initial,
         it: &Sampling,
     ) -> Result<Self> {
+        initial.check()?;
         if it.noise != Noise::White {
             let accepted = "\"white\", for first_loss";
             let key = "monte_carlo.noise";
@@ -188,8 +189,12 @@ impl Walk {
             Scheme::CentralDifference => match self.noise.band() {
                 // Friction sees the white noise of a step before the motion does.
                 None => 0.25 * turn * turn + zeta * step,
-                // What is smooth errs by how far its fastest part turns within a step; friction lets no more than 2 zeta through.
-                Some(band) => 0.25 * turn.max(step * band.min(2.0 * zeta)).powi(2),
+                // What is smooth errs by how far its fastest part turns within a step. Friction lets no more than 2 zeta through, but for
+                // the variance of v, whose integrand falls as 1/w^2 up to the band and errs there by (w step)^2/6.
+                Some(band) => {
+                    let seen = turn.max(step * band.min(2.0 * zeta));
+                    (0.25 * seen * seen).max(0.22 * zeta * band * step * step)
+                }
             },
             Scheme::Baoab => 0.25 * turn * turn,
             Scheme::EulerMaruyama => 0.5 * step / zeta + 0.5 * turn * turn,
@@ -302,7 +307,7 @@ pub(super) fn check_ensemble(paths: u64, times: &[f64], key: &'static str) -> Re
         );
         return Err(Error::invalid("monte_carlo.paths", paths, accepted));
     }
-    ascending(key, times)
+    ascending(key, "times", times)
 }
 
 /// The number of equal steps, none longer than `step`, that span `time`, and their length.

@@ -99,14 +99,7 @@ impl Scene {
             self.initial == Initial::Rest && outputs.density_at.list().first() == Some(&0.0);
         let accepted = "times after 0: at rest all probability is in one point";
         require(!point, "outputs.density_at[0]", 0, accepted)?;
-        let count = outputs.decay_rates;
-        let accepted = format!("a whole number from 0 to {}", DecayRates::MOST);
-        require(
-            count <= DecayRates::MOST,
-            "outputs.decay_rates",
-            count,
-            accepted,
-        )?;
+        DecayRates::check(outputs.decay_rates)?;
         if let Some(spectrum) = outputs.spectrum {
             let key = "outputs.spectrum.until";
             if !self.oscillator.contact().is_confining() {

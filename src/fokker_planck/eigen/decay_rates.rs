@@ -23,7 +23,7 @@
 //! spectrum then reaches 0, and eigenvalues of truncated domains fall as these grow. They are the answer only where the
 //! domain ends short of flight.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::estimate::Shortfall;
 use crate::fokker_planck::budget::{Cost, timing};
 use crate::fokker_planck::hermite::{Resolution, work as friction_work};
@@ -68,8 +68,15 @@ pub struct DecayRates {
 }
 
 impl DecayRates {
-    /// Rates that may be asked for.
-    pub const MOST: usize = 100;
+    /// Refuses more rates than may be asked for.
+    pub(crate) fn check(count: usize) -> Result<()> {
+        const MOST: usize = 100;
+        if count <= MOST {
+            return Ok(());
+        }
+        let accepted = format!("a whole number from 0 to {MOST}");
+        Err(Error::invalid("outputs.decay_rates", count, accepted))
+    }
 }
 
 /// Krylov vectors of a shift in the first search: the nearest dozens of eigenvalues converge. Finer

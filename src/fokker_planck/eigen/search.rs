@@ -2,7 +2,7 @@
 
 use super::arnoldi::{Arnoldi, Mode};
 use super::decay_rates::{DecayRate, DecayRates, Eigenvalues, FAR_BELOW, MOST_VECTORS, SHIFTS};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::convergence::left_of;
@@ -40,10 +40,7 @@ pub fn decay_rates(
     settings: &Settings,
 ) -> Result<DecayRates> {
     settings.check()?;
-    if count > DecayRates::MOST {
-        let accepted = format!("a whole number from 0 to {}", DecayRates::MOST);
-        return Err(Error::invalid("outputs.decay_rates", count, accepted));
-    }
+    DecayRates::check(count)?;
     Eigenvalues::of(oscillator, count, settings)?.solve(oscillator, &settings.limits(), &|_| {})
 }
 

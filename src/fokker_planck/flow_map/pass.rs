@@ -56,6 +56,7 @@ impl Buffers {
             active,
             offsets,
             beyond,
+            ..
         }: &Rows,
         share: bool,
     ) {

@@ -67,30 +67,37 @@ pub(super) struct Rows {
     /// g of the other cells over that of the nearest one that holds an unknown: p falls off as the stationary law under the
     /// weakest noise. Where g is taken against a hotter law, a constant would let what lies there grow by e^{2 zeta t}.
     pub(super) beyond: Vec<f64>,
+    excess: f64,
 }
 
 impl Rows {
-    /// Those of a mesh; `excess` is 1/T of the weakest noise less that of the law which g is taken against.
-    pub(super) fn of(oscillator: &Oscillator, mesh: &Mesh, stationary: bool, excess: f64) -> Self {
+    /// Those of a mesh, g a constant beyond them.
+    pub(super) fn of(oscillator: &Oscillator, mesh: &Mesh, stationary: bool) -> Self {
         let active = active(oscillator, mesh, stationary);
         let mut offsets = vec![0];
         for range in &active {
             offsets.push(offsets[offsets.len() - 1] + range.len());
         }
-        let v = mesh.v.centres();
-        let row = |range: &Range<usize>| {
-            let (first, last) = (range.start, range.end - 1);
-            let share = move |j: usize| {
-                let edge = v[j.clamp(first, last)];
-                (-0.5 * excess * (v[j] * v[j] - edge * edge)).exp()
-            };
-            (0..v.len()).map(share)
-        };
-        let beyond = active.iter().flat_map(row).collect();
         Self {
             active,
             offsets,
-            beyond,
+            beyond: vec![1.0; mesh.len()],
+            excess: 0.0,
+        }
+    }
+
+    /// Makes p fall off beyond them by so much more in 1/T than the law which g is taken against.
+    pub(super) fn fall(&mut self, mesh: &Mesh, excess: f64) {
+        if excess == self.excess {
+            return;
+        }
+        self.excess = excess;
+        let v = mesh.v.centres();
+        for (row, range) in self.beyond.chunks_exact_mut(v.len()).zip(&self.active) {
+            for (j, share) in row.iter_mut().enumerate() {
+                let edge = v[j.clamp(range.start, range.end - 1)];
+                *share = (-0.5 * excess * (v[j] * v[j] - edge * edge)).exp();
+            }
         }
     }
 }

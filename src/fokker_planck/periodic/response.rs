@@ -270,7 +270,7 @@ pub fn response(
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Response> {
     settings.check()?;
-    ascending("outputs.response", frequencies)?;
+    ascending("outputs.response", "frequencies", frequencies)?;
     if frequencies.is_empty() {
         let accepted = "at least one frequency";
         return Err(Error::invalid("outputs.response", "[]", accepted));

@@ -28,7 +28,7 @@ pub(super) struct Stretch {
 /// What a curve shows of its passage.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Passage {
-    /// Where it may have come, the last where it certainly has, if it has.
+    /// Where it may have passed; where it certainly has, that is the last.
     pub(super) stretches: Vec<Stretch>,
     pub(super) crossing: Option<Crossing>,
 }
@@ -80,8 +80,8 @@ impl Stretch {
         };
     }
 
-    /// Times about it, some beyond both ends for the interpolation.
-    fn window(&self, end: f64) -> Vec<f64> {
+    /// Times about it, some beyond both ends for the interpolation, no more than `most`.
+    fn window(&self, end: f64, most: f64) -> Vec<f64> {
         let width = (self.to - self.from).max(1e-9 * self.to);
         let (from, to) = (
             (self.from - 0.5 * width).max(0.0),
@@ -93,7 +93,11 @@ impl Stretch {
             OF_SPACING
         };
         let apart = (self.spacing / parts).min(width / OF_STRETCH);
-        evenly(from, to, ((to - from) / apart).ceil().max(FINE))
+        evenly(
+            from,
+            to,
+            ((to - from) / apart).ceil().clamp(FINE, most.max(FINE)),
+        )
     }
 }
 
@@ -111,11 +115,13 @@ impl Passage {
         (share * spread > (1.0 - share) * spread + piece).then(|| aim / (share * spread))
     }
 
-    /// Times that show more of every stretch, no more than `most`, and the parts that they look at.
-    pub(super) fn closer(&self, end: f64, most: usize) -> (Vec<f64>, Vec<[f64; 2]>) {
+    /// Times that show more of every stretch, of very many of the first, no more than `most`, and the parts that they look at.
+    pub(super) fn closer(&self, end: f64, most: f64) -> (Vec<f64>, Vec<[f64; 2]>) {
         let mut times: Vec<f64> = Vec::new();
         let mut parts: Vec<[f64; 2]> = Vec::new();
-        for window in self.stretches.iter().map(|it| it.window(end)) {
+        let stretches = self.stretches.iter().take((most / FINE) as usize);
+        let each = most / stretches.len() as f64;
+        for window in stretches.map(|it| it.window(end, each)) {
             let (first, last) = (window[0], window[window.len() - 1]);
             match parts.last_mut().filter(|it| first <= it[1]) {
                 Some(part) => part[1] = part[1].max(last),
@@ -124,8 +130,6 @@ impl Passage {
             let now = times.last().copied().unwrap_or(-1.0);
             times.extend(window.into_iter().filter(|t| *t > now));
         }
-        let each = times.len().div_ceil(most).max(1);
-        let times = times.into_iter().step_by(each).collect();
         (times, parts)
     }
 }
@@ -174,12 +178,12 @@ impl Curve {
         self.times.first() == Some(&0.0) && self.values.first().is_some_and(has)
     }
 
-    /// Whether all of the last quarter is within so much of a value.
+    /// Whether all of the last quarter is within so much of a value, or within its error.
     pub(super) fn stays(&self, value: f64, within: f64) -> bool {
         let end = self.times.last().copied().unwrap_or(0.0);
         let all = self.times.iter().zip(&self.values);
         let mut quarter = all.filter(|(t, _)| **t >= 0.75 * end);
-        quarter.all(|(_, it)| (it.value - value).abs() <= within)
+        quarter.all(|(_, it)| (it.value - value).abs() <= within.max(it.error))
     }
 
     /// Height over the level.
@@ -187,13 +191,14 @@ impl Curve {
         self.sign * (self.values[k].value - self.level)
     }
 
-    /// The most by which the curve may rise between times k and k + 1 over its values there: a peak is no higher over the values
-    /// beside it than those over their neighbours.
+    /// The most by which the curve may rise between times k and k + 1 over its values there: a peak is no steeper than what lies
+    /// beside it.
     fn bend(&self, k: usize) -> f64 {
         let last = self.times.len() - 1;
-        let differences = k.saturating_sub(1)..(k + 2).min(last);
-        let change = |i: usize| (self.over(i + 1) - self.over(i)).abs();
-        differences.map(change).fold(0.0, f64::max)
+        let beside = k.saturating_sub(1)..(k + 2).min(last);
+        let width = |i: usize| self.times[i + 1] - self.times[i];
+        let slope = |i: usize| (self.over(i + 1) - self.over(i)).abs() / width(i);
+        width(k) * beside.map(slope).fold(0.0, f64::max)
     }
 
     /// The cubic through the four times about interval `k`, and how far it is from those one time before and after: a parabola would

@@ -51,7 +51,7 @@ pub(crate) struct Reach {
 /// fast as the motion.
 const SPACING: f64 = 0.4;
 /// Times of a course; with more, those of a very weakly damped oscillator lie farther apart.
-const MOST: usize = 20_000;
+const MOST: f64 = 20_000.0;
 /// Courses about the crossing, each with finer times or a finer tolerance.
 const PASSES: usize = 5;
 /// The part of the tolerance that a finer course aims at: the slope is not known any better.
@@ -78,16 +78,16 @@ impl Reach {
         // A relaxation towards the stationary value has come so far after this many of them, and some more.
         let length = |to: f64| relaxation * (1.3 * to.recip().ln().clamp(0.0, 30.0) + 0.6);
         let left = (1.0 - fraction).abs();
-        let spacing = SPACING / oscillator.contact().fastest();
+        let spacing = SPACING / fastest(oscillator, initial);
         // Hops between wells are slower than any of these.
         let long = match oscillator.contact().barrier() {
             None => LONG * relaxation,
             Some(_) => f64::INFINITY,
         };
         let times = course(length(left), spacing);
-        // And what is left then is within the tolerance.
+        // And what is left then is within the tolerance, all of the last quarter.
         let longest = length(left.min(1.0) * settings.tolerance);
-        let lengths = 1 + (longest / length(left)).log2().ceil() as usize;
+        let lengths = 2 + (longest / length(left)).log2().ceil() as usize;
         let settings = Settings {
             moments: Some(vec![moment]),
             ..settings.clone()
@@ -190,9 +190,11 @@ impl Reach {
                 if finer < 1.0 {
                     settings.tolerance = tightened(settings.tolerance, finer);
                 }
-                if !seen.stretches.is_empty() {
-                    (times, parts) = seen.closer(end, MOST);
-                }
+                (times, parts) = if seen.stretches.is_empty() {
+                    (course(end, self.spacing), vec![[0.0, f64::INFINITY]])
+                } else {
+                    seen.closer(end, MOST)
+                };
                 continue;
             };
             let tolerance = self.settings.tolerance * crossing.t;
@@ -225,15 +227,12 @@ impl Reach {
         })
     }
 
-    /// Whether the last value is the stationary one within its error, or, of a course that is long enough for what is left of a
-    /// deviation to grow no more, all of its last quarter within [`NEAR`] of the way from it to the level.
+    /// Whether all of the last quarter is the stationary value within its error, or, of a course that is long enough for what is left
+    /// of a deviation to grow no more, within [`NEAR`] of the way from it to the level.
     fn rests(&self, curve: &Curve, stationary: Estimate) -> bool {
-        let Some((end, last)) = curve.last() else {
-            return false;
-        };
+        let long = curve.last().is_some_and(|(end, _)| end >= self.long);
         let near = NEAR * ((self.fraction - 1.0) * stationary.value).abs();
-        (last.value - stationary.value).abs() <= last.error
-            || end >= self.long && curve.stays(stationary.value, near)
+        curve.stays(stationary.value, if long { near } else { 0.0 })
     }
 
     /// What a curve says that certainly passes nowhere.
@@ -283,6 +282,22 @@ impl Reach {
     }
 }
 
+/// The largest frequency of small motions about an equilibrium or where the motion that begins at the mean turns, 1 at least.
+fn fastest(oscillator: &Oscillator, initial: &Initial) -> f64 {
+    let contact = oscillator.contact();
+    let turns = match initial {
+        Initial::Gaussian { mean: [q, v], .. } => {
+            let lowest = contact.lowest_potential().unwrap_or(0.0);
+            contact.turning_points(oscillator.energy(*q, *v) - lowest)
+        }
+        _ => None,
+    };
+    let stiffness = turns.map(|(a, b)| contact.stiffness(a).max(contact.stiffness(b)));
+    contact
+        .fastest()
+        .max(stiffness.unwrap_or(1.0).max(1.0).sqrt())
+}
+
 /// The tolerance of a course that is to err so many times as much, none much finer than the one before.
 fn tightened(tolerance: f64, finer: f64) -> f64 {
     (tolerance * finer.clamp(0.02, 0.7)).max(FINEST)
@@ -291,7 +306,7 @@ fn tightened(tolerance: f64, finer: f64) -> f64 {
 /// Times from 0 on, so far apart.
 fn course(to: f64, spacing: f64) -> Vec<f64> {
     let count = (to / spacing).ceil();
-    evenly(0.0, to, count.clamp(8.0, MOST as f64 - 1.0))
+    evenly(0.0, to, count.clamp(8.0, MOST - 1.0))
 }
 
 /// What a curve says that certainly passes nowhere.

@@ -50,7 +50,7 @@ pub fn transient(
 ) -> Result<Transient> {
     settings.check()?;
     initial.check()?;
-    ascending("outputs.moments_at", times)?;
+    ascending("outputs.moments_at", "times", times)?;
     if times.is_empty() {
         let accepted = "at least one time";
         return Err(Error::invalid("outputs.moments_at", "[]", accepted));
