@@ -316,7 +316,10 @@ mod tests {
         assert!(it.coldest(0.005, 1.5, [0.0, 1004.0]) < 1e-3);
         // From 1.5 to 0 within the last unit, and long before it.
         let [before, after] = [[2.9, 3.0], [3.0, 4.0]].map(|between| it.coldest(5.0, 1.5, between));
-        assert!((1.2..1.5).contains(&before) && after < 0.2, "{before}, {after}");
+        assert!(
+            (1.2..1.5).contains(&before) && after < 0.2,
+            "{before}, {after}"
+        );
         let late = Envelope::new(vec![5.0, 6.0], vec![0.0, 1.0]).unwrap();
         let late = Excitation {
             drive: None,
