@@ -44,7 +44,7 @@ fn transient(initial: &Initial, times: &[f64], densities: &[f64], settings: &Set
 #[test]
 fn settings_that_no_scene_could_have_are_refused_by_every_solver() {
     let rest = Initial::Rest;
-    let all: [(&str, Settings); 9] = [
+    let all: [(&str, Settings); 10] = [
         ("accuracy.tolerance", settings(|it| it.tolerance = f64::NAN)),
         ("accuracy.tolerance", settings(|it| it.tolerance = -1.0)),
         ("accuracy.tolerance", settings(|it| it.tolerance = 5.0)),
@@ -57,6 +57,10 @@ fn settings_that_no_scene_could_have_are_refused_by_every_solver() {
         ("method.cells[1]", settings(|it| it.cells = Some([40, 0]))),
         ("method.step", settings(|it| it.step = Some(-0.1))),
         ("accuracy.max_seconds", settings(|it| it.max_seconds = 0.0)),
+        (
+            "accuracy.max_seconds",
+            settings(|it| it.max_seconds = f64::INFINITY),
+        ),
     ];
     for (named, settings) in all {
         let it = hertz();

@@ -119,9 +119,7 @@ impl Settings {
             holds.then_some(()).ok_or_else(refused)
         };
         share("accuracy.tolerance", self.tolerance)?;
-        if self.max_seconds != f64::INFINITY {
-            positive("accuracy.max_seconds", self.max_seconds)?;
-        }
+        positive("accuracy.max_seconds", self.max_seconds)?;
         if self.max_memory == 0 {
             let accepted = "a size above 0, as \"8 GB\"";
             return Err(Error::invalid("accuracy.max_memory", 0, accepted));
