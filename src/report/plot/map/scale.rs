@@ -28,33 +28,36 @@ impl Scale {
         let there = || field.values.iter().copied().filter(|it| it.is_finite());
         let magnitudes = || there().map(f64::abs).filter(|it| *it > 0.0);
         let (low, high) = range(magnitudes(), 0.0)?;
-        let one_sided = there().all(|it| it >= 0.0) || there().all(|it| it <= 0.0);
+        // Numbers that are less than their error are not told apart, nor on which side of 0 they lie.
+        let pairs = || field.values.iter().copied().zip(&field.errors);
+        let told =
+            |(x, error): &(f64, &f64)| x.abs() > 0.0 && (error.is_nan() || x.abs() >= **error);
+        let known = || pairs().filter(told).map(|(x, _)| x);
+        let negative = known().any(|it| it < 0.0);
+        let one_sided = !(negative && known().any(|it| it > 0.0));
         // A zero has no logarithm: it is one that is too small to be told.
         let log = one_sided && high / low.max(f64::MIN_POSITIVE) > DECADES;
         let range = if log {
             let top = magnitudes().fold(0.0, f64::max).log10();
-            // Numbers that are less than their error are not told apart.
-            let pairs = field.values.iter().zip(&field.errors);
-            let known =
-                pairs.filter(|(x, error)| x.abs() > 0.0 && (error.is_nan() || x.abs() >= **error));
-            let known = known.map(|(x, _)| x.abs());
-            let bottom = known.fold(top, |low, x| low.min(x.log10()));
+            let bottom = known().fold(top, |low, x| low.min(x.abs().log10()));
             (bottom.max(top - DEEPEST).min(top - 1.0), top)
         } else {
             range(there(), 0.0)?
         };
-        let negative = log && there().any(|it| it < 0.0);
         Some(Self {
             log,
             range,
-            negative,
+            negative: log && negative,
         })
     }
 
     /// Where a number stands; below the range what has no logarithm.
     pub(super) fn place(&self, x: f64) -> f64 {
         match (self.log, x.is_nan()) {
-            (true, false) => x.abs().log10().max(self.range.0 - 1.0),
+            (true, false) => {
+                let magnitude = if self.negative { -x } else { x };
+                magnitude.max(0.0).log10().max(self.range.0 - 1.0)
+            }
             _ => x,
         }
     }
