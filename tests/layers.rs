@@ -132,7 +132,7 @@ fn a_crate_that_would_spread_is_used_by_one_module() {
             "report/plot/canvas.rs or report/plot/legend.rs or report/plot/panel.rs or bin/lab/plot/charts.rs or bin/lab/plot/marks.rs",
             &["plotters"],
         ),
-        ("report/data.rs", &["ndarray_npy"]),
+        ("report/npz.rs", &["ndarray_npy"]),
         ("scene/text/section.rs", &["strsim"]),
         (
             "scene/text/document.rs or bin/lab/stability/extreme.rs or bin/lab/stability/against.rs or bin/lab/precision/references.rs",

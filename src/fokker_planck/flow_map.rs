@@ -68,8 +68,6 @@ pub struct Progress {
     /// Change of the mass by interpolation, before its correction: the sum of the absolute values over
     /// the intervals. For a contact without a stationary law, the mass that left the domain.
     pub defect: f64,
-    /// Largest negative mass at the end of an interval.
-    pub negative: f64,
     /// Largest part that friction lacked of itself at the end of an interval, on the average over the density, where cells are
     /// too coarse for its strength.
     pub lacking: f64,
@@ -292,8 +290,6 @@ impl FlowMap {
         self.now += duration;
         density.cells_mut().copy_from_slice(&self.buffers.values);
         self.weights.each(density.cells_mut(), |g, w| *g *= w);
-        let negative = density.negative_mass();
-        self.progress.negative = self.progress.negative.max(negative);
         let lacking = self.lacking(density.cells());
         self.progress.lacking = self.progress.lacking.max(lacking);
         Ok(())

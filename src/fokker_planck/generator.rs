@@ -51,10 +51,10 @@ pub struct Generator {
     tilt: Vec<f64>,
     /// Boundary cells, in order, with a neighbour and their exchange coefficient: each pair twice.
     relaxed: Vec<(usize, usize, f64)>,
-    /// Cells at an open edge with the rate of g that balances their missing neighbours; all cells where a friction that
-    /// depends on the state gathers or spreads.
+    /// What L has on the diagonal beside the exchange of cells: at open edges the rate of g that balances the missing neighbours,
+    /// under a friction that depends on the state the rate at which it gathers g in each cell.
     open: Vec<(usize, f64)>,
-    /// Whether it does.
+    /// Whether all cells have such a rate, of friction.
     gathers: bool,
     /// Cells at an open edge with the rate at which g leaves through it.
     leaving: Vec<(usize, f64)>,

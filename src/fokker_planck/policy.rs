@@ -107,7 +107,8 @@ table! {
     GIVEN_CELLS = 1.9: "Cells of the scene per deviation of what is handed over to them, at least.";
 
     // Finite volumes.
-    SERIES_SHARE = 1e-3: "The same of steps whose accuracy costs next to nothing: a Chebyshev series gains a digit for a stage or two.";
+    SERIES_SHARE = 1e-3: "Part of the tolerance that explicit steps may err by, where SHARE is that of the others: a Chebyshev \
+        series gains a digit for a stage or two.";
     BOUNDARY_RATE = 4.0: "Rate of the exchange between neighbours among the boundary cells: a few times the oscillator's own \
         frequency, so that a boundary up to eight cells wide relaxes faster than any slow mode, and far below the stiffest rate.";
     STEEPEST = 3.5: "Largest change of ln p_s from cell to cell: a wide stencil keeps its stability beyond, but neither its order \

@@ -2,8 +2,8 @@
 
 use super::axis::{Axis, Spacing, plain};
 use super::collected::Collected;
-use super::grid::{Ending, Map, name};
-use super::lines::{Head, Known, each, heads, keep};
+use super::grid::{Map, name};
+use super::lines::{Ending, Head, Known, each, heads, keep};
 use super::page;
 use super::part::{Part, place};
 use super::run::MAP;

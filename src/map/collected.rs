@@ -1,7 +1,7 @@
 //! What the parts of a map came to: its numbers, and which points are missing or failed.
 
 use super::axis::Axis;
-use super::grid::Ending;
+use super::lines::Ending;
 use super::part::{Part, place};
 use super::table::Table;
 use crate::format::many;

@@ -204,16 +204,11 @@ impl Map {
     /// [`Error::Invalid`] for a number that no point has; what is wrong with the scene.
     pub fn line(&self, index: usize) -> Result<String> {
         let text = self.text(index)?;
-        Ok(self.line_of(index, text.scene(), None).0)
+        Ok(self.line_of(index, text.scene(), None))
     }
 
-    /// The line of a point, and how it ended; with its plan, if it is made already.
-    pub(super) fn line_of(
-        &self,
-        index: usize,
-        scene: &Scene,
-        plan: Option<&Plan>,
-    ) -> (String, Ending) {
+    /// The line of a point; with its plan, if it is made already.
+    pub(super) fn line_of(&self, index: usize, scene: &Scene, plan: Option<&Plan>) -> String {
         let mut line = Object::new();
         line.insert("index".into(), json!(index));
         line.insert("name".into(), json!(name(scene)));
@@ -230,17 +225,16 @@ impl Map {
             let stage = "map";
             Err(Error::linear(stage, what))
         });
-        let ending = match ended {
+        match ended {
             Ok(results) => {
                 line.insert("results".into(), numbers::of(&results.tree(), &self.keep));
-                put_notes(&mut line, &results)
+                put_notes(&mut line, &results);
             }
             Err(error) => {
                 line.insert("error".into(), told(&error));
-                Ending::Failed
             }
-        };
-        (Value::Object(line).to_string(), ending)
+        }
+        Value::Object(line).to_string()
     }
 
     /// What the map is, as map.json says it: two parts belong together where all but [`SHOWN`] is the same.
@@ -263,21 +257,8 @@ impl Map {
     }
 }
 
-/// How a point ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ending {
-    /// Every number met the tolerance, or was not free to.
-    Well,
-    /// A number that the program was free to refine did not reach the tolerance.
-    Short,
-    /// A stage has no answer.
-    Lacking,
-    /// No results.
-    Failed,
-}
-
 /// What a reader of the line should know beside its numbers.
-fn put_notes(line: &mut Object<String, Value>, results: &Results) -> Ending {
+fn put_notes(line: &mut Object<String, Value>, results: &Results) {
     let short = |(stage, it): &(&str, crate::estimate::Shortfall)| json!({ "stage": stage, "number": it.number, "ratio": it.ratio, "free": it.free });
     if !results.shortfalls.is_empty() {
         let all = results.shortfalls.iter().map(short).collect();
@@ -286,17 +267,6 @@ fn put_notes(line: &mut Object<String, Value>, results: &Results) -> Ending {
     if !results.run.warnings.is_empty() {
         let all = results.run.warnings.iter().map(|it| json!(it.text));
         line.insert("warnings".into(), all.collect());
-    }
-    if results
-        .shortfalls
-        .iter()
-        .any(|(_, it)| it.number.is_empty())
-    {
-        Ending::Lacking
-    } else if results.falls_short() {
-        Ending::Short
-    } else {
-        Ending::Well
     }
 }
 

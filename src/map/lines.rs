@@ -1,7 +1,6 @@
 //! The file of a part: one line a point, each written whole, so that a run that was killed goes on where it ended. A point that
 //! is computed again has two until then: the one that lacks fewer answers, or misses the tolerance by less, counts.
 
-use super::grid::Ending;
 use super::part::Part;
 use crate::error::{Error, Result};
 use serde::Deserialize;
@@ -12,6 +11,19 @@ use std::hash::{DefaultHasher, Hasher};
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+
+/// How a point ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// Every number met the tolerance, or was not free to.
+    Well,
+    /// A number that the program was free to refine did not reach the tolerance.
+    Short,
+    /// A stage has no answer.
+    Lacking,
+    /// No results.
+    Failed,
+}
 
 /// What a line says of its point, without its numbers.
 #[derive(Debug, Deserialize)]
@@ -194,12 +206,14 @@ impl Lines {
     }
 
     /// Appends a line by one write: it is there whole, or cut off as the last one.
-    pub(super) fn write(&self, mut line: String) -> Result<()> {
+    pub(super) fn write(&self, mut line: String) -> Result<Ending> {
         line.push('\n');
+        let ending = Head::of(line.as_bytes()).map_or(Ending::Failed, |it| it.ending());
         // Whoever panicked had not begun to write.
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         file.write_all(line.as_bytes())
-            .map_err(Error::io(&self.path))
+            .map_err(Error::io(&self.path))?;
+        Ok(ending)
     }
 
     /// What was written is on the disk; of points that were computed again one line stays.

@@ -2,7 +2,7 @@
 
 use super::axis::plain;
 use super::collected::Collected;
-use super::grid::Ending;
+use super::lines::Ending;
 use super::table::{Column, quoted, shown};
 use crate::report::{self, File};
 use std::fmt::Write;

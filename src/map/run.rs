@@ -1,7 +1,7 @@
 //! A part of a map is run: which of its points are missing, in what order, on how many threads each.
 
-use super::grid::{Ending, Map, MapError, Result, SHOWN, name};
-use super::lines::{Head, Lines};
+use super::grid::{Map, MapError, Result, SHOWN, name};
+use super::lines::{Ending, Head, Lines};
 use super::part::Part;
 use crate::error::Error;
 use crate::format::{many, seconds};
@@ -375,10 +375,7 @@ impl Run<'_> {
                 text.map(|text| self.map.line_of(job.index, text.scene(), None))
             }
         };
-        let written = ended.and_then(|(line, ending)| {
-            self.lines.write(line)?;
-            Ok(ending)
-        });
+        let written = ended.and_then(|line| Ok(self.lines.write(line)?));
         let (computed, behind) = {
             let mut state = self.state();
             match written {

@@ -1,11 +1,11 @@
 //! The numbers of a map as columns over its points.
 
 use super::axis::Axis;
-use super::grid::Ending;
+use super::lines::Ending;
 use super::numbers::is_curve;
 use crate::clock::TimeUnit;
 use crate::error::Result;
-use crate::report::{File, data, field, spelled};
+use crate::report::{File, field, npz, spelled};
 use crate::results::dimension;
 use serde_json::Value;
 use std::collections::HashMap;
@@ -204,37 +204,33 @@ impl Table {
     /// map.npz: one array a number over the axes, and one with its errors; lists along one more axis.
     pub(super) fn npz(&self, axes: &[Axis]) -> Result<File> {
         let shape: Vec<usize> = axes.iter().map(|it| it.values().len()).collect();
-        let shapes: Vec<Vec<usize>> = self
-            .groups()
-            .map(|group| match group[0].place {
-                Some(_) => [&shape[..], &[group.len()]].concat(),
-                None => shape.clone(),
-            })
-            .collect();
         let interleaved = |group: &[Column], of: fn(&Column) -> &Vec<f64>| -> Vec<f64> {
             let points = 0..self.points;
             points
                 .flat_map(|k| group.iter().map(move |it| of(it)[k]))
                 .collect()
         };
-        let lengths: Vec<[usize; 1]> = shape.iter().map(|n| [*n]).collect();
-        let own = axes.iter().zip(&lengths).map(|(axis, length)| {
+        let own = axes.iter().zip(&shape).map(|(axis, length)| {
             // Words have no numbers: their places stand for them, in the order of map.json.
-            let places = (0..length[0]).map(|k| k as f64);
+            let places = (0..*length).map(|k| k as f64);
             let numbers = axis.numbers().unwrap_or_else(|| places.collect());
-            (axis.key().to_owned(), &length[..], numbers)
+            npz::vector(axis.key(), numbers)
         });
-        let numbers = self.groups().zip(&shapes).flat_map(|(group, shape)| {
+        let numbers = self.groups().flat_map(|group| {
+            let shape = match group[0].place {
+                Some(_) => [&shape[..], &[group.len()]].concat(),
+                None => shape.clone(),
+            };
             let name = &group[0].name;
-            let values = interleaved(group, |it| &it.values);
             let errors = group.iter().any(Column::has_errors);
             let errors = errors.then(|| {
                 let errors = interleaved(group, |it| &it.errors);
-                (format!("{name}_error"), &shape[..], errors)
+                (format!("{name}_error"), shape.clone(), errors)
             });
-            std::iter::once((name.clone(), &shape[..], values)).chain(errors)
+            let values = interleaved(group, |it| &it.values);
+            std::iter::once((name.clone(), shape, values)).chain(errors)
         });
-        data::archive("map.npz", own.chain(numbers))
+        npz::archive("map.npz", own.chain(numbers))
     }
 }
 

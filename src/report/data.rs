@@ -1,20 +1,17 @@
-//! Numbers as files: JSON, CSV with units in the header, NumPy arrays.
+//! The files of each question: tables with units in their headers, and arrays.
 
 use super::File;
-use super::csv::{Csv, Rows, micrometre};
-use crate::error::{Error, Result};
+use super::csv::{Csv, Rows};
+use super::npz::{archive, density, vector, with_errors};
+use crate::error::Result;
 use crate::estimate::Estimate;
-use crate::fokker_planck::{DecayRates, Snapshot, Steady, Transient};
+use crate::fokker_planck::{DecayRates, Steady, Transient};
 use crate::format::bare;
 use crate::moments::{Moment, Moments};
 use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
 use crate::results::{Numbers, Results, SpectrumNumbers, dimension};
-use crate::rig::Rig;
 use crate::spectrum::{displacement_per_hertz, per_hertz};
-use ndarray::{Array1, ArrayD, IxDyn, arr0};
-use ndarray_npy::{NpzWriter, WriteNpzError};
-use std::io::Cursor;
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
 pub(super) fn stationary(results: &Results) -> Option<Vec<File>> {
@@ -92,7 +89,7 @@ pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> 
     }
     for snapshot in &it.densities {
         let name = format!("density_{}.npz", bare(snapshot.t));
-        files.push(density(name, snapshot, results.scene.rig().as_ref())?);
+        files.push(density(&name, snapshot, results.scene.rig().as_ref())?);
     }
     Ok(files)
 }
@@ -100,7 +97,7 @@ pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> 
 pub(super) fn steady(results: &Results, it: &Steady) -> Result<Vec<File>> {
     let rig = results.scene.rig();
     let rig = rig.as_ref();
-    let mut files = vec![density("steady.npz".into(), &it.density, rig)?];
+    let mut files = vec![density("steady.npz", &it.density, rig)?];
     if !it.approach.is_empty() {
         let (times, distances): (Vec<f64>, Vec<f64>) = it.approach.iter().copied().unzip();
         let head = "L1 distance to the closed form";
@@ -211,20 +208,21 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
         let table_in_hertz = table.bare("frequency", "Hz", frequency);
         table = densities(table_in_hertz, "frequency", unit, *scale);
     }
-    let values = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.value));
-    let errors = |all: &[Estimate]| Array1::from_iter(all.iter().map(|it| it.error));
-    let mut arrays = vec![
-        ("omega", Array1::from_vec(it.solved.omega.clone())),
-        ("fokker_planck", values(&it.solved.density)),
-        ("error", errors(&it.solved.density)),
-        ("linear", Array1::from_vec(it.linear.clone())),
-    ];
+    let mut arrays = vec![vector("omega", it.solved.omega.clone())];
+    arrays.extend(with_errors(
+        ["fokker_planck", "error"],
+        &it.solved.density,
+        1.0,
+    ));
+    arrays.push(vector("linear", it.linear.clone()));
     if let Some(it) = &it.sampled {
-        arrays.push(("monte_carlo", values(&it.density)));
-        arrays.push(("standard_error", errors(&it.density)));
-        let expectation = Array1::from_vec(it.expectation.clone());
-        arrays.push(("monte_carlo_expectation", expectation));
-        arrays.push(("magnitude", Array1::from_vec(it.magnitude.clone())));
+        arrays.extend(with_errors(
+            ["monte_carlo", "standard_error"],
+            &it.density,
+            1.0,
+        ));
+        arrays.push(vector("monte_carlo_expectation", it.expectation.clone()));
+        arrays.push(vector("magnitude", it.magnitude.clone()));
     }
     if let Some((_, scale, rig)) = &per_hertz {
         // The names say the unit: N^2/Hz, or um^2/Hz of the displacement.
@@ -234,119 +232,9 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
             ["fokker_planck_um2_per_hz", "error_um2_per_hz"]
         };
         let hertz = it.solved.omega.iter().map(|w| rig.hertz(*w));
-        arrays.push(("frequency_hz", hertz.collect()));
-        arrays.push((names[0], values(&it.solved.density) * *scale));
-        arrays.push((names[1], errors(&it.solved.density) * *scale));
+        arrays.push(vector("frequency_hz", hertz));
+        arrays.extend(with_errors(names, &it.solved.density, *scale));
     }
-    let arrays = packed("spectrum.npz".into(), |npz| {
-        let mut arrays = arrays.iter();
-        arrays.try_for_each(|(name, array)| npz.add_array(*name, array))
-    })?;
+    let arrays = archive("spectrum.npz", arrays)?;
     Ok(vec![table.file("spectrum.csv"), arrays])
-}
-
-/// p\[q, v\] with q, v and t, as numpy.load reads it.
-pub(super) fn density(name: String, snapshot: &Snapshot, rig: Option<&Rig>) -> Result<File> {
-    packed(name, |npz| {
-        // C order whatever the layout in memory.
-        npz.add_array("p", &snapshot.p.as_standard_layout())?;
-        npz.add_array("t", &arr0(snapshot.t))?;
-        axes(npz, snapshot, rig)
-    })
-}
-
-/// The axes of a density; on a rig in micrometres and millimetres per second too.
-fn axes(
-    npz: &mut Archive,
-    snapshot: &Snapshot,
-    rig: Option<&Rig>,
-) -> std::result::Result<(), WriteNpzError> {
-    npz.add_array("q", &snapshot.q)?;
-    npz.add_array("v", &snapshot.v)?;
-    if let Some(rig) = rig {
-        npz.add_array("q_um", &(&snapshot.q * micrometre(rig)))?;
-        npz.add_array("v_mm_per_s", &(&snapshot.v * (1e3 * rig.velocity(1.0))))?;
-    }
-    Ok(())
-}
-
-/// Densities of several times on one mesh, as p[t, q, v].
-pub(super) fn stacked(name: String, all: &[Snapshot], rig: Option<&Rig>) -> Result<File> {
-    let views: Vec<_> = all.iter().map(|it| it.p.view()).collect();
-    let p =
-        ndarray::stack(ndarray::Axis(0), &views).map_err(|error| Error::unmade(&name, error))?;
-    let times: Array1<f64> = all.iter().map(|it| it.t).collect();
-    packed(name, |npz| {
-        npz.add_array("p", &p)?;
-        npz.add_array("t", &times)?;
-        all.first().map_or(Ok(()), |it| axes(npz, it, rig))
-    })
-}
-
-type Archive = NpzWriter<Cursor<Vec<u8>>>;
-
-/// An archive of the arrays that `put` adds.
-fn packed(
-    name: String,
-    put: impl FnOnce(&mut Archive) -> std::result::Result<(), WriteNpzError>,
-) -> Result<File> {
-    let mut npz = NpzWriter::new_compressed(Cursor::new(Vec::new()));
-    let bytes = put(&mut npz).and_then(|()| Ok(npz.finish()?.into_inner()));
-    match bytes {
-        Ok(bytes) => Ok(File { name, bytes }),
-        Err(error) => Err(Error::unmade(&name, error)),
-    }
-}
-
-/// Arrays by their names, each with its shape and its numbers in C order, as numpy.load reads them.
-///
-/// # Errors
-/// [`Error::Io`] for an array whose shape is not that of its numbers.
-pub fn archive<Shape: AsRef<[usize]>>(
-    name: &str,
-    arrays: impl IntoIterator<Item = (String, Shape, Vec<f64>)>,
-) -> Result<File> {
-    packed(name.into(), |npz| {
-        for (name, shape, numbers) in arrays {
-            let array = ArrayD::from_shape_vec(IxDyn(shape.as_ref()), numbers);
-            let array = array.map_err(|error| {
-                WriteNpzError::Npy(std::io::Error::other(error.to_string()).into())
-            })?;
-            npz.add_array(name, &array)?;
-        }
-        Ok(())
-    })
-}
-
-/// t, and each curve and number with its error; on a rig times and densities of a time with seconds too.
-pub(super) fn arrays(
-    name: &str,
-    results: &Results,
-    times: &[f64],
-    curves: &[(&str, &[Estimate])],
-    numbers: &[(&str, Estimate)],
-) -> Result<File> {
-    let scene = &results.scene;
-    let seconds = scene.rig().map(|rig| scene.clock().seconds(&rig));
-    packed(name.into(), |npz| {
-        let times = Array1::from(times.to_vec());
-        npz.add_array("t", &times)?;
-        if let Some(seconds) = seconds {
-            npz.add_array("t_s", &(&times * seconds))?;
-        }
-        for (name, curve) in curves {
-            let of = |f: fn(&Estimate) -> f64| curve.iter().map(f).collect::<Array1<f64>>();
-            npz.add_array(*name, &of(|x| x.value))?;
-            npz.add_array(format!("{name}_error"), &of(|x| x.error))?;
-            if let Some(seconds) = seconds.filter(|_| *name == "density") {
-                npz.add_array("density_per_s", &(of(|x| x.value) / seconds))?;
-                npz.add_array("density_per_s_error", &(of(|x| x.error) / seconds))?;
-            }
-        }
-        for (name, number) in numbers {
-            npz.add_array(*name, &arr0(number.value))?;
-            npz.add_array(format!("{name}_error"), &arr0(number.error))?;
-        }
-        Ok(())
-    })
 }

@@ -2,7 +2,8 @@
 
 use super::File;
 use super::csv::Csv;
-use super::data::{density, stacked, with_moments};
+use super::data::with_moments;
+use super::npz::{density, stacked};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::{Periodic, Response};
@@ -37,10 +38,10 @@ pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
     let rig = results.scene.rig();
     let rig = rig.as_ref();
     if let Some(snapshot) = it.densities.first() {
-        files.push(density("periodic.npz".into(), snapshot, rig)?);
+        files.push(density("periodic.npz", snapshot, rig)?);
     }
     if it.densities.len() > 1 {
-        files.push(stacked("stroboscopic.npz".into(), &it.densities, rig)?);
+        files.push(stacked("stroboscopic.npz", &it.densities, rig)?);
     }
     Ok(files)
 }

@@ -2,7 +2,8 @@
 
 use super::File;
 use super::csv::Csv;
-use super::data::{archive, arrays, histogram};
+use super::data::histogram;
+use super::npz::{archive, arrays, vector, with_errors};
 use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::{FirstLoss, FlightLaw};
@@ -87,14 +88,8 @@ fn joint(
     shape: [usize; 2],
     all: &[Estimate],
 ) -> Result<File> {
-    let axes = axes.map(|(name, at)| (name.to_owned(), vec![at.len()], at.to_vec()));
-    let table = |name: &str, of: fn(&Estimate) -> f64| {
-        let numbers = all.iter().map(of).collect();
-        (name.to_owned(), shape.to_vec(), numbers)
-    };
-    let both = [
-        table("density", |it| it.value),
-        table("error", |it| it.error),
-    ];
+    let axes = axes.map(|(name, at)| vector(name, at.iter().copied()));
+    let both = with_errors(["density", "error"], all, 1.0);
+    let both = both.map(|(name, _, numbers)| (name, shape.to_vec(), numbers));
     archive(name, axes.into_iter().chain(both))
 }

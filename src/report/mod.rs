@@ -1,13 +1,14 @@
 //! What a person or a script gets to see: a table, files, pictures, a page.
 
 mod csv;
-pub mod data;
+mod data;
 mod driven;
 mod file;
 pub mod folder;
 mod html;
 mod losses;
 mod manifest;
+pub mod npz;
 mod page;
 #[cfg(feature = "plots")]
 #[doc(hidden)]

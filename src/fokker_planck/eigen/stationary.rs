@@ -1,6 +1,7 @@
 //! The stationary law where it has no closed form: the null vector of the Fokker-Planck operator in Hermite functions of v
 //! and spectral elements of q (`hermite::friction`), at three resolutions or more; on meshes (`solved::on_mesh`) where so
-//! many functions as there may be do not bring it to its tolerance.
+//! many functions as there may be do not bring it to its tolerance. `solved::settled` finds the same law as a part of other
+//! questions, at a tolerance of their own and with no answer but the law.
 
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin, Shortfall};

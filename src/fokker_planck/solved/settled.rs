@@ -1,4 +1,5 @@
-//! The stationary law of a friction that depends on the displacement, at resolutions that agree.
+//! The stationary law of a friction that depends on the displacement, at resolutions that agree: what other questions start from or
+//! compare with. `eigen::stationary` answers with its numbers and their errors.
 
 use super::law::Law;
 use super::on_mesh::OnMesh;

@@ -235,8 +235,7 @@ impl Propagator {
 /// The propagator of a rung on a mesh.
 ///
 /// # Errors
-/// [`Error::Invalid`] for a step of the scene that is too short for a flow map; those of the generator and of the
-/// flow map.
+/// Those of the generator and of the flow map.
 pub(super) fn build(
     rung: &Rung,
     oscillator: &Oscillator,

@@ -32,7 +32,7 @@ pub(super) struct Run {
     pub(super) mesh: Mesh,
     pub(super) domain: Domain,
     pub(super) unknowns: usize,
-    /// Time at which the density was within the tolerance of (21), if it came to that.
+    /// Time from which on the density is the stationary law, within a small part of the tolerance, if it came to that.
     pub(super) settled: Option<f64>,
     /// What friction lacked of itself on cells too coarse for it, on the average over the density.
     pub(super) lacking: f64,

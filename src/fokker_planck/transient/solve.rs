@@ -23,7 +23,7 @@ use crate::oscillator::Oscillator;
 ///
 /// A ladder of runs, each finer in cells, steps and domain than the one before, ends with the first whose error
 /// estimates are all within the tolerance, or at a limit; what was not reached is in `shortfall`. The estimates come from
-/// the differences of the last three rungs: errors are believed to fall on as these do, with order 3 at best. For upwind
+/// the differences of the last three rungs, of which no order of convergence is believed. For upwind
 /// drift, where no two affordable meshes converge, the error adds the change over
 /// the time t/(1 + c) to t by which its relaxation is ahead, and nothing is refined.
 ///

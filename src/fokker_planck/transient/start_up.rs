@@ -9,6 +9,7 @@ use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
 use crate::fokker_planck::domain::Domain;
+use crate::fokker_planck::flux::maxwell;
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
@@ -367,10 +368,8 @@ impl<'a> StartUp<'a> {
             if let Some([solved, _]) = &solved {
                 return solved.density(q, v);
             }
-            law.as_ref().map_or(0.0, |law| {
-                let scale = (std::f64::consts::TAU * temperature).sqrt();
-                law.density(q) * (-0.5 * v * v / temperature).exp() / scale
-            })
+            law.as_ref()
+                .map_or(0.0, |law| law.density(q) * maxwell(v, temperature))
         };
         let output = Output {
             t,

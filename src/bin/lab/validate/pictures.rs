@@ -11,7 +11,7 @@ use vibroimpact::fokker_planck::Response;
 use vibroimpact::moments::Moment;
 use vibroimpact::noise_free;
 use vibroimpact::oscillator::Oscillator;
-use vibroimpact::report::{File, data};
+use vibroimpact::report::{File, npz};
 use vibroimpact::results::centres;
 use vibroimpact::rig::Rig;
 use vibroimpact::stationary::Stationary;
@@ -82,7 +82,7 @@ fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<Fil
             arrays.push((format!("{name}_{word}"), shape, rows.concat()));
         }
     }
-    data::archive(&format!("{folder}.npz"), arrays)
+    npz::archive(&format!("{folder}.npz"), arrays)
 }
 
 /// p_N over N: closed form, long records as circles, the Dirac mass as a bar with its probability in the title.
