@@ -203,8 +203,14 @@ impl Moments {
         }
     }
 
+    /// The moments that somebody asked for.
+    pub(crate) fn kept(all: &[Self]) -> impl Iterator<Item = Moment> {
+        let left_out = |it: &Moment| all.iter().any(|at| at.leaves_out(*it));
+        Moment::ALL.into_iter().filter(move |it| !left_out(it))
+    }
+
     /// Whether nobody asked for a moment.
-    pub(crate) fn leaves_out(&self, moment: Moment) -> bool {
+    fn leaves_out(&self, moment: Moment) -> bool {
         self.left_out & 1 << moment as u16 != 0
     }
 

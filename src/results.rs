@@ -416,20 +416,6 @@ pub(crate) fn peak_memory() -> Option<u64> {
     Some(kilobytes * 1024)
 }
 
-/// Widths of cells from their centres, exact for equal cells and of second order for graded ones.
-#[cfg(feature = "plots")]
-pub(crate) fn widths(centres: &[f64]) -> Vec<f64> {
-    let n = centres.len();
-    (0..n)
-        .map(|k| match (k, n) {
-            (_, 0 | 1) => 1.0,
-            (0, _) => centres[1] - centres[0],
-            (k, n) if k + 1 == n => centres[k] - centres[k - 1],
-            (k, _) => 0.5 * (centres[k + 1] - centres[k - 1]),
-        })
-        .collect()
-}
-
 /// Middles of the bins of a histogram.
 #[doc(hidden)]
 pub fn centres(it: &Histogram) -> impl Iterator<Item = f64> + '_ {

@@ -4,8 +4,8 @@ use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::Oscillator;
 
 /// Normalisations: the stationary deviation for q and N, sqrt(T) for v, variances for variances, T for
-/// the energy, 1 for probabilities, the larger of 1 and their value for skewness and kurtosis. Without a stationary law,
-/// the value itself.
+/// the energy, 1 for probabilities, the larger of 1 and their value for skewness and kurtosis. Without a stationary law, those of
+/// the deviations at that time, or the value itself where that is larger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
     known: Option<PerMoment<f64>>,
@@ -37,10 +37,13 @@ impl Scales {
     /// The scale of each moment.
     pub fn each(&self, moments: &Moments) -> PerMoment<f64> {
         let mut scales = self.known.unwrap_or_else(|| {
-            Moment::ALL.map(|it| {
-                let number = moments.get(it);
-                let number = number.filter(|_| it != Moment::ContactLossProbability);
-                number.map_or(1.0, |number| number.value.abs())
+            let value = |it| moments.get(it).map(|number| number.value.abs());
+            let deviation = |it| value(it).unwrap_or(0.0);
+            let [q, v] = [Moment::VarQ, Moment::VarV].map(|it| deviation(it).sqrt());
+            let of_deviations = deviations([q, v, deviation(Moment::StdForce)]);
+            Moment::ALL.map(|it| match (it, value(it)) {
+                (Moment::ContactLossProbability, _) | (_, None) => 1.0,
+                (_, Some(own)) => own.max(of_deviations[it as usize]),
             })
         });
         for it in Moment::ALL.into_iter().filter(|it| it.is_standardised()) {

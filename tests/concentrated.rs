@@ -193,8 +193,42 @@ fn densities_of_a_local_grid_are_arrays_about_the_mean_and_none_of_a_point() {
         println!("t = {}: mass {mass:.6}, E[q^2] {mean:.6e}", snapshot.t);
         assert!((mass - 1.0).abs() < 1e-3 && (mean / var - 1.0).abs() < 1e-3);
     }
+    // At the times asked for, however the steps to them add up: files have their names.
+    let early = [1e-3, 1e-2];
+    let it = Oscillator::new(ContactLaw::Hertz, 0.1, 0.01).unwrap();
+    let answer = transient(&it, &Initial::Rest, &early, &early, &settings, &|_| ()).unwrap();
+    assert_eq!(
+        answer.densities.iter().map(|it| it.t).collect::<Vec<_>>(),
+        early
+    );
     let message = run(0.0).unwrap_err().to_string();
     assert!(message.contains("outputs.density_at"), "{message}");
+}
+
+/// Without a stationary law a number has the scale of the deviations at its time: independent q and v have no covariance to be relative
+/// to.
+#[test]
+fn numbers_that_begin_at_zero_in_free_flight_meet_their_tolerance() {
+    let it = Oscillator::new(ContactLaw::Free, 0.05, 0.01).unwrap();
+    let start = Initial::gaussian([0.0, 0.0], [0.2, 0.3]).unwrap();
+    let answer = to(&it, &start, &[0.0, 1.0, 20.0], 1e-3);
+    assert!(answer.shortfall.is_none(), "{:?}", answer.shortfall);
+    let exact = [[0.0, 0.04, 0.09, 0.0], {
+        let decay = (-0.1f64).exp();
+        let variance = 0.09 * decay * decay + it.temperature() * (1.0 - decay * decay);
+        let mean = (1.0 - decay) / 0.1;
+        let own = 0.09 * mean * decay;
+        let noise = it.temperature() * (1.0 - decay).powi(2) / 0.1;
+        [mean, f64::NAN, variance, own + noise]
+    }];
+    for (at, exact) in answer.moments.iter().zip(exact) {
+        let numbers = [at.mean_v, at.var_q, at.var_v, at.cov_qv];
+        for (number, exact) in numbers.iter().zip(exact) {
+            let away = (number.value - exact).abs();
+            println!("{number} for {exact:.12}");
+            assert!(exact.is_nan() || away <= number.error + 1e-15);
+        }
+    }
 }
 
 /// Monte Carlo of 10 000 000 paths with one standard error: `vibroimpact run` of the scenes below with

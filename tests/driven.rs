@@ -261,6 +261,29 @@ fn the_periodic_law_of_a_linear_oscillator_is_gaussian_about_its_response() {
     assert!(worst[0] < 1e-9 && worst[1] < 1.0);
 }
 
+/// Few phases of a fast drive leave all rungs one step from each to the next, and the same error of it in a multiplier.
+#[test]
+fn multipliers_hold_what_few_steps_of_a_period_do_to_all_runs_alike() {
+    for (stiffness, zeta, h, a, w) in [
+        (2.189, 0.2125, 0.01106, 0.03287, 5.941),
+        (1.648, 0.1959, 0.06981, 0.282, 5.055),
+        (1.0, 0.2, 0.02, 0.05, 6.0),
+    ] {
+        let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![stiffness]));
+        let law = ContactLaw::given("polynomial", &given).unwrap();
+        let it = Oscillator::new(law, zeta, h).unwrap();
+        let excitation = driven(a, w, 0.0);
+        let got = periodic(&it, 4, &settings(&excitation, 1e-2), &|_| ()).unwrap();
+        let angle = (stiffness - zeta * zeta).sqrt() * TAU / w;
+        let decay = (-zeta * TAU / w).exp();
+        let slowest = got.multipliers[0];
+        let away =
+            (slowest.re - decay * angle.cos()).hypot(slowest.im.abs() - decay * angle.sin().abs());
+        println!("{slowest:?}: off by {away:.1e}");
+        assert!(away < slowest.error && slowest.error < 1e-3);
+    }
+}
+
 #[test]
 fn a_base_that_moves_carries_the_stationary_law_with_it() {
     // q'' + 2 zeta q' + (q - b) = b'' + 2 zeta b' + noise has the law of q - b at rest exactly: b + b'' + 2 zeta b' is the

@@ -693,3 +693,34 @@ fn paths_are_there_where_the_backward_equation_has_no_answer() {
     let table = vibroimpact::report::terminal::table(&results, false);
     assert!(table.contains("survives 0.01"), "{table}");
 }
+
+/// Of two paths both have passed in time by chance where most take longer: the mean time of those says how little it knows.
+#[test]
+fn the_mean_time_of_few_paths_that_all_passed_holds_that_others_may_not() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.1, 0.02).unwrap();
+    let level = (0.9, Side::Above);
+    let solved = first_passage(
+        &it,
+        &Initial::Rest,
+        (level.0, level.1, 30.0),
+        &settings(1e-1),
+        &|_| (),
+    )
+    .unwrap();
+    let means = (0..40).filter_map(|seed| {
+        let sampling = Sampling {
+            paths: 2,
+            seed,
+            ..Sampling::default()
+        };
+        let times = &solved.times;
+        let it = monte_carlo::first_passage(&it, &Initial::Rest, level, times, &sampling, &|_| ());
+        it.unwrap().mean_time_of_all()
+    });
+    let z: Vec<f64> = means
+        .map(|it| (it.value - solved.mean_time.value) / it.error)
+        .collect();
+    let far = z.iter().filter(|z| z.abs() > 2.0).count();
+    println!("{} pairs, {far} beyond 2: {z:.1?}", z.len());
+    assert!(z.len() > 5 && 10 * far <= z.len());
+}

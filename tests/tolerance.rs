@@ -4,7 +4,7 @@
 use std::process::Command;
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
-    Settings, Transient, TransientMethod, decay_rates, transient, transient_cost,
+    Drift, Settings, Transient, TransientMethod, decay_rates, transient, transient_cost,
 };
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
@@ -124,6 +124,43 @@ fn cells_of_the_user_hold_what_as_many_of_the_program_s_choice_hold() {
                 assert!(away <= a.error + b.error, "{cells:?}: {name} {a} for {b}");
             }
         }
+    }
+}
+
+/// Rungs below the cells of the scene are coarser by as much as those of the program's own choice, whatever their domains: where a
+/// scheme is of order 2, less of a difference would hold less than the error.
+#[test]
+fn few_cells_of_the_user_under_a_low_order_hold_what_they_say() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.6704, 0.1373).unwrap();
+    let start = Initial::gaussian([0.25, 0.31], [0.21, 0.391]).unwrap();
+    let solve = |cells, drift, tolerance| {
+        let settings = Settings {
+            cells,
+            drift,
+            tolerance,
+            ..Settings::default()
+        };
+        let times = [4.71, 6.35, 9.64];
+        transient(&it, &start, &times, &[], &settings, &|_| ()).unwrap()
+    };
+    let fine = solve(None, None, 1e-6);
+    for (cells, drift) in [
+        ([64, 72], Drift::Order2),
+        ([117, 131], Drift::Order2),
+        ([64, 72], Drift::Order4),
+    ] {
+        let given = solve(Some(cells), Some(drift), 1e-3);
+        let mut most = 0.0f64;
+        for (a, b) in given.moments.iter().zip(&fine.moments) {
+            for ((name, a), (_, b)) in a.named().into_iter().zip(b.named()) {
+                let (a, b) = (a.unwrap(), b.unwrap());
+                let away = (a.value - b.value).abs();
+                most = most.max(away / (a.error + b.error));
+                assert!(away <= a.error + b.error, "{cells:?}: {name} {a} for {b}");
+            }
+        }
+        println!("{cells:?}, {drift:?}: at most {most:.2} of an estimate");
+        assert!(most > 0.05);
     }
 }
 

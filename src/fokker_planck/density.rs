@@ -32,6 +32,20 @@ pub struct Snapshot {
     pub p: Array2<f64>,
 }
 
+impl Snapshot {
+    /// Widths of cells along q and v, from their centres: exact for equal cells and of second order for graded ones.
+    pub fn cell_widths(&self) -> [Vec<f64>; 2] {
+        [&self.q, &self.v].map(|centres| {
+            let last = centres.len().saturating_sub(1);
+            let width = |k: usize| {
+                let (below, above) = (k.saturating_sub(1), (k + 1).min(last));
+                (centres[above] - centres[below]) / (above - below).max(1) as f64
+            };
+            (0..centres.len()).map(width).collect()
+        })
+    }
+}
+
 impl Density {
     /// Narrowest Gaussian a central scheme can hold, in cells: sampled at 1.5 cells per deviation the
     /// sum of a Gaussian is exact to exp(-2 pi^2 1.5^2) = 5e-20, and its derivative of order 8 to 1e-2.

@@ -31,18 +31,14 @@ impl Tail {
         let contact = oscillator.contact();
         let lowest = contact.lowest_potential().unwrap_or(0.0);
         let Snapshot { q, v, p, .. } = snapshot;
-        let width = |x: &[f64], i: usize| {
-            let (below, above) = (i.saturating_sub(1), (i + 1).min(x.len() - 1));
-            (x[above] - x[below]) / (above - below) as f64
-        };
-        let (columns, rows) = (q.as_slice()?, v.as_slice()?);
+        let [columns, rows] = snapshot.cell_widths();
         let step = INSIDE * edge / LOOKED_AT as f64;
         let mut beyond = [[0.0; 2]; LOOKED_AT];
         for ((i, j), p) in p.indexed_iter() {
             let square = 2.0 * (contact.potential(q[i]) - lowest) + v[j] * v[j];
             let passed = (square.max(0.0).sqrt() / step) as usize;
             if let Some(last) = passed.min(LOOKED_AT).checked_sub(1) {
-                let mass = p * width(columns, i) * width(rows, j);
+                let mass = p * columns[i] * rows[j];
                 beyond[last][usize::from(mass < 0.0)] += mass.abs();
             }
         }

@@ -6,7 +6,7 @@ use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group, cubic};
-use super::statistics::proportion;
+use super::statistics::{at_least, proportion, student};
 use super::walk::{self, TASKS, Walk};
 use super::{Sampling, Scheme};
 use crate::budget::{Cost, Limits};
@@ -49,6 +49,19 @@ pub struct FirstLossResult {
     pub path_steps: u64,
     /// What a reader of the numbers should know.
     pub warnings: Vec<Warning>,
+}
+
+impl FirstLossResult {
+    /// Mean time up to the first loss, once every path has been lost; up to the last time it is another number. That few paths have
+    /// all been lost may be chance: its error holds what others would add, no more of them than a constant rate leaves.
+    pub fn mean_time_of_all(&self) -> Option<Estimate> {
+        let left = self.survival.last().filter(|it| it.value == 0.0)?;
+        let Estimate { value, error, .. } = self.mean_time;
+        let end = self.times.last()?;
+        let others = left.error.min((-end / value).exp());
+        let error = error.hypot(others * (end + value));
+        Some(Estimate::new(value, error, Origin::Sampling))
+    }
 }
 
 /// When contact is first lost, up to the last of `times` (ascending), located between steps. A
@@ -221,7 +234,8 @@ impl FirstLosses {
             // No scatter is seen, and some may be lost all the same.
             end * proportion(n, n).error
         } else {
-            (variance / (n - 1.0)).sqrt()
+            // Few times may lie near each other by chance: no less than those of a constant rate scatter.
+            student(n) * (at_least(variance, mean * mean, n) / (n - 1.0)).sqrt()
         };
         let names = || {
             let stage = match self.target {

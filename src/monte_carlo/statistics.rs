@@ -275,14 +275,14 @@ pub(super) fn unknown(prefix: &str, times: &[Option<f64>]) -> Vec<String> {
 }
 
 /// The mean square of an influence function; of few paths, which do not show their own tails (two have a kurtosis of
-/// 1 and no error), at least that of a Gaussian.
-fn at_least(square: f64, gaussian: f64, n: f64) -> f64 {
-    let least = if n < FEW as f64 { gaussian } else { 0.0 };
+/// 1 and no error), at least that of a usual law: a Gaussian, or of times one of constant rate.
+pub(super) fn at_least(square: f64, usual: f64, n: f64) -> f64 {
+    let least = if n < FEW as f64 { usual } else { 0.0 };
     square.max(least)
 }
 
 /// The deviation that holds two thirds of Student's t with n - 1 degrees of freedom, to a hundredth; 1 for many paths.
-fn student(n: f64) -> f64 {
+pub(super) fn student(n: f64) -> f64 {
     let nu = n - 1.0;
     if n < FEW as f64 {
         1.0 + (0.5 + 0.33 / nu) / nu

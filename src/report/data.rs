@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::estimate::Estimate;
 use crate::fokker_planck::{DecayRates, Steady, Transient};
 use crate::format::bare;
-use crate::moments::{Moment, Moments};
+use crate::moments::Moments;
 use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
 use crate::results::{Numbers, Results, SpectrumNumbers, dimension};
@@ -66,8 +66,7 @@ fn moments_csv(results: &Results, times: &[f64], moments: &[Moments], kind: &str
 
 /// A table with the moments that are there beside its columns.
 pub(super) fn with_moments(mut table: Csv, moments: &[Moments], kind: &str) -> Csv {
-    let asked = |it: &Moment| !moments.iter().any(|at| at.leaves_out(*it));
-    for it in Moment::ALL.into_iter().filter(asked) {
+    for it in Moments::kept(moments) {
         let values = moments.iter().map(|at| at.get(it));
         table.add(it.name(), kind, dimension(it.name()), values);
     }

@@ -3,7 +3,7 @@
 use super::{Numbers, Results, SpectrumNumbers, centres};
 use crate::estimate::Estimate;
 use crate::fokker_planck::{FirstLoss, MetastableLaw, Periodic, Response, Sweep, Transient};
-use crate::moments::{Moment, Moments};
+use crate::moments::Moments;
 use crate::monte_carlo::{Crossings, FirstLossResult};
 use crate::rig::Rig;
 use serde_json::{Map, Value, json};
@@ -73,7 +73,7 @@ impl Results {
         put("periodic", self.periodic.as_ref().map(periodic));
         put("response", self.response.as_ref().map(response));
         let steady = |it: &crate::fokker_planck::Steady| {
-            let named = kept(std::slice::from_ref(&it.moments));
+            let named = Moments::kept(std::slice::from_ref(&it.moments));
             let named = named.map(|moment| (moment.name(), it.moments.get(moment)));
             let mut tree: Value = numbers(&mut { named }).into();
             tree["l1_error"] = json!(it.l1_error);
@@ -217,17 +217,11 @@ impl Results {
     }
 }
 
-/// The moments that somebody asked for.
-fn kept(all: &[Moments]) -> impl Iterator<Item = Moment> {
-    let left_out = |it: &Moment| all.iter().any(|at| at.leaves_out(*it));
-    Moment::ALL.into_iter().filter(move |it| !left_out(it))
-}
-
 /// Moments as curves over an axis.
 fn over(name: &str, axis: &[f64], all: &[Moments]) -> Map<String, Value> {
     let mut tree = Map::new();
     tree.insert(name.into(), json!(axis));
-    for it in kept(all) {
+    for it in Moments::kept(all) {
         tree.insert(it.name().into(), curve(all.iter().map(|at| at.get(it))));
     }
     tree
@@ -313,13 +307,11 @@ fn first_loss(it: &FirstLoss) -> Value {
 }
 
 fn sampled_first_loss(it: &FirstLossResult, paths: Option<u64>) -> Value {
-    // The mean time is known once every path has been lost; up to the last time it is another number.
-    let all_lost = it.survival.last().is_some_and(|s| s.value == 0.0);
     json!({
         "t": it.times,
         "survival": full_curve(&it.survival),
         "density": full_curve(&it.density),
-        "mean_time": all_lost.then_some(it.mean_time),
+        "mean_time": it.mean_time_of_all(),
         "rate": null,
         "mean_time_up_to_last": it.mean_time,
         "method": {

@@ -10,7 +10,7 @@
 //! a critical velocity upwards too.
 
 use super::cut::{between, critical, parts};
-use super::mesh::{Contact, Stencil};
+use super::mesh::{AbsorbingMesh, Stencil};
 use super::region::Region;
 use crate::error::{Deadline, Result};
 use crate::fokker_planck::ornstein_uhlenbeck::Kick;
@@ -112,7 +112,7 @@ impl Absorbed {
     /// [`Error::NoStationaryLaw`] for a contact that does not confine; those of `late`.
     pub(crate) fn new(
         region: &Region<'_>,
-        mesh: &Contact,
+        mesh: &AbsorbingMesh,
         (step, noise): (f64, &[[f64; 2]]),
         late: &Deadline,
     ) -> Result<Self> {
@@ -213,7 +213,7 @@ pub(super) fn least(kicks: &[[f64; 2]]) -> f64 {
 }
 
 /// Decay and deviation of the Ornstein-Uhlenbeck step at each node.
-pub(super) fn kicks(region: &Region<'_>, mesh: &Contact, step: f64) -> Vec<[f64; 2]> {
+pub(super) fn kicks(region: &Region<'_>, mesh: &AbsorbingMesh, step: f64) -> Vec<[f64; 2]> {
     let [nq, nv] = mesh.nodes;
     let of = |i: usize, j: usize| {
         let rate = region.friction_about(mesh.q(i), mesh.v(j), step);

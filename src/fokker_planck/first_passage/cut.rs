@@ -1,6 +1,6 @@
 //! The velocities at which a motion is just lost within a time, and integrals that begin there.
 
-use super::mesh::Contact;
+use super::mesh::AbsorbingMesh;
 use super::region::Region;
 use crate::gaussian::lower;
 use crate::quadrature::gauss;
@@ -56,7 +56,7 @@ pub(super) fn between(
 }
 
 /// The velocities at each displacement of the mesh below and above which a motion is lost within a time.
-pub(super) fn critical(region: &Region<'_>, mesh: &Contact, time: f64) -> Vec<[f64; 2]> {
+pub(super) fn critical(region: &Region<'_>, mesh: &AbsorbingMesh, time: f64) -> Vec<[f64; 2]> {
     let nodes: Vec<f64> = (0..mesh.nodes[0]).map(|i| mesh.q(i)).collect();
     cuts(region, time, 2.0 * mesh.speed, &nodes)
 }

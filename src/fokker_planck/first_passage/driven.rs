@@ -6,7 +6,7 @@
 
 use super::absorbed::REACH;
 use super::cut::{between, critical, parts};
-use super::mesh::{Contact, Stencil};
+use super::mesh::{AbsorbingMesh, Stencil};
 use super::region::Region;
 use super::start::Start;
 use crate::error::{Deadline, Result};
@@ -43,7 +43,7 @@ struct Given<'a> {
 pub(super) struct Driven<'a> {
     region: &'a Region<'a>,
     forcing: &'a Forcing,
-    mesh: &'a Contact,
+    mesh: &'a AbsorbingMesh,
     step: f64,
     /// Critical velocities over a step and over half of it, row by row.
     whole: Vec<[f64; 2]>,
@@ -62,7 +62,7 @@ impl<'a> Driven<'a> {
     /// From a start on the same mesh.
     pub(super) fn new(
         region: &'a Region<'a>,
-        mesh: &'a Contact,
+        mesh: &'a AbsorbingMesh,
         step: f64,
         (forcing, start): (&'a Forcing, &Start),
     ) -> Self {

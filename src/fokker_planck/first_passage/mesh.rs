@@ -21,7 +21,7 @@ pub(crate) struct Fineness {
 /// Nodes in contact: q = q_loss + b (sqrt(1 + y^2) - 1), v = c sinh(eta), y and eta uniform; between two levels
 /// q = middle - b cos(y). Beyond one level the kink of the force next to it is a node.
 #[derive(Debug, Clone)]
-pub(crate) struct Contact {
+pub(crate) struct AbsorbingMesh {
     loss: f64,
     pub(super) bend: f64,
     /// The middle between two levels.
@@ -54,7 +54,7 @@ pub(super) fn grade(rise: f64, temperature: f64) -> f64 {
     (2.0 * rise / 3.0).max(temperature).sqrt()
 }
 
-impl Contact {
+impl AbsorbingMesh {
     pub(super) fn new(region: &Region<'_>, fineness: &Fineness) -> Result<Self> {
         let (oscillator, loss) = (region.oscillator, region.barrier.low);
         let rise = region.rise();

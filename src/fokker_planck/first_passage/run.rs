@@ -4,7 +4,7 @@ use super::absorbed::{Absorbed, kicks, least};
 use super::bound::SEEN;
 use super::driven::Driven;
 use super::layout::{Asked, Layout};
-use super::mesh::{Contact, Fineness};
+use super::mesh::{AbsorbingMesh, Fineness};
 use super::pontryagin::{LongRun, long_run};
 use super::region::Region;
 use super::start::{DEVIATIONS, Line, Start, Starts};
@@ -238,7 +238,7 @@ impl Problem<'_> {
         let it = self.oscillator;
         let late = self.limits.late(self.asked.name);
         let region = &self.region();
-        let (mesh, step) = (&Contact::new(region, fineness)?, fineness.step);
+        let (mesh, step) = (&AbsorbingMesh::new(region, fineness)?, fineness.step);
         let noise = kicks(region, mesh, step);
         let starts = Starts {
             region,

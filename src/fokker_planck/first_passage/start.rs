@@ -2,7 +2,7 @@
 
 use super::absorbed::REACH;
 use super::cut::{between, cuts, from_cut};
-use super::mesh::{Contact, Stencil};
+use super::mesh::{AbsorbingMesh, Stencil};
 use super::region::Region;
 use crate::error::{Deadline, Result};
 use crate::gaussian::{lower, normal};
@@ -28,7 +28,7 @@ pub(super) struct Line {
 /// Initial conditions on a mesh.
 pub(super) struct Starts<'a> {
     pub(super) region: &'a Region<'a>,
-    pub(super) mesh: &'a Contact,
+    pub(super) mesh: &'a AbsorbingMesh,
     pub(super) step: f64,
     /// Deviation of the velocity that a step adds, where it is least.
     pub(super) spread: f64,

@@ -1,7 +1,7 @@
 //! The resolvent x = (I - a L)^-1 b, real or complex a: what every implicit scheme is made of. By sparse
 //! LU of L itself, or by a Krylov method preconditioned with the LU of its five-point upwind neighbour.
 
-use super::krylov::Gmres;
+use super::gmres::Gmres;
 use super::system::{Solver, System};
 use crate::error::Result;
 use crate::fokker_planck::krylov::Number;

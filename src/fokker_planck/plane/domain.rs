@@ -30,6 +30,15 @@ impl Domain {
         0.5 * self.v[1].powi(2)
     }
 
+    /// Its lengths along q and v over those of another.
+    pub(crate) fn over(&self, other: &Self) -> [f64; 2] {
+        let length = |[low, high]: [f64; 2]| high - low;
+        [
+            length(self.q) / length(other.q),
+            length(self.v) / length(other.v),
+        ]
+    }
+
     /// What the neglected probability weighs in each of [`Moments::named`], over the normalisation: the mean of
     /// |q - E q|/sd q, of its square, and so on, over the stationary law outside the domain, plus 1 for the
     /// probability itself, which is somewhere inside instead. Skewness and kurtosis are functions of raw moments of the

@@ -1,7 +1,7 @@
 //! What a transient is computed with: the settings of the scene, and the method, scheme and step where they leave it open.
 
+use super::asked::{Asked, KNOWN};
 use super::cost;
-use super::question::{KNOWN, Question};
 use super::recipe::{FirstGrid, RUNGS, Recipe, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result};
@@ -48,7 +48,7 @@ impl Recipe {
         let until = times.last().copied().unwrap_or(0.0);
         let forcing = Forcing::of(oscillator, initial, &settings.excitation, until)?;
         let forcing = forcing.map(Arc::new);
-        let question = Question {
+        let asked = Asked {
             oscillator,
             initial,
             times,
@@ -56,7 +56,7 @@ impl Recipe {
             forcing: forcing.as_ref(),
             period: None,
         };
-        question.recipe()
+        asked.recipe()
     }
 
     /// The recipe for the law that lasts under the drive of the settings, and the times of so many equal phases of its period.
@@ -80,7 +80,7 @@ impl Recipe {
         let forcing = Forcing::lasting(oscillator, &settings.excitation)?.map(Arc::new);
         let phase = |k: usize| drive.period() * k as f64 / phases as f64;
         let times: Vec<f64> = (0..phases).map(phase).collect();
-        let question = Question {
+        let asked = Asked {
             oscillator,
             initial: &Initial::Stationary,
             times: &times,
@@ -88,11 +88,11 @@ impl Recipe {
             forcing: forcing.as_ref(),
             period: Some(drive.period()),
         };
-        Ok((question.recipe()?, times))
+        Ok((asked.recipe()?, times))
     }
 }
 
-impl Question<'_> {
+impl Asked<'_> {
     fn recipe(&self) -> Result<Recipe> {
         self.decided().map_err(|error| match error {
             Error::Mesh { what, help } if help == FEWER => {
@@ -132,16 +132,18 @@ impl Question<'_> {
         let (layout, first_grid) = self.laid_out()?;
         let hot = self.hot(&layout, first_grid)?;
         let forcing = hot.as_ref().or(self.forcing);
-        Question { forcing, ..*self }.by_layout(layout, first_grid)
+        Asked { forcing, ..*self }.by_layout(layout, first_grid)
     }
 
     fn by_layout(&self, layout: Layout, first_grid: FirstGrid) -> Result<Recipe> {
+        let expected = self.rung_of(&layout, self.widths())?;
         let draft = Recipe {
             scheme: Scheme::FlowMap,
             first_grid,
             forcing: self.forcing.cloned(),
             period: self.period,
-            expected: self.rung_of(&layout, self.widths())?,
+            expected,
+            ahead: self.rung_of_domain()? - expected,
             layout,
             neglected: self.settings.neglected,
             step: self.settings.step,
@@ -268,7 +270,7 @@ impl Question<'_> {
         };
         let hotter = hotter.map(|it| {
             let forcing = Some(&it);
-            Question { forcing, ..*self }.by_layout(draft.layout, draft.first_grid)
+            Asked { forcing, ..*self }.by_layout(draft.layout, draft.first_grid)
         });
         let hotter = hotter.transpose()?;
         if self.forcing.is_some() {

@@ -26,6 +26,8 @@ pub(super) struct Errors {
     lost: Table,
     /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
+    /// What the steps of two rungs may do to both alike.
+    pub(super) splitting: f64,
     /// Normalisations.
     scales: Table,
     /// L1 distance to the stationary law at each time from which the integration was not continued, else 0.
@@ -240,6 +242,7 @@ impl Errors {
             }
             Scheme::Volumes(_) => 0.0,
         };
+        errors.splitting = UNSEEN.get() * splitting;
         let pairs = fine.outputs.iter().zip(&coarse.outputs);
         errors.shared = pairs
             .map(|(a, b)| {
@@ -296,6 +299,7 @@ impl Errors {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
             shared: vec![0.0; run.outputs.len()],
+            splitting: 0.0,
             undershoot: outputs().zip(&coarse.outputs).map(undershoot).collect(),
             lost: outputs().zip(&scales).enumerate().map(lost).collect(),
             settled: outputs().map(settled).collect(),

@@ -1,7 +1,7 @@
 //! The domain of a drive that throws motions far, where no formula says how far: a coarse run tells.
 
+use super::asked::Asked;
 use super::ladder::is_unfit;
-use super::question::Question;
 use super::recipe::{Recipe, domain};
 use super::run::{Run, Task};
 use crate::error::Result;
@@ -19,7 +19,7 @@ const FARTHER: f64 = 1.05;
 /// Outputs that are looked at, the last first.
 const OUTPUTS: usize = 16;
 
-impl Question<'_> {
+impl Asked<'_> {
     /// A recipe on domains that reach as far as the law does where it strays ([`Forcing::strays`]); the same where noise and the motion
     /// without noise tell how far.
     ///

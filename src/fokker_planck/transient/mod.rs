@@ -1,6 +1,7 @@
 //! The transient: from an initial condition through the output times, on finer and finer meshes until each number is within its
 //! tolerance.
 
+mod asked;
 mod begun;
 mod cost;
 mod curve;
@@ -12,7 +13,6 @@ mod lasting;
 mod law;
 mod output;
 mod propagator;
-mod question;
 mod reach;
 mod recipe;
 mod report;
@@ -22,9 +22,9 @@ mod start_up;
 mod time_scheme;
 
 #[doc(hidden)]
-pub use propagator::time_integration;
+pub use asked::mesh;
 #[doc(hidden)]
-pub use question::mesh;
+pub use propagator::time_integration;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
 pub(crate) use recipe::Recipe;

@@ -68,6 +68,9 @@ pub(crate) struct Recipe {
     pub(crate) neglected: Option<f64>,
     /// The rung at which the tolerance is expected; with cells of the scene theirs, the last.
     pub(crate) expected: f64,
+    /// The rung whose domain the layout has, less the one expected: cells of the scene may be few for an initial condition, and the
+    /// domain is that of the stationary law on them.
+    pub(crate) ahead: f64,
     /// The scene's longest step.
     pub(crate) step: Option<f64>,
     /// The moments asked for; None for all of them.
@@ -223,7 +226,8 @@ impl Recipe {
 
     /// Probability that the domain of rung `r` leaves out.
     pub(super) fn left_out(&self, r: f64) -> f64 {
-        self.neglected.unwrap_or_else(|| Rung::neglected(r))
+        self.neglected
+            .unwrap_or_else(|| Rung::neglected(r + self.ahead))
     }
 
     /// The run of rung `r`.
@@ -247,8 +251,11 @@ impl Recipe {
         };
         let cells = match self.layout.cells {
             Cells::Given(cells) => {
+                // So many times as wide as those of the scene, whatever the domains.
                 let finer = LADDER_RATIO.get().powf(r - self.expected);
-                Cells::Given(cells.map(|n| times(self.layout.drift, n, finer).min(n)))
+                let shares = domain.over(&self.layout.domain);
+                let count = |k: usize| times(self.layout.drift, cells[k], finer * shares[k]);
+                Cells::Given([0, 1].map(|k| count(k).min(cells[k])))
             }
             Cells::Widths(widths) => {
                 Cells::Widths(widths.map(|width| width / Self::per_deviation(r)))

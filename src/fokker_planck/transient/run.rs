@@ -383,7 +383,7 @@ impl Task<'_> {
         let mut output = start_up.look(t);
         self.keep(&mut output.moments);
         if self.density_times.contains(&t) {
-            output.snapshot = Some(start_up.snapshot()?);
+            output.snapshot = Some(start_up.snapshot(t)?);
         }
         Ok(output)
     }

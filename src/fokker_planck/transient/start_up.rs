@@ -411,11 +411,11 @@ impl<'a> StartUp<'a> {
         }
     }
 
-    /// The density on equal cells about its mean.
+    /// The density at time t on equal cells about its mean.
     ///
     /// # Errors
     /// [`Error::Invalid`] while it is a point.
-    pub(super) fn snapshot(&self) -> Result<Snapshot> {
+    pub(super) fn snapshot(&self, t: f64) -> Result<Snapshot> {
         if self.grid.is_point() {
             let accepted = "times after 0: at rest all probability is in one point";
             return Err(Error::invalid("outputs.density_at", 0, accepted));
@@ -425,7 +425,7 @@ impl<'a> StartUp<'a> {
         let points: Vec<[f64; 2]> = matrix::grid(q, v).collect();
         let p = self.grid.density(&points);
         Ok(Snapshot {
-            t: self.grid.time(),
+            t,
             q: Array1::from_vec(q.to_vec()),
             v: Array1::from_vec(v.to_vec()),
             p: Array2::from_shape_fn((q.len(), v.len()), |(i, j)| p[i * v.len() + j]),

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::fokker_planck::Snapshot;
 use crate::format::{bare, brief};
 use crate::report::File;
-use crate::results::{Law, Results, widths};
+use crate::results::{Law, Results};
 
 /// A snapshot with its marginals, ready to be drawn.
 pub(super) struct Sheet<'a> {
@@ -32,7 +32,7 @@ impl<'a> Sheet<'a> {
         if !fits || peak <= 0.0 {
             return None;
         }
-        let (dq, dv) = (widths(&q), widths(&v));
+        let [dq, dv] = snapshot.cell_widths();
         let sum =
             |p: ndarray::ArrayView1<'_, f64>, w: &[f64]| p.iter().zip(w).map(|(p, w)| p * w).sum();
         let p = &snapshot.p;

@@ -238,26 +238,8 @@ impl Document {
 
     /// The node under a dotted key, items as `key[2]`; where the key itself is absent, its table.
     pub(super) fn find(&self, key: &str) -> Option<&Node> {
-        let mut found = None;
-        let mut table = Some(&self.root);
-        for part in key.split('.') {
-            let (name, item) = match part.split_once('[') {
-                Some((name, item)) => (name, item.trim_end_matches(']').parse().ok()),
-                None => (part, None::<usize>),
-            };
-            let Some(node) = table.and_then(|table| table.get(name)) else {
-                break;
-            };
-            found = Some(node);
-            table = match &node.value {
-                Value::Table(inner) => Some(inner),
-                _ => None,
-            };
-            if let (Some(k), Value::List(items)) = (item, &node.value) {
-                found = items.get(k).or(found);
-            }
-        }
-        found
+        std::iter::successors(Some(key), |key| Some(key.rsplit_once(['.', '['])?.0))
+            .find_map(|key| self.at(key))
     }
 
     /// The node of exactly this dotted key; None where it is absent.
@@ -272,11 +254,6 @@ impl Document {
     }
 
     pub(super) fn explain(&self, error: &Error) -> SceneError {
-        let place = |key: &str| {
-            let node = self.find(key)?;
-            let whole = matches!(node.value, Value::Table(_));
-            Some(if whole { &node.key } else { &node.at })
-        };
         match error {
             Error::Invalid {
                 key,
@@ -284,15 +261,30 @@ impl Document {
                 accepted,
             } => {
                 let message = format!("{key} = {value} is not accepted");
-                let at = place(key);
+                let at = self.find(key).map(Node::place);
                 let help = format!("accepted: {accepted}");
                 self.wrong(&message, "here", Some(&help), at)
                     .about(key, Some(value.clone()))
             }
             Error::Limit { key, limit, .. } => self
-                .wrong(&error.to_string(), "this limit", None, place(key))
+                .wrong(
+                    &error.to_string(),
+                    "this limit",
+                    None,
+                    self.at(key).map(Node::place),
+                )
                 .about(*key, Some(limit.clone())),
             other => self.wrong(&other.to_string(), "", None, None),
+        }
+    }
+}
+
+impl Node {
+    /// What a message points at: of a table its key.
+    fn place(&self) -> &Place {
+        match self.value {
+            Value::Table(_) => &self.key,
+            _ => &self.at,
         }
     }
 }

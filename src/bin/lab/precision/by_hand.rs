@@ -17,11 +17,17 @@ const MAX_SECONDS: f64 = 2.0;
 /// What a scene gives: its name, and how, from cells and steps that the program chose.
 type Given = (&'static str, fn(&mut MethodChoice, ([usize; 2], f64)));
 
-const ALL: [Given; 8] = [
+const ALL: [Given; 10] = [
     ("cells", |it, (cells, _)| it.cells = Some(cells)),
     ("step", |it, (_, step)| it.step = Some(step)),
     ("cells and step", |it, (cells, step)| {
         (it.cells, it.step) = (Some(cells), Some(step));
+    }),
+    ("cells, drift = 2", |it, (cells, _)| {
+        (it.cells, it.drift) = (Some(cells), Some(Drift::Order2));
+    }),
+    ("cells, drift = 4", |it, (cells, _)| {
+        (it.cells, it.drift) = (Some(cells), Some(Drift::Order4));
     }),
     ("transient = \"finite_volume\"", |it, _| {
         it.transient = Some(TransientMethod::FiniteVolume);

@@ -20,7 +20,7 @@ pub(super) const KNOWN: f64 = 5.0;
 
 /// What is asked of a transient.
 #[derive(Clone, Copy)]
-pub(super) struct Question<'a> {
+pub(super) struct Asked<'a> {
     pub(super) oscillator: &'a Oscillator,
     pub(super) initial: &'a Initial,
     pub(super) times: &'a [f64],
@@ -30,7 +30,7 @@ pub(super) struct Question<'a> {
     pub(super) period: Option<f64>,
 }
 
-impl Question<'_> {
+impl Asked<'_> {
     pub(super) fn until(&self) -> f64 {
         self.times.last().copied().unwrap_or(0.0)
     }
@@ -173,25 +173,29 @@ impl Question<'_> {
         recipe::domain(forced, self.initial, self.until(), first, neglected)
     }
 
-    /// Probability that the domain leaves out: that of the rung expected, or of the one whose cells the scene gives.
+    /// Probability that the domain leaves out.
     fn neglected(&self) -> Result<f64> {
-        let settings = self.settings;
-        if let Some(neglected) = settings.neglected {
-            return Ok(neglected);
+        match self.settings.neglected {
+            Some(neglected) => Ok(neglected),
+            None => Ok(Rung::neglected(self.rung_of_domain()?)),
         }
-        let expected = Rung::neglected(self.expected());
+    }
+
+    /// The rung whose domain is taken: the one expected, or that of the cells of the scene.
+    pub(super) fn rung_of_domain(&self) -> Result<f64> {
+        let (settings, expected) = (self.settings, self.expected());
         if settings.cells.is_none() {
             return Ok(expected);
         }
+        let first = (FirstGrid::Mesh, self.takes_flow_map());
         let layout = Layout {
-            domain: self.domain((FirstGrid::Mesh, self.takes_flow_map()), expected)?,
+            domain: self.domain(first, Rung::neglected(expected))?,
             cells: Cells::of(settings, self.deviations()),
             drift: self.drift(),
             focused: self.takes_flow_map(),
         };
         // A narrow initial condition has a local grid of its own, if these cells do not hold it.
-        let rung = self.rung_of(&layout, self.deviations())?;
-        Ok(Rung::neglected(rung))
+        self.rung_of(&layout, self.deviations())
     }
 
     /// A moving local grid for an initial condition that strong friction brings in from far beyond the stationary law.
@@ -245,7 +249,7 @@ pub fn mesh(
         drift: Some(drift),
         ..settings.clone()
     };
-    let question = Question {
+    let asked = Asked {
         oscillator,
         initial,
         times: &[until],
@@ -253,7 +257,7 @@ pub fn mesh(
         forcing: None,
         period: None,
     };
-    let layout = question.laid_out()?.0;
+    let layout = asked.laid_out()?.0;
     let finer = finer
         * if layout.is_given() {
             1.0
