@@ -26,8 +26,6 @@ pub(super) struct Errors {
     lost: Table,
     /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
-    /// What the steps of two rungs may do to both alike.
-    pub(super) splitting: f64,
     /// Normalisations.
     scales: Table,
     /// L1 distance to the stationary law at each time from which the integration was not continued, else 0.
@@ -230,7 +228,12 @@ impl Errors {
         let mut errors = Self::beside(task, space, scales, [coarse, fine]);
         let splitting = match rung.scheme {
             Scheme::FlowMap => {
-                let steps = rung.flow_map();
+                let mut steps = rung.flow_map();
+                if let Some(period) = rung.period {
+                    // Phases cut it.
+                    let interval = period / task.times.len() as f64;
+                    steps.step = interval / (interval / steps.step).ceil();
+                }
                 // Over the deviation of the law that p is taken against.
                 let reference = rung.reference(task.oscillator).temperature();
                 let wider = (reference / task.oscillator.temperature()).sqrt();
@@ -242,7 +245,6 @@ impl Errors {
             }
             Scheme::Volumes(_) => 0.0,
         };
-        errors.splitting = UNSEEN.get() * splitting;
         let pairs = fine.outputs.iter().zip(&coarse.outputs);
         errors.shared = pairs
             .map(|(a, b)| {
@@ -299,7 +301,6 @@ impl Errors {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
             shared: vec![0.0; run.outputs.len()],
-            splitting: 0.0,
             undershoot: outputs().zip(&coarse.outputs).map(undershoot).collect(),
             lost: outputs().zip(&scales).enumerate().map(lost).collect(),
             settled: outputs().map(settled).collect(),
@@ -311,6 +312,11 @@ impl Errors {
     /// The normalisation of every number.
     pub(super) fn scales(&self) -> &Table {
         &self.scales
+    }
+
+    /// The largest part that all rungs err alike, over the normalisation.
+    pub(super) fn alike(&self) -> f64 {
+        self.shared.iter().copied().fold(0.0, f64::max)
     }
 
     /// The largest part of the steps of the scene, over the normalisation.

@@ -83,8 +83,11 @@ impl Task<'_> {
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
         let steps = propagator.steps();
         let mut outputs = self.through(&mut propagator, &observables, density, times)?;
+        // Those of a period, whatever its phase, and not of the search.
+        let of_period = propagator.steps() - steps;
         for output in &mut outputs {
             output.lost = left + propagator.lacking();
+            output.steps = of_period;
         }
         let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
             ([one, other], Some(slow), Some(left)) => {
@@ -132,10 +135,7 @@ impl Task<'_> {
                 propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
                 now = t;
             }
-            Ok(Output {
-                steps: propagator.steps(),
-                ..self.observe(t, propagator, observables, (&density, &law))
-            })
+            Ok(self.observe(t, propagator, observables, (&density, &law)))
         };
         times.iter().map(output).collect()
     }

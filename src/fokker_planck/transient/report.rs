@@ -8,7 +8,7 @@ use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::fixed_point::Ritz;
-use crate::fokker_planck::policy::SETTLED;
+use crate::fokker_planck::policy::{SAFETY, SETTLED};
 use crate::fokker_planck::settings::Method;
 use crate::moments::{Moment, Moments};
 
@@ -115,8 +115,8 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
 }
 
 /// The multipliers of the finer of two runs, from the slowest on as far as they are known, and waves of the mesh, which grow.
-/// Their errors are those of the Krylov space, the distance to the nearest one of the coarser run, twice, which is of order
-/// 2 or more, and what steps may do to both alike, of which there are few between phases.
+/// Their errors are those of the Krylov space, the distance to the nearest one of the coarser run, as that of a number, and what
+/// both err alike, where steps between phases are as few in both.
 fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> [Vec<Multiplier>; 2] {
     let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
         return [Vec::new(), Vec::new()];
@@ -128,7 +128,7 @@ fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> [Vec<Multiplier>; 2] {
         Multiplier {
             re: it.value.re,
             im: it.value.im,
-            error: it.error + left(UNKNOWN) * nearest + alike * it.value.norm(),
+            error: it.error + SAFETY.get() * nearest + alike * it.value.norm(),
         }
     };
     // One that is not known to a tenth, or not from zero, is not known.
@@ -170,7 +170,7 @@ impl Task<'_> {
             errors.write(k, moments);
         }
         let metastable = metastable(&fine, coarse, &moments);
-        let [multipliers, waves] = multipliers([&fine, coarse], errors.splitting);
+        let [multipliers, waves] = multipliers([&fine, coarse], errors.alike());
         if let Some(it) = waves.first().map(Multiplier::modulus) {
             warnings.push(format!(
                 "waves of the mesh grow {it:.2} times in a period: the law is a fixed point all the same, and these multipliers are left out"
