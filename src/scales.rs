@@ -37,10 +37,10 @@ impl Scales {
     /// The scale of each moment.
     pub fn each(&self, moments: &Moments) -> PerMoment<f64> {
         let mut scales = self.known.unwrap_or_else(|| {
+            // Also where nobody asked for these.
+            let [q, v] = [moments.var_q, moments.var_v].map(|it| it.value.sqrt());
+            let of_deviations = deviations([q, v, moments.std_force.value]);
             let value = |it| moments.get(it).map(|number| number.value.abs());
-            let deviation = |it| value(it).unwrap_or(0.0);
-            let [q, v] = [Moment::VarQ, Moment::VarV].map(|it| deviation(it).sqrt());
-            let of_deviations = deviations([q, v, deviation(Moment::StdForce)]);
             Moment::ALL.map(|it| match (it, value(it)) {
                 (Moment::ContactLossProbability, _) | (_, None) => 1.0,
                 (_, Some(own)) => own.max(of_deviations[it as usize]),

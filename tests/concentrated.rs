@@ -6,7 +6,7 @@ use vibroimpact::damping::Damping;
 use vibroimpact::fokker_planck::{Settings, TimeScheme, Transient, TransientMethod, transient};
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
-use vibroimpact::moments::Moments;
+use vibroimpact::moments::{Moment, Moments};
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::scales::Scales;
 
@@ -213,6 +213,12 @@ fn numbers_that_begin_at_zero_in_free_flight_meet_their_tolerance() {
     let start = Initial::gaussian([0.0, 0.0], [0.2, 0.3]).unwrap();
     let answer = to(&it, &start, &[0.0, 1.0, 20.0], 1e-3);
     assert!(answer.shortfall.is_none(), "{:?}", answer.shortfall);
+    let alone = Settings {
+        moments: Some(vec![Moment::CovQv]),
+        ..Settings::default()
+    };
+    let alone = transient(&it, &start, &[0.0, 1.0], &[], &alone, &|_| ()).unwrap();
+    assert!(alone.shortfall.is_none(), "{:?}", alone.shortfall);
     let exact = [[0.0, 0.04, 0.09, 0.0], {
         let decay = (-0.1f64).exp();
         let variance = 0.09 * decay * decay + it.temperature() * (1.0 - decay * decay);

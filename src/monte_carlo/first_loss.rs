@@ -234,8 +234,9 @@ impl FirstLosses {
             // No scatter is seen, and some may be lost all the same.
             end * proportion(n, n).error
         } else {
-            // Few times may lie near each other by chance: no less than those of a constant rate scatter.
-            student(n) * (at_least(variance, mean * mean, n) / (n - 1.0)).sqrt()
+            // The times of few may lie near each other by chance: no less than those of a constant rate scatter.
+            let usual = if gone == n { mean * mean } else { 0.0 };
+            student(n) * (at_least(variance, usual, n) / (n - 1.0)).sqrt()
         };
         let names = || {
             let stage = match self.target {

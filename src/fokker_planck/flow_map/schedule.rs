@@ -23,7 +23,7 @@ impl FlowMap {
         if self.schedule.duration == duration && same_time {
             return Ok(());
         }
-        let steps = (duration / self.settings.step - 1e-9).ceil().max(1.0);
+        let steps = self.settings.steps(duration);
         let tau = duration / steps;
         let (nodes, weights) = self.settings.splitting.quadrature(steps as usize);
         // Intervals between output times differ by the rounding of the times: the same maps serve.

@@ -61,6 +61,11 @@ impl Settings {
         ends * self.step.powi(5) + second * self.step.powi(3)
     }
 
+    /// Equal steps that an interval is cut into, none longer than allowed but by rounding.
+    pub(in crate::fokker_planck) fn steps(&self, interval: f64) -> f64 {
+        (interval / self.step - 1e-9).ceil().max(1.0)
+    }
+
     /// Steps, passes over the mesh and flow maps of a run through `times`, whose intervals are cut into
     /// chunks of at most `chunk` steps.
     pub(in crate::fokker_planck) fn size(&self, times: &[f64], chunk: f64) -> [f64; 3] {
@@ -75,7 +80,7 @@ impl Settings {
             }
             let chunks = (duration / (chunk * self.step)).ceil().max(1.0);
             let interval = duration / chunks;
-            let count = (interval / self.step - 1e-9).ceil().max(1.0);
+            let count = self.steps(interval);
             let same = |x: f64, y: f64| (x - y).abs() <= 1e-9 * interval;
             steps += chunks * count;
             if let Some((_, each)) = known.iter().find(|(it, _)| same(*it, interval)) {

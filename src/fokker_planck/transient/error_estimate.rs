@@ -230,9 +230,7 @@ impl Errors {
             Scheme::FlowMap => {
                 let mut steps = rung.flow_map();
                 if let Some(period) = rung.period {
-                    // Phases cut it.
-                    let interval = period / task.times.len() as f64;
-                    steps.step = interval / (interval / steps.step).ceil();
+                    steps.step = period / steps.steps(period);
                 }
                 // Over the deviation of the law that p is taken against.
                 let reference = rung.reference(task.oscillator).temperature();

@@ -83,8 +83,8 @@ impl Task<'_> {
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
         let steps = propagator.steps();
         let mut outputs = self.through(&mut propagator, &observables, density, times)?;
-        // Those of a period, whatever its phase, and not of the search.
-        let of_period = propagator.steps() - steps;
+        // Those that made the law, whatever its phase: of one period.
+        let of_period = rung.flow_map().steps(period) as u64;
         for output in &mut outputs {
             output.lost = left + propagator.lacking();
             output.steps = of_period;
