@@ -17,7 +17,7 @@ use rayon::prelude::*;
 const BEST_ORDER: u32 = 8;
 
 /// How often rungs below the cells of the scene are brought nearer to them, by half.
-const HALVINGS: usize = 2;
+const HALVINGS: usize = 4;
 
 /// Solves the task to its tolerance, or as far as its limits allow. Where its mesh does not hold the
 /// scene, what the recipe has otherwise takes over.

@@ -60,8 +60,7 @@ fn survival(
         let lost = solved.map(|it| it.lost[k]);
         put("1 - S", &words, lost, seen.map(Estimate::complement));
     }
-    let lost = sampled.filter(|it| it.survival.last().is_some_and(|s| s.value == 0.0));
-    let lost = lost.map(|it| it.mean_time);
+    let lost = sampled.and_then(|it| it.mean_time_of_all());
     let Some(it) = solved else {
         if lost.is_some() {
             put("mean", mean, None, lost);
