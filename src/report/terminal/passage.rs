@@ -60,7 +60,7 @@ fn survival(
         let lost = solved.map(|it| it.lost[k]);
         put("1 - S", &words, lost, seen.map(Estimate::complement));
     }
-    let lost = sampled.and_then(|it| it.mean_time_of_all());
+    let lost = sampled.and_then(FirstLossResult::mean_time_of_all);
     let Some(it) = solved else {
         if lost.is_some() {
             put("mean", mean, None, lost);
