@@ -261,7 +261,7 @@ fn the_periodic_law_of_a_linear_oscillator_is_gaussian_about_its_response() {
     assert!(worst[0] < 1e-9 && worst[1] < 1.0);
 }
 
-/// Few phases of a fast drive leave all rungs one step from each to the next, and the same error of it in a multiplier.
+/// The short period of a fast drive has as few steps on all rungs, and the same error of them in a multiplier.
 #[test]
 fn multipliers_hold_what_few_steps_of_a_period_do_to_all_runs_alike() {
     for (stiffness, zeta, h, a, w) in [

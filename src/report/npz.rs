@@ -86,15 +86,10 @@ pub(super) fn stacked(name: &str, all: &[Snapshot], rig: Option<&Rig>) -> Result
 
 /// The axes of a density; on a rig in micrometres and millimetres per second too.
 fn axes(it: &Snapshot, rig: Option<&Rig>) -> Vec<Array> {
-    let scaled =
-        |all: &ndarray::Array1<f64>, scale: f64| all.iter().map(|x| x * scale).collect::<Vec<_>>();
-    let mut axes = vec![
-        vector("q", scaled(&it.q, 1.0)),
-        vector("v", scaled(&it.v, 1.0)),
-    ];
+    let mut axes = vec![vector("q", it.q.clone()), vector("v", it.v.clone())];
     if let Some(rig) = rig {
-        axes.push(vector("q_um", scaled(&it.q, micrometre(rig))));
-        axes.push(vector("v_mm_per_s", scaled(&it.v, 1e3 * rig.velocity(1.0))));
+        axes.push(vector("q_um", &it.q * micrometre(rig)));
+        axes.push(vector("v_mm_per_s", &it.v * (1e3 * rig.velocity(1.0))));
     }
     axes
 }

@@ -116,7 +116,7 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
 
 /// The multipliers of the finer of two runs, from the slowest on as far as they are known, and waves of the mesh, which grow.
 /// Their errors are those of the Krylov space, the distance to the nearest one of the coarser run, as that of a number, and what
-/// both err alike, where steps between phases are as few in both.
+/// both err alike, where a period has about as many steps in both.
 fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> [Vec<Multiplier>; 2] {
     let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
         return [Vec::new(), Vec::new()];
