@@ -184,7 +184,9 @@ impl Axis {
     /// Value `k` as text, a number as it reads back.
     pub(super) fn shown(&self, k: usize) -> String {
         let value = &self.values[k];
-        value.as_f64().map_or_else(|| plain(value), num)
+        // A whole number stays one: a count, a seed.
+        let real = value.as_f64().filter(|_| value.is_f64());
+        real.map_or_else(|| plain(value), num)
     }
 
     /// Value `k` as an override of the scene, `KEY=VALUE`.

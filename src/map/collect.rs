@@ -8,7 +8,7 @@ use super::page;
 use super::part::{Part, place};
 use super::run::MAP;
 use super::table::{Column, Table, is_time, shown, walk};
-use crate::clock::TimeUnit;
+use super::units::Units;
 use crate::error::{Error, Result};
 use crate::format::{brief, num};
 use crate::report::folder;
@@ -137,13 +137,7 @@ fn read(dir: &Path) -> Result<Collected> {
         .collect();
     parts.sort_unstable();
     let files: Vec<PathBuf> = parts.iter().map(|it| dir.join(it.file())).collect();
-    let unit = map["scene"]["outputs"]["time_unit"].as_str();
-    let unit = unit.and_then(TimeUnit::named).unwrap_or_default();
-    let varied = axes
-        .iter()
-        .any(|it| it.key().starts_with("oscillator.contact"));
-    let hertz = !varied && map["scene"]["oscillator"]["contact"] == "hertz";
-    let mut table = Table::new(points, unit, hertz);
+    let mut table = Table::new(points, Units::of(&map["scene"], &axes));
     let told = Map::told(&map, axes.clone());
     let (known, dropped) = known(&files, points, &axes, told.as_ref())?;
     for (file, path) in files.iter().enumerate() {
@@ -352,7 +346,7 @@ fn picture(axes: &[Axis], table: &Table, drawn: &[Drawn]) -> Picture {
         };
         Some(Field {
             label: called(&it.name, place, table.times(&it.name))
-                + table.bracketed(&it.name).replace(" [1]", "").as_str(),
+                + table.units.bracketed(&it.name).replace(" [1]", "").as_str(),
             values: all(|it| &it.values),
             errors: all(|it| &it.errors),
             level: it.level,

@@ -21,6 +21,7 @@ mod page;
 mod part;
 mod run;
 mod table;
+mod units;
 
 pub use axis::{Axis, Spacing};
 pub use collect::{Drawn, collect};

@@ -77,7 +77,7 @@ fn spans(it: &Collected) -> String {
         let errors = column.errors.iter().copied().filter(|x| x.is_finite());
         let error = errors.reduce(f64::max);
         let error = error.map_or(String::new(), |it| format!("{it:.0e}"));
-        let name = shown(&column.name, column.place) + &it.table.bracketed(&column.name);
+        let name = shown(&column.name, column.place) + &it.table.units.bracketed(&column.name);
         Some(format!(
             "{name:<50} {low:>12.5e} {high:>12.5e} {error:>10}\n"
         ))

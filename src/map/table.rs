@@ -3,10 +3,9 @@
 use super::axis::Axis;
 use super::lines::Ending;
 use super::numbers::is_curve;
-use crate::clock::TimeUnit;
+use super::units::Units;
 use crate::error::Result;
-use crate::report::{File, field, npz, spelled};
-use crate::results::dimension;
+use crate::report::{File, field, npz};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -33,13 +32,10 @@ impl Column {
 }
 
 /// All numbers of a map.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Table {
     points: usize,
-    /// The unit of the times of the scene.
-    time: TimeUnit,
-    /// Whether all points have the Hertz law.
-    hertz: bool,
+    pub(super) units: Units,
     columns: Vec<Column>,
     at: HashMap<String, usize>,
     /// How each point ended; None for a missing one.
@@ -49,23 +45,16 @@ pub(super) struct Table {
 }
 
 impl Table {
-    pub(super) fn new(points: usize, time: TimeUnit, hertz: bool) -> Self {
+    pub(super) fn new(points: usize, units: Units) -> Self {
         Self {
             points,
-            time,
-            hertz,
+            units,
+            columns: Vec::new(),
+            at: HashMap::new(),
             endings: vec![None; points],
-            ..Self::default()
+            names: HashMap::new(),
+            messages: HashMap::new(),
         }
-    }
-
-    /// The unit of a column as headings have it.
-    pub(super) fn bracketed(&self, name: &str) -> String {
-        let circular = name.contains("spectrum.");
-        let of = |unit| if circular { unit } else { self.time.of(unit) };
-        unit(name).map_or_else(String::new, |unit| {
-            format!(" [{}]", spelled(of(unit), self.hertz))
-        })
     }
 
     /// Takes in a line.
@@ -157,7 +146,7 @@ impl Table {
         let columns: Vec<&Column> = columns.filter(|it| !is_curve(&it.name)).collect();
         let with_errors: Vec<bool> = columns.iter().map(|it| it.has_errors()).collect();
         for (column, errors) in columns.iter().zip(&with_errors) {
-            let (name, unit) = (self.title(column), self.bracketed(&column.name));
+            let (name, unit) = (self.title(column), self.units.bracketed(&column.name));
             let _ = write!(text, ",{name}{unit}");
             if *errors {
                 let _ = write!(text, ",{name} error{unit}");
@@ -297,25 +286,6 @@ pub(super) fn shown(name: &str, place: Option<usize>) -> String {
     place.map_or_else(|| name.to_owned(), |k| format!("{name}[{k}]"))
 }
 
-/// What one of a number is, in the units of the manual; None where its name says it, or where it depends.
-pub(super) fn unit(name: &str) -> Option<&'static str> {
-    let (section, last) = name.rsplit_once('.').unwrap_or(("", name));
-    match (section, last) {
-        ("periodic.multipliers" | "response.multiplier", _) | ("spectrum", "harmonic_ratio") => {
-            Some("1")
-        }
-        (_, "re" | "im" | "omega" | "half_power_width" | "rate" | "continuous_from") => Some("W"),
-        (_, "mean_time" | "mean_time_up_to_last" | "t") => Some("1/W"),
-        (_, "level" | "loss_point") => Some("u"),
-        (_, "temperature") => Some("(u W)^2"),
-        (_, "lowest_density") => Some("1/(u^2 W)"),
-        (_, "phase") => Some("rad"),
-        (moment, "amplitude") => unit(moment).or(Some("1")),
-        _ if name.starts_with("rig.") || name.starts_with("agreement.") => None,
-        _ => Some(dimension(last)).filter(|it| *it != "1" || last.contains("probability")),
-    }
-}
-
 /// A field of CSV.
 pub(super) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
@@ -339,7 +309,7 @@ mod tests {
             "spectrum": { "quantity": "force", "peaks": [{ "omega": { "value": 3.0, "error": 0.2 } }] },
             "oscillator": { "h": 0.1 },
         });
-        let mut table = Table::new(2, TimeUnit::Dimensionless, true);
+        let mut table = Table::new(2, Units::of(&json!({}), &[]));
         let line = json!({ "name": "a", "results": results });
         table.put(1, &line, Ending::Well);
         let axis = Axis::parse("oscillator.h=[0.2, 0.1]").unwrap();
@@ -360,8 +330,6 @@ mod tests {
         let rate = table.group("decay_rates.im").unwrap();
         assert_eq!((rate[0].values[1], rate[0].errors[1]), (2.0, 0.5));
         assert!(rate[0].values[0].is_nan());
-        assert_eq!(unit("spectrum.peaks.half_power_width"), Some("W"));
-        assert_eq!(unit("transient.mean_q"), Some("u"));
         assert_eq!(quoted("a \"b\", c"), "\"a \"\"b\"\", c\"");
     }
 }

@@ -48,7 +48,23 @@ impl Scene {
         if self.initial == Initial::Stationary && !self.oscillator.contact().is_confining() {
             return Err(self.no_law("initial.kind", "\"stationary\""));
         }
-        self.initial.check()
+        self.initial.check()?;
+        let Initial::Gaussian { mean, deviation } = self.initial else {
+            return Ok(());
+        };
+        for (key, of) in [("initial.mean", mean), ("initial.deviation", deviation)] {
+            let [q, v] = of;
+            let energies = [q, -q].map(|q| self.oscillator.energy(q, v));
+            let holds = energies.iter().all(|it| it.is_finite());
+            let value = format!("[{}, {}]", num(q), num(v));
+            require(
+                holds,
+                key,
+                value,
+                "an energy that a double holds, below 1e308",
+            )?;
+        }
+        Ok(())
     }
 
     fn no_law(&self, key: &str, value: &str) -> Error {

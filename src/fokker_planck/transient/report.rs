@@ -11,6 +11,7 @@ use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::policy::{SAFETY, SETTLED};
 use crate::fokker_planck::settings::Method;
 use crate::moments::{Moment, Moments};
+use std::f64::consts::TAU;
 
 /// The answer of a transient solve, one entry per output time.
 #[derive(Debug, Clone, PartialEq)]
@@ -178,7 +179,11 @@ impl Task<'_> {
         }
         let (worst, k, i) = errors.worst(&fine);
         let tolerance = self.recipe.tolerance;
-        let number = name_at(moments[k].named()[i].0, fine.outputs[k].t);
+        let (name, t) = (moments[k].named()[i].0, fine.outputs[k].t);
+        let number = match self.recipe.period {
+            Some(period) => format!("{name} at phase {:.4}", TAU * t / period),
+            None => name_at(name, t),
+        };
         let shortfall = stop.shortfall(number, worst / tolerance, tolerance);
         warnings.extend(shortfall.iter().map(Shortfall::to_string));
         if let Some(t) = fine.settled.filter(|t| *t < self.until()) {
