@@ -7,6 +7,7 @@
 
 use super::krylov::Krylov;
 use crate::error::{Error, Result};
+use crate::matrix::grid;
 use crate::sparse::{DenseLu, eigen, eigenvalues};
 use num_complex::Complex;
 
@@ -25,12 +26,21 @@ pub(super) struct Fixed {
     pub(super) residual: f64,
     /// The modulus of the largest eigenvalue but 1.
     pub(super) slowest: f64,
-    /// The largest eigenvalues but 1, the largest first; of a complex pair the one with the positive imaginary part.
+    pub(super) modes: Modes,
+    /// Times the map was applied.
+    pub(super) maps: usize,
+}
+
+/// What is known of the modes of the map beside its fixed point.
+#[derive(Default)]
+pub(super) struct Modes {
+    /// The largest eigenvalues but 1, the largest first, of modes that the cells resolve; of a complex pair the one with the
+    /// positive imaginary part.
     pub(super) eigenvalues: Vec<Ritz>,
     /// What the start has of the eigenvector of the first of them beside the fixed point, where that is real.
     pub(super) slow: Option<Vec<f64>>,
-    /// Times the map was applied.
-    pub(super) maps: usize,
+    /// How many times a wave of the mesh grows, where one does.
+    pub(super) growing: Option<f64>,
 }
 
 /// How much more slowly than all else the slowest mode fades where it is the passage from one orbit to another.
@@ -42,7 +52,7 @@ const SETTLED: f64 = 2.0;
 impl Fixed {
     /// Where the slowest mode is real and stands apart from the others: what is left of it once they have faded.
     pub(super) fn settled(&self) -> Option<f64> {
-        let [slowest, next, ..] = &self.eigenvalues[..] else {
+        let [slowest, next, ..] = &self.modes.eigenvalues[..] else {
             return None;
         };
         let slow = slowest.value.re.ln();
@@ -76,26 +86,31 @@ const FIRST_LOOK: f64 = 0.05;
 /// Vectors spent on an eigenvalue once the fixed point is there.
 const BEYOND: usize = 48;
 
+/// Roughness of what has no relation from cell to cell. A mode beyond it is a wave of the mesh's, not of the motion's.
+const OF_NOISE: f64 = 2.0;
+
 /// What rounding leaves of a residual.
 const ROUNDING: f64 = 1e-13;
 
-/// Overwrites `x` with the fixed point of its mass.
+/// Overwrites `x`, a row of cells for each weight along the first direction, with the fixed point of its mass.
 ///
 /// # Errors
 /// Those of the map; [`Error::Linear`] where no restart brings the residual down.
 pub(super) fn solve(
     x: &mut [f64],
-    weights: &[f64],
+    [first, second]: [&[f64]; 2],
     goal: Goal,
     map: &mut dyn FnMut(&mut [f64]) -> Result<()>,
 ) -> Result<Fixed> {
+    let weights: Vec<f64> = grid(first, second).map(|[a, b]| a * b).collect();
+    let weights = &weights[..];
     let inverse = weights.iter().map(|w| if *w > 0.0 { 1.0 / w } else { 0.0 });
     let inverse: Vec<f64> = inverse.collect();
+    let cells = (&inverse[..], second.len());
     let mut fixed = Fixed {
         residual: f64::INFINITY,
         slowest: 0.0,
-        eigenvalues: Vec::new(),
-        slow: None,
+        modes: Modes::default(),
         maps: 0,
     };
     let mut target = f64::INFINITY;
@@ -115,7 +130,7 @@ pub(super) fn solve(
             break;
         }
         // What the space before knew of the start was not all.
-        fixed.slow = None;
+        fixed.modes.slow = None;
         let mut space = Krylov::of(residual.iter().map(|r| r / size).collect());
         target = f64::INFINITY;
         // A space that begins near the fixed point shows little of what the one before knew.
@@ -132,13 +147,13 @@ pub(super) fn solve(
             }
             if left <= target && target.is_finite() {
                 let since = columns - *there.get_or_insert(columns);
-                if since > BEYOND || !fixed.eigenvalues.is_empty() && restart > 0 {
+                if since > BEYOND || !fixed.modes.eigenvalues.is_empty() && restart > 0 {
                     break;
                 }
                 if since.is_multiple_of(2 * LOOK) {
-                    let seen = fixed.eigenvalues.first().copied();
-                    (fixed.eigenvalues, fixed.slow) = ritz(&space, size)?;
-                    let first = fixed.eigenvalues.first();
+                    let seen = fixed.modes.eigenvalues.first().copied();
+                    fixed.modes = ritz(&space, size, cells)?;
+                    let first = fixed.modes.eigenvalues.first();
                     // Seen twice: one that the start has little of comes up late, above others that are there.
                     let found = |it: &Ritz| {
                         let close = goal.eigenvalue * it.value.norm();
@@ -155,8 +170,8 @@ pub(super) fn solve(
             }
         }
         // Of a space that begins near the fixed point those before are better.
-        if fixed.eigenvalues.is_empty() || restart == 0 {
-            (fixed.eigenvalues, fixed.slow) = ritz(&space, size)?;
+        if fixed.modes.eigenvalues.is_empty() || restart == 0 {
+            fixed.modes = ritz(&space, size, cells)?;
         }
         let (solution, left) = space.least_squares(size);
         for (x, d) in x.iter_mut().zip(space.combined(&solution)) {
@@ -216,7 +231,7 @@ fn slowest(space: &Krylov<f64>) -> Result<f64> {
 
 /// Ritz values of P with their errors, the largest first, and what a start, its residual of this `size`, has of the Ritz vector
 /// of that one, where it is real.
-fn ritz(space: &Krylov<f64>, size: f64) -> Result<(Vec<Ritz>, Option<Vec<f64>>)> {
+fn ritz(space: &Krylov<f64>, size: f64, cells: (&[f64], usize)) -> Result<Modes> {
     let m = space.size();
     let (values, vectors) = eigen(&space.hessenberg().mapv(Complex::from))?;
     let left = DenseLu::factor(&vectors.t().to_owned())?;
@@ -244,13 +259,53 @@ fn ritz(space: &Krylov<f64>, size: f64) -> Result<(Vec<Ritz>, Option<Vec<f64>>)>
         found.push((Ritz { value, error }, k, part));
     }
     found.sort_by(|(a, ..), (b, ..)| b.value.norm().total_cmp(&a.value.norm()));
-    found.truncate(EIGENVALUES);
-    let real = found.first().filter(|(it, ..)| it.value.im == 0.0);
+    // Of rougher ones nothing but that they grow is told.
+    let parts = [|z: &Complex<f64>| z.re, |z: &Complex<f64>| z.im];
+    let (mut own, mut growing) = (Vec::new(), None);
+    for one in found {
+        let column = vectors.column(one.1);
+        let mode = parts.map(|part| space.combined(&column.iter().map(part).collect::<Vec<f64>>()));
+        if roughness(&mode, cells) <= OF_NOISE {
+            own.push(one);
+        } else if growing.is_none() && one.0.value.norm() >= 1.0 {
+            growing = Some(one.0.value.norm());
+        }
+        if own.len() == EIGENVALUES {
+            break;
+        }
+    }
+    let real = own.first().filter(|(it, ..)| it.value.im == 0.0);
     let slow = real.map(|(_, k, part)| {
         let column: Vec<f64> = vectors.column(*k).iter().map(|z| -(z * part).re).collect();
         space.combined(&column)
     });
-    Ok((found.into_iter().map(|it| it.0).collect(), slow))
+    Ok(Modes {
+        eigenvalues: own.into_iter().map(|it| it.0).collect(),
+        slow,
+        growing,
+    })
+}
+
+/// The mean square of what neighbours differ by in a mode over its weights, over that of the mode, along the direction where it
+/// is larger: 4 for a wave of two cells, 1 for one of six.
+fn roughness(mode: &[Vec<f64>; 2], (inverse, row): (&[f64], usize)) -> f64 {
+    let ratio = |k: usize| [mode[0][k] * inverse[k], mode[1][k] * inverse[k]];
+    let square = |[a, b]: [f64; 2]| a * a + b * b;
+    let along = |next: usize| {
+        let (mut between, mut within) = (0.0, 0.0);
+        for k in 0..inverse.len().saturating_sub(next) {
+            let other = k + next;
+            if inverse[k] == 0.0 || inverse[other] == 0.0 || next == 1 && other % row == 0 {
+                continue;
+            }
+            let ([a, b], [c, d]) = (ratio(k), ratio(other));
+            let weight = 1.0 / inverse[k].max(inverse[other]);
+            between += weight * square([a - c, b - d]);
+            within += 0.5 * weight * (square([a, b]) + square([c, d]));
+        }
+        if within > 0.0 { between / within } else { 0.0 }
+    };
+    along(1).max(along(row))
 }
 
 #[cfg(test)]
@@ -276,7 +331,7 @@ mod tests {
             eigenvalue: 1e-9,
             vectors: 60,
         };
-        let fixed = solve(&mut x, &weights, goal, &mut map).unwrap();
+        let fixed = solve(&mut x, [&weights, &[1.0]], goal, &mut map).unwrap();
         let worst = x
             .iter()
             .map(|x| (x * n as f64 - 1.0).abs())
@@ -286,7 +341,7 @@ mod tests {
             fixed.maps, fixed.residual
         );
         assert!(worst < 4e-8 && fixed.residual <= 1e-9);
-        for (k, ritz) in (1..).zip(&fixed.eigenvalues) {
+        for (k, ritz) in (1..).zip(&fixed.modes.eigenvalues) {
             let exact = 0.6 + 0.4 * (std::f64::consts::PI * f64::from(k) / n as f64).cos();
             let off = (ritz.value - exact).norm();
             println!(
@@ -295,6 +350,6 @@ mod tests {
             );
             assert!(off <= ritz.error + 1e-12, "{k}");
         }
-        assert!(fixed.eigenvalues[0].error < 1e-8);
+        assert!(fixed.modes.eigenvalues[0].error < 1e-8);
     }
 }

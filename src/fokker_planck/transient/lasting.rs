@@ -12,7 +12,6 @@ use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::SHARE;
-use crate::matrix::grid;
 use std::sync::Arc;
 
 /// Most vectors of the Krylov space, and the part of the memory that they may take.
@@ -89,7 +88,7 @@ impl Task<'_> {
             output.lost = left + propagator.lacking();
             output.steps = of_period;
         }
-        let metastable = match (&starts[..], &fixed.slow, fixed.settled()) {
+        let metastable = match (&starts[..], &fixed.modes.slow, fixed.settled()) {
             ([one, other], Some(slow), Some(left)) => {
                 let law = (&law, &fixed, &slow[..], left);
                 let starts = [one, other];
@@ -112,7 +111,8 @@ impl Task<'_> {
             settled: None,
             lacking: propagator.lacking(),
             floquet: Some(Floquet {
-                multipliers: fixed.eigenvalues,
+                multipliers: fixed.modes.eigenvalues,
+                growing: fixed.modes.growing,
                 residual: fixed.residual,
                 metastable,
             }),
@@ -155,9 +155,11 @@ impl Task<'_> {
         let rare = usize::from(dot(half, starts[1].cells()) > dot(half, starts[0].cells()));
         let mut own = starts[rare].clone();
         let again = periods(propagator, &mut own, period, goal)?;
-        let (Some(slow), [a, ..], [b, ..]) =
-            (&again.slow, &fixed.eigenvalues[..], &again.eigenvalues[..])
-        else {
+        let (Some(slow), [a, ..], [b, ..]) = (
+            &again.modes.slow,
+            &fixed.modes.eigenvalues[..],
+            &again.modes.eigenvalues[..],
+        ) else {
             return Ok(None);
         };
         let pairs = half.iter().zip(slow);
@@ -220,11 +222,10 @@ fn periods(
     goal: Goal,
 ) -> Result<Fixed> {
     let weights = propagator.weights().clone();
-    let weights = grid(&weights.q, &weights.v).map(|[q, v]| q * v);
-    let weights: Vec<f64> = weights.collect();
+    let weights = [&weights.q[..], &weights.v];
     let mut x = density.cells().to_vec();
     let mut held = density.clone();
-    let fixed = fixed_point::solve(&mut x, &weights, goal, &mut |cells| {
+    let fixed = fixed_point::solve(&mut x, weights, goal, &mut |cells| {
         held.cells_mut().copy_from_slice(cells);
         propagator.set_time(0.0);
         propagator.advance(&mut held, period, &mut |_, _| Ok(true))?;

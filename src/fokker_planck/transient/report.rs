@@ -115,12 +115,12 @@ fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 
     Some([joined(0), joined(1)])
 }
 
-/// The multipliers of the finer of two runs, from the slowest on as far as they are known, and waves of the mesh, which grow.
-/// Their errors are those of the Krylov space, the distance to the nearest one of the coarser run, as that of a number, and what
-/// both err alike, where a period has about as many steps in both.
-fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> [Vec<Multiplier>; 2] {
+/// The multipliers of the finer of two runs, from the slowest on as far as they are known, and how many times waves of the mesh
+/// grow in a period. Their errors are those of the Krylov space, the distance to the nearest one of the coarser run, as that of a
+/// number, and what both err alike, where a period has about as many steps in both.
+fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> (Vec<Multiplier>, Option<f64>) {
     let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
-        return [Vec::new(), Vec::new()];
+        return (Vec::new(), None);
     };
     let multiplier = |it: &Ritz| {
         let distances = coarse.multipliers.iter();
@@ -135,13 +135,12 @@ fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> [Vec<Multiplier>; 2] {
     // One that is not known to a tenth, or not from zero, is not known.
     let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
     let all = fine.multipliers.iter().map(multiplier);
-    // What is above 1 by more than its error is a wave of the mesh's, not of the motion's.
+    // What is above 1 by more than its error is no motion's, as smooth as it may be.
     let beyond_one = |it: &Multiplier| it.modulus() - it.error >= 1.0;
     let (waves, own): (Vec<_>, Vec<_>) = all.partition(beyond_one);
-    [
-        own.into_iter().take_while(known).collect(),
-        waves.into_iter().filter(known).collect(),
-    ]
+    let growing = waves.iter().find(|it| known(it)).map(Multiplier::modulus);
+    let own = own.into_iter().take_while(known).collect();
+    (own, fine.growing.or(growing))
 }
 
 impl Task<'_> {
@@ -171,8 +170,8 @@ impl Task<'_> {
             errors.write(k, moments);
         }
         let metastable = metastable(&fine, coarse, &moments);
-        let [multipliers, waves] = multipliers([&fine, coarse], errors.alike());
-        if let Some(it) = waves.first().map(Multiplier::modulus) {
+        let (multipliers, growing) = multipliers([&fine, coarse], errors.alike());
+        if let Some(it) = growing {
             warnings.push(format!(
                 "waves of the mesh grow {it:.2} times in a period: the law is a fixed point all the same, and these multipliers are left out"
             ));
