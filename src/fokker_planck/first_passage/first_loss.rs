@@ -13,6 +13,7 @@
 //! coarser mesh; whichever is larger is refined.
 
 use super::bound::{self, Bound};
+use super::flying::Flying;
 use super::layout::{Asked, Layout};
 use super::limit::{Runs, largest_since, never_rises};
 use super::mesh::Fineness;
@@ -251,8 +252,9 @@ impl FirstPassage {
 struct Worst {
     ratio: f64,
     number: String,
-    /// Whether the rate drowns in the rounding of a step, and the mean time with it: no mesh tells them.
-    drowned: bool,
+    /// Why no mesh tells the rate, and its error over the tolerance: it drowns in the rounding of a step, and the mean time with
+    /// it, or flights are what it errs by.
+    untold: Option<(&'static str, f64)>,
     /// The largest part of any that comes from the mesh, and that from the step, over the tolerance.
     parts: [f64; 2],
     /// What a law that is solved for errs in it, over the tolerance.
@@ -412,17 +414,17 @@ impl Question for Task<'_> {
     fn answer(self, stop: Stop) -> Option<FirstLoss> {
         let (best, worst) = self.best?;
         let tolerance = self.problem.asked.tolerance;
-        // No mesh would tell it.
-        let drowned = worst.drowned.then(|| Shortfall {
+        let untold = worst.untold.filter(|(_, ratio)| !(*ratio <= 1.0));
+        let untold = untold.map(|(reason, ratio)| Shortfall {
             number: "rate".into(),
-            ratio: f64::NAN,
+            ratio,
             tolerance,
             free: false,
-            reason: "what is lost so seldom drowns in rounding".into(),
+            reason: reason.into(),
         });
         let shortfall = stop
             .shortfall(worst.number, worst.ratio, tolerance)
-            .or(drowned);
+            .or(untold);
         Some(FirstLoss { shortfall, ..best })
     }
 }
@@ -470,6 +472,16 @@ impl Task<'_> {
                 it.error = it.error.max(larger * it.value.abs());
             }
         }
+        let drowned = (!layout.driven && rate.value.is_nan())
+            .then_some("what is lost so seldom drowns in rounding");
+        let region = self.problem.region();
+        let flying = Flying::of(&region, self.problem.initial, layout.level);
+        let mut untold = drowned;
+        if let Some(flying) = flying.filter(|_| !layout.driven && drowned.is_none()) {
+            let seen = rate.value;
+            (rate, untold) = flying.bound(rate);
+            rate_over_rice = rate.scaled(rate_over_rice.value / seen);
+        }
         for (t, it) in layout.times.iter().zip(&survival) {
             worst.note(it.error / tolerance, || format!("survival at t = {t}"));
         }
@@ -482,17 +494,15 @@ impl Task<'_> {
             worst.add(runs.errors(|run| run.survival[k]), tolerance);
         }
         let relative = |it: &Estimate| it.error / (tolerance * it.value.abs());
-        worst.drowned = !layout.driven && rate.value.is_nan();
-        if worst.drowned {
-            // What mesh and steps err may be what drowns it.
+        if lasts && drowned.is_none() {
+            worst.note(relative(&mean_time), || "mean_time".into());
+        }
+        if let Some(why) = untold {
+            worst.untold = Some((why, relative(&rate)));
+            // What mesh and steps err may be what it is not known for.
             worst.note(worst.parts.iter().sum(), || "rate".into());
-        } else {
-            if lasts {
-                worst.note(relative(&mean_time), || "mean_time".into());
-            }
-            if !layout.driven {
-                worst.note(relative(&rate), || "rate".into());
-            }
+        } else if !layout.driven {
+            worst.note(relative(&rate), || "rate".into());
         }
         let it = FirstLoss {
             times: layout.times.clone(),

@@ -6,6 +6,7 @@ mod cut;
 mod driven;
 pub(crate) mod first_loss;
 pub(crate) mod flight;
+mod flying;
 pub(crate) mod impact;
 mod layout;
 mod limit;

@@ -87,6 +87,11 @@ impl<'a> Region<'a> {
         high.is_none() && self.force(low) < 0.0 && self.oscillator.is_viscous()
     }
 
+    /// Whether it has all q below its level.
+    pub(super) fn is_open_below(&self) -> bool {
+        self.barrier.sign < 0.0 && self.barrier.high.is_none()
+    }
+
     /// Displacement at x.
     pub(crate) fn q(&self, x: f64) -> f64 {
         self.barrier.sign * x
