@@ -5,6 +5,7 @@ mod laws;
 mod parameters;
 mod piece;
 mod restoring;
+mod smooth;
 mod three_halves;
 
 pub use kind::Kind;
@@ -17,6 +18,7 @@ pub use restoring::Restoring;
 use crate::error::{Error, Result};
 use crate::roots::bisect;
 use serde_json::{Value, json};
+use smooth::{Break, broken};
 use std::sync::Arc;
 
 /// Numbers of a list that is shown with the name of a law.
@@ -59,11 +61,13 @@ fn ascend(all: &[f64]) -> bool {
 }
 
 impl ContactLaw {
-    /// A law from code, checked on a sample of points out to |q| = 1490: finite, constant in flight and lower beyond a second wall,
-    /// and a force that never falls, or changes its sign where [`Restoring::roots`] says so.
+    /// A law from code, checked on a sample of points out to |q| = 1490: finite and continuous, constant in flight and lower beyond a
+    /// second wall, a force that never falls, or changes its sign where [`Restoring::roots`] says so, and no kink but those of
+    /// [`Restoring::kinks`].
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the force is not finite, falls with q, or is not constant in flight; for walls and kinks that are not
+    /// [`Error::Invalid`] where the force is not finite, jumps, falls with q, or is not constant in flight; for a kink that is not
+    /// listed; for walls and kinks that are not
     /// finite or not ascending; for the name of a law that a scene knows.
     pub fn custom(law: impl Restoring + 'static) -> Result<Self> {
         let law = Arc::new(law);
@@ -109,6 +113,18 @@ impl ContactLaw {
             let lost = |q: f64| flight.is_some_and(|[a, b]| q > a && q < b);
             if lost(pair[0]) && lost(pair[1]) && low != high {
                 return refused(value(), "a constant force in flight, below the loss point");
+            }
+            let listed = |q: &f64| *q >= pair[0] && *q <= pair[1];
+            let known = law.kinks().iter().any(listed) || ends.iter().any(listed);
+            match broken(|q| law.force(q), [pair[0], pair[1]]).filter(|_| !known) {
+                Some(Break::Jump(q)) => {
+                    return refused(format!("a jump near q = {q:?}"), "a continuous force");
+                }
+                Some(Break::Kink(q)) => {
+                    let accepted = "a force whose derivative jumps where Restoring::kinks says so";
+                    return refused(format!("a kink near q = {q:?}"), accepted);
+                }
+                None => {}
             }
         }
         if let Some(wall) = law.back_wall() {

@@ -10,7 +10,7 @@ use crate::roots::bisect;
 const STEP: f64 = 0.02;
 
 /// The state (q, v) at time `end` of the motion that has `state` at time `start`, by the Runge-Kutta rule of order 4 with
-/// steps of at most 0.02, and shorter ones where the drive is fast. `watch` is shown every state on the way.
+/// steps of at most 0.02, and shorter ones where the drive is fast or friction strong. `watch` is shown every state on the way.
 pub(crate) fn path(
     oscillator: &Oscillator,
     excitation: &Excitation,
@@ -20,16 +20,19 @@ pub(crate) fn path(
     watch: &mut dyn FnMut([f64; 2]),
 ) -> [f64; 2] {
     let contact = oscillator.contact();
-    let lowest = contact.lowest_potential().unwrap_or(0.0);
-    let rise = oscillator.energy(state[0], state[1]) - lowest;
-    let friction = oscillator
-        .highest_friction(rise)
-        .max(2.0 * oscillator.zeta());
     let frequency = excitation.drive.map_or(1.0, |it| it.frequency().max(1.0));
-    let steps = ((end - start) * frequency.max(friction) / longest)
-        .ceil()
-        .max(1.0);
-    let tau = (end - start) / steps;
+    let slow = frequency.max(2.0 * oscillator.zeta());
+    let steps = ((end - start) * slow / longest).ceil().max(1.0);
+    let whole = (end - start) / steps;
+    // Where friction is strong on the way of a whole step, parts of it.
+    let parts = |[q, v]: [f64; 2]| {
+        if oscillator.is_viscous() {
+            return 1.0;
+        }
+        let there = [q, q + whole * v].map(|q| oscillator.friction(q));
+        let strong = there[0].max(there[1]) / slow;
+        strong.clamp(1.0, MOST_PARTS).ceil()
+    };
     let on = |x: [f64; 2], k: [f64; 2], h: f64| [x[0] + h * k[0], x[1] + h * k[1]];
     // From t on by h, with the friction that is between two displacements.
     let step = |state: [f64; 2], t: f64, h: f64, side: [f64; 2]| {
@@ -51,8 +54,10 @@ pub(crate) fn path(
     } else {
         contact.kinks()
     };
-    for n in 0..steps as u64 {
-        let (mut t, mut left) = (start + n as f64 * tau, tau);
+    let mut done = 0.0;
+    while done < steps {
+        let ahead = (1.0 / parts(state)).min(steps - done);
+        let (mut t, mut left) = (start + done * whole, ahead * whole);
         for _ in 0..CROSSINGS {
             let above = jumps.partition_point(|jump| *jump <= state[0]);
             let low = above.checked_sub(1).map_or(f64::NEG_INFINITY, |k| jumps[k]);
@@ -75,9 +80,13 @@ pub(crate) fn path(
             state = step(state, t, left, [f64::NEG_INFINITY, f64::INFINITY]);
         }
         watch(state);
+        done += ahead;
     }
     state
 }
+
+/// Parts of a step at most.
+const MOST_PARTS: f64 = 1e6;
 
 /// Jumps of the friction that a step may cross: more only where a motion trembles about one.
 const CROSSINGS: usize = 4;
@@ -134,14 +143,17 @@ pub(crate) fn lasting(
     let all: Vec<(f64, [f64; 2])> = near.iter().copied().chain(far).filter(there).collect();
     let smallest = all.iter().min_by(|a, b| a.0.total_cmp(&b.0));
     let largest = all.iter().max_by(|a, b| a.0.total_cmp(&b.0));
-    let pair = smallest.zip(largest).zip(excitation.drive);
-    if let Some(((small, large), drive)) = pair {
+    let differ = |a: [f64; 2], b: [f64; 2]| {
+        let apart = f64::hypot(a[0] - b[0], a[1] - b[1]);
+        apart > 1e-3 * b[0].hypot(b[1])
+    };
+    let pair = smallest.zip(largest).filter(|(a, b)| differ(a.1, b.1));
+    if let Some(((small, large), drive)) = pair.zip(excitation.drive) {
         // What has not settled yet comes to the same orbit.
         let orbit = |it: &(f64, [f64; 2])| orbit(oscillator, &drive, it.1);
         if let (Ok(a), Ok(b)) = (orbit(small), orbit(large)) {
-            let apart = f64::hypot(a.start[0] - b.start[0], a.start[1] - b.start[1]);
             let stable = a.multiplier < 1.0 && b.multiplier < 1.0;
-            if stable && apart > 1e-3 * b.start[0].hypot(b.start[1]) {
+            if stable && differ(a.start, b.start) {
                 let lasting = |amplitude, state| Lasting { amplitude, state };
                 return (lasting(small.0, a.start), Some(lasting(large.0, b.start)));
             }
@@ -151,6 +163,9 @@ pub(crate) fn lasting(
     let state = near.first().map_or([0.0; 2], |it| it.1);
     (Lasting { amplitude, state }, None)
 }
+
+/// Friction of the deepest contact beyond which no motion begins: so deep it creeps back, which takes long to follow.
+const STIFFEST: f64 = 1e3;
 
 /// Where motions begin from outside: what the drive brings in a period is at most what friction takes at an rms velocity of
 /// a/(2^(3/2) zeta), the amplitude a/(2 zeta) of a sine. Where flights have no friction a flight takes up 2 a/W and more, of which an
@@ -165,8 +180,9 @@ fn outside(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<It
         let parts = [1.25, 1.0, 0.75, 0.5].into_iter();
         let speeds = [Some(1.0), flying].into_iter().flatten();
         let speeds = speeds.flat_map(move |times| parts.clone().map(move |part| times * part));
-        speeds.flat_map(move |times: f64| {
-            let v = times * fastest;
+        let speeds = speeds.map(move |times: f64| times * fastest);
+        let creeps = |v: &f64| oscillator.highest_friction(0.5 * v * v) > STIFFEST;
+        speeds.filter(move |v| !creeps(v)).flat_map(move |v| {
             let turning = oscillator.contact().turning_points(0.5 * v * v);
             let (left, right) = turning.unwrap_or((rest, rest));
             [[rest, v], [rest, -v], [left, 0.0], [right, 0.0]]

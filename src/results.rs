@@ -76,7 +76,7 @@ pub struct Results {
     pub first_loss_paths: Option<FirstLossResult>,
     /// The first passage of a level by sampling.
     pub first_passage_paths: Option<FirstLossResult>,
-    /// Stationary statistics of long records.
+    /// Stationary statistics of long realisations.
     pub records: Option<RecordResult>,
     /// How well the sampled numbers agree with the others.
     pub agreement: Option<Agreement>,
@@ -194,7 +194,7 @@ impl Results {
             && self.records.as_ref().is_some_and(exact)
     }
 
-    /// The stationary numbers of the long records.
+    /// The stationary numbers of the long realisations.
     pub(crate) fn sampled_stationary(&self) -> Option<Numbers> {
         let it = self.records.as_ref()?;
         let moments = if self.controlled() {
@@ -213,14 +213,14 @@ impl Results {
         it.moments.get(k)
     }
 
-    /// The crossings of the long records, if they are asked for and the scheme sees them.
+    /// The crossings of the long realisations, if they are asked for and the scheme sees them.
     pub(crate) fn sampled_crossings(&self) -> Option<(&Crossings, Numbers)> {
         let time = self.scene.clock().time(self.scene.crossings_window()?);
         let it = self.records.as_ref()?.crossings.as_ref()?;
         Some((it, Numbers::seen(it, time)))
     }
 
-    /// The time of flight in the long records, once a flight has been seen from loss to return.
+    /// The time of flight in the long realisations, once a flight has been seen from loss to return.
     pub(crate) fn sampled_flights(&self) -> Option<&Histogram> {
         let (seen, _) = self.sampled_crossings()?;
         let flown = seen.mean_flight.value.is_finite();
@@ -310,7 +310,7 @@ impl Results {
         all
     }
 
-    /// The same numbers from long records, those of the rig itself left out.
+    /// The same numbers from long realisations, those of the rig itself left out.
     pub(crate) fn physical_sampled(&self, rig: &Rig) -> Vec<(&'static str, Estimate)> {
         let law = self.sampled_stationary();
         let crossings = self.sampled_crossings().map(|(_, numbers)| numbers);
@@ -322,7 +322,7 @@ impl Results {
         self.measured(rig, &of, lost)
     }
 
-    /// [`Results::physical`] beside the same numbers from long records.
+    /// [`Results::physical`] beside the same numbers from long realisations.
     pub(crate) fn on_the_rig(&self, rig: &Rig) -> Vec<(&'static str, [Option<Estimate>; 2])> {
         let solved = self.physical(rig).into_iter();
         let mut all: Vec<_> = solved.map(|(name, it)| (name, [Some(it), None])).collect();

@@ -76,13 +76,13 @@ pub struct MonteCarlo {
     pub noise: Noise,
     /// Time step; None is an automatic choice.
     pub step: Option<f64>,
-    /// Length of long records, dimensionless, all together, and of those of Welch's method; None is
+    /// Length of long realisations, dimensionless, all together, and of those of Welch's method; None is
     /// the paper's 1e5 periods for the former, and 400 averages for the latter if there are no others.
     pub duration: Option<f64>,
 }
 
 impl MonteCarlo {
-    /// Length of long records unless the scene says otherwise: the paper's 1e5 periods.
+    /// Length of long realisations unless the scene says otherwise: the paper's 1e5 periods.
     pub(crate) const DURATION: f64 = TAU * 1e5;
 }
 
@@ -171,7 +171,7 @@ impl Scene {
         self.monte_carlo.is_some() && !self.outputs.moments_at.is_empty()
     }
 
-    /// Whether long records are asked for: by Monte Carlo without times, for crossings, or by their
+    /// Whether long realisations are asked for: by Monte Carlo without times, for crossings, or by their
     /// duration. First losses and spectra have samples of their own.
     pub(crate) fn wants_records(&self) -> bool {
         if !self.excitation.is_plain() {

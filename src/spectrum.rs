@@ -1,7 +1,7 @@
 //! Spectra from arrays, by Welch's method from records.
 //!
 //! Every density here is one-sided and per circular frequency: its integral over omega from 0 is the
-//! variance, G = (2/pi) integral_0^infinity R(t) cos(omega t) dt. With white excitation of level h the
+//! variance, S = (2/pi) integral_0^infinity R(t) cos(omega t) dt. With white excitation of level h the
 //! linear oscillator has [`linear`]. With a rig, see [`per_hertz`].
 
 use crate::error::{Error, Result, positive};
@@ -19,7 +19,7 @@ type C = Complex<f64>;
 /// 80 records alone it would be known to 8 % only.
 const POOLED: usize = 8;
 
-/// G(omega) = 2h/((1 - omega^2)^2 + (2 zeta omega)^2): displacement and force of the linearised contact,
+/// S(omega) = 2h/((1 - omega^2)^2 + (2 zeta omega)^2): displacement and force of the linearised contact,
 /// G(q) = q.
 pub fn linear(oscillator: &Oscillator, omega: f64) -> f64 {
     let stiff = 1.0 - omega * omega;
@@ -27,8 +27,8 @@ pub fn linear(oscillator: &Oscillator, omega: f64) -> f64 {
     2.0 * oscillator.h() / (stiff * stiff + damped * damped)
 }
 
-/// What a dimensionless one-sided density of the force becomes per hertz: N^2/Hz, G(f) = F_s^2
-/// G(omega)/f_0, so that the integral over f is the variance in N^2.
+/// What a dimensionless one-sided density of the force becomes per hertz: N^2/Hz, S(f) = F_s^2
+/// S(omega)/f_0, so that the integral over f is the variance in N^2.
 pub fn per_hertz(rig: &Rig) -> f64 {
     rig.newtons(1.0).powi(2) / rig.frequency()
 }
@@ -79,7 +79,7 @@ impl std::fmt::Debug for Welch {
 /// Squared Fourier coefficients of one record, averaged over its segments.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Periodogram {
-    /// G at the frequencies of [`Welch::omega`].
+    /// S at the frequencies of [`Welch::omega`].
     pub density: Vec<f64>,
     /// Segments of the record.
     pub segments: usize,
@@ -137,7 +137,7 @@ impl Welch {
     }
 
     /// The RMS magnitude of the paper's figures from a one-sided density: the deviation within the
-    /// bandwidth of a bin, sqrt(G 1.5 d omega), which for a sine of amplitude a, at its bin, is a/sqrt 2.
+    /// bandwidth of a bin, sqrt(S 1.5 d omega), which for a sine of amplitude a, at its bin, is a/sqrt 2.
     pub fn magnitude(&self, density: f64) -> f64 {
         (density * self.noise_bandwidth() * self.spacing()).sqrt()
     }

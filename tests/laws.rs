@@ -345,7 +345,7 @@ fn agreement(contact: &str, more: &str) -> (f64, Results) {
     (it.worst, results)
 }
 
-/// Transient moments, long records and losses, by both.
+/// Transient moments, long realisations and losses, by both.
 const BOTH: &str = "zeta = 0.05\nh = 2e-2\n[initial]\nmean = [0.5, 0.5]\ndeviation = [0.4, 0.4]\n[outputs]\n\
                     stationary = true\nmoments_at = [1, 3, 10]\n[monte_carlo]\npaths = 100_000\nduration = 4e4";
 

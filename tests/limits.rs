@@ -87,7 +87,7 @@ const SCENES: [(&str, &str, &str); 17] = [
         "[outputs]\nfirst_loss = { until = 200 }\n[accuracy]\ntolerance = 1e-9\n",
     ),
     (
-        "long records of ten thousand cosines",
+        "long realisations of ten thousand cosines",
         "zeta = 0.005\nh = 2e-3\n",
         "[monte_carlo]\nduration = 1e8\nnoise = { cosines = 10000, band = 8.0 }\n[accuracy]\n",
     ),

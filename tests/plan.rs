@@ -350,7 +350,7 @@ fn the_plan_of_every_built_in_scene_fits_80_columns_and_says_what_it_leaves_out(
         let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
         let most = flat.ends_with(
             "not computed: crossings, first loss, paths of the first loss, first passage, paths of the first \
-             passage, time to a fraction, periodic law, response curve, spectrum, Welch's spectrum, long records",
+             passage, time to a fraction, periodic law, response curve, spectrum, Welch's spectrum, long realisations",
         );
         assert_eq!(most, *name == "default", "{text}");
     }

@@ -1,4 +1,4 @@
-//! Ensembles and long records against closed forms and against each other, through the library's public interface.
+//! Ensembles and long realisations against closed forms and against each other, through the library's public interface.
 
 #![allow(clippy::print_stdout, missing_docs)]
 

@@ -851,7 +851,7 @@ fn long_records_stand_beside_the_closed_form_with_their_errors() {
         &room,
         "long.toml",
         &[
-            "closed form      long records",
+            "closed form      long realisations",
             "LOSSES OF CONTACT",
             "agreement",
             "mean flight",
@@ -882,7 +882,7 @@ fn long_records_stand_beside_the_closed_form_with_their_errors() {
     assert!(
         fs::read_to_string(folder.join("force.svg"))
             .unwrap()
-            .contains("long records")
+            .contains("long realisations")
     );
     let all = results(&folder);
     assert!(all.get("transient").is_none() && all["monte_carlo"].get("transient").is_none());

@@ -22,7 +22,7 @@ const ZETA: f64 = 0.005;
 /// trapezoidal rule, by fast Fourier transform. Frequencies are 2 pi k/(step length), k up to half the
 /// length, the length that of the transform: twice the number of samples or more, a power of two.
 ///
-/// The sum is the spectrum with everything beyond pi/step folded back, G(omega) + sum over m >= 1 of
+/// The sum is the spectrum with everything beyond pi/step folded back, S(omega) + sum over m >= 1 of
 /// G(2 pi m/step - omega) + G(2 pi m/step + omega): the step must be short enough that there is nothing
 /// there.
 fn of_correlation(correlation: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {

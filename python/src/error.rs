@@ -75,18 +75,25 @@ pub(crate) fn of(py: Python<'_>, error: &Error) -> PyErr {
     }
 }
 
+/// Longest line of a scene that is shown: numbers of an array may make it thousands.
+const LONGEST: usize = 400;
+
 /// With the line of the scene below the message.
 fn raise(py: Python<'_>, error: &SceneError, class: Class) -> PyErr {
     let mut shown = String::new();
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor());
-    let message = match handler.with_width(100_000).render_report(&mut shown, error) {
-        Ok(()) => shown
+    let rendered = handler.with_width(100_000).render_report(&mut shown, error);
+    let short = shown.lines().all(|line| line.chars().count() <= LONGEST);
+    let about = [error.key(), error.value(), error.accepted()];
+    let message = match (rendered, about) {
+        (Ok(()), _) if short => shown
             // A key of the command line's is a call of Python's.
             .replace("\u{256d}\u{2500}[--set:", "\u{256d}\u{2500}[replace:")
             .trim()
             .trim_start_matches(['×', ' '])
             .to_owned(),
-        Err(_) => error.to_string(),
+        (_, [.., Some(accepted)]) => format!("{error}\naccepted: {accepted}"),
+        _ => error.to_string(),
     };
-    class.raise(py, message, [error.key(), error.value(), error.accepted()])
+    class.raise(py, message, about)
 }

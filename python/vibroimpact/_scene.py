@@ -98,7 +98,15 @@ class Scene:
         if not isinstance(sections, Mapping):
             accepted = "a dict of sections; Scene.from_toml takes text or a file, vi.scene the name of a built-in one"
             raise not_accepted("sections", sections, accepted)
-        self._native = _native.Scene.of("untitled", plain("", sections))
+        try:
+            self._native = _native.Scene.of("untitled", plain("", sections))
+        except SceneError as error:
+            key, oscillator = "oscillator.contact", sections.get("oscillator")
+            contact = oscillator.get("contact") if isinstance(oscillator, Mapping) else None
+            several = contact if isinstance(contact, (list, tuple)) else [contact]
+            if not any(callable(it) for it in several) or not str(error.key).startswith(key + "."):
+                raise
+            raise not_accepted(key, contact, f"{error.accepted}, of {_POINTS} points of the function") from None
 
     @classmethod
     def _of(cls, native: _native.Scene) -> Scene:

@@ -102,7 +102,8 @@ impl Forcing {
         }
         let period = excitation.drive.map_or(0.0, |it| it.period());
         let end = (late(oscillator) / period).ceil() * period;
-        let times = [end, end + BEATS * period];
+        let beats = (BEATS * period).min(FOLLOWED.max(period));
+        let times = [end, end + beats];
         let (near, far) = noise_free::lasting(oscillator, excitation, times);
         // A law that friction holds everywhere may begin anywhere, and is believed to have both.
         let known = far.filter(|_| oscillator.is_viscous());

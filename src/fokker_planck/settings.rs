@@ -61,7 +61,7 @@ impl TransientMethod {
 /// What a scene says about the Fokker-Planck solver; None is an automatic choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// What shakes the oscillator beside stationary noise: of the transient alone.
+    /// What shakes the oscillator beside stationary noise: in transients, periodic laws and first passages.
     pub excitation: Excitation,
     /// Finite volumes or flow map.
     pub method: Option<TransientMethod>,

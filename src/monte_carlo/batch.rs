@@ -1,8 +1,9 @@
-//! Batch means: moments of long records, with errors that know how slowly the records forget.
+//! Batch means: moments of long realisations, with errors that know how slowly the records forget.
 
+use super::few::{OF_KURTOSIS, OF_SKEWNESS, tails};
 use super::law::Law;
 use super::noise::{LANES, Lanes};
-use super::statistics::{OF_KURTOSIS, OF_SKEWNESS, add, product, tails, unseen};
+use super::statistics::{add, product, unseen};
 use crate::contact::ContactLaw;
 use crate::estimate::{Estimate, Origin, skewed_variance};
 use crate::matrix::dot;

@@ -1,12 +1,13 @@
 //! Ensembles: moments of independent paths at given times.
 
 use super::events::Deaf;
+use super::few::{CARRIERS, FEW};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group};
-use super::statistics::{FEW, Frames, Sums, unknown};
+use super::statistics::{Frames, Sums, unknown};
 use super::walk::{self, BLOCK, TASKS, Walk};
 use super::{Noise, Sampling, Scheme};
 use crate::budget::{Cost, Limits, timing};
@@ -96,7 +97,7 @@ impl Ensemble {
     ) -> Result<Self> {
         walk::check_ensemble(settings.paths, times, "outputs.moments_at")?;
         if matches!(settings.noise, Noise::Band { .. }) {
-            let accepted = "for long records; for an ensemble \"white\" or { cosines, band }";
+            let accepted = "for long realisations; for an ensemble \"white\" or { cosines, band }";
             return Err(Error::invalid("monte_carlo.noise", "{ band }", accepted));
         }
         let until = times.last().copied().unwrap_or(0.0);
@@ -242,18 +243,19 @@ impl Ensemble {
             intervals: &intervals,
             progress,
         };
-        let (frames, sums) = law::dispatch(oscillator, run);
+        let (frames, parts) = law::dispatch(oscillator, run);
         progress.finish()?;
-        let moments: Vec<Moments> = frames
-            .iter()
-            .zip(&sums)
-            .zip(&self.stops)
-            .filter(|(_, t)| self.times.contains(t))
-            .map(|((frames, sums), _)| sums.moments(oscillator.contact(), frames))
-            .collect();
+        let asked = (0..frames.len()).filter(|k| self.times.contains(&self.stops[*k]));
+        let at = |k: usize| {
+            let parts: Vec<&Sums> = parts.iter().map(|it| &it[k]).collect();
+            Sums::moments(&parts, oscillator.contact(), &frames[k])
+        };
+        let (moments, carriers): (Vec<Moments>, Vec<f64>) = asked.map(at).unzip();
+        let mut warnings = self.warnings((oscillator, initial), walk, &moments);
+        warnings.extend(self.few_carriers(&carriers).map(Warning::from));
         Ok(EnsembleResult {
             times: self.times.clone(),
-            warnings: self.warnings((oscillator, initial), walk, &moments),
+            warnings,
             moments,
             paths: self.paths,
             steps,
@@ -261,6 +263,25 @@ impl Ensemble {
             scheme: walk.scheme,
             path_steps,
         })
+    }
+
+    /// That so few paths carry the error of the kurtosis that it does not tell what others would.
+    fn few_carriers(&self, carriers: &[f64]) -> Option<String> {
+        let few: Vec<f64> = self
+            .times
+            .iter()
+            .zip(carriers)
+            .filter(|(_, it)| **it < CARRIERS)
+            .map(|(t, _)| *t)
+            .collect();
+        let first = few.first()?;
+        Some(format!(
+            "few of the {} paths carry the errors of skewness and kurtosis of the force at {} of {} times, first at t = {first}: \
+             these errors are rough, and may be too small; more monte_carlo.paths would help",
+            self.paths,
+            few.len(),
+            self.times.len()
+        ))
     }
 
     /// What limits the ensemble, the bias of its step left out.
@@ -356,14 +377,14 @@ struct Run<'a> {
 }
 
 impl WithLaw for Run<'_> {
-    /// The frames and the sums at each output time.
-    type Output = (Vec<Frames>, Vec<Sums>);
+    /// The frames at each output time, and of each group of paths the sums.
+    type Output = (Vec<Frames>, Vec<Vec<Sums>>);
 
     fn with<L: Law>(self, law: L) -> Self::Output {
         // The first block gives the frames in which every block sums; it is run twice.
         let mut frames = Vec::new();
         self.block(law, 0, |_, q, v| frames.push(Frames::of(law, q, v)));
-        let parts: Vec<Vec<Sums>> = walk::tasks(self.count)
+        let parts = walk::tasks(self.count)
             .into_par_iter()
             .map(|paths| {
                 let mut sums = vec![Sums::default(); self.intervals.len()];
@@ -379,13 +400,7 @@ impl WithLaw for Run<'_> {
                 sums
             })
             .collect();
-        let mut sums = vec![Sums::default(); self.intervals.len()];
-        for more in &parts {
-            for (sum, more) in sums.iter_mut().zip(more) {
-                sum.add(more);
-            }
-        }
-        (frames, sums)
+        (frames, parts)
     }
 }
 

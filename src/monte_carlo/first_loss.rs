@@ -1,12 +1,13 @@
 //! The first loss of contact: how long contact survives.
 
 use super::events::{Deaf, Watch};
+use super::few::{at_least, student};
 use super::law::{self, Law, WithLaw};
 use super::noise::LANES;
 use super::paths::Paths;
 use super::progress::{Progress, Timed};
 use super::scheme::{Coefficients, Group, cubic};
-use super::statistics::{at_least, proportion, student};
+use super::statistics::proportion;
 use super::walk::{self, TASKS, Walk};
 use super::{Sampling, Scheme};
 use crate::budget::{Cost, Limits};

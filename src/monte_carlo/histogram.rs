@@ -1,4 +1,4 @@
-//! Histograms of long records: equal bins, and the density over them with confidence bands.
+//! Histograms of long realisations: equal bins, and the density over them with confidence bands.
 
 use super::statistics::unseen;
 use crate::estimate::{Estimate, Origin};

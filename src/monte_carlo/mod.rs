@@ -1,7 +1,7 @@
 //! Monte Carlo: independent paths, streamed statistics, standard errors on every number.
 //!
 //! - [`run`]: an ensemble and its moments at given times;
-//! - [`records`]: long records, stationary statistics and losses of contact;
+//! - [`records`]: long realisations, stationary statistics and losses of contact;
 //! - [`series`]: sampled records, for spectra;
 //! - [`first_loss`]: how long contact survives.
 //!
@@ -33,9 +33,11 @@ mod batch;
 mod displacement;
 mod ensemble;
 mod events;
+mod few;
 mod first_loss;
 mod hamiltonian;
 mod histogram;
+mod influence;
 mod law;
 mod noise;
 mod paths;

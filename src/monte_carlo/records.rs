@@ -1,4 +1,4 @@
-//! Long records: stationary statistics by time averages.
+//! Long realisations: stationary statistics by time averages.
 
 use super::batch::{Batch, BatchMeans, Units, are_long, worth};
 use super::events::{
@@ -30,7 +30,7 @@ const GROUPS: [f64; 2] = [4.0, 64.0];
 /// Bins of every histogram.
 const BINS: usize = 100;
 
-/// Stationary statistics of long records; every error is one standard error from batch means, what losses
+/// Stationary statistics of long realisations; every error is one standard error from batch means, what losses
 /// of contact show by the number of their independent bursts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordResult {
@@ -93,7 +93,7 @@ pub fn records(
     Records::of(oscillator, settings)?.run(oscillator, settings.limits(), progress)
 }
 
-/// How long records will be drawn, and how they are cut.
+/// How long realisations will be drawn, and how they are cut.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Records {
     pub(crate) walk: Walk,

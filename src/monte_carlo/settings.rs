@@ -1,4 +1,4 @@
-//! What a sample may be asked: how many paths, how long records, by which scheme, under which noise.
+//! What a sample may be asked: how many paths, how long realisations, by which scheme, under which noise.
 
 use super::scheme::Scheme;
 use crate::budget::Limits;
@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub struct Sampling {
     /// Number of paths of an ensemble, at least 2.
     pub paths: u64,
-    /// Time observed in long records, dimensionless, all together.
+    /// Time observed in long realisations, dimensionless, all together.
     pub duration: f64,
     /// Seed; with the number of a path or record it fixes that.
     pub seed: u64,

@@ -179,7 +179,7 @@ impl Plan {
         let asked = self.scene.monte_carlo.as_ref().and_then(|it| it.duration);
         let wanted = self.scene.wants_records();
         let duration = asked.or(wanted.then_some(MonteCarlo::DURATION));
-        // As long as the long records, if there are any.
+        // As long as the long realisations, if there are any.
         let records = duration.map_or((WELCH_AVERAGES / WELCH_SEGMENTS) as f64, |duration| {
             (duration / (samples as f64 * spacing)).ceil().max(32.0)
         });

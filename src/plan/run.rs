@@ -347,6 +347,8 @@ impl Plan {
             shortfalls.for_each(|(_, it)| it.put_in(&self.clock));
             if part.is_sampled() {
                 results.agreement = results.agree();
+                let doubt = results.agreement.and_then(|it| it.doubt());
+                doubt.into_iter().for_each(|it| results.run.warn(it.into()));
             }
             let took = begin.elapsed().as_secs_f64();
             results.run.stages.push((part.name(), took));

@@ -113,7 +113,7 @@ pub enum Part {
     MonteCarlo,
     /// Sampled records for the spectrum by Welch's method.
     Series,
-    /// Long records of the stationary motion.
+    /// Long realisations of the stationary motion.
     Records,
 }
 
@@ -165,7 +165,7 @@ impl Part {
             Self::Spectrum => ["spectrum", "spectrum"],
             Self::MonteCarlo => ["monte_carlo", "paths"],
             Self::Series => ["welch", "Welch's spectrum"],
-            Self::Records => ["records", "long records"],
+            Self::Records => ["records", "long realisations"],
         }
     }
 

@@ -121,7 +121,7 @@ pub(super) fn monte_carlo(results: &Results, it: &EnsembleResult) -> Vec<File> {
     vec![table.file("monte_carlo.csv")]
 }
 
-/// Files of the long records: their stationary numbers, and p_q, p_v, p_N as histograms.
+/// Files of the long realisations: their stationary numbers, and p_q, p_v, p_N as histograms.
 pub(super) fn records(results: &Results) -> Option<Vec<File>> {
     let (it, numbers) = (results.records.as_ref()?, results.sampled_stationary()?);
     let table = rows(results, "value,standard error", &numbers);
@@ -192,7 +192,7 @@ pub(super) fn spectrum(results: &Results, it: &SpectrumNumbers) -> Result<Vec<Fi
     let table = Csv::of(results).bare("omega", "W", omega).circular();
     let mut table = densities(table, "omega", unit, 1.0);
     if let Some(it) = &it.sampled {
-        let (head, magnitude) = ("RMS magnitude sqrt(G x 1.5 bins)", it.magnitude.clone());
+        let (head, magnitude) = ("RMS magnitude sqrt(S x 1.5 bins)", it.magnitude.clone());
         table = table.plain(head, of_magnitude, magnitude);
     }
     let per_hertz = results.scene.rig().map(|rig| {

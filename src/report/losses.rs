@@ -49,7 +49,7 @@ pub(super) fn flights(results: &Results, it: &FlightLaw) -> Result<Vec<File>> {
     Ok(vec![table.file("flight_law.csv"), arrays])
 }
 
-/// impact_speed.csv, impact_force.csv and impacts.npz: the law of an impact; with long records what they saw of it.
+/// impact_speed.csv, impact_force.csv and impacts.npz: the law of an impact; with long realisations what they saw of it.
 pub(super) fn impacts(results: &Results) -> Result<Vec<File>> {
     let mut files = Vec::new();
     if let Some(it) = &results.impacts {

@@ -111,8 +111,8 @@ const NUMBERS: &[Group] = &[
         "impact_speed.csv: density of the speed at the return
          impact_force.csv: density of the peak force of the undamped contact after it
          impacts.npz: joint density of time of flight and speed at the return
-         impacts_seen.csv: histogram of the speed at the return in long records
-         impacts_seen.npz: joint histogram of time of flight and speed in long records",
+         impacts_seen.csv: histogram of the speed at the return in long realisations
+         impacts_seen.npz: joint histogram of time of flight and speed in long realisations",
         &[Part::Crossings, Part::Records],
         losses::impacts,
     ),
@@ -127,7 +127,7 @@ const NUMBERS: &[Group] = &[
         |it| each(it.monte_carlo.as_ref(), |answer| Ok(data::monte_carlo(it, answer))),
     ),
     (
-        "records.csv: long records: stationary numbers
+        "records.csv: long realisations: stationary numbers
          records_q.csv: their histogram of displacement
          records_v.csv: their histogram of velocity
          records_force.csv: their histogram of force
@@ -242,6 +242,18 @@ pub(super) fn holds(name: &str) -> bool {
     })
 }
 
+/// Whether one of the stages that bring a group has ended.
+fn has_part(results: &Results, parts: &[Part]) -> bool {
+    let ended = |part: &Part| {
+        results
+            .run
+            .stages
+            .iter()
+            .any(|(name, _)| *name == part.name())
+    };
+    parts.iter().any(ended)
+}
+
 fn numbers(results: &Results) -> File {
     File::text(RESULTS, results.json())
 }
@@ -286,7 +298,7 @@ pub fn at_the_end(results: &Results) -> Result<Vec<File>> {
 /// [`crate::Error::Io`] for an array or a picture that cannot be made.
 pub fn all(results: &Results) -> Result<Vec<File>> {
     let mut files = vec![File::text(SCENE, results.scene.to_toml())];
-    for (_, _, make) in groups() {
+    for (_, _, make) in groups().filter(|it| has_part(results, it.1)) {
         files.extend(make(results)?);
     }
     files.extend(at_the_end(results)?);
@@ -304,7 +316,7 @@ pub fn fragment(results: &Results) -> Result<String> {
 /// The pictures of the page, each with its words.
 fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
     let mut all = Vec::new();
-    for (group, _, make) in PICTURES {
+    for (group, _, make) in PICTURES.iter().filter(|it| has_part(results, it.1)) {
         let Some((_, words)) = listed(group).next() else {
             continue;
         };

@@ -1,6 +1,6 @@
 //! How far two independent answers are from each other.
 
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, name_at};
 use crate::moments::Moments;
 use crate::quadrature;
 use serde::Serialize;
@@ -40,6 +40,28 @@ impl Agreement {
             t,
             expected_worst: expected_largest(compared),
             compared,
+        })
+    }
+}
+
+/// Runs in which chance gives what is said to be none.
+const ONE_IN: f64 = 1e5;
+
+impl Agreement {
+    /// What to say where it is worse than chance gives in one of 100 000 runs: two answers that do not agree, or errors that are too
+    /// small.
+    pub(crate) fn doubt(&self) -> Option<String> {
+        let chance = self.compared as f64 * libm::erfc(self.worst / SQRT_2);
+        let number = match self.t {
+            Some(t) => name_at(self.worst_of, t),
+            None => self.worst_of.to_owned(),
+        };
+        (chance < 1.0 / ONE_IN).then(|| {
+            format!(
+                "the two answers differ by {:.1} standard errors in {number}, where chance alone would give about {:.1}: one of \
+                 them, or its error, is wrong",
+                self.worst, self.expected_worst
+            )
         })
     }
 }

@@ -54,7 +54,7 @@ impl Numbers {
         Self::law(&law.moments, logarithm, law.loss_rate, law.mean_flight)
     }
 
-    /// The same numbers from long records: `moments` are those of `it`, with or without control variates.
+    /// The same numbers from long realisations: `moments` are those of `it`, with or without control variates.
     pub(super) fn recorded(it: &RecordResult, moments: &Moments) -> Self {
         let log10 = |p: Estimate| p.mapped(p.value.log10(), 1.0 / (LN_10 * p.value));
         let logarithm = moments.contact_loss_probability.map(log10);
@@ -106,7 +106,7 @@ impl Numbers {
         Self::losses([law.loss_rate, window, flight, speed], lost)
     }
 
-    /// Losses of contact as seen in long records.
+    /// Losses of contact as seen in long realisations.
     pub(crate) fn seen(it: &Crossings, time: f64) -> Self {
         let (rate, window) = (Some(it.loss_rate), Some(it.losses_in(time)));
         let (flight, speed) = (happened(it.mean_flight), happened(it.mean_impact_speed));

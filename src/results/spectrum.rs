@@ -31,7 +31,7 @@ pub struct SampledSpectrum {
     pub density: Vec<Estimate>,
     /// Its expectation: the solved spectrum seen through window and sampling.
     pub expectation: Vec<f64>,
-    /// RMS magnitude, sqrt(G 1.5 d omega), as in the paper's figures.
+    /// RMS magnitude, sqrt(S 1.5 d omega), as in the paper's figures.
     pub magnitude: Vec<f64>,
     /// Segments averaged.
     pub averages: usize,

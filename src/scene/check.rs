@@ -285,7 +285,7 @@ impl Scene {
             let given = format!("\"{}\"", it.scheme);
             require(holds, "monte_carlo.scheme", given, accepted)?;
             let duration = it.duration.map_or(String::new(), num);
-            let accepted = "without [excitation]: under it no long record is stationary";
+            let accepted = "without [excitation]: under it no long realisation is stationary";
             let none = it.duration.is_none();
             require(none, "monte_carlo.duration", duration, accepted)?;
             let first = self.outputs.first_loss.is_some() || self.outputs.first_passage.is_some();

@@ -100,7 +100,7 @@ fn compare(folders: &[Folder]) {
     }
 }
 
-/// Whether it takes a second or less: closed forms and long records, no transient, spectrum or draw.
+/// Whether it takes a second or less: closed forms and long realisations, no transient, spectrum or draw.
 fn is_quick(folder: &Folder) -> bool {
     let slow = [
         "transient",

@@ -1,10 +1,10 @@
 //! Spectra of the stationary motion without sampling noise, from the resolvent of the generator.
 //!
 //! ```text
-//! G(omega) = (2/pi) Re <X - E X, (i omega - L)^{-1} (X - E X)>,   X = N or q,   integral_0^infinity G d omega = Var X
+//! S(omega) = (2/pi) Re <X - E X, (i omega - L)^{-1} (X - E X)>,   X = N or q,   integral_0^infinity S d omega = Var X
 //! ```
 //!
-//! One-sided, per circular frequency. At zero the spectrum of the force is the excitation's, G = 2h.
+//! One-sided, per circular frequency. At zero the spectrum of the force is the excitation's, S = 2h.
 //! There is no time step, so nothing aliases; the answer is as good in the valleys, many decades below
 //! the peak, as on it. The operator is that of `hermite`, the frequencies come all from one
 //! small model (`reduced`).

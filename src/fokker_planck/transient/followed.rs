@@ -1,6 +1,7 @@
 //! The domain of a drive that throws motions far, where no formula says how far: a coarse run tells.
 
 use super::asked::Asked;
+use super::cost;
 use super::ladder::is_unfit;
 use super::recipe::{Recipe, domain};
 use super::run::{Run, Task};
@@ -27,8 +28,14 @@ impl Asked<'_> {
     pub(super) fn followed(&self, mut recipe: Recipe) -> Result<Recipe> {
         for _ in 0..LOOKS {
             let before = recipe.layout.domain.v[1];
-            let forcing = recipe.forcing.as_ref().filter(|it| it.strays());
-            let Some(tail) = forcing.and_then(|_| self.tail(&recipe)) else {
+            let strays = recipe.forcing.as_ref().is_some_and(|it| it.strays());
+            // What will be refused for its time needs no coarse run.
+            let tail = if strays && self.is_in_time(&recipe)? {
+                self.tail(&recipe)
+            } else {
+                None
+            };
+            let Some(tail) = tail else {
                 break;
             };
             let farther = self.reaching(recipe.clone(), tail)?;
@@ -42,6 +49,13 @@ impl Asked<'_> {
             }
         }
         Ok(recipe)
+    }
+
+    /// Whether a run on these domains is foreseen within the limit.
+    fn is_in_time(&self, recipe: &Recipe) -> Result<bool> {
+        let most = self.settings.max_memory;
+        let cost = cost::foreseen(recipe, self.oscillator, self.initial, self.times, most)?;
+        Ok(cost.seconds <= self.settings.max_seconds)
     }
 
     /// How far out probability lies at any of the times, by the coarsest mesh of a domain that carries it; None where none does.

@@ -24,9 +24,9 @@ struct ForceCurves {
     words: String,
     /// Where the law comes from.
     origin: &'static str,
-    /// Histogram of long records.
+    /// Histogram of long realisations.
     sampled: Option<Histogram>,
-    /// The Dirac mass and the force of flight it stands at, if that is within the picture; its mass in long records.
+    /// The Dirac mass and the force of flight it stands at, if that is within the picture; its mass in long realisations.
     dirac: Option<(Estimate, f64)>,
     sampled_dirac: Option<Estimate>,
     /// Largest density away from the singularities where the contact has no stiffness.
@@ -169,7 +169,7 @@ pub(crate) fn force(results: &Results) -> Picture {
             entries.push((BLUE, Mark::Dot, &curves.words));
         }
         if curves.sampled.is_some() {
-            entries.push((VERMILION, Mark::Dot, "long records, band: 95 %"));
+            entries.push((VERMILION, Mark::Dot, "long realisations, band: 95 %"));
         }
         // Below what is said of the Dirac mass.
         let top = match (curves.dirac, &curves.sampled) {

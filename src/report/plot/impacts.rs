@@ -54,7 +54,13 @@ pub(crate) fn impacts(results: &Results) -> Picture {
         let x = speeds.right() - 168.0;
         legend(area, (x, 62.0), INK, Mark::Line, "Rayleigh")?;
         if seen.is_some() {
-            legend(area, (x, 81.0), VERMILION, Mark::Dot, "long records, 95 %")?;
+            legend(
+                area,
+                (x, 81.0),
+                VERMILION,
+                Mark::Dot,
+                "long realisations, 95 %",
+            )?;
         }
         forces.axes(area, "peak force, no damping", "density")?;
         forces.curve(area, &force, BLUE, 1.5)?;

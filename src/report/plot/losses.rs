@@ -82,7 +82,7 @@ fn curves(
     }))
 }
 
-/// flights.svg: the density of the time from a loss of contact to the return, from long records, and what
+/// flights.svg: the density of the time from a loss of contact to the return, from long realisations, and what
 /// it would be without noise and friction in flight, and the law of the first return where it is solved.
 pub(crate) fn flights(results: &Results) -> Picture {
     let seen = results.sampled_crossings().zip(results.sampled_flights());
@@ -139,7 +139,7 @@ pub(crate) fn flights(results: &Results) -> Picture {
             legends(area, (x, 62.0), [exact, free])?;
         }
         if seen.is_some() {
-            let words = "long records, band: 95 %";
+            let words = "long realisations, band: 95 %";
             legend(area, (x, 100.0), VERMILION, Mark::Dot, words)?;
         }
         Ok(())

@@ -14,7 +14,7 @@ pub(super) fn spectrum(table: &mut Table, results: &Results) {
     };
     let solved = &it.solved;
     let title = format!("SPECTRUM OF THE {}", solved.quantity.name().to_uppercase());
-    table.columns(&title, &["omega", "G(omega)", "half-power width"]);
+    table.columns(&title, &["omega", "S(omega)", "half-power width"]);
     for (k, peak) in it.peaks.iter().take(4).enumerate() {
         let name = if k == 0 { "highest peak" } else { "next peak" };
         let numbers = [Some(peak.omega), Some(peak.density), peak.width];

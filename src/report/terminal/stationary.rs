@@ -8,7 +8,7 @@ use crate::moments::{Moment, Moments};
 use crate::results::{Results, entries, physical_words};
 use std::fmt::Write;
 
-/// Closed form and long records side by side: name in results.json and both numbers.
+/// Closed form and long realisations side by side: name in results.json and both numbers.
 type Sides = (&'static str, Option<Estimate>, Option<Estimate>);
 
 /// The last moments with their time.
@@ -43,7 +43,7 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     if let Some((t, moments)) = sampled {
         columns.push(("Monte Carlo", format!("t = {}", brief(t)), Some(moments)));
     }
-    // Beside long records the closed form has a table of its own.
+    // Beside long realisations the closed form has a table of its own.
     let alone = closed.is_some() && columns.len() == 1 && results.records.is_some();
     if columns.is_empty() || alone {
         return;
@@ -77,7 +77,7 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
 fn sides(table: &mut Table, results: &Results, title: &str, rows: &[Sides]) {
     let exact = rows.iter().any(|(_, it, _)| it.is_some());
     let sampled = rows.iter().any(|(.., it)| it.is_some());
-    let there = [(results.origin(), exact), ("long records", sampled)];
+    let there = [(results.origin(), exact), ("long realisations", sampled)];
     let there = there.into_iter().filter(|(_, there)| *there);
     let heads: Vec<&str> = there.map(|(words, _)| words).collect();
     table.compared_columns(title, &heads);
@@ -104,7 +104,7 @@ pub(super) fn records(table: &mut Table, results: &Results) {
     sides(table, results, "STATIONARY MOTION", &rows);
     let [q, force, energy] = it.effective_samples.map(|it| format!("{it:.0}"));
     let text = format!(
-        "{}, {} records, {} of time in all, steps of {}, {} batches of {}; worth {q} independent \
+        "{}, {} realisations, {} of time in all, steps of {}, {} batches of {}; worth {q} independent \
          samples of q, {force} of N, {energy} of H; errors are one standard error{}",
         it.scheme,
         it.records,
@@ -119,7 +119,7 @@ pub(super) fn records(table: &mut Table, results: &Results) {
         }
     );
     table.line("");
-    table.paragraph("long records:  ", &text);
+    table.paragraph("realisations:  ", &text);
 }
 
 pub(super) fn crossings(table: &mut Table, results: &Results) {
@@ -156,7 +156,7 @@ pub(super) fn physical(table: &mut Table, results: &Results) {
     let sampled = rows.iter().any(|(_, [_, seen])| seen.is_some());
     if sampled {
         let origin = results.origin();
-        table.line(format!("{origin:>44}{:>18}", "long records"));
+        table.line(format!("{origin:>44}{:>18}", "long realisations"));
     }
     for (name, [number, seen]) in rows {
         let (name, unit, typed) = physical_words(name);

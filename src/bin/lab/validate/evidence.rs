@@ -269,7 +269,7 @@ fn of_the_paper(it: Estimate, records: f64, keys: &Keys) -> Estimate {
 /// Rows of one level come from the same sample; their correlation is left out. The error is that of our own
 /// sampling and of the standard errors.
 fn chi_square(above: &[Row], kind: &str) -> Option<Estimate> {
-    /// What a variance from the 300 batches of a long record is good to, sqrt(2/300) and a little.
+    /// What a variance from the 300 batches of a long realisation is good to, sqrt(2/300) and a little.
     const OF_VARIANCE: f64 = 0.1;
     let prefix = format!("{kind}.");
     let (mut sum, mut spread, mut count) = (0.0, 0.0, 0);
@@ -344,7 +344,7 @@ impl Keys {
         self.numbers.get(key).copied().unwrap_or(otherwise)
     }
 
-    /// Moments of long records by the paper's scheme.
+    /// Moments of long realisations by the paper's scheme.
     fn records(&self) -> Result<Moments> {
         let noise = match (self.numbers.get("band"), self.numbers.get("count")) {
             (None, _) => Noise::White,

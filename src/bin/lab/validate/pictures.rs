@@ -85,7 +85,7 @@ fn arrays(folder: &str, runs: &[Run], known: &Spectra, both: bool) -> Result<Fil
     npz::archive(&format!("{folder}.npz"), arrays)
 }
 
-/// p_N over N: closed form, long records as circles, the Dirac mass as a bar with its probability in the title.
+/// p_N over N: closed form, long realisations as circles, the Dirac mass as a bar with its probability in the title.
 fn density(run: &Run) -> Result<Option<Chart>> {
     let oscillator = &run.results.scene.oscillator;
     let law = Stationary::of(oscillator)?;

@@ -31,7 +31,7 @@ impl Run {
     }
 
     /// One standard error of a stationary number in a plain record of that dimensionless length, from
-    /// the long records of this scene.
+    /// the long realisations of this scene.
     pub fn error_in_record(&self, path: &str, length: f64) -> Option<f64> {
         let records = self.results.records.as_ref()?;
         let last = path.rsplit('.').next()?;
