@@ -21,6 +21,9 @@ use serde_json::{Value, json};
 use smooth::{Break, broken};
 use std::sync::Arc;
 
+/// How far out kinks of a law from code are looked for.
+const LOOKED_AT: f64 = 50.0;
+
 /// Numbers of a list that is shown with the name of a law.
 const FEW: usize = 6;
 
@@ -62,7 +65,7 @@ fn ascend(all: &[f64]) -> bool {
 
 impl ContactLaw {
     /// A law from code, checked on a sample of points out to |q| = 1490: finite and continuous, constant in flight and lower beyond a
-    /// second wall, a force that never falls, or changes its sign where [`Restoring::roots`] says so, and no kink but those of
+    /// second wall, a force that never falls, or changes its sign where [`Restoring::roots`] says so, and no kink out to |q| = 50 but those of
     /// [`Restoring::kinks`].
     ///
     /// # Errors
@@ -116,7 +119,9 @@ impl ContactLaw {
             }
             let listed = |q: &f64| *q >= pair[0] && *q <= pair[1];
             let known = law.kinks().iter().any(listed) || ends.iter().any(listed);
-            match broken(|q| law.force(q), [pair[0], pair[1]]).filter(|_| !known) {
+            let near = pair.iter().all(|q| q.abs() <= LOOKED_AT);
+            let found = (near && !known).then(|| broken(|q| law.force(q), [pair[0], pair[1]]));
+            match found.flatten() {
                 Some(Break::Jump(q)) => {
                     return refused(format!("a jump near q = {q:?}"), "a continuous force");
                 }

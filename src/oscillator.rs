@@ -45,6 +45,9 @@ impl Oscillator {
     /// The lowest T: the force N = (1 + 2q/3)^{3/2} holds a deviation of 1e-12 to four digits.
     const COLDEST: f64 = 1e-24;
 
+    /// The highest T whose laws a double holds.
+    const HOTTEST: f64 = 1e307;
+
     /// An oscillator with damping ratio `zeta` > 0 and noise level `h` > 0.
     ///
     /// # Errors
@@ -66,10 +69,10 @@ impl Oscillator {
             ContactLaw::Linear => f64::MIN_POSITIVE,
             _ => Self::COLDEST,
         };
-        if !(t.is_finite() && t >= coldest) {
+        if !(t <= Self::HOTTEST && t >= coldest) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
             let accepted = if t > 1.0 {
-                "a finite T = pi h/(2 zeta)".to_owned()
+                format!("T = pi h/(2 zeta) of at most {:e}", Self::HOTTEST)
             } else {
                 format!(
                     "T = pi h/(2 zeta) of at least {coldest:e}, so that a double tells the motion from the static compression"

@@ -260,7 +260,12 @@ impl Results {
             a.iter().for_each(|(name, a)| put(name, a, b.get(name)));
         }
         if let Some(it) = &self.spectrum {
-            pairs.extend(it.pairs().map(|(a, b)| ("spectrum", None, a, b)));
+            let noise = self.scene.monte_carlo.as_ref().map(|it| it.noise);
+            let band = match noise {
+                Some(Noise::Cosines { band, .. }) => band,
+                _ => f64::INFINITY,
+            };
+            pairs.extend(it.pairs(band).map(|(a, b)| ("spectrum", None, a, b)));
         }
         Agreement::over(pairs)
     }

@@ -284,6 +284,29 @@ fn multipliers_hold_what_few_steps_of_a_period_do_to_all_runs_alike() {
     }
 }
 
+/// Near critical damping a fast drive leaves waves of the mesh among the slowest of the map: every multiplier told is one of the
+/// products of those of q and v.
+#[test]
+fn no_wave_of_the_mesh_is_told_as_a_multiplier() {
+    for (zeta, h, a, w) in [(0.8569, 0.2883, 0.448, 7.255), (0.839, 0.1, 0.3, 5.843)] {
+        let it = Oscillator::new(ContactLaw::Linear, zeta, h).unwrap();
+        let got = periodic(&it, 4, &settings(&driven(a, w, 0.0), 1e-2), &|_| ()).unwrap();
+        let own = f64::sqrt(1.0 - zeta * zeta);
+        let period = TAU / w;
+        assert!(!got.multipliers.is_empty());
+        for it in &got.multipliers {
+            let exact = (0..8).flat_map(|j| (0..8).map(move |k| (f64::from(j), f64::from(k))));
+            let away = exact.filter(|(j, k)| j + k > 0.0).map(|(j, k)| {
+                let (size, angle) = ((-zeta * (j + k) * period).exp(), own * (j - k) * period);
+                (it.re - size * angle.cos()).hypot(it.im.abs() - (size * angle.sin()).abs())
+            });
+            let away = away.fold(f64::INFINITY, f64::min);
+            println!("{it:?}: off by {away:.1e}");
+            assert!(away < it.error);
+        }
+    }
+}
+
 #[test]
 fn a_base_that_moves_carries_the_stationary_law_with_it() {
     // q'' + 2 zeta q' + (q - b) = b'' + 2 zeta b' + noise has the law of q - b at rest exactly: b + b'' + 2 zeta b' is the

@@ -724,3 +724,43 @@ fn the_mean_time_of_few_paths_that_all_passed_holds_that_others_may_not() {
     println!("{} pairs, {far} beyond 2: {z:.1?}", z.len());
     assert!(z.len() > 5 && 10 * far <= z.len());
 }
+
+/// A flight that noise holds up for a time t costs exp(-t/(4 pi h)): no survival falls faster. Where the level is passed in flight the
+/// motion to it is that of a constant force alone, without a mode that lasts longer.
+#[test]
+fn no_survival_falls_faster_than_free_flight_lets_it() {
+    for (contact, zeta, h, level) in [
+        (ContactLaw::Hertz, 1.0, 0.02, -1.6),
+        (ContactLaw::Bilinear, 0.5, 0.02, -1.2),
+    ] {
+        let it = Oscillator::new(contact, zeta, h).unwrap();
+        let passage = (level, Side::Above, 5.0);
+        let asked = settings(1e-2);
+        let got = first_passage(&it, &Initial::Stationary, passage, &asked, &|_| ()).unwrap();
+        let edge = -it.continuous_from().unwrap();
+        println!("{:?}, {edge} at most; {:?}", got.rate, got.shortfall);
+        assert!((got.rate.value - edge).abs() <= got.rate.error);
+        assert!(got.rate.value <= edge && got.rate.error < 0.2 * edge);
+        // The program is not free to do better, and says so.
+        assert!(
+            got.shortfall
+                .is_some_and(|it| it.number == "rate" && !it.free)
+        );
+        assert!(got.mean_time.error < 1e-2 * got.mean_time.value);
+    }
+}
+
+/// Near the edge the mode of a passage reaches far into flight, beyond a mesh that ends where little of the law is left.
+#[test]
+fn a_mode_that_the_end_of_the_mesh_cuts_says_what_it_may_err_by() {
+    let it = Oscillator::new(ContactLaw::Hertz, 1.0, 1.0).unwrap();
+    let [coarse, fine] = [1e-2, 1e-3].map(|tolerance| {
+        let asked = settings(tolerance);
+        let passage = (1.0, Side::Above, 30.0);
+        first_passage(&it, &Initial::Rest, passage, &asked, &|_| ()).unwrap()
+    });
+    println!("{:?} and {:?}", coarse.rate, fine.rate);
+    let apart = (coarse.rate.value - fine.rate.value).abs();
+    assert!(apart <= coarse.rate.error && fine.rate.error < coarse.rate.error);
+    assert!(coarse.rate.error < 0.05 * coarse.rate.value);
+}

@@ -727,6 +727,37 @@ fn standard_errors_of_few_paths_hold_over_seeds() {
     }
 }
 
+/// One path in 1e5 has a fifth of the kurtosis of the force at t = 10: fewer do not know what they miss, and say that few carry it.
+#[test]
+fn a_kurtosis_that_few_paths_carry_is_said_to_be_rough() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.005, 2e-3).unwrap();
+    let initial = Initial::gaussian([1.0, 0.0], [0.4, 0.4]).unwrap();
+    let few = |it: &EnsembleResult| it.warnings.iter().any(|it| it.text.contains("carry"));
+    for paths in [5_000, 20_000, 100_000] {
+        let (mut said, mut square) = (0, 0.0);
+        let seeds = 24;
+        for seed in 0..seeds {
+            let asked = Sampling {
+                seed,
+                ..settings(paths)
+            };
+            let got = run(&it, &initial, &[10.0], &asked, &quiet).unwrap();
+            let kurtosis = got.moments[0].kurtosis_force;
+            // By Fokker-Planck at 1e-5 (`vibroimpact run displaced --set accuracy.tolerance=1e-5`).
+            square += ((kurtosis.value - 6.0667) / kurtosis.error).powi(2);
+            said += u32::from(few(&got));
+        }
+        let rms = (square / f64::from(u32::try_from(seeds).unwrap())).sqrt();
+        println!("{paths} paths: rms {rms:.1} standard errors; said by {said} of {seeds}");
+        // Where most of the sum is in fewer paths than groups tell apart.
+        assert!(paths < 20_000 || 3 * said > u32::try_from(seeds).unwrap());
+        assert!(paths < 100_000 || rms < 2.0);
+    }
+    // What many paths carry is left alone.
+    let stationary = run(&it, &Initial::Stationary, &[0.0], &settings(20_000), &quiet).unwrap();
+    assert!(!few(&stationary));
+}
+
 #[test]
 fn flights_as_long_as_a_record_are_in_its_mean() {
     // T = 6.3: one flight in twenty lasts longer than 12, a record 160.

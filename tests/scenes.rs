@@ -851,7 +851,7 @@ fn long_records_stand_beside_the_closed_form_with_their_errors() {
         &room,
         "long.toml",
         &[
-            "closed form      long realisations",
+            "closed form long realisations",
             "LOSSES OF CONTACT",
             "agreement",
             "mean flight",

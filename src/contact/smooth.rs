@@ -12,7 +12,7 @@ pub(super) enum Break {
 /// How often the stretch is halved: the slopes of the two halves of a smooth one then differ a thousand times less.
 const HALVINGS: u32 = 10;
 
-/// What is left at least of that difference where there is a kink, and of the slope.
+/// What is left at least of the largest such difference where there is a kink, and of the slope.
 const LEFT: f64 = 0.1;
 const OF_SLOPE: f64 = 1e-3;
 
@@ -25,6 +25,7 @@ pub(super) fn broken(force: impl Fn(f64) -> f64, [a, b]: [f64; 2]) -> Option<Bre
     let change = |[left, right]: [f64; 2]| (right - left).abs();
     let (mut from, mut length) = (a, b - a);
     let first = change(slopes(from, length));
+    let mut largest = first;
     for _ in 0..HALVINGS {
         length *= 0.5;
         let parts = [0.0, 0.5, 1.0].map(|part| from + part * length);
@@ -32,15 +33,21 @@ pub(super) fn broken(force: impl Fn(f64) -> f64, [a, b]: [f64; 2]) -> Option<Bre
             change(slopes(**x, length)).total_cmp(&change(slopes(**y, length)))
         };
         from = parts.iter().max_by(most).copied().unwrap_or(from);
+        largest = largest.max(change(slopes(from, length)));
     }
     let [left, right] = slopes(from, length);
     let last = change([left, right]);
     let at = from + 0.5 * length;
-    if last > LEFT * 2f64.powi(HALVINGS as i32) * first {
-        return Some(Break::Jump(at));
-    }
     let steep = left.abs().max(right.abs());
-    (last > LEFT * first && last > OF_SLOPE * steep).then_some(Break::Kink(at))
+    if last <= OF_SLOPE * steep || last <= LEFT * largest {
+        return None;
+    }
+    let jumps = last > LEFT * 2f64.powi(HALVINGS as i32) * first;
+    Some(if jumps {
+        Break::Jump(at)
+    } else {
+        Break::Kink(at)
+    })
 }
 
 #[cfg(test)]
@@ -59,7 +66,8 @@ mod tests {
             Some(Break::Jump(q)) => assert!((q - 0.5).abs() < 1e-4, "{q}"),
             other => panic!("{other:?}"),
         }
-        for smooth in [f64::sinh, f64::atan, |q| q + 0.3 * q.powi(3), |_| -1.0] {
+        let cubic = |q: f64| q + 0.3 * q.powi(3);
+        for smooth in [f64::sinh, f64::atan, cubic, |_: f64| -1.0] {
             for a in [-30.0, -0.01, 0.0, 2.0] {
                 assert_eq!(broken(smooth, [a, a + 0.02 * (1.0 + f64::abs(a))]), None);
             }

@@ -295,7 +295,8 @@ fn roughness(mode: &[Vec<f64>; 2], (inverse, row): (&[f64], usize)) -> f64 {
         let (mut between, mut within) = (0.0, 0.0);
         for k in 0..inverse.len().saturating_sub(next) {
             let other = k + next;
-            if inverse[k] == 0.0 || inverse[other] == 0.0 || next == 1 && other % row == 0 {
+            if inverse[k] == 0.0 || inverse[other] == 0.0 || next == 1 && other.is_multiple_of(row)
+            {
                 continue;
             }
             let ([a, b], [c, d]) = (ratio(k), ratio(other));

@@ -143,7 +143,7 @@ impl Axis {
             // 1 and 1.0 are the same point.
             let shown = value.as_f64().map_or_else(|| value.to_string(), num);
             if value.is_null() {
-                return Err(refused(key, "null", "a value that a scene can hold"));
+                return Err(refused(key, "nan or inf", "values that a scene can hold"));
             }
             if !seen.insert(shown.clone()) {
                 return Err(refused(key, &shown, "each value once"));

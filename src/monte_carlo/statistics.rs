@@ -157,7 +157,11 @@ impl Sums {
             var_v: variance(&v, n, fv),
             cov_qv: all.covariance(fq, fv),
             mean_force: mean(&force, n, fn_),
-            std_force: shape.std.scaled(std / fn_.inverse),
+            std_force: if std > 0.0 {
+                shape.std.scaled(std / fn_.inverse)
+            } else {
+                sampled(0.0, 0.0)
+            },
             skewness_force: shape.skewness,
             kurtosis_force: shape.kurtosis,
             mean_energy: mean(&energy, n, fh),
@@ -282,7 +286,11 @@ fn shifted(raw: impl Fn(usize) -> f64, k: usize, mean: f64) -> f64 {
         sum += binomial * raw(k - j) * (-mean).powi(j as i32);
         binomial *= (k - j) as f64 / (j + 1) as f64;
     }
-    if k % 2 == 0 { sum.max(0.0) } else { sum }
+    if k.is_multiple_of(2) {
+        sum.max(0.0)
+    } else {
+        sum
+    }
 }
 
 /// The names of all moments at these times, as a warning that their errors are not known lists them.

@@ -348,7 +348,9 @@ impl Plan {
             if part.is_sampled() {
                 results.agreement = results.agree();
                 let doubt = results.agreement.and_then(|it| it.doubt());
-                doubt.into_iter().for_each(|it| results.run.warn(it.into()));
+                if let Some(doubt) = doubt {
+                    results.run.warn(doubt.into());
+                }
             }
             let took = begin.elapsed().as_secs_f64();
             results.run.stages.push((part.name(), took));

@@ -12,6 +12,7 @@ use crate::monte_carlo::{EnsembleResult, Histogram};
 use crate::oscillator::Quantity;
 use crate::results::{Numbers, Results, SpectrumNumbers, dimension};
 use crate::spectrum::{displacement_per_hertz, per_hertz};
+use rayon::prelude::*;
 
 /// Files of the closed form: its numbers, and p_q, p_v, p_N as curves.
 pub(super) fn stationary(results: &Results) -> Option<Vec<File>> {
@@ -86,10 +87,12 @@ pub(super) fn transient(results: &Results, it: &Transient) -> Result<Vec<File>> 
         table.add("l1_distance", "error", "1", it.distance.iter().copied());
         files.push(table.file("moments.csv"));
     }
-    for snapshot in &it.densities {
+    let rig = results.scene.rig();
+    let densities = it.densities.par_iter().map(|snapshot| {
         let name = format!("density_{}.npz", bare(snapshot.t));
-        files.push(density(&name, snapshot, results.scene.rig().as_ref())?);
-    }
+        density(&name, snapshot, rig.as_ref())
+    });
+    files.extend(densities.collect::<Result<Vec<File>>>()?);
     Ok(files)
 }
 

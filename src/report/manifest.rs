@@ -206,8 +206,12 @@ const PICTURES: &[Group] = &[
         |it| plot::steady(it).into_iter().collect(),
     ),
     (
-        "snapshots.svg: Density of displacement and velocity
-         density_<t>.svg: Density of displacement and velocity",
+        "snapshots.svg: Density of displacement and velocity",
+        &[Part::Transient],
+        |it| plot::snapshots(it).into_iter().collect(),
+    ),
+    (
+        "density_<t>.svg: Density of displacement and velocity",
         &[Part::Transient],
         plot::densities,
     ),
@@ -315,19 +319,17 @@ pub fn fragment(results: &Results) -> Result<String> {
 
 /// The pictures of the page, each with its words.
 fn pictures(results: &Results) -> Result<Vec<(File, &'static str)>> {
-    let mut all = Vec::new();
+    let mut all: Vec<(File, &str)> = Vec::new();
     for (group, _, make) in PICTURES.iter().filter(|it| has_part(results, it.1)) {
-        let Some((_, words)) = listed(group).next() else {
+        let Some((name, words)) = listed(group).next() else {
             continue;
         };
-        let mut files = make(results)?;
         // One sheet says it all; single snapshots are in their own files.
-        let sheet = files.iter().position(|it| it.name == SHEET);
-        let shown = match sheet {
-            Some(k) => Some(files.swap_remove(k)),
-            None => files.pop(),
-        };
-        all.extend(shown.map(|file| (file, words)));
+        let sheet = |(file, _): &(File, _)| file.name == SHEET;
+        if name.contains("<t>") && all.iter().any(sheet) {
+            continue;
+        }
+        all.extend(make(results)?.pop().map(|file| (file, words)));
     }
     Ok(all)
 }

@@ -92,19 +92,31 @@ impl SpectrumNumbers {
         Ok(averages)
     }
 
-    /// Expectation and estimate at every frequency.
-    pub(crate) fn pairs(&self) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
+    /// Expectation and estimate at every frequency that noise of this band drives: the expectation is that of white noise.
+    pub(crate) fn pairs(&self, band: f64) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
+        let omega = &self.solved.omega;
+        let driven = omega
+            .partition_point(|it| *it < band)
+            .saturating_sub(BLURRED);
+        let driven = if band.is_finite() {
+            driven
+        } else {
+            omega.len()
+        };
         let sampled = self.sampled.as_ref();
         let values = sampled.into_iter().flat_map(|it| {
             let both = it.expectation.iter().zip(&it.density);
             both.zip(&self.solved.density)
         });
-        values.map(|((expected, got), exact)| {
+        values.take(driven).map(|((expected, got), exact)| {
             let expected = Estimate::new(*expected, expected * share(exact), Origin::Space);
             (expected, *got)
         })
     }
 }
+
+/// Frequencies below the band that a Hann window blurs.
+const BLURRED: usize = 3;
 
 /// An error over its value.
 fn share(it: &Estimate) -> f64 {

@@ -2,7 +2,7 @@
 
 use super::outputs::{Outputs, PassageRequest, ReachRequest, ResponseRequest, names};
 use super::times::Times;
-use super::{Noise, Scene};
+use super::{MonteCarlo, Noise, Scene};
 use crate::clock::TimeUnit;
 use crate::error::{Error, Result, positive};
 use crate::excitation::Drive;
@@ -273,6 +273,12 @@ impl Scene {
         }
         if let Some(step) = it.step {
             positive("monte_carlo.step", step)?;
+            let longest = it.duration.unwrap_or(MonteCarlo::DURATION);
+            let accepted = format!(
+                "a number > 0, at most {}, the length of long realisations",
+                num(longest)
+            );
+            require(step <= longest, "monte_carlo.step", num(step), accepted)?;
         }
         if let Some(duration) = it.duration {
             positive("monte_carlo.duration", duration)?;

@@ -188,7 +188,7 @@ impl Question for Task<'_> {
         let (exact, solved) = if oscillator.is_viscous() {
             (Density::start(&generator, &Initial::Stationary)?, 0.0)
         } else {
-            let it = Settled::within(oscillator, recipe.tolerance, &late)?;
+            let it = Settled::within(oscillator, recipe.tolerance, &late, limits.memory)?;
             let sampled = |points: &[[f64; 2]]| it.law.densities(points);
             let density = Density::sampled(&mesh, generator.columns(), &sampled);
             (density, it.error)

@@ -223,7 +223,12 @@ impl FirstPassage {
         // A stationary start without a closed form is solved for.
         let law = if *initial == Initial::Stationary && !oscillator.is_viscous() {
             let late = || limits.in_time(|| "the stationary law was not found".into());
-            Some(Settled::within(oscillator, self.asked.tolerance, &late)?)
+            Some(Settled::within(
+                oscillator,
+                self.asked.tolerance,
+                &late,
+                limits.memory,
+            )?)
         } else {
             None
         };
@@ -414,7 +419,9 @@ impl Question for Task<'_> {
     fn answer(self, stop: Stop) -> Option<FirstLoss> {
         let (best, worst) = self.best?;
         let tolerance = self.problem.asked.tolerance;
-        let untold = worst.untold.filter(|(_, ratio)| !(*ratio <= 1.0));
+        let untold = worst
+            .untold
+            .filter(|(_, ratio)| ratio.is_nan() || *ratio > 1.0);
         let untold = untold.map(|(reason, ratio)| Shortfall {
             number: "rate".into(),
             ratio,

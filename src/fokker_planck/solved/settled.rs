@@ -37,16 +37,23 @@ pub(in crate::fokker_planck) const FARTHEST: f64 = 2.0;
 pub(in crate::fokker_planck) struct Approach<'a> {
     oscillator: &'a Oscillator,
     late: &'a Deadline<'a>,
+    /// Bytes allowed.
+    memory: u64,
     /// In Hermite functions, the coarsest first.
     functions: Vec<Law>,
     on_mesh: Vec<Law>,
 }
 
 impl<'a> Approach<'a> {
-    pub(in crate::fokker_planck) fn new(oscillator: &'a Oscillator, late: &'a Deadline) -> Self {
+    pub(in crate::fokker_planck) fn new(
+        oscillator: &'a Oscillator,
+        late: &'a Deadline,
+        memory: u64,
+    ) -> Self {
         Self {
             oscillator,
             late,
+            memory,
             functions: Vec::new(),
             on_mesh: Vec::new(),
         }
@@ -56,8 +63,13 @@ impl<'a> Approach<'a> {
     /// Hermite functions, or on a mesh where that is nearer.
     pub(in crate::fokker_planck) fn within(&mut self, tolerance: f64) -> Result<Settled> {
         let (oscillator, late) = (self.oscillator, self.late);
+        let fits = |bytes: u64| {
+            let full = || heavy(oscillator, "and finer ones do not fit accuracy.max_memory");
+            (bytes <= self.memory).then_some(()).ok_or_else(full)
+        };
         let goal = SETTLED_LAW_SHARE.get() * tolerance;
         let functions = |level: usize| {
+            fits(work(FIRST.refined(level)).0)?;
             let law = Kept::new(oscillator, FIRST.refined(level), late)?;
             Ok(Law::Functions(law))
         };
@@ -68,6 +80,7 @@ impl<'a> Approach<'a> {
         }
         let on_mesh = |level: usize| {
             late()?;
+            fits(OnMesh::work(oscillator, level)?.memory)?;
             Ok(Law::OnMesh(OnMesh::new(oscillator, level)?))
         };
         let on_mesh = known(&mut self.on_mesh, on_mesh);
@@ -104,8 +117,9 @@ impl Settled {
         oscillator: &Oscillator,
         tolerance: f64,
         late: &Deadline,
+        memory: u64,
     ) -> Result<Self> {
-        Approach::new(oscillator, late).within(tolerance)
+        Approach::new(oscillator, late, memory).within(tolerance)
     }
 
     /// As near to `goal` as so many resolutions of one kind come.

@@ -22,9 +22,9 @@ pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
         return Ok(None);
     }
     if begins {
-        return Settled::within(oscillator, recipe.tolerance, late).map(Some);
+        return Settled::within(oscillator, recipe.tolerance, late, task.limits.memory).map(Some);
     }
-    let mut approach = Approach::new(oscillator, late);
+    let mut approach = Approach::new(oscillator, late, task.limits.memory);
     let mut within = |tolerance| match approach.within(tolerance) {
         Err(Error::Unresolved { .. } | Error::Linear { .. }) => Ok(None),
         law => law.map(Some),

@@ -12,6 +12,7 @@ use crate::fokker_planck::Snapshot;
 use crate::format::{bare, brief};
 use crate::report::File;
 use crate::results::{Law, Results};
+use rayon::prelude::*;
 
 /// A snapshot with its marginals, ready to be drawn.
 pub(super) struct Sheet<'a> {
@@ -154,22 +155,27 @@ fn loss_line(area: &Area<'_>, panel: &Panel, results: &Results, words: bool) -> 
     Ok(())
 }
 
-/// `density_<t>.svg` for every density asked for, and snapshots.svg with up to nine of them on one sheet.
+/// `density_<t>.svg` for every density asked for, on all threads.
 pub(crate) fn densities(results: &Results) -> Result<Vec<File>> {
-    let Some(it) = &results.transient else {
-        return Ok(Vec::new());
-    };
-    let mut files = Vec::new();
     let unit = results.scene.clock().suffix();
-    for snapshot in &it.densities {
+    let densities = results
+        .transient
+        .as_ref()
+        .map_or(&[][..], |it| &it.densities);
+    let files = densities.par_iter().filter_map(|snapshot| {
         let name = format!("density_{}.svg", bare(snapshot.t));
         let title = format!("p(q, q\u{307}) at t = {}{unit}", brief(snapshot.t));
-        files.extend(density_picture(name, &title, snapshot, results).transpose()?);
-    }
+        density_picture(name, &title, snapshot, results)
+    });
+    files.collect()
+}
+
+/// snapshots.svg: up to nine of them on one sheet.
+pub(crate) fn snapshots(results: &Results) -> Picture {
+    let unit = results.scene.clock().suffix();
     let label = |it: &Snapshot| format!("t = {}{unit}", brief(it.t));
-    let names = ("snapshots.svg", "p(q, q\u{307})");
-    files.extend(snapshots(results, names, &it.densities, &label).transpose()?);
-    Ok(files)
+    let all = &results.transient.as_ref()?.densities;
+    sheet(results, ("snapshots.svg", "p(q, q\u{307})"), all, &label)
 }
 
 /// stroboscopic.svg: the periodic law at phases of the drive, on one sheet.
@@ -180,11 +186,11 @@ pub(crate) fn stroboscopic(results: &Results) -> Picture {
     let turns = |it: &Snapshot| bare((1e4 * it.t / period).round() / 1e4);
     let label = |it: &Snapshot| format!("{} of a period", turns(it));
     let title = "p(q, q\u{307}) over the phase of the drive";
-    snapshots(results, ("stroboscopic.svg", title), &it.densities, &label)
+    sheet(results, ("stroboscopic.svg", title), &it.densities, &label)
 }
 
 /// Several densities on one sheet, on the same axes, each to its own peak.
-fn snapshots(
+fn sheet(
     results: &Results,
     (file, heading): (&str, &str),
     all: &[Snapshot],

@@ -25,7 +25,7 @@ pub use canvas::{
     Area, BLUE, CENTRED, Colour, Drawn, FAINT, FINE, Font, GREEN, GREY, HALO, Hang, INK, Points,
     SUBTITLE, VERMILION, WORDS, fine, line, picture, write,
 };
-pub(crate) use density::{densities, steady, stroboscopic};
+pub(crate) use density::{densities, snapshots, steady, stroboscopic};
 pub(crate) use driven::{periodic, response};
 pub(crate) use force::force;
 pub(crate) use impacts::impacts;

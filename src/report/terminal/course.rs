@@ -59,9 +59,9 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
         && distance.value > 0.02
     {
         let text = format!(
-            "at t = {} the motion is not stationary yet: total-variation distance to the stationary law {:.2}",
+            "at t = {} the motion is not stationary yet: L1 distance to the stationary law {:.2} of at most 2",
             brief(t),
-            0.5 * distance.value
+            distance.value
         );
         table.line("");
         table.paragraph("note: ", &text);

@@ -49,14 +49,16 @@ fn survival(
         table.line(row(&words, &both[..=usize::from(sampled.is_some())], true));
     };
     let last = times.len() - 1;
-    for k in [last / 8, last / 4, last / 2, last] {
+    let mut shown = vec![last / 8, last / 4, last / 2, last];
+    shown.dedup();
+    for k in shown.into_iter().filter(|k| *k > 0) {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
         let words = format!("survives {}", brief(times[k]));
         put("S", &words, solved.map(|it| it.survival[k]), seen);
     }
     for k in [last / 2, last] {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
-        let words = format!("lost by {}", brief(times[k]));
+        let words = format!("passed by {}", brief(times[k]));
         let lost = solved.map(|it| it.lost[k]);
         put("1 - S", &words, lost, seen.map(Estimate::complement));
     }
