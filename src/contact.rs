@@ -65,13 +65,12 @@ fn ascend(all: &[f64]) -> bool {
 
 impl ContactLaw {
     /// A law from code, checked on a sample of points out to |q| = 1490: finite and continuous, constant in flight and lower beyond a
-    /// second wall, a force that never falls, or changes its sign where [`Restoring::roots`] says so, and no kink out to |q| = 50 but those of
-    /// [`Restoring::kinks`].
+    /// second wall, a force that never falls, or changes its sign where [`Restoring::roots`] says so, and out to |q| = 50 without plain
+    /// kinks that [`Restoring::kinks`] does not list.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the force is not finite, jumps, falls with q, or is not constant in flight; for a kink that is not
-    /// listed; for walls and kinks that are not
-    /// finite or not ascending; for the name of a law that a scene knows.
+    /// [`Error::Invalid`] where the force is not finite, jumps, falls with q, or is not constant in flight; for a plain kink that is
+    /// not listed; for walls and kinks that are not finite or not ascending; for the name of a law that a scene knows.
     pub fn custom(law: impl Restoring + 'static) -> Result<Self> {
         let law = Arc::new(law);
         let name = format!("contact law \"{}\"", law.name());

@@ -758,6 +758,29 @@ fn a_kurtosis_that_few_paths_carry_is_said_to_be_rough() {
     assert!(!few(&stationary));
 }
 
+/// A thousand million paths are not done in time on any machine; those that are have the errors of as many.
+#[test]
+fn paths_that_were_done_in_time_are_an_answer() {
+    let it = hertz(0.05, PAPER);
+    let asked = Sampling {
+        max_seconds: 0.3,
+        ..settings(1_000_000_000)
+    };
+    let got = run(&it, &Initial::Stationary, &[5.0, 20.0], &asked, &quiet).unwrap();
+    println!("{} paths", got.paths);
+    assert!(got.paths > 50 && got.paths < asked.paths);
+    assert!(got.shortfall.is_some_and(|it| it.free));
+    for at in &got.moments {
+        let (mean, error) = (at.mean_v.value, at.mean_v.error);
+        let expected = (PAPER / got.paths as f64).sqrt();
+        assert!(
+            (error / expected - 1.0).abs() < 0.3,
+            "{error} for {expected}"
+        );
+        assert!(mean.abs() < 5.0 * error);
+    }
+}
+
 #[test]
 fn flights_as_long_as_a_record_are_in_its_mean() {
     // T = 6.3: one flight in twenty lasts longer than 12, a record 160.

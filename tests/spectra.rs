@@ -23,7 +23,7 @@ const ZETA: f64 = 0.005;
 /// length, the length that of the transform: twice the number of samples or more, a power of two.
 ///
 /// The sum is the spectrum with everything beyond pi/step folded back, S(omega) + sum over m >= 1 of
-/// G(2 pi m/step - omega) + G(2 pi m/step + omega): the step must be short enough that there is nothing
+/// S(2 pi m/step - omega) + S(2 pi m/step + omega): the step must be short enough that there is nothing
 /// there.
 fn of_correlation(correlation: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
     let length = (2 * correlation.len()).next_power_of_two();

@@ -66,7 +66,8 @@ pub trait Restoring: fmt::Debug + Send + Sync {
         None
     }
 
-    /// Where the derivative of G jumps, ascending: all of them, for quadrature, exact motion and meshes go from kink to kink. By default the ends of flight, which are among them whether they are listed or not.
+    /// Where the derivative of G jumps, ascending: all of them, for quadrature, exact motion and meshes go from kink to kink. By
+    /// default the ends of flight, which are among them whether they are listed or not.
     fn kinks(&self) -> Vec<f64> {
         let wall = self.back_wall().into_iter();
         wall.chain(self.loss_point()).collect()

@@ -12,9 +12,14 @@ pub(super) enum Break {
 /// How often the stretch is halved: the slopes of the two halves of a smooth one then differ a thousand times less.
 const HALVINGS: u32 = 10;
 
-/// What is left at least of the largest such difference where there is a kink, and of the slope.
+/// What is left at least of the largest difference of slopes where there is a kink.
 const LEFT: f64 = 0.1;
+
+/// A change of slope that shows at least, over the slope.
 const OF_SLOPE: f64 = 1e-3;
+
+/// A change of force over half the last stretch that is no noise of a law found by numbers, over that force and 1.
+const NOISE: f64 = 1e-8;
 
 /// Between a and b the stretch about which the slope changes most is followed.
 pub(super) fn broken(force: impl Fn(f64) -> f64, [a, b]: [f64; 2]) -> Option<Break> {
@@ -39,7 +44,8 @@ pub(super) fn broken(force: impl Fn(f64) -> f64, [a, b]: [f64; 2]) -> Option<Bre
     let last = change([left, right]);
     let at = from + 0.5 * length;
     let steep = left.abs().max(right.abs());
-    if last <= OF_SLOPE * steep || last <= LEFT * largest {
+    let noise = NOISE * force(at).abs().max(1.0) / (0.5 * length);
+    if last <= noise.max(OF_SLOPE * steep).max(LEFT * largest) {
         return None;
     }
     let jumps = last > LEFT * 2f64.powi(HALVINGS as i32) * first;
@@ -67,8 +73,21 @@ mod tests {
             other => panic!("{other:?}"),
         }
         let cubic = |q: f64| q + 0.3 * q.powi(3);
-        for smooth in [f64::sinh, f64::atan, cubic, |_: f64| -1.0] {
-            for a in [-30.0, -0.01, 0.0, 2.0] {
+        let rounded = |q: f64| 0.1 * (10.0 * (1.0 + q)).exp().ln_1p() - 1.0;
+        let steep = |q: f64| (1.0 + 0.1 * q).max(0.0).powi(10) - 1.0;
+        let noisy = |q: f64| q.atan() + 1e-9 * (1e7 * q).sin();
+        let all = [
+            f64::sinh,
+            f64::atan,
+            f64::tanh,
+            cubic,
+            rounded,
+            steep,
+            noisy,
+            |_: f64| -1.0,
+        ];
+        for smooth in all {
+            for a in [-30.0, -19.1, -9.7, -1.2, -0.01, 0.0, 2.0, 40.0] {
                 assert_eq!(broken(smooth, [a, a + 0.02 * (1.0 + f64::abs(a))]), None);
             }
         }

@@ -39,8 +39,6 @@ pub(super) struct Modes {
     pub(super) eigenvalues: Vec<Ritz>,
     /// What the start has of the eigenvector of the first of them beside the fixed point, where that is real.
     pub(super) slow: Option<Vec<f64>>,
-    /// How many times a wave of the mesh grows, where one does.
-    pub(super) growing: Option<f64>,
 }
 
 /// How much more slowly than all else the slowest mode fades where it is the passage from one orbit to another.
@@ -86,8 +84,8 @@ const FIRST_LOOK: f64 = 0.05;
 /// Vectors spent on an eigenvalue once the fixed point is there.
 const BEYOND: usize = 48;
 
-/// Roughness of what has no relation from cell to cell. A mode beyond it is a wave of the mesh's, not of the motion's.
-const OF_NOISE: f64 = 2.0;
+/// Roughness beyond which a vector is a wave of the mesh's, not of the motion's: next to that of a wave of two cells, 4.
+const OF_A_WAVE: f64 = 3.7;
 
 /// What rounding leaves of a residual.
 const ROUNDING: f64 = 1e-13;
@@ -259,16 +257,13 @@ fn ritz(space: &Krylov<f64>, size: f64, cells: (&[f64], usize)) -> Result<Modes>
         found.push((Ritz { value, error }, k, part));
     }
     found.sort_by(|(a, ..), (b, ..)| b.value.norm().total_cmp(&a.value.norm()));
-    // Of rougher ones nothing but that they grow is told.
     let parts = [|z: &Complex<f64>| z.re, |z: &Complex<f64>| z.im];
-    let (mut own, mut growing) = (Vec::new(), None);
+    let mut own = Vec::new();
     for one in found {
         let column = vectors.column(one.1);
         let mode = parts.map(|part| space.combined(&column.iter().map(part).collect::<Vec<f64>>()));
-        if roughness(&mode, cells) <= OF_NOISE {
+        if roughness(&mode, cells) <= OF_A_WAVE {
             own.push(one);
-        } else if growing.is_none() && one.0.value.norm() >= 1.0 {
-            growing = Some(one.0.value.norm());
         }
         if own.len() == EIGENVALUES {
             break;
@@ -282,7 +277,6 @@ fn ritz(space: &Krylov<f64>, size: f64, cells: (&[f64], usize)) -> Result<Modes>
     Ok(Modes {
         eigenvalues: own.into_iter().map(|it| it.0).collect(),
         slow,
-        growing,
     })
 }
 

@@ -1,4 +1,4 @@
-//! Batch means: moments of long realisations, with errors that know how slowly the records forget.
+//! Batch means: moments of long realisations, with errors that know how slowly these forget.
 
 use super::few::{OF_KURTOSIS, OF_SKEWNESS, tails};
 use super::law::Law;

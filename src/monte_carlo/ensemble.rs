@@ -13,7 +13,7 @@ use super::{Noise, Sampling, Scheme};
 use crate::budget::{Cost, Limits, timing};
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
-use crate::estimate::Warning;
+use crate::estimate::{Shortfall, Warning};
 use crate::format::brief;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
@@ -31,7 +31,7 @@ pub struct EnsembleResult {
     pub times: Vec<f64>,
     /// Moments at each time; every error is one standard error.
     pub moments: Vec<Moments>,
-    /// Number of paths.
+    /// Number of paths: those that were done, where the time ended before the others.
     pub paths: u64,
     /// Steps of one path.
     pub steps: u64,
@@ -43,6 +43,9 @@ pub struct EnsembleResult {
     pub path_steps: u64,
     /// What a reader of the numbers should know.
     pub warnings: Vec<Warning>,
+    /// That not all paths were done in `max_seconds`. The errors are those of the paths done; how many these are depends on the
+    /// machine.
+    pub shortfall: Option<Shortfall>,
 }
 
 /// Moments at `times` (ascending, may begin with 0) of an ensemble that starts from `initial`. A step whose
@@ -54,7 +57,7 @@ pub struct EnsembleResult {
 /// [`Error::Invalid`] for fewer than 2 paths, a step that is not positive, a noise that does not suit
 /// the scheme, times that are negative, not finite or not ascending; [`Error::NoStationaryLaw`] for a
 /// stationary start that does not exist; [`Error::Limit`] for more steps than can be counted, and where
-/// `max_seconds` are over.
+/// `max_seconds` are over before 51 paths are done.
 pub fn run(
     oscillator: &Oscillator,
     initial: &Initial,
@@ -244,7 +247,14 @@ impl Ensemble {
             progress,
         };
         let (frames, parts) = law::dispatch(oscillator, run);
-        progress.finish()?;
+        let done = parts
+            .iter()
+            .map(|it| it.last().map_or(0, |it| it.paths()))
+            .sum();
+        let shortfall = match progress.finish() {
+            Err(error @ Error::Limit { .. }) if done >= FEW => Some(self.cut(done, &error)),
+            ended => ended.map(|()| None)?,
+        };
         let asked = (0..frames.len()).filter(|k| self.times.contains(&self.stops[*k]));
         let at = |k: usize| {
             let parts: Vec<&Sums> = parts.iter().map(|it| &it[k]).collect();
@@ -253,16 +263,35 @@ impl Ensemble {
         let (moments, carriers): (Vec<Moments>, Vec<f64>) = asked.map(at).unzip();
         let mut warnings = self.warnings((oscillator, initial), walk, &moments);
         warnings.extend(self.few_carriers(&carriers).map(Warning::from));
+        let cut = shortfall.as_ref().map(|it| it.reason.clone());
+        warnings.extend(cut.map(Warning::from));
         Ok(EnsembleResult {
             times: self.times.clone(),
             warnings,
             moments,
-            paths: self.paths,
+            paths: done,
             steps,
             step,
             scheme: walk.scheme,
-            path_steps,
+            path_steps: (steps + before).saturating_mul(done),
+            shortfall,
         })
+    }
+
+    /// What is said where so many paths were done and no more.
+    fn cut(&self, done: u64, error: &Error) -> Shortfall {
+        let ratio = self.paths as f64 / done as f64;
+        Shortfall {
+            number: "monte_carlo.paths".into(),
+            ratio,
+            tolerance: ratio,
+            free: true,
+            reason: format!(
+                "monte_carlo: {error}; the numbers are those of {done} of {} paths, and how many are done in time depends on the \
+                 machine",
+                self.paths
+            ),
+        }
     }
 
     /// That so few paths carry the error of the kurtosis that it does not tell what others would.
@@ -276,9 +305,8 @@ impl Ensemble {
             .collect();
         let first = few.first()?;
         Some(format!(
-            "few of the {} paths carry the errors of skewness and kurtosis of the force at {} of {} times, first at t = {first}: \
-             these errors are rough, and may be too small; more monte_carlo.paths would help",
-            self.paths,
+            "few paths carry the errors of skewness and kurtosis of the force at {} of {} times, first at t = {first}: these errors \
+             are rough, and may be too small; more monte_carlo.paths would help",
             few.len(),
             self.times.len()
         ))
@@ -384,6 +412,9 @@ impl WithLaw for Run<'_> {
         // The first block gives the frames in which every block sums; it is run twice.
         let mut frames = Vec::new();
         self.block(law, 0, |_, q, v| frames.push(Frames::of(law, q, v)));
+        if frames.len() < self.intervals.len() {
+            return (frames, Vec::new());
+        }
         let parts = walk::tasks(self.count)
             .into_par_iter()
             .map(|paths| {
@@ -392,10 +423,16 @@ impl WithLaw for Run<'_> {
                     if self.progress.late() {
                         break;
                     }
+                    let mut shown = Vec::with_capacity(sums.len());
                     self.block(law, first, |k, q, v| {
-                        let sum = vectorise!(Sums::of(law, &frames[k], q, v));
-                        sums[k].add(&sum);
+                        shown.push(vectorise!(Sums::of(law, &frames[k], q, v)));
                     });
+                    // Paths that the time cut short have none of their times counted.
+                    if shown.len() == sums.len() {
+                        sums.iter_mut()
+                            .zip(&shown)
+                            .for_each(|(sum, it)| sum.add(it));
+                    }
                 }
                 sums
             })

@@ -3,8 +3,10 @@
 /// Below this many paths a standard error is known to worse than a tenth.
 pub(super) const FEW: u64 = 51;
 
-/// Where fewer paths than this carry an error, it may be too small: those that carry most of it may be lacking.
+/// Where fewer paths than this carry an error, it may be too small: those that carry most of it may be lacking. How few they are
+/// this many groups tell at least.
 pub(super) const CARRIERS: f64 = 3.0;
+pub(super) const TELLING: usize = 64;
 
 /// The mean square of an influence function; of few paths, which do not show their own tails (two have a kurtosis of
 /// 1 and no error), at least that of a usual law: a Gaussian, or of times one of constant rate.

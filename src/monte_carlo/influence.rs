@@ -4,7 +4,7 @@
 //! root of its mean square over n. Where few paths carry that square, a sample without them errs as much and does not know it: no
 //! factor on the error helps, for samples that have seen them have a large one.
 
-use super::few::{OF_KURTOSIS, OF_SKEWNESS, OF_VARIANCE, at_least, tails};
+use super::few::{OF_KURTOSIS, OF_SKEWNESS, OF_VARIANCE, TELLING, at_least, tails};
 use crate::estimate::{Estimate, Origin};
 
 /// Powers 0 to 8 of x, summed over some paths.
@@ -63,13 +63,13 @@ fn squared(it: Influence) -> Powers {
 }
 
 /// How many paths carry a sum of squares, by how it is spread over groups of about as many: (sum x)^2/sum x^2 over paths, of which
-/// groups see what is left when each has its share.
+/// groups see what is left when each has its share; infinite where groups are too few to tell.
 fn carriers(groups: &[f64]) -> f64 {
     let (sum, square) = groups
         .iter()
         .fold((0.0, 0.0), |(sum, square), x| (sum + x, square + x * x));
     let apart = square / (sum * sum) - 1.0 / groups.len() as f64;
-    if apart > 0.0 {
+    if groups.len() >= TELLING && apart > 0.0 {
         1.0 / apart
     } else {
         f64::INFINITY

@@ -105,6 +105,11 @@ impl Sums {
         }
     }
 
+    /// Paths that are in the sums.
+    pub(super) fn paths(&self) -> u64 {
+        self.count as u64
+    }
+
     /// Adds the sums of more paths in the same frames.
     pub(super) fn add(&mut self, more: &Self) {
         self.count += more.count;

@@ -228,6 +228,7 @@ impl Plan {
                     moments.keep(outputs.moments.as_deref());
                 }
                 results.run.warnings.extend(it.warnings.iter().cloned());
+                results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.monte_carlo = Some(it.in_unit(clock));
             }
             Recipe::Records(recipe) => {
@@ -347,7 +348,8 @@ impl Plan {
             shortfalls.for_each(|(_, it)| it.put_in(&self.clock));
             if part.is_sampled() {
                 results.agreement = results.agree();
-                let doubt = results.agreement.and_then(|it| it.doubt());
+                let paths = self.scene.monte_carlo.as_ref().map_or(0, |it| it.paths);
+                let doubt = results.agreement.and_then(|it| it.doubt(paths));
                 if let Some(doubt) = doubt {
                     results.run.warn(doubt.into());
                 }

@@ -44,19 +44,20 @@ impl Agreement {
     }
 }
 
-/// Runs in which chance gives what is said to be none.
+/// Runs in which chance gives what is said to be none, and paths from which on their errors are as those of a normal law.
 const ONE_IN: f64 = 1e5;
+const MANY: u64 = 1000;
 
 impl Agreement {
     /// What to say where it is worse than chance gives in one of 100 000 runs: two answers that do not agree, or errors that are too
     /// small.
-    pub(crate) fn doubt(&self) -> Option<String> {
+    pub(crate) fn doubt(&self, paths: u64) -> Option<String> {
         let chance = self.compared as f64 * libm::erfc(self.worst / SQRT_2);
         let number = match self.t {
             Some(t) => name_at(self.worst_of, t),
             None => self.worst_of.to_owned(),
         };
-        (chance < 1.0 / ONE_IN).then(|| {
+        (paths >= MANY && chance < 1.0 / ONE_IN).then(|| {
             format!(
                 "the two answers differ by {:.1} standard errors in {number}, where chance alone would give about {:.1}: one of \
                  them, or its error, is wrong",

@@ -274,10 +274,7 @@ impl Scene {
         if let Some(step) = it.step {
             positive("monte_carlo.step", step)?;
             let longest = it.duration.unwrap_or(MonteCarlo::DURATION);
-            let accepted = format!(
-                "a number > 0, at most {}, the length of long realisations",
-                num(longest)
-            );
+            let accepted = format!("a number > 0, at most {}", num(longest));
             require(step <= longest, "monte_carlo.step", num(step), accepted)?;
         }
         if let Some(duration) = it.duration {

@@ -18,6 +18,8 @@ pub(super) struct Flying {
     edge: f64,
     /// How far down the mesh follows flights, in T.
     depth: f64,
+    /// How much less of the law there is where flight begins than at the level.
+    rarity: f64,
     /// Whether the motion begins in a law of ever higher flights without friction: they outlast any exponential.
     outlasting: bool,
 }
@@ -40,13 +42,14 @@ impl Flying {
             Damping::Displacement(_) | Damping::Energy(_) => return None,
         };
         // Where the level is passed in contact, flight begins above it.
-        let begins = region.height(-loss).max(region.rise());
-        let depth = level + (region.rise() - begins) / oscillator.temperature();
+        let before = (region.height(-loss) - region.rise()).max(0.0) / oscillator.temperature();
+        let depth = level - before;
         let outlasting =
             *initial == Initial::Stationary && oscillator.continuous_from() == Some(0.0);
         (depth > 0.0).then_some(Self {
             edge,
             depth,
+            rarity: (-before).exp(),
             outlasting,
         })
     }
@@ -54,21 +57,22 @@ impl Flying {
     /// The rate of the mesh as flights leave it, and why it is not known better where they are what it errs by. A mode of the
     /// rate r falls with the depth d as exp(-d (1 - sqrt(1 - r/edge))/2), and what the end of the mesh sends back of it as
     /// exp(-d (1 + sqrt(1 - r/edge))/2), in the motion of long flights under friction (Smoluchowski's); near the edge most of it
-    /// is in flight.
+    /// is in flight, far below what flights are rare of is not.
     pub(super) fn bound(&self, rate: Estimate) -> (Estimate, Option<&'static str>) {
         let of = |value, error| Estimate::new(value, error, rate.origin);
-        if self.outlasting {
+        let Estimate { value, error, .. } = rate;
+        if value >= self.edge && self.outlasting {
             let why = "ever higher flights of the stationary law outlast any exponential";
             return (of(f64::NAN, f64::NAN), Some(why));
         }
-        let Estimate { value, error, .. } = rate;
         if value >= self.edge {
             let why = "no mode lasts longer than free flight, and the survival falls as its continuous spectrum does";
             return (of(self.edge, error.max(value - self.edge)), Some(why));
         }
         let apart = self.edge - value;
-        let cut = value.min(4.0 * apart) * (-self.depth * (apart / self.edge).sqrt()).exp();
-        let why = "its mode reaches far into flight, beyond the mesh";
+        let sent_back = (-self.depth * (apart / self.edge).sqrt()).exp();
+        let cut = self.rarity * value.min(4.0 * apart) * sent_back;
+        let why = "its mode reaches beyond the mesh, far into flight; a tighter accuracy.tolerance makes the mesh deeper";
         (of(value, error + cut), (cut > error).then_some(why))
     }
 }

@@ -112,7 +112,6 @@ impl Task<'_> {
             lacking: propagator.lacking(),
             floquet: Some(Floquet {
                 multipliers: fixed.modes.eigenvalues,
-                growing: fixed.modes.growing,
                 residual: fixed.residual,
                 metastable,
             }),

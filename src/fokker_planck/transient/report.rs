@@ -139,8 +139,7 @@ fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> (Vec<Multiplier>, Optio
     let beyond_one = |it: &Multiplier| it.modulus() - it.error >= 1.0;
     let (waves, own): (Vec<_>, Vec<_>) = all.partition(beyond_one);
     let growing = waves.iter().find(|it| known(it)).map(Multiplier::modulus);
-    let own = own.into_iter().take_while(known).collect();
-    (own, fine.growing.or(growing))
+    (own.into_iter().take_while(known).collect(), growing)
 }
 
 impl Task<'_> {

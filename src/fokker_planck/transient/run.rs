@@ -45,8 +45,6 @@ pub(super) struct Run {
 pub(super) struct Floquet {
     /// Its largest eigenvalues but 1.
     pub(super) multipliers: Vec<Ritz>,
-    /// How many times a wave of the mesh grows in a period, where one does.
-    pub(super) growing: Option<f64>,
     /// Change of the law over a period, in L1.
     pub(super) residual: f64,
     /// The two laws that it is made of where noise seldom passes from one orbit to the other.

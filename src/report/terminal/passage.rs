@@ -9,7 +9,12 @@ use crate::monte_carlo::FirstLossResult;
 use crate::results::Results;
 
 pub(super) fn first_loss(table: &mut Table, results: &Results) {
-    let words = ["FIRST LOSS OF CONTACT", "time to the loss", "given contact"];
+    let words = [
+        "FIRST LOSS OF CONTACT",
+        "time to the loss",
+        "given contact",
+        "lost",
+    ];
     let (solved, sampled) = (&results.first_loss, &results.first_loss_paths);
     survival(table, results, words, (solved.as_ref(), sampled.as_ref()));
 }
@@ -21,16 +26,22 @@ pub(super) fn first_passage(table: &mut Table, results: &Results) {
     let [quantity, way] = asked.side.words();
     let (way, level) = (way.to_uppercase(), brief(asked.level));
     let title = format!("FIRST {quantity} {way} {level}");
-    let words = [&title, "time to the passage", "short of the level"];
+    let words = [
+        &title,
+        "time to the passage",
+        "short of the level",
+        "passed",
+    ];
     let (solved, sampled) = (&results.first_passage, &results.first_passage_paths);
     survival(table, results, words, (solved.as_ref(), sampled.as_ref()));
 }
 
-/// `[title, mean, given]`: the heading, what is meant by the mean time, and of what a stationary start is taken.
+/// `[title, mean, given, gone]`: the heading, what is meant by the mean time, of what a stationary start is taken, and what those
+/// are that do not survive.
 fn survival(
     table: &mut Table,
     results: &Results,
-    [title, mean, given]: [&str; 3],
+    [title, mean, given, gone]: [&str; 4],
     (solved, sampled): (Option<&FirstLoss>, Option<&FirstLossResult>),
 ) {
     let times = solved.map(|it| &it.times);
@@ -58,7 +69,7 @@ fn survival(
     }
     for k in [last / 2, last] {
         let seen = sampled.and_then(|it| it.survival.get(k).copied());
-        let words = format!("passed by {}", brief(times[k]));
+        let words = format!("{gone} by {}", brief(times[k]));
         let lost = solved.map(|it| it.lost[k]);
         put("1 - S", &words, lost, seen.map(Estimate::complement));
     }
