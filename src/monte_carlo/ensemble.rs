@@ -249,7 +249,7 @@ impl Ensemble {
         let (frames, parts) = law::dispatch(oscillator, run);
         let done = parts
             .iter()
-            .map(|it| it.last().map_or(0, |it| it.paths()))
+            .map(|it| it.last().map_or(0, Sums::paths))
             .sum();
         let shortfall = match progress.finish() {
             Err(error @ Error::Limit { .. }) if done >= FEW => Some(self.cut(done, &error)),
