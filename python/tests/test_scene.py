@@ -66,6 +66,14 @@ def test_a_key_replaced_is_the_key_written() -> None:
     assert every.to_dict()["outputs"]["moments_at"] == {"every": 0.5, "until": 5.0}
 
 
+def test_a_function_that_is_no_law_is_told_in_a_few_lines() -> None:
+    with pytest.raises(vi.SceneError) as raised:
+        vi.Scene({"oscillator": {"zeta": 0.005, "h": 2e-3, "contact": lambda q: -q}})
+    error = raised.value
+    assert error.key == "oscillator.contact" and "601 points" in str(error.accepted)
+    assert len(str(error)) < 600
+
+
 @pytest.mark.parametrize(
     ("make", "key", "value", "accepted"),
     [

@@ -110,6 +110,19 @@ impl Scene {
         let can = contact.loss_point().is_some() || outputs.moments.as_deref() != Some(&lost);
         let accepted = format!("another moment: \"{}\" cannot lose contact", contact.name());
         require(can, "outputs.moments", names(&lost).join(", "), accepted)?;
+        let asked = outputs.moments.as_deref().unwrap_or_default();
+        let repeated = asked
+            .iter()
+            .enumerate()
+            .find(|(k, it)| asked[..*k].contains(it));
+        let repeated = repeated.map(|(_, it)| it.name());
+        let value = repeated.unwrap_or_default();
+        require(
+            repeated.is_none(),
+            "outputs.moments",
+            value,
+            "each moment once",
+        )?;
         outputs.density_at.check("outputs.density_at")?;
         let point =
             self.initial == Initial::Rest && outputs.density_at.list().first() == Some(&0.0);
