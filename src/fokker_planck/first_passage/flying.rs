@@ -54,10 +54,10 @@ impl Flying {
         })
     }
 
-    /// The rate of the mesh as flights leave it, and why it is not known better where they are what it errs by. A mode of the
-    /// rate r falls with the depth d as exp(-d (1 - sqrt(1 - r/edge))/2), and what the end of the mesh sends back of it as
-    /// exp(-d (1 + sqrt(1 - r/edge))/2), in the motion of long flights under friction (Smoluchowski's); near the edge most of it
-    /// is in flight, far below what flights are rare of is not.
+    /// The rate of the mesh as flights leave it, and why it is not known better where they are what it errs by. In the motion of
+    /// long flights under friction (Smoluchowski's) a mode of the rate r falls with the depth d as exp(-d (1 - sqrt(1 - r/edge))/2),
+    /// and what the end of the mesh sends back of it as exp(-d (1 + sqrt(1 - r/edge))/2). Near the edge most of the mode is in
+    /// flight; far below it, as much of it as of the law.
     pub(super) fn bound(&self, rate: Estimate) -> (Estimate, Option<&'static str>) {
         let of = |value, error| Estimate::new(value, error, rate.origin);
         let Estimate { value, error, .. } = rate;
