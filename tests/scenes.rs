@@ -1731,6 +1731,18 @@ const BAD: &[(&str, &str)] = &[
         "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[method]\ntransient = \"finite_volume\"",
     ),
     (
+        "a moment asked for twice",
+        "@[outputs]\nmoments_at = [1]\nmoments = [\"mean_q\", \"var_q\", \"mean_q\"]",
+    ),
+    (
+        "a path of one step beyond all",
+        "@[monte_carlo]\nstep = 1e300",
+    ),
+    (
+        "an energy beyond a double",
+        "@[initial]\nkind = \"gaussian\"\nmean = [1e200, 0]\ndeviation = [1, 1]",
+    ),
+    (
         "long realisations under a drive",
         "@[excitation]\ndrive = { amplitude = 0.02, frequency = 1 }\n[outputs]\nmoments_at = [1]\n[monte_carlo]\nduration = 100",
     ),
