@@ -269,17 +269,21 @@ impl Oscillator {
     /// energy and the flight after it lasts as v, so that the speed falls as depth over v, ever more slowly for higher
     /// flights, and no rate is common to all of them. None under any other damping: there it is not known.
     pub fn continuous_from(&self) -> Option<f64> {
-        let [low, loss] = self.contact.flight()?;
-        if low.is_finite() {
-            return None;
-        }
+        let price = self.price_of_flight()?;
         match self.damping {
-            Damping::Viscous => {}
-            Damping::Contact => return self.contact.stiffens().then_some(0.0),
-            _ => return None,
+            Damping::Viscous => Some(-price),
+            Damping::Contact => self.contact.stiffens().then_some(0.0),
+            _ => None,
         }
+    }
+
+    /// What noise pays, per time, to keep a motion in flight against the constant force f there: f^2/(4 pi h). None for a contact that
+    /// is never lost, or whose flight ends on a second wall.
+    pub(crate) fn price_of_flight(&self) -> Option<f64> {
+        let [low, loss] = self.contact.flight()?;
         let force = self.contact.force(loss - 1.0);
-        Some(-force * force / (8.0 * self.zeta * self.temperature()))
+        let noise = 8.0 * self.zeta * self.viscous_temperature();
+        (!low.is_finite()).then_some(force * force / noise)
     }
 
     /// H = v^2/2 + U(q).

@@ -56,6 +56,12 @@ def _sampled(key: str, value: Any, functions: list[Any] | tuple[Any, ...]) -> di
     return {"law": "table", "q": q.tolist(), "force": force.tolist()}
 
 
+def _functions(contact: Any) -> list[Any] | tuple[Any, ...]:
+    """A contact law that is given by functions, as several of them; empty for another."""
+    several = contact if isinstance(contact, (list, tuple)) else [contact]
+    return several if any(callable(it) for it in several) else []
+
+
 def plain(key: str, value: Any) -> Any:
     """Plain values of mappings, sequences and NumPy's numbers and arrays; what is None is left out."""
     if isinstance(value, Mapping):
@@ -66,9 +72,8 @@ def plain(key: str, value: Any) -> Any:
         return {name: it for name, it in inner.items() if it is not None}
     if isinstance(value, (np.ndarray, np.generic)):
         return plain(key, value.tolist())
-    several = value if isinstance(value, (list, tuple)) else [value]
-    if key == "oscillator.contact" and any(callable(it) for it in several):
-        return _sampled(key, value, several)
+    if key == "oscillator.contact" and (functions := _functions(value)):
+        return _sampled(key, value, functions)
     if isinstance(value, (list, tuple, range)):
         items = [plain(f"{key}[{k}]", it) for k, it in enumerate(value)]
         if None in items:
@@ -103,8 +108,7 @@ class Scene:
         except SceneError as error:
             key, oscillator = "oscillator.contact", sections.get("oscillator")
             contact = oscillator.get("contact") if isinstance(oscillator, Mapping) else None
-            several = contact if isinstance(contact, (list, tuple)) else [contact]
-            if not any(callable(it) for it in several) or not str(error.key).startswith(key + "."):
+            if not _functions(contact) or not str(error.key).startswith(key + "."):
                 raise
             raise not_accepted(key, contact, f"{error.accepted}, of {_POINTS} points of the function") from None
 

@@ -95,14 +95,8 @@ impl SpectrumNumbers {
     /// Expectation and estimate at every frequency that noise of this band drives: the expectation is that of white noise.
     pub(crate) fn pairs(&self, band: f64) -> impl Iterator<Item = (Estimate, Estimate)> + '_ {
         let omega = &self.solved.omega;
-        let driven = omega
-            .partition_point(|it| *it < band)
-            .saturating_sub(BLURRED);
-        let driven = if band.is_finite() {
-            driven
-        } else {
-            omega.len()
-        };
+        let bin = omega.get(1).map_or(0.0, |next| next - omega[0]);
+        let driven = omega.partition_point(|it| it + BLURRED * bin < band);
         let sampled = self.sampled.as_ref();
         let values = sampled.into_iter().flat_map(|it| {
             let both = it.expectation.iter().zip(&it.density);
@@ -115,8 +109,8 @@ impl SpectrumNumbers {
     }
 }
 
-/// Frequencies below the band that a Hann window blurs.
-const BLURRED: usize = 3;
+/// Bins below the end of the band that a Hann window blurs.
+const BLURRED: f64 = 3.0;
 
 /// An error over its value.
 fn share(it: &Estimate) -> f64 {

@@ -10,7 +10,6 @@ use super::region::Region;
 use crate::damping::Damping;
 use crate::estimate::Estimate;
 use crate::initial::Initial;
-use std::f64::consts::PI;
 
 /// Flights that go on for ever.
 pub(super) struct Flying {
@@ -29,16 +28,14 @@ impl Flying {
     /// not known to go on or to end with contact.
     pub(super) fn of(region: &Region<'_>, initial: &Initial, level: f64) -> Option<Self> {
         let oscillator = region.oscillator;
-        let contact = oscillator.contact();
-        let [low, loss] = contact.flight()?;
-        if low.is_finite() || !region.is_open_below() {
+        let [_, loss] = oscillator.contact().flight()?;
+        let price = oscillator.price_of_flight()?;
+        if !region.is_open_below() {
             return None;
         }
-        let force = contact.force(loss - 1.0);
-        let viscous = force * force / (4.0 * PI * oscillator.h());
         let edge = match oscillator.damping() {
-            Damping::Viscous => viscous,
-            Damping::Contact | Damping::HuntCrossley => 0.75 * viscous,
+            Damping::Viscous => price,
+            Damping::Contact | Damping::HuntCrossley => 0.75 * price,
             Damping::Displacement(_) | Damping::Energy(_) => return None,
         };
         // Where the level is passed in contact, flight begins above it.

@@ -30,12 +30,10 @@ impl Asked<'_> {
             let before = recipe.layout.domain.v[1];
             let strays = recipe.forcing.as_ref().is_some_and(|it| it.strays());
             // What will be refused for its time needs no coarse run.
-            let tail = if strays && self.is_in_time(&recipe)? {
-                self.tail(&recipe)
-            } else {
-                None
-            };
-            let Some(tail) = tail else {
+            if !strays || !self.is_in_time(&recipe)? {
+                break;
+            }
+            let Some(tail) = self.tail(&recipe) else {
                 break;
             };
             let farther = self.reaching(recipe.clone(), tail)?;
