@@ -55,6 +55,12 @@ pub(crate) mod timing {
     pub(crate) const OPERATION: f64 = 1.0 / 2e10;
     /// The same of a factorisation by elements, or of a product of few rows, in those.
     pub(crate) const NESTED: f64 = 5.0;
+    /// The model of a spectrum at one resolution, beside the products of its states.
+    pub(crate) const MODEL: f64 = 0.015;
+    /// The closed form of the stationary law.
+    pub(crate) const CLOSED_FORM: f64 = 2e-4;
+    /// That of the law of the flights, which has a quadrature in each of its points.
+    pub(crate) const FLIGHTS: f64 = 0.12;
     /// A step of a path: Euler and Maruyama, BAOAB, central differences.
     pub(crate) const KICK: f64 = 6e-9;
     /// The same: exponential Heun.

@@ -18,10 +18,8 @@ pub(crate) fn undecided(
 ) -> f64 {
     /// Times within a step, each a root of 2 after the one before.
     const TIMES: i32 = 40;
-    let (mean, deviation) = match *initial {
-        Initial::Stationary => return 0.0,
-        Initial::Rest => ([0.0; 2], [0.0; 2]),
-        Initial::Gaussian { mean, deviation } => (mean, deviation),
+    let Some([mean, deviation]) = initial.mean_and_deviation() else {
+        return 0.0;
     };
     let force = oscillator.contact().force(mean[0]);
     let decided = |s: f64| {

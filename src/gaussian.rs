@@ -19,6 +19,26 @@ pub(crate) fn lower(x: f64) -> f64 {
     0.5 * libm::erfc(-x / SQRT_2)
 }
 
+/// Gaussian density of variance T.
+pub fn maxwell(v: f64, temperature: f64) -> f64 {
+    (-0.5 * v * v / temperature).exp() / (TAU * temperature).sqrt()
+}
+
+/// P(a < v < b) of a Gaussian with this mean and deviation, accurate relative to itself in both tails.
+pub(crate) fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
+    let (x, y) = (
+        (a - mean) / (deviation * SQRT_2),
+        (b - mean) / (deviation * SQRT_2),
+    );
+    if x > 0.0 {
+        0.5 * (libm::erfc(x) - libm::erfc(y))
+    } else if y < 0.0 {
+        0.5 * (libm::erfc(-y) - libm::erfc(-x))
+    } else {
+        0.5 * (libm::erf(y) - libm::erf(x))
+    }
+}
+
 /// A Gaussian law of (q, v).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaussian {
@@ -32,33 +52,26 @@ impl Gaussian {
     /// The law of a start: a point for [`Initial::Rest`].
     ///
     /// # Errors
-    /// [`Error::NoStationaryLaw`] for a stationary start, unless the law is linear; [`Error::Invalid`] for one under damping that
+    /// [`Error::NoStationaryLaw`] for the stationary one, unless the law is linear; [`Error::Invalid`] for one under damping that
     /// is not viscous.
     pub fn of(oscillator: &Oscillator, initial: &Initial) -> Result<Self> {
-        match *initial {
-            Initial::Gaussian {
-                mean,
-                deviation: [sq, sv],
-            } => Ok(Self {
+        if let Some([mean, [sq, sv]]) = initial.mean_and_deviation() {
+            Ok(Self {
                 mean,
                 covariance: [[sq * sq, 0.0], [0.0, sv * sv]],
-            }),
-            Initial::Rest => Ok(Self {
+            })
+        } else if *oscillator.contact() == ContactLaw::Linear {
+            let t = oscillator.with_closed_form()?.temperature();
+            Ok(Self {
                 mean: [0.0; 2],
-                covariance: [[0.0; 2]; 2],
-            }),
-            Initial::Stationary if *oscillator.contact() == ContactLaw::Linear => {
-                let t = oscillator.with_closed_form()?.temperature();
-                Ok(Self {
-                    mean: [0.0; 2],
-                    covariance: [[t, 0.0], [0.0, t]],
-                })
-            }
-            Initial::Stationary => Err(Error::NoStationaryLaw {
+                covariance: [[t, 0.0], [0.0, t]],
+            })
+        } else {
+            Err(Error::NoStationaryLaw {
                 what: "a Gaussian stationary initial condition".into(),
                 contact: oscillator.contact().name().into(),
                 why: "its stationary law, if there is one, is not Gaussian".into(),
-            }),
+            })
         }
     }
 

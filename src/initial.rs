@@ -40,6 +40,15 @@ impl Initial {
         Ok(())
     }
 
+    /// Mean and deviation of q and of v, 0 of a point; None for the stationary law.
+    pub(crate) fn mean_and_deviation(&self) -> Option<[[f64; 2]; 2]> {
+        match *self {
+            Self::Gaussian { mean, deviation } => Some([mean, deviation]),
+            Self::Rest => Some([[0.0; 2]; 2]),
+            Self::Stationary => None,
+        }
+    }
+
     /// The name used in scenes.
     pub fn name(&self) -> &'static str {
         match self {

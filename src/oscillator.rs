@@ -243,7 +243,7 @@ impl Oscillator {
 
     /// The time in which it forgets where it began, roughly: the correlation time, and where there are several wells that times
     /// exp(rise over T), the lowest barrier of the shallowest well, about that of a passage (Kramers).
-    pub(crate) fn memory(&self) -> f64 {
+    pub(crate) fn relaxation_time(&self) -> f64 {
         let rises = self.contact.rises().into_iter();
         let rise = rises.reduce(f64::max).unwrap_or(0.0);
         self.correlation_time() * (rise / self.temperature()).exp()

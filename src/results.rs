@@ -347,8 +347,8 @@ impl Results {
         of: &dyn Fn(&str) -> Option<Estimate>,
         lost_share: Option<Estimate>,
     ) -> Vec<(&'static str, Estimate)> {
-        let micrometre = (rig.compression(1.0) - rig.compression(0.0)) * 1e6;
-        let velocity = rig.velocity(1.0) * 1e3;
+        let micrometre = rig.micrometres();
+        let velocity = rig.millimetres_per_second();
         let millisecond = self.scene.clock().seconds(rig) * 1e3;
         let root = |name: &str, unit: f64| {
             of(name).map(|x| x.mapped(x.value.sqrt(), 0.5 / x.value.sqrt()).scaled(unit))

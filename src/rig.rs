@@ -117,6 +117,16 @@ impl Rig {
         self.length() * self.circular_frequency() * v
     }
 
+    /// Micrometres of one dimensionless displacement.
+    pub(crate) fn micrometres(&self) -> f64 {
+        (self.compression(1.0) - self.compression(0.0)) * 1e6
+    }
+
+    /// Millimetres per second of one dimensionless velocity.
+    pub(crate) fn millimetres_per_second(&self) -> f64 {
+        self.velocity(1.0) * 1e3
+    }
+
     /// Dimensionless time of seconds, (7).
     pub fn time(&self, seconds: f64) -> f64 {
         self.circular_frequency() * seconds

@@ -35,8 +35,7 @@ pub fn per_hertz(rig: &Rig) -> f64 {
 
 /// The same for the displacement: micrometres^2/Hz.
 pub fn displacement_per_hertz(rig: &Rig) -> f64 {
-    let micrometre = 1e6 * (rig.compression(1.0) - rig.compression(0.0));
-    micrometre.powi(2) / rig.frequency()
+    rig.micrometres().powi(2) / rig.frequency()
 }
 
 /// Welch's method (IEEE Trans. Audio Electroacoust. 15, 70, 1967): segments of a record, overlapping,
@@ -106,6 +105,11 @@ impl Welch {
             window: window.collect(),
             transform: FftPlanner::new().plan_fft_forward(samples),
         })
+    }
+
+    /// Time between two samples.
+    pub fn step(&self) -> f64 {
+        self.step
     }
 
     /// Samples of a record that holds this many segments.

@@ -3,6 +3,7 @@
 use crate::contact::ContactLaw;
 use crate::error::Result;
 use crate::estimate::{Estimate, Origin};
+use crate::gaussian::maxwell;
 use crate::moments::Moments;
 use crate::oscillator::{DisplacementLaw, Oscillator};
 use std::f64::consts::{LN_10, TAU};
@@ -84,8 +85,7 @@ impl Stationary {
 
     /// p_v(v), Gaussian of variance T, (24).
     pub fn density_v(&self, v: f64) -> f64 {
-        let t = self.temperature();
-        (-0.5 * v * v / t).exp() / (TAU * t).sqrt()
+        maxwell(v, self.temperature())
     }
 
     /// The continuous part of p_N, p_q(q)/|G'(q)| over every q with N = G(q), (27), (28). It is zero below the force

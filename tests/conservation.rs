@@ -6,8 +6,9 @@ use sprs::{CsMat, TriMat};
 use vibroimpact::contact::ContactLaw;
 use vibroimpact::fokker_planck::{
     Axis, Density, Domain, Drift, Generator, MassFlux, Measure, Mesh, Settings, TransientMethod,
-    maxwell, null_vector, steady, transient,
+    null_vector, steady, transient,
 };
+use vibroimpact::gaussian::maxwell;
 use vibroimpact::initial::Initial;
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::sparse::Lu;

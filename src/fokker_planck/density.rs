@@ -1,10 +1,11 @@
 //! A probability density on a mesh, kept as probability per cell.
 
 use super::excess::modulus_in_cell;
-use super::flux::{Drift, Weights, gaussian_mass};
+use super::flux::{Drift, Weights};
 use super::generator::Generator;
 use super::mesh::{Axis, Mesh};
 use crate::error::{Error, Result};
+use crate::gaussian::gaussian_mass;
 use crate::gaussian::normal;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;

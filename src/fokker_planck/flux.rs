@@ -7,9 +7,9 @@
 use super::difference::central;
 use super::mesh::Mesh;
 use crate::error::{Error, Result};
+use crate::gaussian::{gaussian_mass, maxwell};
 use crate::matrix::grid;
 use crate::oscillator::{DisplacementLaw, Oscillator};
-use std::f64::consts::{SQRT_2, TAU};
 
 /// How g is carried across a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,26 +105,6 @@ impl Measure {
             Self::Gibbs(_) => maxwell(v, temperature),
             Self::Liouville => 1.0,
         }
-    }
-}
-
-/// Gaussian density of variance T.
-pub fn maxwell(v: f64, temperature: f64) -> f64 {
-    (-0.5 * v * v / temperature).exp() / (TAU * temperature).sqrt()
-}
-
-/// P(a < v < b) of a Gaussian with this mean and deviation, accurate relative to itself in both tails.
-pub(crate) fn gaussian_mass(mean: f64, deviation: f64, a: f64, b: f64) -> f64 {
-    let (x, y) = (
-        (a - mean) / (deviation * SQRT_2),
-        (b - mean) / (deviation * SQRT_2),
-    );
-    if x > 0.0 {
-        0.5 * (libm::erfc(x) - libm::erfc(y))
-    } else if y < 0.0 {
-        0.5 * (libm::erfc(-y) - libm::erfc(-x))
-    } else {
-        0.5 * (libm::erf(y) - libm::erf(x))
     }
 }
 

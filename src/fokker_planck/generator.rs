@@ -22,11 +22,12 @@ mod assembly;
 mod friction;
 
 use super::difference::central;
-use super::flux::{Drift, MassFlux, Measure, Weights, maxwell, underflow};
+use super::flux::{Drift, MassFlux, Measure, Weights, underflow};
 use super::mesh::Mesh;
 use super::radius::{Kind, largest};
 use crate::error::{Error, Result};
 use crate::fokker_planck::policy::{BOUNDARY_RATE, STEEPEST};
+use crate::gaussian::maxwell;
 use crate::oscillator::Oscillator;
 use crate::quadrature;
 use std::ops::Range;

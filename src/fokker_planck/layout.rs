@@ -13,7 +13,7 @@ use crate::oscillator::Oscillator;
 
 /// Part of the tolerance that the truncation of the domain is chosen for: a tenth of it costs a twelfth more cells
 /// in either direction, and its error estimate, the worst that what is outside could do, is far above its error.
-pub(super) const DOMAIN_SHARE: f64 = 0.008;
+const DOMAIN_SHARE: f64 = 0.008;
 
 /// Order that the kink of the Hertz force leaves to equal cells: 3/2 + 2. A bilinear one leaves 3.
 const KINK_ORDER: f64 = 3.5;

@@ -59,7 +59,7 @@ pub use first_passage::flight::{Flight, FlightLaw, flight_law};
 pub use first_passage::impact::{ImpactLaw, impact_law};
 pub use flux::Drift;
 #[doc(hidden)]
-pub use flux::{MassFlux, Measure, maxwell};
+pub use flux::{MassFlux, Measure};
 pub use generator::Generator;
 pub use integrators::{
     Additive, BackwardEuler, Chebyshev, Integrator, Radau, Solver, TimeIntegration,

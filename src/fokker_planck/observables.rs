@@ -6,10 +6,11 @@
 //! v everything is smooth and decays at both ends: the midpoint sum converges faster than any order.
 
 use super::difference::lagrange;
-use super::flux::{Drift, Measure, Weights, gaussian_mass, maxwell};
+use super::flux::{Drift, Measure, Weights};
 use super::mesh::Mesh;
 use crate::contact::ContactLaw;
 use crate::error::Result;
+use crate::gaussian::{gaussian_mass, maxwell};
 use crate::moments::RawMoments;
 use crate::oscillator::Oscillator;
 use crate::quadrature::kronrod;

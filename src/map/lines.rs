@@ -3,6 +3,7 @@
 
 use super::part::Part;
 use crate::error::{Error, Result};
+use crate::report::lock::Lock;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::{HashMap, HashSet};
@@ -165,8 +166,7 @@ fn tidied(path: &Path, ours: impl Fn(&Head) -> bool) -> Result<(HashMap<usize, K
 pub(super) struct Lines {
     path: PathBuf,
     file: Mutex<File>,
-    lock: File,
-    lock_path: PathBuf,
+    _lock: Lock,
     /// Lines that were dropped: cut off, or not wanted.
     pub(super) dropped: usize,
 }
@@ -184,11 +184,10 @@ impl Lines {
     ) -> Result<(Self, HashMap<usize, Known>)> {
         let path = folder.join(part.file());
         let lock_path = folder.join(format!(".{}.lock", part.file()));
-        let lock = File::create(&lock_path).map_err(Error::io(&lock_path))?;
-        if let Err(fs::TryLockError::WouldBlock) = lock.try_lock() {
+        let lock = Lock::take(lock_path, || {
             let accepted = "a part that no other run is computing";
-            return Err(Error::invalid("--part", part.file(), accepted));
-        }
+            Error::invalid("--part", part.file(), accepted)
+        })?;
         let (there, dropped) = if path.exists() {
             tidied(&path, ours)?
         } else {
@@ -198,8 +197,7 @@ impl Lines {
         let it = Self {
             file: Mutex::new(file.map_err(Error::io(&path))?),
             path,
-            lock,
-            lock_path,
+            _lock: lock,
             dropped,
         };
         Ok((it, there))
@@ -243,14 +241,6 @@ fn leave(path: &Path, places: &HashSet<u64>) -> Result<()> {
     let kept = kept.map_err(|error| Error::io(&beside)(error.into_error()))?;
     kept.sync_data().map_err(Error::io(&beside))?;
     fs::rename(&beside, path).map_err(Error::io(path))
-}
-
-impl Drop for Lines {
-    fn drop(&mut self) {
-        // Best effort: a lock file left behind is taken over by the next run.
-        let _ = self.lock.unlock();
-        let _ = fs::remove_file(&self.lock_path);
-    }
 }
 
 /// Shows every line of a file with the place where it begins, a cut-off last one too.

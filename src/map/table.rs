@@ -26,7 +26,7 @@ pub(super) struct Column {
 }
 
 impl Column {
-    pub(super) fn has_errors(&self) -> bool {
+    fn has_errors(&self) -> bool {
         self.errors.iter().any(|it| !it.is_nan())
     }
 }

@@ -251,7 +251,7 @@ impl Records {
             let text = format!(
                 "the records are worth only {worth:.0} independent samples, so that their errors are rough: \
                  the oscillator forgets in a time of {:.1e}; lengthen monte_carlo.duration",
-                oscillator.memory()
+                oscillator.relaxation_time()
             );
             warnings.push(text.into());
         }

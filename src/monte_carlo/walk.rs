@@ -326,7 +326,7 @@ pub(super) fn equal_steps(time: f64, step: f64) -> Result<(u64, f64)> {
 /// wells where that is not too long.
 pub(super) fn run_in(oscillator: &Oscillator, initial: &Initial) -> f64 {
     if *initial == Initial::Stationary && !oscillator.is_viscous() {
-        let (within, between) = (oscillator.correlation_time(), oscillator.memory());
+        let (within, between) = (oscillator.correlation_time(), oscillator.relaxation_time());
         let longest = FORGOTTEN * within;
         FORGOTTEN * if between <= longest { between } else { within }
     } else {
@@ -341,11 +341,11 @@ pub(super) fn not_run_in(
     initial: &Initial,
     unknown: impl FnOnce() -> Vec<String>,
 ) -> Option<Warning> {
-    let (time, memory) = (run_in(oscillator, initial), oscillator.memory());
-    (time > 0.0 && memory > 0.2 * time).then(|| Warning {
+    let (time, forgetting) = (run_in(oscillator, initial), oscillator.relaxation_time());
+    (time > 0.0 && forgetting > 0.2 * time).then(|| Warning {
         text: format!(
             "paths that begin in the law are run in for a time of {time:.1e}, and passages between the wells take one of some \
-             {memory:.0e}: how many are in which well is still as under viscous damping, and no standard error holds that"
+             {forgetting:.0e}: how many are in which well is still as under viscous damping, and no standard error holds that"
         ),
         unknown: unknown(),
     })
@@ -547,7 +547,7 @@ mod tests {
         };
         let cold = Oscillator::new(wells.clone(), 0.05, h(0.02)).unwrap();
         let expected = 10.0 * 12.5f64.exp();
-        assert!((cold.memory() / expected - 1.0).abs() < 1e-9);
+        assert!((cold.relaxation_time() / expected - 1.0).abs() < 1e-9);
         let stationary = &Initial::Stationary;
         let warns = |it: &Oscillator| not_run_in(it, stationary, Vec::new).is_some();
         // From the exact law nothing is run in.
@@ -562,7 +562,7 @@ mod tests {
             .with("force", Parameter::Numbers(force));
         let two = hunt_crossley(ContactLaw::given("table", &table).unwrap(), 0.02).unwrap();
         let within = FORGOTTEN * two.correlation_time();
-        let found = (run_in(&two, stationary), two.memory());
+        let found = (run_in(&two, stationary), two.relaxation_time());
         assert!(warns(&two) && found.0 == within, "{found:?} {within}");
     }
 }

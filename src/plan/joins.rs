@@ -4,7 +4,7 @@
 use super::Plan;
 use super::recipes::Recipe;
 use super::stage::Part;
-use crate::budget::Cost;
+use crate::budget::{Cost, timing};
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::{
@@ -49,11 +49,14 @@ impl Plan {
                 (StationaryState::WORDS.into(), cost, Recipe::Stationary(it))
             }
             Part::Stationary | Part::Crossings => {
-                // The law of the flights has a quadrature in each of its points.
                 let flies = part == Part::Crossings && self.knows_flights();
                 let cost = Cost {
                     memory: 1 << 16,
-                    seconds: if flies { 0.12 } else { 2e-4 },
+                    seconds: if flies {
+                        timing::FLIGHTS
+                    } else {
+                        timing::CLOSED_FORM
+                    },
                     ..Cost::default()
                 };
                 let method = "closed form by adaptive quadrature".into();
@@ -87,12 +90,16 @@ impl Plan {
                 (it.words(), it.cost, Recipe::DecayRates(it))
             }
             Part::Spectrum => {
-                let until = outputs.spectrum.map_or(0.0, |it| it.until);
-                let it = Resolvent::of(oscillator, until, settings);
-                (Resolvent::METHOD.into(), it.cost, Recipe::Spectrum(it))
+                let asked = self.spectrum()?;
+                let it = Resolvent::of(oscillator, asked.until, settings);
+                (
+                    Resolvent::METHOD.into(),
+                    it.cost,
+                    Recipe::Spectrum(it, asked),
+                )
             }
             Part::Series => {
-                let it = Series::of(oscillator, self.welch()?.1, &sampling)?;
+                let it = Series::of(oscillator, self.samples()?, &sampling)?;
                 let records = it.asked.records;
                 let method = format!(
                     "Welch: {records} records of {WELCH_SEGMENTS} segments of {WELCH_SAMPLES} samples, {}",
@@ -101,7 +108,7 @@ impl Plan {
                 let mut cost = it.cost;
                 // The periodograms.
                 cost.memory += 8 * records * WELCH_SAMPLES as u64 / 2;
-                (method, cost, Recipe::Series(it))
+                (method, cost, Recipe::Series(it, self.spectrum()?))
             }
             Part::MonteCarlo => {
                 let times = outputs.moments_at.list();
@@ -165,17 +172,17 @@ impl Plan {
         Ok((Target::Level(it.level, it.side), it.until))
     }
 
-    /// Welch's method as in the paper, section 5.3.2, and the records it needs.
-    pub(super) fn welch(&self) -> Result<(Welch, Samples)> {
-        let request = self.scene.outputs.spectrum.unwrap_or(SpectrumRequest {
-            until: 4.0,
-            quantity: scene::Quantity::Force,
-        });
-        // Nyquist's frequency is twice the highest asked for: what aliases into the range lies beyond
-        // three times that frequency.
-        let spacing = 0.5 * PI / request.until;
-        let welch = Welch::new(WELCH_SAMPLES, WELCH_SAMPLES / 2, spacing)?;
-        let samples = welch.record_length(WELCH_SEGMENTS);
+    /// The spectrum that the scene asks for.
+    fn spectrum(&self) -> Result<SpectrumRequest> {
+        let asked = self.scene.outputs.spectrum;
+        asked.ok_or_else(|| Error::invalid("outputs.spectrum", "nothing", "a spectrum"))
+    }
+
+    /// The records that Welch's method needs.
+    fn samples(&self) -> Result<Samples> {
+        let request = self.spectrum()?;
+        let welch = welch(request.until)?;
+        let (spacing, samples) = (welch.step(), welch.record_length(WELCH_SEGMENTS));
         let asked = self.scene.monte_carlo.as_ref().and_then(|it| it.duration);
         let wanted = self.scene.wants_records();
         let duration = asked.or(wanted.then_some(MonteCarlo::DURATION));
@@ -183,13 +190,12 @@ impl Plan {
         let records = duration.map_or((WELCH_AVERAGES / WELCH_SEGMENTS) as f64, |duration| {
             (duration / (samples as f64 * spacing)).ceil().max(32.0)
         });
-        let asked = Samples {
+        Ok(Samples {
             quantity: request.quantity,
             spacing,
             samples,
             records: records as u64,
-        };
-        Ok((welch, asked))
+        })
     }
 
     /// What the scene says of sampling.
@@ -212,6 +218,12 @@ impl Plan {
             ..Sampling::default()
         }
     }
+}
+
+/// Welch's method as in the paper, section 5.3.2, for a spectrum up to a circular frequency. Nyquist's is twice as high: what
+/// aliases into the range lies beyond three times that frequency.
+pub(super) fn welch(until: f64) -> Result<Welch> {
+    Welch::new(WELCH_SAMPLES, WELCH_SAMPLES / 2, 0.5 * PI / until)
 }
 
 /// The stationary value that a fraction of is reached, in a law that is known.

@@ -6,6 +6,7 @@ use crate::fokker_planck::{
 };
 use crate::moments::Moment;
 use crate::monte_carlo::{Ensemble, FirstLosses, Records, Series};
+use crate::scene::SpectrumRequest;
 
 /// How a stage will be computed: decided once, printed and executed.
 #[derive(Debug, Clone)]
@@ -19,11 +20,11 @@ pub(super) enum Recipe {
     Response(ResponseCurve),
     Steady(SteadyState),
     DecayRates(Eigenvalues),
-    Spectrum(Resolvent),
+    Spectrum(Resolvent, SpectrumRequest),
     /// Of a loss of contact or of a level.
     FirstPassage(FirstPassage),
     Ensemble(Ensemble),
-    Series(Series),
+    Series(Series, SpectrumRequest),
     /// The same by paths.
     FirstLosses(FirstLosses),
     Records(Records),

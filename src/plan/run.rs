@@ -1,7 +1,7 @@
 //! A plan is run: stage after stage, each within the time that is left.
 
 use super::Plan;
-use super::joins::reached;
+use super::joins::{reached, welch};
 use super::recipes::Recipe;
 use super::stage::{Part, Stage};
 use super::watch::{Nobody, Watch};
@@ -199,11 +199,9 @@ impl Plan {
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 results.decay_rates = Some(it.in_unit(clock));
             }
-            Recipe::Spectrum(recipe) => {
-                let (welch, asked) = self.welch()?;
-                let until = outputs.spectrum.map_or(0.0, |it| it.until);
-                let mut omegas = welch.omega();
-                omegas.retain(|omega| *omega <= until * (1.0 + 1e-9));
+            Recipe::Spectrum(recipe, asked) => {
+                let mut omegas = welch(asked.until)?.omega();
+                omegas.retain(|omega| *omega <= asked.until * (1.0 + 1e-9));
                 let it = recipe.solve(oscillator, asked.quantity, &omegas, &limits, progress)?;
                 results.fall_short(part.name(), it.shortfall.as_ref(), true);
                 // Sampling has the frequencies of its segments alone.
@@ -213,10 +211,10 @@ impl Plan {
                 };
                 results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
             }
-            Recipe::Series(recipe) => {
-                let (welch, _) = self.welch()?;
+            Recipe::Series(recipe, asked) => {
                 if let Some(it) = &mut results.spectrum {
-                    let averages = it.sample(oscillator, &welch, recipe, limits, progress)?;
+                    let averages =
+                        it.sample(oscillator, &welch(asked.until)?, recipe, limits, progress)?;
                     it.put_in(clock);
                     let warning = recipe.warnings(oscillator, averages);
                     results.run.warnings.extend(warning);

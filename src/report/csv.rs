@@ -57,7 +57,7 @@ pub(crate) fn spelled(unit: &str, hertz: bool) -> String {
 /// A unit of the manual on a rig, that of a time as the clock has it: its SI unit, and how many of these it is. None for
 /// what has no dimension.
 fn si(unit: &str, rig: &Rig, clock: &Clock) -> Option<(&'static str, f64)> {
-    let (length, speed) = (micrometre(rig), rig.velocity(1.0) * 1e3);
+    let (length, speed) = (rig.micrometres(), rig.millimetres_per_second());
     let (force, second) = (rig.newtons(1.0), clock.seconds(rig));
     Some(match unit {
         "u" => ("um", length),
@@ -77,16 +77,36 @@ fn si(unit: &str, rig: &Rig, clock: &Clock) -> Option<(&'static str, f64)> {
     })
 }
 
-/// Micrometres of one dimensionless displacement.
-pub(crate) fn micrometre(rig: &Rig) -> f64 {
-    (rig.compression(1.0) - rig.compression(0.0)) * 1e6
+/// The units that a scene's tables are in.
+struct Units {
+    clock: Clock,
+    hertz: bool,
+    rig: Option<Rig>,
+}
+
+impl Units {
+    fn of(results: &Results) -> Self {
+        Self {
+            clock: results.scene.clock(),
+            hertz: *results.contact() == ContactLaw::Hertz,
+            rig: results.scene.rig(),
+        }
+    }
+
+    /// A unit of the manual as people write it.
+    fn spelled(&self, unit: &'static str) -> String {
+        spelled(self.clock.unit().of(unit), self.hertz)
+    }
+
+    /// The SI unit of one of the manual, and how many of these it is; None for what has no dimension, and without a rig.
+    fn si(&self, unit: &str) -> Option<(&'static str, f64)> {
+        si(unit, self.rig.as_ref()?, &self.clock)
+    }
 }
 
 /// Columns of a table.
 pub(super) struct Csv {
-    clock: Clock,
-    hertz: bool,
-    rig: Option<Rig>,
+    units: Units,
     columns: Vec<Column>,
 }
 
@@ -99,13 +119,23 @@ struct Column {
     physical: bool,
 }
 
+impl Column {
+    /// The same in a unit, of which each of its own is so many.
+    fn scaled(&self, (unit, scale): (&'static str, f64)) -> Self {
+        Self {
+            head: self.head.clone(),
+            unit,
+            values: self.values.iter().map(|x| x * scale).collect(),
+            physical: false,
+        }
+    }
+}
+
 impl Csv {
     /// A table of the scene of `results`.
     pub(super) fn of(results: &Results) -> Self {
         Self {
-            clock: results.scene.clock(),
-            hertz: *results.contact() == ContactLaw::Hertz,
-            rig: results.scene.rig(),
+            units: Units::of(results),
             columns: Vec::new(),
         }
     }
@@ -176,29 +206,16 @@ impl Csv {
 
     /// The table: as it was put together, then with a rig every column that has a dimension once more in SI units.
     pub(super) fn file(mut self, name: &str) -> File {
-        let clock = self.clock;
-        let in_seconds =
-            |unit: &str| matches!(unit, "W" | "1/W") && clock.unit() == TimeUnit::Second;
-        let mut physical = Vec::new();
-        if let Some(rig) = &self.rig {
-            let there = self.columns.iter().filter(|it| it.physical);
-            for it in there.filter(|it| !in_seconds(it.unit)) {
-                let Some((unit, scale)) = si(it.unit, rig, &clock) else {
-                    continue;
-                };
-                physical.push(Column {
-                    head: it.head.clone(),
-                    unit,
-                    values: it.values.iter().map(|x| x * scale).collect(),
-                    physical: false,
-                });
-            }
-        }
+        let units = &self.units;
+        let seconds = units.clock.unit() == TimeUnit::Second;
+        let in_seconds = |unit: &str| seconds && matches!(unit, "W" | "1/W");
+        let there = self.columns.iter().filter(|it| it.physical);
+        let physical = there
+            .filter(|it| !in_seconds(it.unit))
+            .filter_map(|it| units.si(it.unit).map(|si| it.scaled(si)));
+        let physical: Vec<Column> = physical.collect();
         self.columns.extend(physical);
-        let head = |it: &Column| {
-            let unit = clock.unit().of(it.unit);
-            format!("{} [{}]", it.head, spelled(unit, self.hertz))
-        };
+        let head = |it: &Column| format!("{} [{}]", it.head, units.spelled(it.unit));
         let heads: Vec<String> = self.columns.iter().map(head).collect();
         let mut text = heads.join(",") + "\n";
         let rows = self.columns.iter().map(|it| it.values.len()).max();
@@ -213,30 +230,23 @@ impl Csv {
 
 /// Rows of a table of single numbers: name, value and error, its unit, and on a rig the same in SI units.
 pub(super) struct Rows {
-    clock: Clock,
-    hertz: bool,
-    rig: Option<Rig>,
+    units: Units,
     text: String,
 }
 
 impl Rows {
     /// A table of the scene of `results`, its numbers under these heads, as "value,error".
     pub(super) fn of(results: &Results, heads: &[&str]) -> Self {
-        let rig = results.scene.rig();
+        let units = Units::of(results);
         let mut text = format!("name,{},unit", heads.join(","));
-        if rig.is_some() {
+        if units.rig.is_some() {
             for head in heads.iter().flat_map(|it| it.split(',')) {
                 let _ = write!(text, ",{head} in SI units");
             }
             text += ",SI unit";
         }
         text.push('\n');
-        Self {
-            clock: results.scene.clock(),
-            hertz: *results.contact() == ContactLaw::Hertz,
-            rig,
-            text,
-        }
+        Self { units, text }
     }
 
     /// A row.
@@ -245,10 +255,10 @@ impl Rows {
             let scaled = |it: &Option<Estimate>| fields(it.map(|it| it.scaled(scale)));
             numbers.iter().map(scaled).collect::<Vec<_>>().join(",")
         };
-        let shown = spelled(self.clock.unit().of(unit), self.hertz);
+        let shown = self.units.spelled(unit);
         let _ = write!(self.text, "{name},{},{shown}", all(1.0));
-        if let Some(rig) = &self.rig {
-            let (unit, scale) = si(unit, rig, &self.clock).unwrap_or(("1", 1.0));
+        if self.units.rig.is_some() {
+            let (unit, scale) = self.units.si(unit).unwrap_or(("1", 1.0));
             let _ = write!(self.text, ",{},{unit}", all(scale));
         }
         self.text.push('\n');

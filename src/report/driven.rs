@@ -15,11 +15,8 @@ pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
     let moments = with_moments(phase, &it.moments, "error");
     let numbers = (1..=it.mean_q.len()).map(|k| k as f64);
     let mut harmonics = Csv::of(results).plain("number", "1", numbers);
-    for (name, all) in [
-        ("mean_q", &it.mean_q),
-        ("mean_v", &it.mean_v),
-        ("mean_force", &it.mean_force),
-    ] {
+    for (moment, all) in it.harmonics() {
+        let name = moment.name();
         let (head, unit) = (format!("amplitude of {name}"), dimension(name));
         let amplitudes = all.iter().map(|it| Some(it.amplitude));
         harmonics.add(&head, "error", unit, amplitudes);
@@ -62,8 +59,9 @@ pub(super) fn response(results: &Results, it: &Response) -> Vec<File> {
         add("P(loss) averaged over the phase", "1", lost);
     }
     add("modulus of the slowest multiplier", "1", &it.multiplier);
-    for (way, sweep) in ["up", "down"].into_iter().zip(it.sweeps.iter().flatten()) {
-        let mut add = |name: &str, unit, curve| add(&format!("{name}, sweep {way}"), unit, curve);
+    for (direction, sweep) in ["up", "down"].into_iter().zip(it.sweeps.iter().flatten()) {
+        let mut add =
+            |name: &str, unit, curve| add(&format!("{name}, sweep {direction}"), unit, curve);
         add("first harmonic of E[q]", "u", &sweep.mean_q_1);
         add("first harmonic of E[N]", "F", &sweep.mean_force_1);
         if let Some(lost) = &sweep.contact_loss_probability {

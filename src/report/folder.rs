@@ -1,6 +1,7 @@
 //! The output folder: files appear in it whole or not at all.
 
 use super::file::{File, RESULTS};
+use super::lock::Lock;
 use super::manifest;
 use crate::error::{Error, Result};
 use std::ffi::OsStr;
@@ -13,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct Folder {
     path: PathBuf,
     /// Held until the run ends, so that a second run does not write into the same folder.
-    lock: fs::File,
+    _lock: Lock,
     /// Outermost folder that had to be made.
     made: Option<PathBuf>,
 }
@@ -109,11 +110,10 @@ impl Folder {
             .take_while(|it| !it.as_os_str().is_empty() && !it.exists());
         let made = missing.last().map(Path::to_owned);
         fs::create_dir_all(path).map_err(&io)?;
-        let lock = fs::File::create(path.join(LOCK)).map_err(&io)?;
-        if let Err(fs::TryLockError::WouldBlock) = lock.try_lock() {
+        let lock = Lock::take(path.join(LOCK), || {
             let accepted = "a folder that no other run is writing into";
-            return Err(Error::invalid("--out", shown, accepted));
-        }
+            Error::invalid("--out", shown, accepted)
+        })?;
         for entry in fs::read_dir(path).map_err(&io)?.flatten() {
             if ours && is_ours(&entry.file_name()) && entry.file_type().is_ok_and(|it| it.is_file())
             {
@@ -122,7 +122,7 @@ impl Folder {
         }
         Ok(Self {
             path: path.to_owned(),
-            lock,
+            _lock: lock,
             made,
         })
     }
@@ -181,12 +181,4 @@ pub fn write(folder: &Path, files: &[File]) -> Result<()> {
         })?;
     }
     Ok(())
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // Best effort: a lock file left behind is taken over by the next run.
-        let _ = self.lock.unlock();
-        let _ = fs::remove_file(self.path.join(LOCK));
-    }
 }

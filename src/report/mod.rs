@@ -6,6 +6,7 @@ mod driven;
 mod file;
 pub mod folder;
 mod html;
+pub(crate) mod lock;
 mod losses;
 mod manifest;
 pub mod npz;

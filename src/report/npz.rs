@@ -1,7 +1,6 @@
 //! NumPy archives: arrays by their names, in C order, as numpy.load reads them.
 
 use super::File;
-use super::csv::micrometre;
 use crate::error::{Error, Result};
 use crate::estimate::Estimate;
 use crate::fokker_planck::Snapshot;
@@ -88,8 +87,8 @@ pub(super) fn stacked(name: &str, all: &[Snapshot], rig: Option<&Rig>) -> Result
 fn axes(it: &Snapshot, rig: Option<&Rig>) -> Vec<Array> {
     let mut axes = vec![vector("q", it.q.clone()), vector("v", it.v.clone())];
     if let Some(rig) = rig {
-        axes.push(vector("q_um", &it.q * micrometre(rig)));
-        axes.push(vector("v_mm_per_s", &it.v * (1e3 * rig.velocity(1.0))));
+        axes.push(vector("q_um", &it.q * rig.micrometres()));
+        axes.push(vector("v_mm_per_s", &it.v * rig.millimetres_per_second()));
     }
     axes
 }

@@ -9,7 +9,7 @@
 //! the loss point. Any other level is absorbed alike, in coordinates of its own (`region`); between two levels there is
 //! a critical velocity upwards too.
 
-use super::cut::{between, critical, parts};
+use super::cut::{between, critical, parts, stencils};
 use super::mesh::{AbsorbingMesh, Stencil};
 use super::region::Region;
 use crate::error::{Deadline, Result};
@@ -129,8 +129,7 @@ impl Absorbed {
                 let widest = kicks.iter().map(|it| it[1]).fold(0.0, f64::max);
                 let edge = mesh.speed + REACH * widest;
                 let points = between(whole[i], [-edge, edge], spread);
-                let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
-                let ends = region.ends(&starts, step);
+                let stencils = stencils(&points, (region, mesh), i, step);
                 let kernel = || {
                     let row = kicks.iter().enumerate().map(|(j, &[rest, spread])| {
                         let centre = rest * mesh.v(j);
@@ -146,10 +145,7 @@ impl Absorbed {
                 } else {
                     kernel()
                 };
-                Ok(Row {
-                    stencils: ends.iter().map(|end| mesh.stencil(*end)).collect(),
-                    kernel,
-                })
+                Ok(Row { stencils, kernel })
             })
             .collect();
         let mut first = vec![0.0; nq * nv];

@@ -1,13 +1,13 @@
 //! The velocities at which a motion is just lost within a time, and integrals that begin there.
 
-use super::mesh::AbsorbingMesh;
+use super::mesh::{AbsorbingMesh, Stencil};
 use super::region::Region;
 use crate::gaussian::lower;
 use crate::quadrature::gauss;
 use std::sync::LazyLock;
 
 /// Eight points for the velocities reached in a step.
-pub(super) static GAUSS8: LazyLock<[(f64, f64); 8]> = LazyLock::new(gauss);
+static GAUSS8: LazyLock<[(f64, f64); 8]> = LazyLock::new(gauss);
 
 /// Points and weights for an integral from a cut to an edge of a function smooth on the scale `scale`, but
 /// for a square root at the cut.
@@ -53,6 +53,18 @@ pub(super) fn between(
     points.extend(upper.into_iter().map(|(v, w)| (-v, w)));
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     points
+}
+
+/// Where the motions over a step from points at the i-th displacement of a mesh end.
+pub(super) fn stencils(
+    points: &[(f64, f64)],
+    (region, mesh): (&Region<'_>, &AbsorbingMesh),
+    i: usize,
+    step: f64,
+) -> Vec<Stencil> {
+    let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
+    let ends = region.ends(&starts, step).into_iter();
+    ends.map(|end| mesh.stencil(end)).collect()
 }
 
 /// The velocities at each displacement of the mesh below and above which a motion is lost within a time.

@@ -5,7 +5,7 @@
 //! run of its own; the weights of the initial condition, w <- P_n^T w, pass all times in one run, with the same numbers.
 
 use super::absorbed::REACH;
-use super::cut::{between, critical, parts};
+use super::cut::{between, critical, parts, stencils};
 use super::mesh::{AbsorbingMesh, Stencil};
 use super::region::Region;
 use super::start::Start;
@@ -194,9 +194,7 @@ impl<'a> Driven<'a> {
             .map(|i| {
                 late()?;
                 let points = between(whole[i], [-edge, edge], fit);
-                let starts: Vec<[f64; 2]> = points.iter().map(|(v, _)| [mesh.q(i), *v]).collect();
-                let ends = region.ends(&starts, step).into_iter();
-                let ends = ends.map(|end| mesh.stencil(end)).collect();
+                let ends = stencils(&points, (region, mesh), i, step);
                 Ok(Row { points, ends })
             })
             .collect();

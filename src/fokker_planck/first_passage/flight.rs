@@ -111,7 +111,7 @@ impl Flight {
 
     /// Density of the time of flight, by the better of the two closed forms.
     pub fn density(&self, t: f64) -> Estimate {
-        let later = 10.0 * (-3.0 * self.pull.powi(2) * t / (16.0 * self.noise)).exp();
+        let later = self.later(t);
         // Both errors are estimates: that of first returns grows with friction, that of all returns falls.
         if later < 1e-9 {
             let all = self.returns(t);
@@ -129,15 +129,26 @@ impl Flight {
 
     /// Rate of all returns, first or later, a time t after the loss.
     pub fn returns(&self, t: f64) -> Estimate {
+        self.returning(t, |mean, spread| {
+            let z = mean / spread;
+            spread * (normal(z) + z * lower(z))
+        })
+    }
+
+    /// The integral over returns, first or later, a time t after the loss, of a function of the mean speed and its spread.
+    fn returning(&self, t: f64, of_speed: impl Fn(f64, f64) -> f64) -> Estimate {
         let free = Free::of(self, t);
         let rate = |w: f64| {
             let (x, mean) = free.at(w);
-            let z = mean / free.spread;
-            let speed = free.spread * (normal(z) + z * lower(z));
-            let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
-            start * speed * (-0.5 * x * x / free.var_x).exp() / (TAU * free.var_x).sqrt()
+            let there = (-0.5 * x * x / free.var_x).exp() / (TAU * free.var_x).sqrt();
+            self.rayleigh(w) * of_speed(mean, free.spread) * there
         };
         quadrature::integrate(rate, &around(free.centre, free.width), 1e-10)
+    }
+
+    /// What later returns add to a density of first ones, over it, at most.
+    fn later(&self, t: f64) -> f64 {
+        10.0 * (-3.0 * self.pull.powi(2) * t / (16.0 * self.noise)).exp()
     }
 
     /// Density of the first return, by McKean's law and Girsanov's theorem.
@@ -188,7 +199,7 @@ impl Flight {
     /// Joint density of the time of flight t and of the speed c at the return, by the better of the two closed forms.
     /// Their marginals are [`Flight::density`] and the law of Rayleigh: returns are losses seen backwards in time.
     pub fn joint(&self, t: f64, c: f64) -> Estimate {
-        let later = 10.0 * (-3.0 * self.pull.powi(2) * t / (16.0 * self.noise)).exp();
+        let later = self.later(t);
         let all = self.returns_at(t, c);
         // What later returns there are has any speed.
         let all = Estimate::new(
@@ -216,14 +227,7 @@ impl Flight {
 
     /// Rate of all returns, first or later, with the speed c a time t after the loss.
     fn returns_at(&self, t: f64, c: f64) -> Estimate {
-        let bridge = Free::of(self, t);
-        let rate = |w: f64| {
-            let (x, mean) = bridge.at(w);
-            let speed = c * normal((c - mean) / bridge.spread) / bridge.spread;
-            let start = w / self.temperature * (-0.5 * w * w / self.temperature).exp();
-            start * speed * (-0.5 * x * x / bridge.var_x).exp() / (TAU * bridge.var_x).sqrt()
-        };
-        quadrature::integrate(rate, &around(bridge.centre, bridge.width), 1e-10)
+        self.returning(t, |mean, spread| c * normal((c - mean) / spread) / spread)
     }
 }
 

@@ -8,8 +8,9 @@
 //! [`PECLET`], at speeds that hardly occur, exchange as much more with their neighbours along v as brings them back to it.
 
 use super::super::difference::central;
-use super::super::flux::{Drift, MassFlux, maxwell};
+use super::super::flux::{Drift, MassFlux};
 use super::Generator;
+use crate::gaussian::maxwell;
 use crate::oscillator::Oscillator;
 
 /// Peclet number of a cell, speed of the drift times width over diffusion, beyond which diffusion is added. Without, and at 12,

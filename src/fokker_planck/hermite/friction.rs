@@ -7,7 +7,7 @@ use super::operator::Hierarchy;
 use super::resolution::Resolution;
 use super::weights::Weights;
 use crate::error::{Deadline, Error, Result};
-use crate::fokker_planck::flux::maxwell;
+use crate::gaussian::maxwell;
 use crate::moments::RawMoments;
 use crate::oscillator::{DisplacementLaw, Oscillator, Quantity};
 use crate::quadrature::{gauss, legendre};

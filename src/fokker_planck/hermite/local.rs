@@ -73,9 +73,11 @@ impl Local {
 
     /// s times the products of the functions, less the operator, factored; `late` is asked before each element.
     pub(super) fn factored(&self, shift: Complex<f64>, late: &Deadline) -> Result<Nested> {
-        let operator = self.operator.map(|x| Complex::new(-x, 0.0));
-        let mass = self.mass.map(|x| shift * x);
-        Nested::factor(&operator + &mass, self.shape, late)
+        let matrix = {
+            let operator = self.operator.map(|x| Complex::new(-x, 0.0));
+            &operator + &self.mass.map(|x| shift * x)
+        };
+        Nested::factor(matrix, self.shape, late)
     }
 }
 

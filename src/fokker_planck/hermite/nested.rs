@@ -26,6 +26,9 @@ const BAND: usize = 2 * OWN - 1;
 /// Entries kept of a row: pivoting fills in as much again on the right.
 const WIDTH: usize = 3 * BAND + 1;
 
+/// What an unknown takes as a row of a sparse matrix, in complex numbers: some forty entries with their places.
+const SPARSE: usize = 65;
+
 /// Largest backward error accepted of a solution, relative to |A| |x| + |b|.
 const ACCEPTED: f64 = 1e-9;
 
@@ -87,11 +90,12 @@ impl Shape {
         timing::NESTED * e * flops
     }
 
-    /// Bytes of a factorisation.
+    /// Bytes of a factorisation: the matrix and the two it is the sum of, its bands with what was taken off them, the columns of
+    /// an element for its nodes, and the blocks of the nodes.
     pub(super) fn memory(self) -> u64 {
         let rows = OWN * self.pairs;
-        let element = rows * (WIDTH + 3 * self.pairs) + 18 * self.pairs * self.pairs;
-        (16 * self.elements * element) as u64
+        let element = rows * (WIDTH + BAND + 3 * SPARSE) + 25 * self.pairs * self.pairs;
+        (16 * (self.elements * element + rows * 3 * self.pairs)) as u64
     }
 }
 

@@ -76,21 +76,16 @@ impl LocalGrid {
     /// most, is that of the oscillator linearised there: what it leaves out is of the order of h early^4.
     ///
     /// # Errors
-    /// [`Error::Invalid`] for a stationary start.
+    /// [`Error::Invalid`] for a stationary initial condition.
     pub(crate) fn new(
         (oscillator, forcing): (&Oscillator, Option<Arc<Forcing>>),
         initial: &Initial,
         early: f64,
         fineness: Fineness,
     ) -> Result<Self> {
-        let (mean, [q, v]) = match *initial {
-            Initial::Gaussian { mean, deviation } => (mean, deviation),
-            Initial::Rest => ([0.0; 2], [0.0; 2]),
-            Initial::Stationary => {
-                let accepted =
-                    "on a moving local grid, a \"gaussian\" initial condition or \"rest\"";
-                return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
-            }
+        let Some([mean, [q, v]]) = initial.mean_and_deviation() else {
+            let accepted = "on a moving local grid, a \"gaussian\" initial condition or \"rest\"";
+            return Err(Error::invalid("initial.kind", "\"stationary\"", accepted));
         };
         let half = (fineness.reach / fineness.cell).ceil();
         let n = 2 * half as usize;

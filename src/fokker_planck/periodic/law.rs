@@ -114,7 +114,7 @@ impl PeriodicLaw {
     }
 
     /// Whether two orbits last without noise.
-    pub(super) fn has_rivals(&self) -> bool {
+    fn has_rivals(&self) -> bool {
         let forcing = self.recipe.forcing.as_ref();
         forcing.is_some_and(|it| it.orbits().len() > 1)
     }
@@ -180,6 +180,15 @@ impl PeriodicLaw {
 impl Periodic {
     /// Most stroboscopic maps of the density.
     pub const MAPS: usize = 8;
+
+    /// The harmonics of each moment that has them.
+    pub(crate) fn harmonics(&self) -> [(Moment, &[Harmonic]); 3] {
+        [
+            (Moment::MeanQ, &self.mean_q),
+            (Moment::MeanV, &self.mean_v),
+            (Moment::MeanForce, &self.mean_force),
+        ]
+    }
 
     fn of(it: Transient) -> Self {
         let n = it.times.len();

@@ -106,7 +106,7 @@ impl Resolvent {
                 steps: solves as u64,
                 memory: last.memory,
                 // The coarser operators take a third as much again.
-                seconds: 1.35 * last.seconds + (rounds + 1.0) * OVERHEAD,
+                seconds: 1.35 * last.seconds + (rounds + 1.0) * timing::MODEL,
             },
         }
     }
@@ -139,9 +139,6 @@ impl Resolvent {
     }
 }
 
-/// Seconds of the models of one resolution, beside the products of their states.
-const OVERHEAD: f64 = 0.015;
-
 /// What the model of one resolution takes.
 fn work(it: Resolution, solves: f64, local: bool) -> Cost {
     let threads = rayon::current_num_threads() as f64;
@@ -153,8 +150,8 @@ fn work(it: Resolution, solves: f64, local: bool) -> Cost {
         (1.0, it.memory(), it.operations())
     };
     let vectors = sides * 2.0 * POWERS as f64 * solves;
-    // Basis, residuals, and copies of both while they grow.
-    let states = 4.0 * 8.0 * vectors * it.len() as f64;
+    // Basis, residuals, new states with what is made of them, and copies while they grow.
+    let states = 6.0 * 8.0 * vectors * it.len() as f64;
     // Few rows at a time.
     let products = timing::NESTED * 12.0 * vectors * vectors * it.len() as f64;
     Cost {

@@ -327,8 +327,7 @@ impl Question for Ladder<'_> {
             Some(errors) => (self.runs.pop()?, self.runs.pop()?, errors),
             None => self.below?,
         };
-        let reason = self.task.recipe.reason.clone();
-        let task = &self.task;
-        Some(task.report(fine, &coarse, &errors, reason, stop, Vec::new()))
+        let report = self.task.report(fine, &coarse, &errors, stop, Vec::new());
+        Some(report)
     }
 }

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::fokker_planck::budget::DIRECT;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::flow_map::{self, FlowMap};
-use crate::fokker_planck::flux::{Drift, Weights, maxwell};
+use crate::fokker_planck::flux::{Drift, Weights};
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::generator::Generator;
 use crate::fokker_planck::integrators::{
@@ -16,6 +16,7 @@ use crate::fokker_planck::integrators::{
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::policy::{SERIES_SHARE, SHARE};
 use crate::fokker_planck::settings::TimeScheme;
+use crate::gaussian::maxwell;
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use std::ops::Range;

@@ -149,7 +149,6 @@ impl Task<'_> {
         fine: Run,
         coarse: &Run,
         errors: &Errors,
-        reason: String,
         stop: Stop,
         mut warnings: Vec<String>,
     ) -> Transient {
@@ -232,7 +231,7 @@ impl Task<'_> {
             distance: of_law(distance),
             method: Method {
                 name: self.recipe.name(),
-                reason,
+                reason: self.recipe.reason.clone(),
                 cells: fine.mesh.cells(),
                 unknowns: fine.unknowns,
                 domain: fine.mesh.domain(),

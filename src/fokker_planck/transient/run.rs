@@ -159,7 +159,7 @@ fn lost(o: &Output, domain: &Domain, temperature: f64, mesh: &Mesh) -> Error {
     let [nq, nv] = mesh.cells();
     let levels = domain.highest() / temperature;
     let what = format!(
-        "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the start and \
+        "at t = {} the density on {nq} x {nv} cells is negative by {:.1e} in all: between the initial condition and \
          the stationary law lie energies up to {levels:.0} T, and p over the stationary law spans \
          e^{levels:.0}",
         o.t, o.negative

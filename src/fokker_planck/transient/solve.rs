@@ -303,9 +303,10 @@ impl Question for Upwind<'_> {
              numerical over physical diffusion); its error estimates say so. Use drift = 8 for an answer",
             1.0 + excess
         );
-        let (task, warnings) = (&self.task, vec![warning]);
-        let reason = task.recipe.reason.clone();
-        Some(task.report(fine, &coarse, &errors, reason, stop, warnings))
+        let report = self
+            .task
+            .report(fine, &coarse, &errors, stop, vec![warning]);
+        Some(report)
     }
 }
 

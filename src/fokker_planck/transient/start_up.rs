@@ -9,7 +9,6 @@ use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::{Density, Snapshot, entropy_apart};
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::flux::maxwell;
 use crate::fokker_planck::layout::{self, Cells};
 use crate::fokker_planck::mesh::{Axis, Mesh};
 use crate::fokker_planck::moving_frame::local_grid::{Fineness, LocalGrid};
@@ -18,6 +17,7 @@ use crate::fokker_planck::policy::{
     LOCAL_STEP, LOCAL_STEP_DAMPING, LOCAL_STEP_FRICTION, REFINED,
 };
 use crate::fokker_planck::solved::{Column, Law, Settled};
+use crate::gaussian::maxwell;
 use crate::initial::Initial;
 use crate::matrix;
 use crate::oscillator::Oscillator;

@@ -153,7 +153,7 @@ pub(in crate::monte_carlo) fn cubic([x0, v0, x1, v1]: [f64; 4], step: f64, s: f6
 }
 
 /// When that cubic passes 0, and its speed there.
-pub(super) fn cubic_crossing(ends: [f64; 4], step: f64) -> (f64, f64) {
+fn cubic_crossing(ends: [f64; 4], step: f64) -> (f64, f64) {
     let (at, [x0, ..]) = (|s: f64| cubic(ends, step, s), ends);
     let passed = bisect(0.0, 1.0, |s| (at(s).0 < 0.0) != (x0 < 0.0));
     (passed * step, at(passed).1.abs())

@@ -111,7 +111,7 @@ impl Panel {
         self.left + self.width
     }
 
-    pub(super) fn y_ticks(&self) -> Vec<(f64, String)> {
+    fn y_ticks(&self) -> Vec<(f64, String)> {
         let count = if self.log {
             (self.height / 26.0).max(2.0)
         } else {
@@ -192,7 +192,7 @@ impl Panel {
     }
 
     /// The part of a segment within the panel (Liang and Barsky).
-    pub(super) fn clip(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
+    fn clip(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
         if ![a.0, a.1, b.0, b.1].iter().all(|x| x.is_finite()) {
             return None;
         }

@@ -12,11 +12,8 @@ const FREQUENCIES: usize = 25;
 pub(super) fn periodic(results: &Results) -> Option<String> {
     let it = results.periodic.as_ref()?;
     let mut table = Table::of(["", "amplitude", "phase, rad"]);
-    for (symbol, all) in [
-        ("E[q]", &it.mean_q),
-        ("E[v]", &it.mean_v),
-        ("E[N]", &it.mean_force),
-    ] {
+    for (moment, all) in it.harmonics() {
+        let symbol = moment.entry().symbol;
         for (k, harmonic) in (1..).zip(all).take(2) {
             let phase = Some(harmonic.phase).filter(|it| it.value.is_finite());
             let words = format!("{symbol}, harmonic {k}");

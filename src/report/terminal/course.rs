@@ -131,7 +131,7 @@ pub(super) fn course(table: &mut Table, results: &Results) {
         return;
     };
     let [paths, z] = sampled.map_or([""; 2], |_| ["Monte Carlo", "z"]);
-    let (title, solved) = ("ON THE WAY", "Fokker-Planck");
+    let (title, solved) = ("TRANSIENT", "Fokker-Planck");
     table.heading(format!("{title:<36}{solved:>17} {paths:>17}{z:>7}"));
     for &moment in Moment::course(&it.moments) {
         if it.moments.last().and_then(|it| it.get(moment)).is_none() {

@@ -11,11 +11,8 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
         return;
     };
     table.columns("THE LAW THAT LASTS", &["amplitude", "phase [rad]"]);
-    for (symbol, all) in [
-        ("E[q]", &it.mean_q),
-        ("E[v]", &it.mean_v),
-        ("E[N]", &it.mean_force),
-    ] {
+    for (moment, all) in it.harmonics() {
+        let symbol = moment.entry().symbol;
         for (k, harmonic) in (1..).zip(all).take(2) {
             let name = format!("{symbol:<8} harmonic {k}");
             let phase = Some(harmonic.phase).filter(|it| it.value.is_finite());
