@@ -149,6 +149,15 @@ impl Limits {
         Self { stop, told, ..self }
     }
 
+    /// The same with a part of the time that is left.
+    pub(crate) fn part(&self, share: f64) -> Self {
+        let seconds = self.spent() + share * (self.seconds - self.spent());
+        Self {
+            seconds,
+            ..self.clone()
+        }
+    }
+
     /// Seconds since the work began.
     pub(crate) fn spent(&self) -> f64 {
         self.began.elapsed().as_secs_f64()

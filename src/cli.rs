@@ -103,6 +103,7 @@ fn command(cli: Cli) -> Outcome {
         None => run(None, &cli.options),
         Some(Command::Run { scene, options }) => run(scene.scene.as_deref(), &options),
         Some(Command::Plan { scene, set }) => {
+            compute_on(threads(None))?;
             let text = read(scene.scene.as_deref(), &set)?;
             let plan = Plan::of(text.scene())
                 .map_err(|error| Stop::explained(&error, text.explain(&error)))?;
@@ -141,13 +142,21 @@ fn command(cli: Cli) -> Outcome {
     }
 }
 
+/// Threads asked for, one a core if none are.
+fn threads(asked: Option<u16>) -> usize {
+    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    asked.map_or_else(cores, usize::from)
+}
+
+/// Computes on so many threads, whatever the environment says.
+fn compute_on(threads: usize) -> std::result::Result<(), Stop> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    let failed = |error| Stop::new(1, format!("{threads} threads: {error}"), "");
+    pool.build_global().map_err(failed)
+}
+
 fn run(scene: Option<&Path>, options: &RunOptions) -> Outcome {
-    if let Some(threads) = options.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-        if let Err(error) = pool.build_global() {
-            return Err(Stop::new(1, format!("{threads} threads: {error}"), ""));
-        }
-    }
+    compute_on(threads(options.threads))?;
     let text = read(scene, &options.set)?;
     let explain = |error: Error| Stop::explained(&error, text.explain(&error));
     let plan = match Plan::of(text.scene()) {
@@ -220,8 +229,7 @@ fn map(scene: Option<&Path>, options: &MapOptions) -> Outcome {
     let part = options.part.as_deref().map(map::Part::parse);
     let part = part.transpose()?.unwrap_or(map::Part::WHOLE);
     let it = Map::of(&name, &text, &options.set, axes, options.keep.clone())?;
-    let cores = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads = options.threads.map_or_else(cores, usize::from);
+    let threads = threads(options.threads);
     let template = "{bar:30} {pos}/{len} points  {msg}";
     let watch = MapWatch {
         bar: bar(0, options.quiet, template),

@@ -42,6 +42,8 @@ pub struct Plan {
     stages: Vec<Stage>,
     /// One a stage; None for one that is refused before it is known.
     recipes: Vec<Option<Recipe>>,
+    /// Threads that its times are foreseen on.
+    threads: usize,
     /// Seconds that it took to make, which a run counts as its own: many cells of a scene take some.
     planning: f64,
 }
@@ -64,6 +66,7 @@ impl Plan {
             settings: scene.settings(),
             stages: Vec::new(),
             recipes: Vec::new(),
+            threads: rayon::current_num_threads(),
             planning: 0.0,
         };
         // A time that is short in its unit may be too long in dimensionless time.
@@ -111,6 +114,11 @@ impl Plan {
     #[expect(clippy::misnamed_getters)] // what is computed has dimensionless times
     pub fn scene(&self) -> &Scene {
         &self.given
+    }
+
+    /// Threads that its times are foreseen on: those that it was made on.
+    pub fn threads(&self) -> usize {
+        self.threads
     }
 
     /// The stages in the order they run.

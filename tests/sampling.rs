@@ -753,6 +753,13 @@ fn a_kurtosis_that_few_paths_carry_is_said_to_be_rough() {
         assert!(paths < 20_000 || 3 * said > u32::try_from(seeds).unwrap());
         assert!(paths < 100_000 || rms < 2.0);
     }
+    // Who does not ask for it is not told.
+    let mean = Sampling {
+        moments: Some(vec![Moment::MeanQ]),
+        ..settings(100_000)
+    };
+    let mean = run(&it, &initial, &[10.0], &mean, &quiet).unwrap();
+    assert!(!few(&mean) && mean.moments[0].get(Moment::KurtosisForce).is_none());
     // What many paths carry is left alone.
     let stationary = run(&it, &Initial::Stationary, &[0.0], &settings(20_000), &quiet).unwrap();
     assert!(!few(&stationary));
@@ -779,6 +786,23 @@ fn paths_that_were_done_in_time_are_an_answer() {
         );
         assert!(mean.abs() < 5.0 * error);
     }
+}
+
+/// The paths that show the bias of a step have their share of the time, and are cut as the others are.
+#[test]
+fn paths_that_were_done_in_time_are_an_answer_beside_a_companion_too() {
+    let text = "[oscillator]\nzeta = 0.05\nh = 0.02\n[outputs]\nstationary = false\nmoments_at = [5, 20]\n\
+                [monte_carlo]\npaths = 1_000_000_000\n[accuracy]\nmax_seconds = 2\n";
+    let scene = SceneText::parse("cut", text, &[]).unwrap();
+    let plan = Plan::of(scene.scene()).unwrap();
+    let stages = plan.stages().iter();
+    assert!(stages.clone().any(|it| it.method.contains("for its bias")));
+    let results = plan.run_quietly().unwrap();
+    let got = results.monte_carlo.as_ref().unwrap();
+    assert!(got.paths > 50 && got.paths < 1_000_000_000);
+    assert!(got.shortfall.is_some());
+    let method = &results.tree()["monte_carlo"]["transient"]["method"];
+    assert_eq!(method["paths"], got.paths);
 }
 
 #[test]

@@ -43,7 +43,12 @@ class Number:
         return _text(self.value, self.error)
 
     def __format__(self, spec: str) -> str:
-        return f"{self.value:{spec}} +- {self.error:{spec}}" if spec else str(self)
+        if not spec:
+            return str(self)
+        error = f"{self.error:{spec}}"
+        # Digits that hide an error say nothing of it.
+        hidden = self.error > 0.0 and not any(digit in error for digit in "123456789")
+        return f"{self.value:{spec}} +- {f'{self.error:.0e}' if hidden else error}"
 
     def to_ufloat(self) -> Any:
         """As ``uncertainties.ufloat``, the error as its standard deviation; needs the package uncertainties."""

@@ -17,7 +17,7 @@ use crate::estimate::{Shortfall, Warning};
 use crate::format::brief;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
-use crate::moments::Moments;
+use crate::moments::{Moment, Moments};
 use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 
@@ -77,6 +77,8 @@ pub(crate) struct Ensemble {
     pub(crate) walk: Walk,
     pub(crate) paths: u64,
     pub(crate) times: Vec<f64>,
+    /// The moments asked for; None for all of them.
+    asked: Option<Vec<Moment>>,
     /// Time before 0 in which paths come from the reference law to the stationary one.
     run_in: f64,
     /// The times at which paths stop: those, and where the envelope bends.
@@ -147,6 +149,7 @@ impl Ensemble {
             walk,
             paths: settings.paths,
             times: times.to_vec(),
+            asked: settings.moments.clone(),
             run_in,
             stops,
             bias,
@@ -186,10 +189,14 @@ impl Ensemble {
             }
             return Ok(it);
         };
-        let half = |part: f64| progress(0.5 * part);
-        let mut it = self.sample(question, &self.walk, limits.clone(), &half)?;
-        let half = |part: f64| progress(0.5 + 0.5 * part);
-        let beside = self.sample(question, companion, limits, &half)?;
+        // Of the time each has its share: a bias is no better known than by the paths of both.
+        let each = [&self.walk, companion].map(|it| it.seconds(question.0, 1.0 / it.step));
+        let share = each[0] / (each[0] + each[1]);
+        let first = |part: f64| progress(share * part);
+        let mut it = self.sample(question, &self.walk, limits.part(share), &first)?;
+        let second = |part: f64| progress(share + (1.0 - share) * part);
+        let beside = self.sample(question, companion, limits, &second)?;
+        it.shortfall = it.shortfall.or(beside.shortfall);
         for (moments, beside) in it.moments.iter_mut().zip(&beside.moments) {
             for (number, (_, beside)) in moments.each_mut().into_iter().zip(beside.named()) {
                 if let (Some(number), Some(beside)) = (number, beside) {
@@ -258,7 +265,9 @@ impl Ensemble {
         let asked = (0..frames.len()).filter(|k| self.times.contains(&self.stops[*k]));
         let at = |k: usize| {
             let parts: Vec<&Sums> = parts.iter().map(|it| &it[k]).collect();
-            Sums::moments(&parts, oscillator.contact(), &frames[k])
+            let (mut moments, carriers) = Sums::moments(&parts, oscillator.contact(), &frames[k]);
+            moments.keep(self.asked.as_deref());
+            (moments, carriers)
         };
         let (moments, carriers): (Vec<Moments>, Vec<f64>) = asked.map(at).unzip();
         let mut warnings = self.warnings((oscillator, initial), walk, &moments);
@@ -294,8 +303,12 @@ impl Ensemble {
         }
     }
 
-    /// That so few paths carry the error of the kurtosis that it does not tell what others would.
+    /// That so few paths carry the error of the kurtosis that it does not tell what others would, where that is asked for.
     fn few_carriers(&self, carriers: &[f64]) -> Option<String> {
+        let mut asked = self.asked.iter().flatten();
+        if self.asked.is_some() && !asked.any(|it| it.is_standardised()) {
+            return None;
+        }
         let few: Vec<f64> = self
             .times
             .iter()

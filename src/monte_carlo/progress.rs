@@ -5,7 +5,7 @@ use crate::budget::Limits;
 use crate::error::Result;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Reports a fraction from any thread, a few hundred times in all, and watches the clock.
+/// Reports a fraction from any thread, a thousand times in all, and watches the clock.
 pub(super) struct Progress<'a> {
     total: u64,
     done: AtomicU64,
@@ -38,7 +38,7 @@ impl<'a> Progress<'a> {
         let before = self.done.fetch_add(work, Ordering::Relaxed);
         let fraction = |done: u64| (done as f64 / self.total as f64).min(1.0);
         let (before, now) = (fraction(before), fraction(before.saturating_add(work)));
-        if (before * 200.0).floor() < (now * 200.0).floor() {
+        if (before * 1000.0).floor() < (now * 1000.0).floor() {
             (self.report)(now);
         }
     }

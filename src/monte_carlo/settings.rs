@@ -4,6 +4,7 @@ use super::scheme::Scheme;
 use crate::budget::Limits;
 use crate::estimate::Warning;
 use crate::excitation::Excitation;
+use crate::moments::Moment;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Size, seed, scheme and noise of a sample, and its limits.
@@ -23,6 +24,8 @@ pub struct Sampling {
     pub noise: Noise,
     /// What there is beside stationary noise: of an ensemble by a splitting alone.
     pub excitation: Excitation,
+    /// The moments of an ensemble that are asked for; None for all of them.
+    pub moments: Option<Vec<Moment>>,
     /// Seconds after which a sample gives up with [`crate::Error::Limit`].
     pub max_seconds: f64,
     /// Bytes that no sample may exceed.
@@ -39,6 +42,7 @@ impl Default for Sampling {
             step: None,
             noise: Noise::White,
             excitation: Excitation::default(),
+            moments: None,
             max_seconds: f64::INFINITY,
             max_memory: 8_000_000_000,
         }

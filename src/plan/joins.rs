@@ -208,6 +208,7 @@ impl Plan {
             scheme: it.scheme,
             step: it.step,
             excitation: self.scene.excitation.clone(),
+            moments: self.scene.outputs.moments.clone(),
             noise: match it.noise {
                 scene::Noise::White => monte_carlo::Noise::White,
                 scene::Noise::Cosines { cosines, band } => monte_carlo::Noise::Cosines {

@@ -221,10 +221,7 @@ impl Plan {
                 }
             }
             Recipe::Ensemble(recipe) => {
-                let mut it = recipe.run((oscillator, initial), limits, progress)?;
-                for moments in &mut it.moments {
-                    moments.keep(outputs.moments.as_deref());
-                }
+                let it = recipe.run((oscillator, initial), limits, progress)?;
                 results.run.warnings.extend(it.warnings.iter().cloned());
                 results.fall_short(part.name(), it.shortfall.as_ref(), false);
                 results.monte_carlo = Some(it.in_unit(clock));

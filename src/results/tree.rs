@@ -131,7 +131,7 @@ impl Results {
             }
             transient["method"] = json!({
                 "name": it.scheme.name(),
-                "paths": paths,
+                "paths": it.paths,
                 "seed": seed,
                 "step": it.step,
                 "steps": it.steps,

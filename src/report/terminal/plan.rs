@@ -34,7 +34,7 @@ pub fn plan(plan: &Plan) -> String {
         "in all: about {} and {} on {} threads; allowed: {} and {}",
         seconds(time),
         bytes(memory),
-        rayon::current_num_threads(),
+        plan.threads(),
         seconds(scene.accuracy.max_seconds),
         bytes(scene.accuracy.max_memory)
     );
