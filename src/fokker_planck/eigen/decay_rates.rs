@@ -111,7 +111,7 @@ pub(crate) struct Eigenvalues {
     /// Where the continuous spectrum begins; minus infinity without one.
     pub(super) edge: f64,
     /// Whether friction depends on the displacement.
-    local: bool,
+    pub(super) local: bool,
     /// Resolutions that hops between several wells take beyond one well: of four pairs of wells, T = 0.01 to 0.6, whatever the
     /// barrier over T.
     hops: usize,

@@ -83,6 +83,8 @@ struct Answer {
     missing: usize,
     /// Whether a real one must be there, and none is known.
     real_missing: bool,
+    /// Whether one is not known that the resolutions there are will not settle: as an answer it brings nothing.
+    adrift: bool,
     /// Functions of q and of v at the finest resolution.
     functions: [usize; 2],
 }
@@ -189,7 +191,7 @@ impl Question for Search<'_> {
             let answer = self.judge([coarse, middle, fine], resolution);
             match &self.best {
                 Some(best) if best.shortage() <= answer.shortage() => self.stalls += 1,
-                _ => (self.best, self.stalls) = (Some(answer), 0),
+                _ => (self.stalls, self.best) = (usize::from(answer.adrift), Some(answer)),
             }
         }
         Ok(())
@@ -326,9 +328,20 @@ impl Search<'_> {
         Ok(())
     }
 
+    /// Whether an eigenvalue that goes on moving as it did will not be known at the last resolution there is: so go waves of
+    /// flights that friction hardly reaches, further with every resolution.
+    fn is_adrift(&self, path: [C; 3]) -> bool {
+        let [before, last] = changes(path);
+        let fall = (last / before).min(1.0);
+        let more = RESOLUTIONS.saturating_sub(self.levels.len()) as i32;
+        left_of([before, last]) * fall.powi(more) > RATES_KNOWN.get() * path[2].norm()
+    }
+
     /// What the last three resolutions, the finest last, say of the modes asked for.
     fn judge(&self, levels: [&Vec<Mode>; 3], resolution: Resolution) -> Answer {
-        let Eigenvalues { count, edge, .. } = *self.recipe;
+        let Eigenvalues {
+            count, edge, local, ..
+        } = *self.recipe;
         let [coarse, middle, fine] = &levels.map(|it| conjugates(it));
         let near = |these: &[C], those: &[C]| partners(these, those, |i, _| 0.2 * these[i].norm());
         let (to_middle, to_coarse) = (near(fine, middle), near(middle, coarse));
@@ -337,6 +350,7 @@ impl Search<'_> {
             unknown: Vec::new(),
             missing: 0,
             real_missing: false,
+            adrift: false,
             functions: resolution.functions(),
         };
         let mut real = false;
@@ -348,16 +362,18 @@ impl Search<'_> {
             let place = fine.iter().position(|it| *it == mode.value);
             let before = place.and_then(|k| to_middle[k]);
             let first = before.and_then(|k| to_coarse[k]);
-            let rate = before.zip(first).and_then(|(before, first)| {
-                let path = [coarse[first], middle[before], mode.value];
-                believed(path, mode.error)
-            });
-            match rate {
+            let path = before
+                .zip(first)
+                .map(|(before, first)| [coarse[first], middle[before], mode.value]);
+            match path.and_then(|path| believed(path, mode.error)) {
                 Some(rate) => {
                     real |= rate.im == 0.0;
                     answer.rates.push(rate);
                 }
-                None => answer.unknown.push(mode.value),
+                None => {
+                    answer.adrift |= local && path.is_some_and(|path| self.is_adrift(path));
+                    answer.unknown.push(mode.value);
+                }
             }
         }
         // Above the edge of a continuous spectrum there may be no more; a real one there is if the edge lies far
@@ -372,10 +388,14 @@ impl Search<'_> {
     }
 }
 
+/// How far an eigenvalue moves from one of three resolutions to the next.
+fn changes(path: [C; 3]) -> [f64; 2] {
+    [path[1] - path[0], path[2] - path[1]].map(C::norm)
+}
+
 /// An eigenvalue at three resolutions, the finest last, with its estimate; None where it is not known.
 fn believed(path: [C; 3], algebraic: f64) -> Option<DecayRate> {
-    let changes = [path[1] - path[0], path[2] - path[1]].map(C::norm);
-    let error = left_of(changes) + algebraic;
+    let error = left_of(changes(path)) + algebraic;
     (error <= RATES_KNOWN.get() * path[2].norm()).then_some(DecayRate {
         re: path[2].re,
         im: path[2].im,
