@@ -126,7 +126,7 @@ pub(crate) struct Lasting {
 }
 
 /// What lasts without noise between two times, the earlier so late that motions have forgotten where they began and a
-/// multiple of the period: the orbit that motions from near rest come to, and that to which motions from far outside do if it is
+/// multiple of the period: the orbit that motions from near rest, or from the bottom of another well, come to, and that to which motions from far outside do if it is
 /// another one. A law that softens may have one that no motion from near rest comes to.
 pub(crate) fn lasting(
     oscillator: &Oscillator,
@@ -200,7 +200,10 @@ fn starts(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Ite
     rest.into_iter().flat_map(move |rest| {
         let (left, right) = turning.unwrap_or((rest, rest));
         let slow = [[rest, 0.0], [left, 0.0], [right, 0.0]].into_iter();
-        slow.chain([[rest, thermal], [rest, -thermal]])
+        let thrown = [[rest, thermal], [rest, -thermal]];
+        let wells = contact.equilibria().into_iter().step_by(2);
+        let others = wells.filter(move |q| *q != rest).map(|q| [q, 0.0]);
+        slow.chain(thrown).chain(others)
     })
 }
 

@@ -5,7 +5,8 @@ use vibroimpact::contact::{ContactLaw, Parameter, Parameters};
 use vibroimpact::damping::Damping;
 use vibroimpact::excitation::{Drive, Envelope, Excitation};
 use vibroimpact::fokker_planck::{
-    MetastableLaw, Periodic, Settings, Transient, periodic, response, spectrum, transient,
+    MetastableLaw, Periodic, Settings, Transient, decay_rates, periodic, response, spectrum,
+    transient,
 };
 use vibroimpact::gaussian::Gaussian;
 use vibroimpact::initial::Initial;
@@ -627,6 +628,36 @@ fn noise_far_above_a_barrier_leaves_one_law_without_a_warning() {
     let own = curve.multiplier[1];
     let off = (own.value - slowest.modulus()).abs();
     assert!(off <= own.error + slowest.error, "{own:?} {slowest:?}");
+}
+
+/// What begins in the shallower of two wells stays for thousands of periods: a drive that hardly acts leaves the law, of which that
+/// well has little, and the multiplier of the passage, whose rate without a drive is an eigenvalue.
+#[test]
+fn the_passage_between_two_wells_has_a_multiplier_however_little_of_the_law_is_in_one() {
+    for (tilt, h) in [(-0.1, 0.007_792), (-0.35, 0.007_792), (-0.1, 0.003_117)] {
+        let numbers = Parameter::Numbers(vec![-0.705, tilt, 0.276]);
+        let given = Parameters::new().with("coefficients", numbers);
+        let wells = ContactLaw::given("polynomial", &given).unwrap();
+        let it = Oscillator::new(wells, 0.2448, h).unwrap();
+        let excitation = driven(1e-5, 3.636, 0.0);
+        let asked = settings(&excitation, 1e-2);
+        let rates = decay_rates(&it, 1, &Settings::default()).unwrap();
+        let rate = rates.rates.iter().find(|it| it.im == 0.0).unwrap();
+        let law = periodic(&it, 4, &asked, &|_| ()).unwrap();
+        let slowest = law.multipliers[0];
+        let period = excitation.drive.unwrap().period();
+        println!(
+            "{tilt} {h} {slowest:?} {rate:?} {:?} {:?}",
+            law.warnings, law.shortfall
+        );
+        let expected = (rate.re * period).exp();
+        let off = (slowest.re - expected).abs();
+        assert!(
+            slowest.im == 0.0 && off <= slowest.error + period * rate.error,
+            "{off}"
+        );
+        assert!(law.warnings.iter().any(|it| it.contains("two orbits")));
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ use vibroimpact::fokker_planck::{
     Drift, Settings, Transient, TransientMethod, decay_rates, transient, transient_cost,
 };
 use vibroimpact::initial::Initial;
+use vibroimpact::moments::Moment;
 use vibroimpact::oscillator::Oscillator;
 use vibroimpact::plan::Plan;
 use vibroimpact::scales::Scales;
@@ -54,6 +55,47 @@ fn largest_error(it: &Transient) -> f64 {
         pairs.filter_map(|((_, number), scale)| Some(number?.error / scale))
     });
     errors.fold(0.0, f64::max)
+}
+
+/// Far from the law a motion is faster than small ones, and all rungs reach an early output in as many steps. References: the
+/// initial Gaussian by quadrature along motions without noise, and what paths add to it; with what they may be off by.
+#[test]
+fn steps_that_all_rungs_share_are_in_the_errors_of_an_early_fast_motion() {
+    let far = "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [-0.417, -0.187, 0.3642] }\nzeta = 0.01319\n\
+               h = 0.06718\n[initial]\nmean = [-5.03, 6.76]\ndeviation = [1.12, 3.75]\n[outputs]\nmoments_at = [0.538]\n";
+    let fast = "[oscillator]\ncontact = { law = \"polynomial\", coefficients = [-0.675, 0.172, 1.787] }\nzeta = 0.02433\n\
+                h = 0.006089\n[initial]\nmean = [-1.56, 0.978]\ndeviation = [0.24, 0.918]\n[outputs]\nmoments_at = [0.415]\n";
+    for (text, known) in [
+        (
+            far,
+            &[
+                (Moment::MeanEnergy, 107.00688, 1.5e-4),
+                (Moment::MeanQ, 1.772161, 1e-6),
+                (Moment::StdForce, 12.7494, 4e-4),
+            ][..],
+        ),
+        (
+            fast,
+            &[
+                (Moment::MeanEnergy, 2.778815, 1.4e-5),
+                (Moment::VarV, 0.624430, 2.6e-5),
+            ],
+        ),
+    ] {
+        for tolerance in ["2e-3", "1e-3", "5e-4"] {
+            let tolerance = [format!("accuracy.tolerance={tolerance}")];
+            let scene = SceneText::parse("early", text, &tolerance).unwrap();
+            let results = Plan::of(scene.scene()).unwrap().run_quietly().unwrap();
+            let it = results.transient.unwrap();
+            assert!(it.shortfall.is_none(), "{:?}", it.shortfall);
+            for (moment, value, uncertainty) in known {
+                let got = it.moments[0].get(*moment).unwrap();
+                let off = (got.value - value).abs();
+                println!("{} {got:?} off by {off:.1e}", moment.name());
+                assert!(off <= got.error + uncertainty, "{}", moment.name());
+            }
+        }
+    }
 }
 
 #[test]

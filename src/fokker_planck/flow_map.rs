@@ -33,6 +33,7 @@
 //! - Sign: no linear scheme of this order is positive. The negative mass is reported.
 
 mod interval;
+mod noise_free;
 mod pass;
 mod rows;
 mod schedule;

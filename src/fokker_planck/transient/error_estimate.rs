@@ -1,12 +1,14 @@
 //! Error estimates of a transient: what its mesh, its steps, the truncation of its domain and its roundings may
 //! have done to each number, kept apart until they are added.
 
+use super::astray::astray;
 use super::output::Output;
 use super::recipe::{Rung, Scheme};
 use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin};
 use crate::excitation::Drive;
-use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, SAFETY, UNSEEN};
+use crate::fokker_planck::flow_map;
+use crate::fokker_planck::policy::{AS_MANY, CARRIED, FLOOR, LADDER_RATIO, LEFT, SAFETY, UNSEEN};
 use crate::moments::{Moment, Moments, PerMoment};
 use crate::scales::Scales;
 use std::iter::repeat_n;
@@ -24,6 +26,8 @@ pub(super) struct Errors {
     undershoot: Table,
     /// What lost probability and a stationary initial condition that is solved for have done, over the normalisation.
     lost: Table,
+    /// What steps do to motions without noise.
+    astray: Table,
     /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
     /// Normalisations.
@@ -121,7 +125,7 @@ pub(super) fn difference(task: &Task, [run, other]: [&Run; 2], scales: &Table) -
 /// What a change of the density by its L1 norm weighs in each number, over its normalisation: more in what weighs the
 /// tails. For the mass that a local grid lost and what a settled run leaves out. Chosen, not measured one by one; the
 /// error estimates that they make are held against reference solutions by the calibration.
-const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
+pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
 
 /// How far a mean may still go after a run has settled, over its L1 distance to the stationary law then: from one
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
@@ -243,9 +247,35 @@ impl Errors {
             }
             Scheme::Volumes(_) => 0.0,
         };
-        let pairs = fine.outputs.iter().zip(&coarse.outputs);
-        errors.shared = pairs
-            .map(|(a, b)| {
+        // The intervals of an envelope are short: steps that fill them differ by chance.
+        let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
+        let alike = |(a, b): (&Output, &Output)| {
+            let near = uneven || (a.steps as f64) < AS_MANY.get() * b.steps as f64;
+            rung.automatic && a.steps > 0 && near
+        };
+        let alike: Vec<bool> = fine
+            .outputs
+            .iter()
+            .zip(&coarse.outputs)
+            .map(alike)
+            .collect();
+        let moves = matches!(rung.scheme, Scheme::FlowMap) && rung.acting().is_none();
+        if moves {
+            let steps = flow_map::Settings {
+                step: fine.step,
+                ..rung.flow_map()
+            };
+            let question = (task.oscillator, task.initial);
+            errors.astray = astray(question, &steps, &fine.outputs, &errors.scales);
+            for (row, alike) in errors.astray.iter_mut().zip(&alike) {
+                // Of runs with other steps the differences show a part.
+                let factor = if *alike { LEFT.get() } else { 1.0 };
+                *row = row.map(|x| factor * x);
+            }
+        }
+        let outputs = fine.outputs.iter().zip(alike);
+        errors.shared = outputs
+            .map(|(a, alike)| {
                 // exp(-H/T)/Z suffers no splitting error: what there is fades with the distance to it.
                 let fading = match rung.forcing {
                     None if task.oscillator.is_viscous() => {
@@ -253,10 +283,6 @@ impl Errors {
                     }
                     _ => 1.0,
                 };
-                // The intervals of an envelope are short: steps that fill them differ by chance.
-                let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
-                let near = uneven || (a.steps as f64) < AS_MANY.get() * b.steps as f64;
-                let alike = rung.automatic && a.steps > 0 && near;
                 let unseen = if alike {
                     UNSEEN.get() * (splitting * fading.min(1.0) + a.step_error)
                 } else {
@@ -298,6 +324,7 @@ impl Errors {
         Self {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
+            astray: vec![[0.0; 11]; run.outputs.len()],
             shared: vec![0.0; run.outputs.len()],
             undershoot: outputs().zip(&coarse.outputs).map(undershoot).collect(),
             lost: outputs().zip(&scales).enumerate().map(lost).collect(),
@@ -350,7 +377,10 @@ impl Errors {
         let shared = self.shared(k, i);
         [
             (self.space[k][i] + self.undershoot[k][i], Origin::Space),
-            (self.time[k][i] + shared * scale, Origin::Time),
+            (
+                self.time[k][i] + self.astray[k][i] + shared * scale,
+                Origin::Time,
+            ),
             (self.rounding * (scale + value.abs()), Origin::Rounding),
         ]
     }

@@ -2,6 +2,7 @@
 //! tolerance.
 
 mod asked;
+mod astray;
 mod begun;
 mod cost;
 mod curve;
