@@ -402,10 +402,15 @@ impl ContactLaw {
         }
     }
 
+    /// The minima of U, ascending.
+    pub(crate) fn minima(&self) -> impl Iterator<Item = f64> + use<> {
+        self.equilibria().into_iter().step_by(2)
+    }
+
     /// The q where U is smallest, the first of several; 0 for the laws with a word. None without one.
     pub fn equilibrium(&self) -> Option<f64> {
-        let minima = self.equilibria().into_iter().step_by(2);
-        minima.min_by(|a, b| self.potential(*a).total_cmp(&self.potential(*b)))
+        self.minima()
+            .min_by(|a, b| self.potential(*a).total_cmp(&self.potential(*b)))
     }
 
     /// The largest frequency of small motions about an equilibrium, 1 at least.
@@ -445,8 +450,7 @@ impl ContactLaw {
         let q0 = self.equilibrium()?;
         let level = self.potential(q0) + rise;
         let held = |q: &f64| self.potential(*q) < level;
-        let minima = self.equilibria().into_iter().step_by(2);
-        let minima: Vec<f64> = minima.filter(held).collect();
+        let minima: Vec<f64> = self.minima().filter(held).collect();
         let first = minima.first().copied().unwrap_or(q0);
         let last = minima.last().copied().unwrap_or(q0);
         Some((

@@ -49,7 +49,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// The law of a start: a point for [`Initial::Rest`].
+    /// The law of an initial condition: a point for [`Initial::Rest`].
     ///
     /// # Errors
     /// [`Error::NoStationaryLaw`] for the stationary one, unless the law is linear; [`Error::Invalid`] for one under damping that

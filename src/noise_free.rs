@@ -106,8 +106,8 @@ pub fn motion(
 }
 
 /// How far beyond the amplitude that it begins with a motion without noise comes under a drive until `until`, as an
-/// amplitude sqrt(2 (H - lowest U)): from rest, and from the four ends of an oscillation of the noise, since a law that
-/// softens may answer those with a larger one. 0 without a drive.
+/// amplitude sqrt(2 (H - lowest U)): from rest, from the four ends of an oscillation of the noise, since a law that softens may
+/// answer those with a larger one, and from the other wells. 0 without a drive.
 pub(crate) fn swing(oscillator: &Oscillator, excitation: &Excitation, until: f64) -> f64 {
     let beyond = starts(oscillator, excitation).map(|start| {
         let highest = highest(oscillator, excitation, start, [0.0, until]).0;
@@ -126,8 +126,8 @@ pub(crate) struct Lasting {
 }
 
 /// What lasts without noise between two times, the earlier so late that motions have forgotten where they began and a
-/// multiple of the period: the orbit that motions from near rest, or from the bottom of another well, come to, and that to which motions from far outside do if it is
-/// another one. A law that softens may have one that no motion from near rest comes to.
+/// multiple of the period: the orbit that motions from near rest, or from the bottom of another well, come to, and that to which
+/// these or motions from far outside do if it is another one. A law that softens may have one that no motion from near rest comes to.
 pub(crate) fn lasting(
     oscillator: &Oscillator,
     excitation: &Excitation,
@@ -201,8 +201,8 @@ fn starts(oscillator: &Oscillator, excitation: &Excitation) -> impl Iterator<Ite
         let (left, right) = turning.unwrap_or((rest, rest));
         let slow = [[rest, 0.0], [left, 0.0], [right, 0.0]].into_iter();
         let thrown = [[rest, thermal], [rest, -thermal]];
-        let wells = contact.equilibria().into_iter().step_by(2);
-        let others = wells.filter(move |q| *q != rest).map(|q| [q, 0.0]);
+        let others = contact.minima().filter(move |q| *q != rest);
+        let others = others.map(|q| [q, 0.0]);
         slow.chain(thrown).chain(others)
     })
 }

@@ -17,17 +17,17 @@ const RULE: [(f64, f64); 5] = [
     (2.856_970_013_872_806, 0.011_257_411_327_720_69),
 ];
 
-/// Steps that motions are followed for; by then the law has spread over their phases, and what they have lost too much or too
-/// little of their energy is held.
+/// Steps that motions are followed for: later friction has taken of their energy what is beyond that of the law, or a law that
+/// wide has spread over their phases.
 const FOLLOWED: f64 = 64.0;
 
-/// What the steps have done to each number at each output, from those that the initial condition is carried by and twice as many.
-/// Zeros where that is the stationary law or a point at rest.
+/// What the steps have done to each number at each output, from those that the initial condition is carried by and twice as many:
+/// zeros of the probability of loss, of which a few points tell nothing, after [`FOLLOWED`] steps, and where it begins in the
+/// stationary law or at rest.
 pub(super) fn astray(
     (oscillator, initial): (&Oscillator, &Initial),
     steps: &Settings,
     outputs: &[Output],
-    scales: &Table,
 ) -> Table {
     let mut table = vec![[0.0; 11]; outputs.len()];
     let Initial::Gaussian { mean, deviation } = initial else {
@@ -41,15 +41,13 @@ pub(super) fn astray(
         })
         .unzip();
     let mut finer = states.clone();
-    let (mut now, mut done, mut last) = (0.0, 0.0, [0.0; 11]);
-    for ((row, it), scale) in table.iter_mut().zip(outputs).zip(scales) {
+    let (mut now, mut done) = (0.0, 0.0);
+    for (row, it) in table.iter_mut().zip(outputs) {
         let interval = it.t - now;
         if interval > 0.0 {
             done += steps.steps(interval);
             if done > FOLLOWED {
-                // In parts of the normalisation.
-                *row = std::array::from_fn(|i| last[i] * scale[i]);
-                continue;
+                break;
             }
             now = it.t;
             steps.carry(oscillator, &mut states, (interval, 1.0));
@@ -57,14 +55,6 @@ pub(super) fn astray(
         }
         let [coarse, fine] = [&states, &finer].map(|it| moments(oscillator, it, &weights));
         *row = differences([&coarse, &fine], &it.moments);
-        for (i, last) in last.iter_mut().enumerate() {
-            let here = if row[i] == 0.0 {
-                0.0
-            } else {
-                row[i] / scale[i]
-            };
-            *last = f64::max(*last, here);
-        }
     }
     table
 }
@@ -89,17 +79,16 @@ fn moments(oscillator: &Oscillator, states: &[[f64; 2]], weights: &[f64]) -> Mom
     raw.moments(contact)
 }
 
-/// How the moments of two ensembles differ. A few points have no shape and no tail: what these change by is as the deviation of
-/// the force and the mean displacement of the law change, which noise is in too.
+/// How the moments of two ensembles differ. A few points have no shape: what it changes by is as the deviation of the force does,
+/// over that of the law, which noise is in too.
 fn differences([a, b]: [&Moments; 2], law: &Moments) -> [f64; 11] {
     let value = |it: &Moments, of: Moment| it.get(of).map_or(0.0, |it| it.value);
     let change = |of: Moment| (value(a, of) - value(b, of)).abs();
-    let over = |change: f64, size: f64| if change == 0.0 { 0.0 } else { change / size };
-    let wider = over(change(Moment::StdForce), law.std_force.value);
-    let moved = over(change(Moment::MeanQ), law.var_q.value.sqrt());
+    let (wider, std) = (change(Moment::StdForce), law.std_force.value);
+    let wider = if std > 0.0 { wider / std } else { 0.0 };
     std::array::from_fn(|i| match Moment::ALL[i] {
         Moment::SkewnessForce | Moment::KurtosisForce => TAIL[i] * wider,
-        Moment::ContactLossProbability => TAIL[i] * moved,
+        Moment::ContactLossProbability => 0.0,
         of => change(of),
     })
 }

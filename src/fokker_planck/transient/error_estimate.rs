@@ -18,7 +18,7 @@ pub(super) type Table = Vec<PerMoment<f64>>;
 
 /// Error estimates of every number at every output time.
 pub(super) struct Errors {
-    /// What mesh, steps and truncated domain may have done.
+    /// What mesh, steps and truncated domain may have done, and no less than steps do to motions without noise.
     pub(super) space: Table,
     /// What the steps of the scene may have done.
     time: Table,
@@ -26,8 +26,6 @@ pub(super) struct Errors {
     undershoot: Table,
     /// What lost probability and a stationary initial condition that is solved for have done, over the normalisation.
     lost: Table,
-    /// What steps do to motions without noise.
-    astray: Table,
     /// What all rungs err alike at each time, over the normalisation.
     shared: Vec<f64>,
     /// Normalisations.
@@ -247,35 +245,23 @@ impl Errors {
             }
             Scheme::Volumes(_) => 0.0,
         };
-        // The intervals of an envelope are short: steps that fill them differ by chance.
-        let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
-        let alike = |(a, b): (&Output, &Output)| {
-            let near = uneven || (a.steps as f64) < AS_MANY.get() * b.steps as f64;
-            rung.automatic && a.steps > 0 && near
-        };
-        let alike: Vec<bool> = fine
-            .outputs
-            .iter()
-            .zip(&coarse.outputs)
-            .map(alike)
-            .collect();
-        let moves = matches!(rung.scheme, Scheme::FlowMap) && rung.acting().is_none();
-        if moves {
+        // From a mesh on, and not from a local grid, by steps that no scene has given: those are halved.
+        let on_mesh = fine.outputs.last().is_some_and(|it| it.steps == fine.steps);
+        let own = rung.automatic && rung.acting().is_none() && on_mesh;
+        if own && matches!(rung.scheme, Scheme::FlowMap) {
             let steps = flow_map::Settings {
                 step: fine.step,
                 ..rung.flow_map()
             };
-            let question = (task.oscillator, task.initial);
-            errors.astray = astray(question, &steps, &fine.outputs, &errors.scales);
-            for (row, alike) in errors.astray.iter_mut().zip(&alike) {
-                // Of runs with other steps the differences show a part.
-                let factor = if *alike { LEFT.get() } else { 1.0 };
-                *row = row.map(|x| factor * x);
+            let astray = astray((task.oscillator, task.initial), &steps, &fine.outputs);
+            let both = errors.space.iter_mut().zip(astray);
+            for (space, own) in both.flat_map(|(space, own)| space.iter_mut().zip(own)) {
+                *space = space.max(LEFT.get() * own);
             }
         }
-        let outputs = fine.outputs.iter().zip(alike);
-        errors.shared = outputs
-            .map(|(a, alike)| {
+        let pairs = fine.outputs.iter().zip(&coarse.outputs);
+        errors.shared = pairs
+            .map(|(a, b)| {
                 // exp(-H/T)/Z suffers no splitting error: what there is fades with the distance to it.
                 let fading = match rung.forcing {
                     None if task.oscillator.is_viscous() => {
@@ -283,6 +269,10 @@ impl Errors {
                     }
                     _ => 1.0,
                 };
+                // The intervals of an envelope are short: steps that fill them differ by chance.
+                let uneven = rung.forcing.as_ref().is_some_and(|it| it.uneven() > 0.0);
+                let near = uneven || (a.steps as f64) < AS_MANY.get() * b.steps as f64;
+                let alike = rung.automatic && a.steps > 0 && near;
                 let unseen = if alike {
                     UNSEEN.get() * (splitting * fading.min(1.0) + a.step_error)
                 } else {
@@ -324,7 +314,6 @@ impl Errors {
         Self {
             space,
             time: vec![[0.0; 11]; run.outputs.len()],
-            astray: vec![[0.0; 11]; run.outputs.len()],
             shared: vec![0.0; run.outputs.len()],
             undershoot: outputs().zip(&coarse.outputs).map(undershoot).collect(),
             lost: outputs().zip(&scales).enumerate().map(lost).collect(),
@@ -377,10 +366,7 @@ impl Errors {
         let shared = self.shared(k, i);
         [
             (self.space[k][i] + self.undershoot[k][i], Origin::Space),
-            (
-                self.time[k][i] + self.astray[k][i] + shared * scale,
-                Origin::Time,
-            ),
+            (self.time[k][i] + shared * scale, Origin::Time),
             (self.rounding * (scale + value.abs()), Origin::Rounding),
         ]
     }
