@@ -1,11 +1,10 @@
 //! What the steps of a flow map do to motions without noise. Runs with as many steps share it, and the error constants of the
 //! splitting know nothing of motions faster than small ones, nor of energies far above those of the law.
 
-use super::error_estimate::{TAIL, Table};
-use super::output::Output;
+use super::output::{Output, TAIL};
 use crate::fokker_planck::flow_map::Settings;
 use crate::initial::Initial;
-use crate::moments::{Moment, Moments, RawMoments};
+use crate::moments::{Moment, Moments, PerMoment, RawMoments};
 use crate::oscillator::Oscillator;
 
 /// The rule of Gauss and Hermite with five points for a standard normal law.
@@ -28,7 +27,7 @@ pub(super) fn astray(
     (oscillator, initial): (&Oscillator, &Initial),
     steps: &Settings,
     outputs: &[Output],
-) -> Table {
+) -> Vec<PerMoment<f64>> {
     let mut table = vec![[0.0; 11]; outputs.len()];
     let Initial::Gaussian { mean, deviation } = initial else {
         return table;
@@ -81,7 +80,7 @@ fn moments(oscillator: &Oscillator, states: &[[f64; 2]], weights: &[f64]) -> Mom
 
 /// How the moments of two ensembles differ. A few points have no shape: what it changes by is as the deviation of the force does,
 /// over that of the law, which noise is in too.
-fn differences([a, b]: [&Moments; 2], law: &Moments) -> [f64; 11] {
+fn differences([a, b]: [&Moments; 2], law: &Moments) -> PerMoment<f64> {
     let value = |it: &Moments, of: Moment| it.get(of).map_or(0.0, |it| it.value);
     let change = |of: Moment| (value(a, of) - value(b, of)).abs();
     let (wider, std) = (change(Moment::StdForce), law.std_force.value);

@@ -2,7 +2,7 @@
 //! have done to each number, kept apart until they are added.
 
 use super::astray::astray;
-use super::output::Output;
+use super::output::{Output, TAIL};
 use super::recipe::{Rung, Scheme};
 use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin};
@@ -119,11 +119,6 @@ fn pooled(task: &Task, run: &Run, plain: &Table, scales: &Table) -> Table {
 pub(super) fn difference(task: &Task, [run, other]: [&Run; 2], scales: &Table) -> Table {
     pooled(task, run, &plain(run, other), scales)
 }
-
-/// What a change of the density by its L1 norm weighs in each number, over its normalisation: more in what weighs the
-/// tails. For the mass that a local grid lost and what a settled run leaves out. Chosen, not measured one by one; the
-/// error estimates that they make are held against reference solutions by the calibration.
-pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
 
 /// How far a mean may still go after a run has settled, over its L1 distance to the stationary law then: from one
 /// crest of the slowest oscillation to the next trough, 2/sqrt(2/pi) of it for a Gaussian.
