@@ -189,14 +189,14 @@ impl Ensemble {
             }
             return Ok(it);
         };
-        // Of the time each has its share: a bias is no better known than by the paths of both.
+        // Of the time each has its share: a bias is no better known than by the paths of both. Those of the second that were not done
+        // are in its errors, and with them in these.
         let each = [&self.walk, companion].map(|it| it.seconds(question.0, 1.0 / it.step));
         let share = each[0] / (each[0] + each[1]);
         let first = |part: f64| progress(share * part);
         let mut it = self.sample(question, &self.walk, limits.part(share), &first)?;
         let second = |part: f64| progress(share + (1.0 - share) * part);
         let beside = self.sample(question, companion, limits, &second)?;
-        it.shortfall = it.shortfall.or(beside.shortfall);
         for (moments, beside) in it.moments.iter_mut().zip(&beside.moments) {
             for (number, (_, beside)) in moments.each_mut().into_iter().zip(beside.named()) {
                 if let (Some(number), Some(beside)) = (number, beside) {

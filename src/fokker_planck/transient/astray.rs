@@ -22,10 +22,10 @@ const FOLLOWED: f64 = 64.0;
 
 /// What the steps have done to each number at each output, from those that the initial condition is carried by and twice as many:
 /// zeros of the probability of loss, of which a few points tell nothing, after [`FOLLOWED`] steps, and where it begins in the
-/// stationary law or at rest.
+/// stationary law or at rest. What is carried for less than `shortest` is carried once more from before, as densities are.
 pub(super) fn astray(
     (oscillator, initial): (&Oscillator, &Initial),
-    steps: &Settings,
+    (steps, shortest): (&Settings, f64),
     outputs: &[Output],
 ) -> Vec<PerMoment<f64>> {
     let mut table = vec![[0.0; 11]; outputs.len()];
@@ -33,27 +33,31 @@ pub(super) fn astray(
         return table;
     };
     let grid = RULE.iter().flat_map(|a| RULE.iter().map(move |b| (a, b)));
-    let (mut states, weights): (Vec<[f64; 2]>, Vec<f64>) = grid
+    let (states, weights): (Vec<[f64; 2]>, Vec<f64>) = grid
         .map(|((x, a), (y, b))| {
             let start = [mean[0] + x * deviation[0], mean[1] + y * deviation[1]];
             (start, a * b)
         })
         .unzip();
-    let mut finer = states.clone();
-    let (mut now, mut done) = (0.0, 0.0);
+    let mut from = [states.clone(), states];
+    let (mut since, mut done) = (0.0, 0.0);
     for (row, it) in table.iter_mut().zip(outputs) {
-        let interval = it.t - now;
+        let interval = it.t - since;
+        let mut both = from.clone();
         if interval > 0.0 {
             done += steps.steps(interval);
             if done > FOLLOWED {
                 break;
             }
-            now = it.t;
-            steps.carry(oscillator, &mut states, (interval, 1.0));
-            steps.carry(oscillator, &mut finer, (interval, 2.0));
+            for (states, finer) in both.iter_mut().zip([1.0, 2.0]) {
+                steps.carry(oscillator, states, (interval, finer));
+            }
         }
-        let [coarse, fine] = [&states, &finer].map(|it| moments(oscillator, it, &weights));
+        let [coarse, fine] = both.each_ref().map(|it| moments(oscillator, it, &weights));
         *row = differences([&coarse, &fine], &it.moments);
+        if interval >= shortest {
+            (from, since) = (both, it.t);
+        }
     }
     table
 }

@@ -3,6 +3,7 @@
 
 use super::astray::astray;
 use super::output::{Output, TAIL};
+use super::propagator::shortest;
 use super::recipe::{Rung, Scheme};
 use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin};
@@ -248,7 +249,9 @@ impl Errors {
                 step: fine.step,
                 ..rung.flow_map()
             };
-            let astray = astray((task.oscillator, task.initial), &steps, &fine.outputs);
+            let shortest = shortest(rung.reference(task.oscillator), &fine.mesh);
+            let question = (task.oscillator, task.initial);
+            let astray = astray(question, (&steps, shortest), &fine.outputs);
             let both = errors.space.iter_mut().zip(astray);
             for (space, own) in both.flat_map(|(space, own)| space.iter_mut().zip(own)) {
                 *space = space.max(LEFT.get() * own);

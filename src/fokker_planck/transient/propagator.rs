@@ -35,7 +35,7 @@ pub(super) enum Propagator {
     FlowMap {
         /// The flow map.
         map: Box<FlowMap>,
-        /// The shortest interval worth keeping: three passes of [`FlowMap::shortest_step`].
+        /// See [`shortest`].
         shortest: f64,
         /// Where a density less than `shortest` older than the present one came from.
         anchor: Option<Anchor>,
@@ -70,7 +70,7 @@ impl Propagator {
         late: Late,
     ) -> Result<Self> {
         let reference = forcing.as_ref().map_or(oscillator, |it| it.reference());
-        let shortest = 3.0 * FlowMap::shortest_step(reference, mesh);
+        let shortest = shortest(reference, mesh);
         Ok(Self::FlowMap {
             map: Box::new(FlowMap::forced(oscillator, mesh, settings, forcing)?),
             shortest,
@@ -231,6 +231,11 @@ impl Propagator {
             Self::FlowMap { map, .. } => map.settings().step,
         }
     }
+}
+
+/// The shortest interval of a flow map worth keeping: three passes of [`FlowMap::shortest_step`].
+pub(super) fn shortest(reference: &Oscillator, mesh: &Mesh) -> f64 {
+    3.0 * FlowMap::shortest_step(reference, mesh)
 }
 
 /// The propagator of a rung on a mesh.
