@@ -1,4 +1,4 @@
-//! Single motions without noise by the steps of a flow map: what its splitting does to friction, without a mesh.
+//! Single motions without noise by the steps of a flow map: what its splitting does to viscous friction, without a mesh.
 
 use super::settings::Settings;
 use super::splitting::lead;
@@ -16,12 +16,7 @@ impl Settings {
         let steps = finer * self.steps(interval);
         let tau = interval / steps;
         let (nodes, weights) = self.splitting.quadrature(steps as usize);
-        let viscous = oscillator.is_viscous();
-        let ahead = if viscous {
-            lead(&nodes, &weights, steps, oscillator.zeta() * tau)
-        } else {
-            0.0
-        };
+        let ahead = lead(&nodes, &weights, steps, oscillator.zeta() * tau);
         let motion = Motion::new(oscillator.contact());
         let mut ends = states.clone();
         let mut before = 0.0;
@@ -29,13 +24,9 @@ impl Settings {
             motion.after(states, &[(node - before) * tau * (1.0 + ahead)], &mut ends);
             std::mem::swap(states, &mut ends);
             before = *node;
-            for [q, v] in states.iter_mut() {
-                let rate = if viscous {
-                    2.0 * oscillator.zeta()
-                } else {
-                    oscillator.friction(*q)
-                };
-                *v *= (-rate * weight * tau).exp();
+            let kept = (-2.0 * oscillator.zeta() * weight * tau).exp();
+            for state in states.iter_mut() {
+                state[1] *= kept;
             }
         }
     }

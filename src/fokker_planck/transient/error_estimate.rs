@@ -241,10 +241,10 @@ impl Errors {
             }
             Scheme::Volumes(_) => 0.0,
         };
-        // From a mesh on, and not from a local grid, by steps that no scene has given: those are halved.
+        // Under viscous damping, from a mesh on and not from a local grid, by steps that no scene has given: those are halved.
         let on_mesh = fine.outputs.last().is_some_and(|it| it.steps == fine.steps);
-        let own = rung.automatic && rung.acting().is_none() && on_mesh;
-        if own && matches!(rung.scheme, Scheme::FlowMap) {
+        let viscous = task.oscillator.is_viscous() && rung.acting().is_none();
+        if viscous && rung.automatic && on_mesh && matches!(rung.scheme, Scheme::FlowMap) {
             let steps = flow_map::Settings {
                 step: fine.step,
                 ..rung.flow_map()
