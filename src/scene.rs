@@ -33,7 +33,6 @@ use crate::fokker_planck::{Drift, Settings, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::monte_carlo::Scheme;
 use crate::oscillator::Oscillator;
-pub(crate) use crate::oscillator::Quantity;
 use crate::rig::Rig;
 use std::f64::consts::TAU;
 

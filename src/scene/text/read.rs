@@ -11,10 +11,10 @@ use crate::fokker_planck::{TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::moments::Moment;
 use crate::monte_carlo::{MOST_COSINES, Scheme};
-use crate::oscillator::{Oscillator, Side};
+use crate::oscillator::{Oscillator, Quantity, Side};
 use crate::rig::Rig;
 use crate::scene::{
-    Accuracy, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, Quantity, ReachRequest,
+    Accuracy, MethodChoice, MonteCarlo, Noise, Outputs, PassageRequest, ReachRequest,
     ResponseRequest, Scene, SpectrumRequest,
 };
 use std::path::Path;
