@@ -249,6 +249,22 @@ pub struct RawMoments {
 }
 
 impl RawMoments {
+    /// Adds what is at a displacement: its mass, and the integrals of v and v^2 over it.
+    pub(crate) fn add(&mut self, contact: &ContactLaw, q: f64, [mass, speed, square]: [f64; 3]) {
+        let force = contact.force(q);
+        self.mass += mass;
+        self.q += q * mass;
+        self.qq += q * q * mass;
+        self.v += speed;
+        self.vv += square;
+        self.qv += q * speed;
+        for (power, sum) in (1..).zip(&mut self.force) {
+            *sum += force.powi(power) * mass;
+        }
+        self.potential += contact.potential(q) * mass;
+        self.lost += f64::from(u8::from(contact.is_lost(q))) * mass;
+    }
+
     /// The moments, without errors, of a law with these raw expectations. Divides by the mass, so
     /// that a leak shows in the mass alone.
     pub fn moments(&self, contact: &ContactLaw) -> Moments {

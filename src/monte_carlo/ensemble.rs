@@ -305,8 +305,8 @@ impl Ensemble {
 
     /// That so few paths carry the error of the kurtosis that it does not tell what others would, where that is asked for.
     fn few_carriers(&self, carriers: &[f64]) -> Option<String> {
-        let mut asked = self.asked.iter().flatten();
-        if self.asked.is_some() && !asked.any(|it| it.is_standardised()) {
+        let asks = |all: &Vec<Moment>| all.iter().any(|it| it.is_standardised());
+        if !self.asked.as_ref().is_none_or(asks) {
             return None;
         }
         let few: Vec<f64> = self

@@ -183,21 +183,9 @@ impl Kept {
             it.parts.push(part);
             for j in 0..POINTS {
                 let (q, root) = (at.places[j], at.root[j]);
-                let [mass, speed, square] = sums.map(|b| b[j] * root);
-                let force = contact.force(q);
-                let raw = &mut it.raw;
-                raw.mass += mass;
-                raw.q += q * mass;
-                raw.qq += q * q * mass;
-                raw.v += speed;
-                raw.vv += square;
-                raw.qv += q * speed;
-                for (power, sum) in (1..).zip(&mut raw.force) {
-                    *sum += force.powi(power) * mass;
-                }
-                raw.potential += contact.potential(q) * mass;
-                raw.lost += f64::from(u8::from(contact.is_lost(q))) * mass;
-                it.dissipated += oscillator.friction(q) * square;
+                let there = sums.map(|b| b[j] * root);
+                it.raw.add(contact, q, there);
+                it.dissipated += oscillator.friction(q) * there[2];
             }
         }
         if let Some(last) = basis.elements.last() {

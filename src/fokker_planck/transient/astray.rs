@@ -67,17 +67,7 @@ fn moments(oscillator: &Oscillator, states: &[[f64; 2]], weights: &[f64]) -> Mom
     let contact = oscillator.contact();
     let mut raw = RawMoments::default();
     for ([q, v], w) in states.iter().zip(weights) {
-        let force = contact.force(*q);
-        raw.mass += w;
-        raw.q += w * q;
-        raw.qq += w * q * q;
-        raw.v += w * v;
-        raw.vv += w * v * v;
-        raw.qv += w * q * v;
-        for (n, of) in (1..).zip(&mut raw.force) {
-            *of += w * force.powi(n);
-        }
-        raw.potential += w * contact.potential(*q);
+        raw.add(contact, *q, [*w, w * v, w * v * v]);
     }
     raw.moments(contact)
 }

@@ -4,7 +4,7 @@ use crate::fokker_planck::density::Snapshot;
 use crate::moments::Moments;
 
 /// What a change of the density by its L1 norm weighs in each number, over its normalisation: more in what weighs the
-/// tails. For the mass that a local grid lost and what a settled run leaves out. Chosen, not measured one by one; the
+/// tails. For the mass that a local grid lost, what a settled run leaves out, and a shape under another deviation. Chosen, not measured one by one; the
 /// error estimates that they make are held against reference solutions by the calibration.
 pub(super) const TAIL: [f64; 11] = [1.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 5.0, 10.0, 2.0, 1.0];
 
